@@ -1,0 +1,103 @@
+"""radcal: calibrate the backscatter laws of a SAR simulator against a measured image.
+
+snakemake --cores 2                                     the default case
+snakemake --cores 2 --configfile config/mine.yaml       a case of your own
+snakemake --cores 2 reference                           one run: is everything wired?
+snakemake --cores 2 design                              the initial runs only
+"""
+
+import os
+import sys
+import time
+
+from snakemake.logging import logger
+from snakemake.utils import min_version
+
+from radcal import config as configuration
+from radcal.calibration.history import read_runs
+from radcal.calibration.stopping import decide
+from radcal.errors import RadcalError
+from radcal.jobs import FAILURE, STARTED
+from radcal.lock import CaseLock
+
+min_version("9.10")
+
+if not workflow.configfiles:
+
+    configfile: "config/config.yaml"
+
+
+try:
+    CASE = configuration.load(workflow.configfiles, config)
+    FILES = configuration.input_files(CASE)
+except RadcalError as error:
+    sys.exit(f"radcal: {error}")
+
+OUT = f"results/{CASE.case}"
+LOCK = CaseLock(OUT)
+os.environ[STARTED] = str(time.time())
+os.environ[FAILURE] = os.path.abspath(f"{OUT}/logs/failure.txt")
+
+# One line per finished run is for people. What Snakemake says between any two is left out, and
+# what it adds to a failure that a job has explained in its own sentence.
+ROUTINE = ("Select jobs to", "Execute ", "DAG of jobs will be", "Updating checkpoint")
+AFTERMATH = ("RuleException", "Shutting down", "Exiting because")
+
+
+def for_people(record):
+    text = str(record.msg)
+    explained = text.startswith(AFTERMATH) and os.path.exists(os.environ[FAILURE])
+    return not (text.startswith(ROUTINE) or explained)
+
+
+logger.addFilter(for_people)
+
+
+include: "workflow/rules/scene.smk"
+include: "workflow/rules/measurement.smk"
+include: "workflow/rules/design.smk"
+include: "workflow/rules/loop.smk"
+include: "workflow/rules/report.smk"
+
+
+localrules:
+    all,
+    reference,
+    design,
+
+
+rule all:
+    default_target: True
+    input:
+        f"{OUT}/summary.json",
+        # the walk over the iterations stands here too: with only the last file as a target, a
+        # finished loop whose tolerance is tightened would be found complete
+        verified,
+
+
+rule reference:
+    input:
+        f"{OUT}/reference.json",
+
+
+rule design:
+    input:
+        f"{OUT}/scores.json",
+
+
+onstart:
+    LOCK.acquire()
+    if os.path.exists(os.environ[FAILURE]):
+        os.remove(os.environ[FAILURE])
+
+
+onsuccess:
+    LOCK.release()
+
+
+onerror:
+    LOCK.release()
+    sys.stderr.write(
+        f"radcal: stopped. Finished runs are kept in {OUT}/runs, logs in {OUT}/logs; once the cause is mended, "
+        "the same command continues.\n"
+    )

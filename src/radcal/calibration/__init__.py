@@ -1,0 +1,1 @@
+"""The calibration loop: design, surrogate, infill, history, stopping."""

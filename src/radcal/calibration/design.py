@@ -1,0 +1,85 @@
+"""Design of experiments: the parameter sets simulated before any surrogate exists.
+
+Every sampler is a sequence: a larger design keeps the points of a smaller one.
+"""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from radcal.config import Case
+from radcal.seeds import derived_rng
+
+__all__ = ["design_points", "sample_unit"]
+
+_LATIN_BLOCK = 16
+
+
+def sample_unit(sampler: str, size: int, dimension: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """First points of a sampling sequence in the unit box.
+
+    Parameters
+    ----------
+    sampler : {'monte_carlo', 'latin_hypercube', 'sobol'}
+        Independent uniform numbers; a Latin hypercube of 16 points that doubles by filling
+        the strata left empty (Latin at 16, 32, 64, ...; Sallaberry, Helton and Hora 2008);
+        scrambled Sobol points (Owen 1998).
+    size, dimension : int
+        Number of points and of parameters.
+    rng : Generator
+        Source of the numbers.
+
+    Returns
+    -------
+    ndarray, shape (size, dimension)
+        Points in [0, 1).
+    """
+    if sampler == "monte_carlo":
+        return rng.random((size, dimension))
+    if sampler == "sobol":
+        with warnings.catch_warnings():
+            # any length of the sequence is wanted, balanced (a power of 2) or not
+            warnings.simplefilter("ignore", UserWarning)
+            return np.asarray(qmc.Sobol(dimension, scramble=True, rng=rng).random(size))
+    points = np.asarray(qmc.LatinHypercube(dimension, rng=rng).random(_LATIN_BLOCK))
+    while len(points) < size:
+        points = np.concatenate([points, _fill_strata(points, rng)])
+    return points[:size]
+
+
+def _fill_strata(points: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+    """As many points again, so that all together are a Latin hypercube."""
+    n, dimension = points.shape
+    added = np.empty_like(points)
+    for j in range(dimension):
+        empty = np.setdiff1d(np.arange(2 * n), np.floor(points[:, j] * 2 * n).astype(int))
+        added[:, j] = (rng.permutation(empty) + rng.random(n)) / (2 * n)
+    return added
+
+
+def design_points(case: Case) -> list[dict[str, list[float]]]:
+    """Parameters of every material for each run of the design.
+
+    Calibrated materials share the runs. The design fills the box of all their parameters
+    together, so that no two materials move together.
+
+    Returns
+    -------
+    list of dict
+        One mapping of material to parameters per run.
+    """
+    boxes = {name: np.array(case.materials[name].box, dtype=np.float64) for name in case.calibrated}
+    low, high = np.concatenate(list(boxes.values())).T
+    rng = derived_rng(case.seed, "design", case.design.sampler)
+    points = low + sample_unit(case.design.sampler, case.design.size, len(low), rng) * (high - low)
+    ends = np.cumsum([len(box) for box in boxes.values()])
+    columns = dict(zip(boxes, np.split(points, ends[:-1], axis=1), strict=True))
+    fixed = {name: material.start_parameters for name, material in case.materials.items()}
+    return [
+        {name: columns[name][k].tolist() if name in columns else list(x) for name, x in fixed.items()}
+        for k in range(case.design.size)
+    ]

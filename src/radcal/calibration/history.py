@@ -1,0 +1,210 @@
+"""The runs of a calibration in order, each scored against the targets."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.errors import StoreError
+from radcal.files import read_json, write_json
+from radcal.measurement.target import Target
+from radcal.store import Parameters, Record, RunStore
+
+__all__ = [
+    "History",
+    "Proposal",
+    "Run",
+    "indexed",
+    "read_proposals",
+    "read_runs",
+    "score",
+    "write_proposals",
+    "write_runs",
+]
+
+Kind = Literal["reference", "design", "infill"]
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """Where a material goes next, and what its surrogate promises there.
+
+    Attributes
+    ----------
+    parameters : list of float
+        Proposed X.
+    mode : {'exploit', 'explore', 'ended'}
+        Best predicted point; point that could be best at the surrogate's accuracy; the
+        verified best of a material that needs no further run.
+    predicted_rms : float or None
+        Density rms that the surrogate predicts at the proposal [1/dB].
+    floor_rms : float or None
+        The smallest rms anywhere in the box, two standard errors of the surrogate in
+        favour [1/dB]; None where the search for it was not needed.
+    nsga2_rms : float or None
+        Predicted rms of NSGA-II's best point, before any polish [1/dB].
+    """
+
+    parameters: list[float]
+    mode: Literal["exploit", "explore", "ended"]
+    predicted_rms: float | None = None
+    floor_rms: float | None = None
+    nsga2_rms: float | None = None
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run and its score per calibrated material.
+
+    Attributes
+    ----------
+    kind : {'reference', 'design', 'infill'}
+    index : int
+        Number within its kind.
+    key : str
+        Hash of the record.
+    seconds : float
+        Wall time of the simulator.
+    parameters, dp, rms : mapping by material
+        X; xi [dB], omega [dB], alpha of the simulated density; its rms [1/dB].
+    proposals : mapping by material
+        What was promised, for infill runs.
+    """
+
+    kind: Kind
+    index: int
+    key: str
+    seconds: float
+    parameters: Mapping[str, list[float]]
+    dp: Mapping[str, list[float]]
+    rms: Mapping[str, float]
+    proposals: Mapping[str, Proposal] = field(default_factory=dict)
+
+
+def score(
+    kind: Kind,
+    index: int,
+    record: Record,
+    parameters: Parameters,
+    targets: Mapping[str, Target],
+    proposals: Mapping[str, Proposal] | None = None,
+) -> Run:
+    """Score a record against the targets."""
+    scored = {name: target.score(record.pixels_db[name]) for name, target in targets.items()}
+    return Run(
+        kind=kind,
+        index=index,
+        key=record.key,
+        seconds=record.seconds,
+        parameters={name: [float(x) for x in parameters[name]] for name in targets},
+        dp={name: [float(v) for v in dp] for name, (dp, _) in scored.items()},
+        rms={name: rms for name, (_, rms) in scored.items()},
+        proposals=proposals or {},
+    )
+
+
+class History:
+    """Scored runs in the order they were made.
+
+    Parameters
+    ----------
+    runs : iterable of Run
+        Reference, design, then infill.
+    """
+
+    def __init__(self, runs: Iterable[Run]) -> None:
+        self.runs: Sequence[Run] = tuple(runs)
+
+    @property
+    def infill(self) -> list[Run]:
+        """The verified proposals."""
+        return [run for run in self.runs if run.kind == "infill"]
+
+    def count(self, kind: Kind) -> int:
+        """Return the number of runs of a kind."""
+        return sum(run.kind == kind for run in self.runs)
+
+    def up_to(self, infill: int) -> History:
+        """Return the history with only the first ``infill`` verified proposals."""
+        return History(run for run in self.runs if run.kind != "infill" or run.index < infill)
+
+    def best(self, material: str) -> Run:
+        """Return the run with the material's smallest rms, the earliest of equals."""
+        return min(self.runs, key=lambda run: run.rms[material])
+
+    def training(self, material: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Distinct parameters and their densities.
+
+        Returns
+        -------
+        parameters : ndarray, shape (n, d)
+        dp : ndarray, shape (n, 3)
+            xi [dB], omega [dB], alpha.
+        """
+        # a material that has ended repeats its X while others go on; its density may differ in
+        # rounding with its neighbours' laws, and kriging wants each point once
+        seen: dict[tuple[float, ...], list[float]] = {}
+        for run in self.runs:
+            seen.setdefault(tuple(run.parameters[material]), list(run.dp[material]))
+        return np.array(list(seen)), np.array(list(seen.values()))
+
+
+def write_runs(path: str | Path, runs: Iterable[Run]) -> None:
+    """Write scored runs as JSON."""
+    write_json(path, [asdict(run) for run in runs])
+
+
+def read_runs(paths: Iterable[str | Path]) -> History:
+    """Read scored runs from files, in the order of the files."""
+
+    def parse(data: dict[str, Any]) -> Run:
+        proposals = {name: Proposal(**item) for name, item in data.pop("proposals").items()}
+        return Run(**data, proposals=proposals)
+
+    return History(parse(data) for path in paths for data in read_json(path))
+
+
+def write_proposals(path: str | Path, proposals: Mapping[str, Proposal]) -> None:
+    """Write proposals as JSON."""
+    write_json(path, {name: asdict(proposal) for name, proposal in proposals.items()})
+
+
+def read_proposals(path: str | Path) -> dict[str, Proposal]:
+    """Read proposals that :func:`write_proposals` wrote."""
+    return {name: Proposal(**data) for name, data in read_json(path).items()}
+
+
+def indexed(
+    files: Iterable[str | Path], runs: str | Path, materials: Sequence[str]
+) -> Iterator[tuple[Record, dict[str, list[float]]]]:
+    """Records and parameters that index files list, in order.
+
+    Parameters
+    ----------
+    files : iterable of path
+        JSON lists of ``{"key", "parameters"}``.
+    runs : path
+        Folder of the run store.
+    materials : sequence of str
+        What the records must hold.
+
+    Raises
+    ------
+    StoreError
+        A listed run is not in the store.
+    """
+    store = RunStore(runs)
+    for file in files:
+        for entry in read_json(file):
+            record = store.get(entry["key"], materials)
+            if record is None:
+                raise StoreError(
+                    f"{store.path(entry['key'])}: missing or without {', '.join(materials)}, though {file} lists it; "
+                    f"delete {file} and type the same command again to make this run again."
+                )
+            yield record, entry["parameters"]

@@ -1,0 +1,61 @@
+"""The whole loop in one process, for notebooks, benchmarks and tests.
+
+The workflow takes the same steps as separate jobs with files between them; both give the
+same runs, bit for bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from radcal.calibration.design import design_points
+from radcal.calibration.history import History, score
+from radcal.calibration.steps import noise_seed, propose_all, reference_parameters, train_all, verify
+from radcal.calibration.stopping import Decision, decide
+from radcal.config import Case
+from radcal.measurement.target import Target
+from radcal.store import Runner
+
+__all__ = ["calibrate"]
+
+
+def calibrate(
+    case: Case,
+    runner: Runner,
+    targets: Mapping[str, Target],
+    report: Callable[[History], None] = lambda _: None,
+) -> tuple[History, Decision]:
+    """Run reference, design and infill until every material has ended.
+
+    Parameters
+    ----------
+    case : Case
+        The configuration.
+    runner : Runner
+        The simulator behind a run store; runs that are there are not made again.
+    targets : mapping
+        Target by calibrated material.
+    report : callable, optional
+        Called with the history after the design and after every verified proposal.
+
+    Returns
+    -------
+    history : History
+        All runs, scored.
+    decision : Decision
+        Why it ended.
+    """
+    seed = noise_seed(case)
+    start = reference_parameters(case)
+    runs = [score("reference", 0, runner.run(start, seed, image=True), start, targets)]
+    for k, parameters in enumerate(design_points(case)):
+        runs.append(score("design", k, runner.run(parameters, seed), parameters, targets))
+    history, surrogates, k = History(runs), None, 0
+    report(history)
+    while not (decision := decide(history, list(targets), case.stop)).ended:
+        surrogates = train_all(history, case, k, surrogates)
+        proposals = propose_all(surrogates, targets, history, case, k, case.stop)
+        history = History([*history.runs, verify(proposals, targets, runner, case, k)])
+        report(history)
+        k += 1
+    return history, decision

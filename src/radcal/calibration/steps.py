@@ -1,0 +1,206 @@
+"""The steps of the loop on every calibrated material: train, propose, verify."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from radcal.calibration.history import History, Proposal, Run, score
+from radcal.calibration.infill import propose
+from radcal.calibration.stopping import decide
+from radcal.calibration.surrogate import OUTPUTS, Surrogate
+from radcal.config import Case, Optimiser, Stop
+from radcal.measurement.target import Target
+from radcal.radar.geometry import read_geometry
+from radcal.scene import read_scene
+from radcal.seeds import derived_seed
+from radcal.simulators import BuiltinSimulator, Simulator
+from radcal.store import Parameters, Runner, RunStore
+
+__all__ = [
+    "all_parameters",
+    "make_runner",
+    "make_simulator",
+    "noise_seed",
+    "progress_line",
+    "propose_all",
+    "reference_parameters",
+    "train_all",
+    "verify",
+]
+
+logger = logging.getLogger(__name__)
+
+_Job = TypeVar("_Job")
+_Result = TypeVar("_Result")
+
+
+def noise_seed(case: Case, fresh: bool = False) -> int:
+    """Seed of speckle and thermal noise: one for all runs of a case, another for the final check."""
+    return derived_seed(case.seed, "runs", "fresh" if fresh else "common")
+
+
+def make_simulator(case: Case, geometry_path: str | Path) -> Simulator:
+    """The configured simulator on a geometry file."""
+    laws = {name: material.law for name, material in case.materials.items()}
+    return BuiltinSimulator(read_geometry(geometry_path), case.radar, laws)
+
+
+def make_runner(case: Case, scene_path: str | Path, geometry_path: str | Path, runs: str | Path) -> Runner:
+    """The configured simulator behind the case's run store."""
+    return Runner(
+        RunStore(runs),
+        make_simulator(case, geometry_path),
+        read_geometry(geometry_path),
+        read_scene(scene_path).identity,
+        case,
+    )
+
+
+def reference_parameters(case: Case) -> dict[str, list[float]]:
+    """Parameters of the reference run: every material at its start."""
+    return {name: material.start_parameters for name, material in case.materials.items()}
+
+
+def all_parameters(case: Case, calibrated: Parameters) -> dict[str, list[float]]:
+    """Complete the calibrated materials' parameters with the fixed ones."""
+    return {**reference_parameters(case), **{name: list(x) for name, x in calibrated.items()}}
+
+
+def _train(job: tuple[Surrogate, NDArray[np.float64] | None]) -> Surrogate:
+    surrogate, start = job
+    with threadpool_limits(1):
+        return surrogate.train(start)
+
+
+def _propose(job: tuple[Surrogate, NDArray[np.float64], Optimiser, int, NDArray[np.float64], float]) -> Proposal:
+    with threadpool_limits(1):
+        return propose(*job)
+
+
+def _each(function: Callable[[_Job], _Result], jobs: Sequence[_Job], processes: int) -> list[_Result]:
+    """Apply a function to independent jobs; the result does not depend on the number of processes."""
+    if min(processes, len(jobs)) <= 1:
+        return [function(job) for job in jobs]
+    with ProcessPoolExecutor(min(processes, len(jobs)), mp_context=get_context("fork")) as pool:
+        return list(pool.map(function, jobs))
+
+
+def train_all(
+    history: History, case: Case, iteration: int, previous: Mapping[str, Surrogate] | None, processes: int = 1
+) -> dict[str, Surrogate]:
+    """Train the surrogates of all calibrated materials.
+
+    Parameters
+    ----------
+    history : History
+        Runs so far.
+    case : Case
+        Sections ``materials`` and ``surrogate`` are read.
+    iteration : int
+        Number of the iteration, from 0.
+    previous : mapping, optional
+        Surrogates of the last iteration, by material.
+    processes : int
+        Materials trained at the same time.
+
+    Returns
+    -------
+    dict
+        Surrogate by material.
+    """
+    warm = case.surrogate.training == "warm" and previous is not None and iteration % case.surrogate.retrain_every
+    jobs = [
+        (
+            Surrogate(case.materials[name].box, *history.training(name), case.surrogate.outputs),
+            previous[name].theta if warm and previous is not None else None,
+        )
+        for name in case.calibrated
+    ]
+    trained = dict(zip(case.calibrated, _each(_train, jobs, processes), strict=True))
+    for name, surrogate in trained.items():
+        for output, q2, status in zip(OUTPUTS[surrogate.outputs], surrogate.q2, surrogate.status, strict=True):
+            level = logging.WARNING if q2 < 0 or status == "failed" else logging.INFO
+            logger.log(level, "%s, %s: leave-one-out Q2 %.4f, optimiser %s", name, output, q2, status)
+    return trained
+
+
+def propose_all(
+    surrogates: Mapping[str, Surrogate],
+    targets: Mapping[str, Target],
+    history: History,
+    case: Case,
+    iteration: int,
+    stop: Stop,
+    processes: int = 1,
+) -> dict[str, Proposal]:
+    """Propose the next X of every material that has not ended; the others repeat their best.
+
+    Parameters
+    ----------
+    surrogates, targets : mapping
+        By material.
+    history : History
+        Runs so far.
+    case : Case
+        Sections ``seed`` and ``optimiser`` are read.
+    iteration : int
+        Number of the iteration.
+    stop : Stop
+        Decides which materials have ended.
+    processes : int
+        Materials searched at the same time.
+
+    Returns
+    -------
+    dict
+        Proposal by material.
+    """
+    verdicts = decide(history, list(targets), stop).materials
+    best = {name: history.best(name) for name in targets}
+    going = [name for name in targets if verdicts[name].reason is None]
+    jobs = [
+        (
+            surrogates[name],
+            targets[name].dp,
+            case.optimiser,
+            derived_seed(case.seed, "propose", name, iteration),
+            surrogates[name].unit(best[name].parameters[name]),
+            best[name].rms[name],
+        )
+        for name in going
+    ]
+    found = dict(zip(going, _each(_propose, jobs, processes), strict=True))
+    for name, proposal in found.items():
+        logger.info("%s: %s", name, proposal)
+    return {name: found.get(name) or Proposal(list(best[name].parameters[name]), "ended") for name in targets}
+
+
+def verify(
+    proposals: Mapping[str, Proposal], targets: Mapping[str, Target], runner: Runner, case: Case, iteration: int
+) -> Run:
+    """Simulate the proposals in one run and score it."""
+    parameters = all_parameters(case, {name: proposal.parameters for name, proposal in proposals.items()})
+    record = runner.run(parameters, noise_seed(case))
+    return score("infill", iteration, record, parameters, targets, proposals)
+
+
+def progress_line(history: History, materials: Sequence[str], stop: Stop) -> str:
+    """Runs used, best rms and tolerance in one line."""
+    runs = history.count("design") + history.count("infill")
+    best = {name: history.best(name).rms[name] for name in materials}
+    if len(best) == 1:
+        text = f"best rms {next(iter(best.values())):.2e}"
+    else:
+        worst = max(best, key=lambda name: best[name])
+        within = sum(value <= stop.rms for value in best.values())
+        text = f"{within} of {len(best)} materials within tolerance, worst {worst} at rms {best[worst]:.2e}"
+    return f"run {runs:>3} (iteration {history.count('infill')}): {text}, tolerance {stop.rms:.1e}"

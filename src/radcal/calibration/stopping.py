@@ -1,0 +1,122 @@
+"""When a calibration ends, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from radcal.calibration.history import History
+from radcal.calibration.infill import UNREACHABLE_SHARE
+from radcal.config import Stop
+
+__all__ = ["Decision", "Verdict", "decide"]
+
+Reason = Literal["rms", "unreachable", "stagnation", "max_runs"]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How a material stands.
+
+    Attributes
+    ----------
+    reason : str or None
+        Why it ended, None while it goes on.
+    sentence : str
+        The same for people.
+    """
+
+    reason: Reason | None
+    sentence: str
+
+
+@dataclass(frozen=True)
+class Decision:
+    """Whether the loop goes on.
+
+    Attributes
+    ----------
+    materials : mapping
+        Verdict per material.
+    reason : str or None
+        Why the loop ended (the first of max_runs, stagnation, unreachable, rms that
+        applies to a material); None while it goes on.
+    """
+
+    materials: Mapping[str, Verdict]
+    reason: Reason | None
+
+    @property
+    def ended(self) -> bool:
+        """True when every material has ended."""
+        return self.reason is not None
+
+    @property
+    def converged(self) -> bool:
+        """True when every material is within the tolerance."""
+        return self.reason == "rms"
+
+
+def decide(history: History, materials: Sequence[str], stop: Stop) -> Decision:
+    """Judge a history against the stop settings.
+
+    Parameters
+    ----------
+    history : History
+        Reference, design and verified proposals so far.
+    materials : sequence of str
+        The calibrated materials.
+    stop : Stop
+        Tolerance, maximum and stagnation.
+
+    Returns
+    -------
+    Decision
+        Nothing but the arguments goes into it: the same runs under other settings are
+        judged as if they had always been these.
+    """
+    verdicts = {name: _judge(history, name, stop) for name in materials}
+    if any(verdict.reason is None for verdict in verdicts.values()):
+        return Decision(verdicts, None)
+    reasons = {verdict.reason for verdict in verdicts.values()}
+    order: tuple[Reason, ...] = ("max_runs", "stagnation", "unreachable", "rms")
+    return Decision(verdicts, next(reason for reason in order if reason in reasons))
+
+
+def _judge(history: History, name: str, stop: Stop) -> Verdict:
+    """Walk a material through its runs until something ends it."""
+    design = history.count("design")
+    best = min(run.rms[name] for run in history.runs if run.kind != "infill")
+    idle = 0
+    if best <= stop.rms:
+        return Verdict("rms", f"{name}: rms {best:.2g} within the tolerance {stop.rms:.2g} in the design.")
+    for k, run in enumerate(history.infill, start=1):
+        if design + k > stop.max_runs:
+            break
+        rms = run.rms[name]
+        proposal = run.proposals[name]
+        if proposal.mode != "ended":
+            idle = 0 if rms < best else idle + 1
+            best = min(best, rms)
+        if best <= stop.rms:
+            return Verdict(
+                "rms", f"{name}: rms {best:.2g} within the tolerance {stop.rms:.2g} after {design + k} runs."
+            )
+        if proposal.floor_rms is not None and proposal.floor_rms >= UNREACHABLE_SHARE * best:
+            return Verdict(
+                "unreachable",
+                f"{name}: rms {best:.2g} after {design + k} runs, above the tolerance {stop.rms:.2g}; a multi-start "
+                "search of the surrogate, two standard errors in favour, finds nothing below "
+                f"{proposal.floor_rms:.2g} inside the bounds: no X there gives the target.",
+            )
+        if idle >= stop.stagnation_runs:
+            return Verdict(
+                "stagnation", f"{name}: rms {best:.2g}, above the tolerance {stop.rms:.2g}, no better for {idle} runs."
+            )
+    if design + len(history.infill) >= stop.max_runs:
+        return Verdict(
+            "max_runs",
+            f"{name}: rms {best:.2g}, above the tolerance {stop.rms:.2g}, at the maximum of {stop.max_runs} runs.",
+        )
+    return Verdict(None, f"{name}: rms {best:.2g}, tolerance {stop.rms:.2g}.")

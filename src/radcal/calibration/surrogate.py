@@ -1,0 +1,298 @@
+"""Kriging of a run's density parameters as functions of X."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import h5py
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import solve_triangular
+
+from radcal import skewnormal
+from radcal.errors import SurrogateError
+from radcal.files import write_hdf5
+
+__all__ = ["OUTPUTS", "Surrogate", "leave_one_out_q2", "read_surrogates", "to_direct", "write_surrogates"]
+
+Outputs = Literal["centred", "direct"]
+OUTPUTS: dict[Outputs, tuple[str, str, str]] = {
+    "centred": ("mean", "log sd", "skewness"),
+    "direct": ("xi", "omega", "alpha"),
+}
+_SKEWNESS_LIMIT = 0.995
+# the library's default start (it takes one number for all dimensions)
+_THETA0 = 1e-2
+_RETRIES: tuple[dict[str, Any], ...] = (
+    {"n_start": 20, "theta0": [1e-1]},
+    {"n_start": 10, "hyper_opt": "Cobyla"},
+    {"n_start": 10, "hyper_opt": "Cobyla", "nugget": 1e-10},
+)
+
+
+def _krg(options: Mapping[str, Any]) -> tuple[Any, list[Any]]:
+    """Return an smt KRG that keeps what its optimiser reports, and that list."""
+    from smt.surrogate_models import KRG  # imports scikit-learn: seconds that only training and search spend
+
+    statuses: list[Any] = []
+
+    class Watched(KRG):  # type: ignore[misc]
+        def _create_optimizer(self) -> Any:
+            optimizer = super()._create_optimizer()
+            inner = optimizer._minimize
+
+            def watched(*args: Any, **kwargs: Any) -> Any:
+                result = inner(*args, **kwargs)
+                statuses.append(result)
+                return result
+
+            optimizer._minimize = watched
+            return optimizer
+
+    return Watched(print_global=False, **options), statuses
+
+
+def leave_one_out_q2(model: Any) -> float:
+    """Leave-one-out Q2 in closed form (Dubrule, "Cross validation of kriging", 1983)."""
+    parts = model.optimal_par
+    identity = np.eye(len(parts["C"]))
+    half = solve_triangular(parts["C"], identity, lower=True)
+    # P = R^-1 - R^-1 F (F' R^-1 F)^-1 F' R^-1 with Ft = C^-1 F = Q G
+    inner = parts["Q"].T @ half
+    diagonal = (half**2).sum(axis=0) - (inner**2).sum(axis=0)
+    y = model.y_norma.ravel()
+    error = parts["gamma"].ravel() / diagonal
+    return float(1.0 - (error**2).sum() / ((y - y.mean()) ** 2).sum())
+
+
+@dataclass(frozen=True)
+class _Trained:
+    model: Any
+    theta: NDArray[np.float64]
+    nugget: float
+    q2: float
+    status: str
+
+
+def _train_one(x: NDArray[np.float64], y: NDArray[np.float64], options: Mapping[str, Any]) -> _Trained:
+    """Train one output; say how the optimiser ended."""
+    model, statuses = _krg(options)
+    model.set_training_values(x, y[:, None])
+    printed = io.StringIO()
+    with warnings.catch_warnings(), contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
+        warnings.simplefilter("ignore")
+        try:
+            model.train()
+        except Exception as error:
+            raise SurrogateError(f"smt could not train on {len(x)} points ({error}).") from None
+    theta = np.asarray(model.optimal_theta, dtype=np.float64).ravel()
+    if options.get("hyper_opt") == "NoOp":
+        status = "fixed"
+    elif "failed" in printed.getvalue() or not any(np.isfinite(s.fun) for s in statuses):
+        status = "failed"
+    else:
+        best = min(statuses, key=lambda s: float(np.asarray(s.fun).ravel()[0]))
+        # smt gives its optimiser few evaluations; stopping there, above the start, is its normal end
+        status = "converged" if best.success else "evaluations used up"
+        if not best.success and np.allclose(theta, options["theta0"]):
+            status = "failed"
+    return _Trained(model, theta, float(model.options["nugget"]), leave_one_out_q2(model), status)
+
+
+class Surrogate:
+    """One kriging model per density parameter, on the unit box of X.
+
+    Parameters
+    ----------
+    bounds : array_like, shape (d, 2)
+        Box of X.
+    parameters : array_like, shape (n, d)
+        Training points.
+    dp : array_like, shape (n, 3)
+        Their densities: xi [dB], omega [dB], alpha.
+    outputs : {'centred', 'direct'}
+        (mean [dB], log sd, skewness) or (xi [dB], omega [dB], alpha).
+
+    Raises
+    ------
+    SurrogateError
+        NaN in the training data, too few points, or no training succeeded.
+
+    Attributes
+    ----------
+    theta : ndarray, shape (3, d)
+        Inverse squared length scales of each output, in smt's standardised coordinates.
+    nugget, q2 : ndarray, shape (3,)
+        Nugget and leave-one-out Q2 of each output.
+    status : list of str
+        How each output's optimiser ended.
+
+    Notes
+    -----
+    smt given three outputs at once trains one length scale for all and fails silently;
+    each output has its own model here, its optimiser's status and its leave-one-out Q2
+    are kept and a failed training is retried from elsewhere.
+    """
+
+    def __init__(self, bounds: ArrayLike, parameters: ArrayLike, dp: ArrayLike, outputs: Outputs = "centred") -> None:
+        self.bounds = np.asarray(bounds, dtype=np.float64)
+        self.outputs: Outputs = outputs
+        self.parameters = np.asarray(parameters, dtype=np.float64)
+        self.dp = np.asarray(dp, dtype=np.float64)
+        for name, array in (("parameters", self.parameters), ("densities", self.dp)):
+            if not np.isfinite(array).all():
+                raise SurrogateError(f"the surrogate's training {name} hold values that are not finite.")
+        if len(self.parameters) < 3:
+            raise SurrogateError(f"a surrogate needs at least 3 runs, found {len(self.parameters)}.")
+        self._values = self.dp if outputs == "direct" else _learnt(self.dp)
+        self._models: list[Any] = []
+
+    def unit(self, parameters: ArrayLike) -> NDArray[np.float64]:
+        """X to the unit box."""
+        low, high = self.bounds.T
+        return np.asarray((np.asarray(parameters, dtype=np.float64) - low) / (high - low))
+
+    def scaled(self, unit: ArrayLike) -> NDArray[np.float64]:
+        """Unit box to X, inside the bounds to the last bit."""
+        low, high = self.bounds.T
+        return np.asarray(np.clip(low + np.asarray(unit, dtype=np.float64) * (high - low), low, high))
+
+    def train(self, start: ArrayLike | None = None) -> Surrogate:
+        """Optimise the length scales.
+
+        Parameters
+        ----------
+        start : array_like, shape (3, d), optional
+            Length scales to start from, for a single local search; without them the
+            library's own multi-start is used.
+
+        Returns
+        -------
+        Surrogate
+            Itself.
+
+        Raises
+        ------
+        SurrogateError
+            No attempt gave a finite likelihood.
+        """
+        x = self.unit(self.parameters)
+        trained = []
+        for k in range(3):
+            first: dict[str, Any] = {"theta0": [_THETA0]}
+            if start is not None:
+                first = {"theta0": np.asarray(start, dtype=np.float64)[k].tolist(), "n_start": 1}
+            best: _Trained | None = None
+            failure = SurrogateError("")
+            for options in (first, *_RETRIES):
+                try:
+                    found = _train_one(x, self._values[:, k], {"theta0": [_THETA0], **options})
+                except SurrogateError as error:
+                    failure = error
+                    continue
+                if best is None or found.q2 > best.q2:
+                    best = found
+                if best.status != "failed" and best.q2 > 0.0:
+                    break
+            if best is None:
+                raise SurrogateError(f"kriging of {OUTPUTS[self.outputs][k]}: {failure}")
+            trained.append(best)
+        self.restore(
+            [t.theta for t in trained],
+            [t.nugget for t in trained],
+            [t.q2 for t in trained],
+            [t.status for t in trained],
+        )
+        self._models = [t.model for t in trained]
+        return self
+
+    def restore(self, theta: ArrayLike, nugget: ArrayLike, q2: ArrayLike, status: Sequence[str]) -> Surrogate:
+        """Take what a training found, shapes (3, d), (3,), (3,), (3,); the models are rebuilt when first asked."""
+        self.theta = np.asarray(theta, dtype=np.float64)
+        self.nugget = np.asarray(nugget, dtype=np.float64)
+        self.q2 = np.asarray(q2, dtype=np.float64)
+        self.status = [str(s) for s in status]
+        self._models = []
+        return self
+
+    def models(self) -> list[Any]:
+        """The smt models, one per output."""
+        if not self._models:
+            x = self.unit(self.parameters)
+            self._models = [
+                _train_one(
+                    x,
+                    self._values[:, k],
+                    {"theta0": self.theta[k].tolist(), "nugget": float(self.nugget[k]), "hyper_opt": "NoOp"},
+                ).model
+                for k in range(3)
+            ]
+        return self._models
+
+    def __getstate__(self) -> dict[str, Any]:
+        # smt's models are rebuilt rather than sent from process to process
+        return {**self.__dict__, "_models": []}
+
+    def predict(self, unit: ArrayLike) -> NDArray[np.float64]:
+        """Learnt outputs at points of the unit box, shape (n, d) to (n, 3)."""
+        points = np.atleast_2d(np.asarray(unit, dtype=np.float64))
+        return np.column_stack([model.predict_values(points)[:, 0] for model in self.models()])
+
+    def standard_error(self, unit: ArrayLike) -> NDArray[np.float64]:
+        """Kriging standard error of the outputs, shape (n, d) to (n, 3)."""
+        points = np.atleast_2d(np.asarray(unit, dtype=np.float64))
+        variances = [model.predict_variances(points)[:, 0] for model in self.models()]
+        return np.asarray(np.sqrt(np.maximum(np.column_stack(variances), 0.0)))
+
+    def centred(self, values: ArrayLike) -> NDArray[np.float64]:
+        """Learnt outputs to (mean [dB], log sd, skewness), shape (..., 3)."""
+        values = np.asarray(values, dtype=np.float64)
+        if self.outputs == "centred":
+            return values
+        xi, omega, alpha = np.moveaxis(values, -1, 0)
+        return _learnt(np.stack([xi, np.maximum(omega, 1e-6), alpha], axis=-1))
+
+
+def to_direct(learnt: ArrayLike) -> NDArray[np.float64]:
+    """(mean [dB], log sd, skewness) to DP, a skewness out of reach drawn to the limit."""
+    mean, log_sd, skewness = np.moveaxis(np.asarray(learnt, dtype=np.float64), -1, 0)
+    skewness = np.clip(skewness, -_SKEWNESS_LIMIT, _SKEWNESS_LIMIT)
+    return skewnormal.direct(np.stack([mean, np.exp(np.clip(log_sd, -20.0, 20.0)), skewness], axis=-1))
+
+
+def _learnt(dp: NDArray[np.float64]) -> NDArray[np.float64]:
+    """DP to (mean [dB], log sd, skewness)."""
+    mean, sd, skewness = np.moveaxis(skewnormal.centred(dp), -1, 0)
+    return np.stack([mean, np.log(sd), skewness], axis=-1)
+
+
+def write_surrogates(path: str | Path, surrogates: Mapping[str, Surrogate]) -> None:
+    """Store surrogates as data and hyper-parameters, atomically."""
+    with write_hdf5(path) as file:
+        file.attrs["schema"] = 1
+        for name, surrogate in surrogates.items():
+            group = file.create_group(name)
+            group.attrs["outputs"] = surrogate.outputs
+            group.attrs["status"] = surrogate.status
+            for key in ("bounds", "parameters", "dp", "theta", "nugget", "q2"):
+                group[key] = getattr(surrogate, key)
+
+
+def read_surrogates(path: str | Path) -> dict[str, Surrogate]:
+    """Rebuild the surrogates that :func:`write_surrogates` stored."""
+    with h5py.File(path, "r") as file:
+        return {
+            name: Surrogate(
+                group["bounds"][()],
+                group["parameters"][()],
+                group["dp"][()],
+                str(group.attrs["outputs"]),  # type: ignore[arg-type]
+            ).restore(group["theta"][()], group["nugget"][()], group["q2"][()], list(group.attrs["status"]))
+            for name, group in file.items()
+        }

@@ -1,0 +1,599 @@
+"""The typed configuration of a case: the only place that interprets configuration.
+
+A case is one YAML file. Missing keys take the defaults below, and the defaults are the
+default case: ``config/config.yaml`` is written from them (``python -m radcal.config``).
+Unknown keys are refused. All models are frozen.
+"""
+
+from __future__ import annotations
+
+import difflib
+import os
+import re
+import types
+import typing
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+import yaml
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    TypeAdapter,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
+
+from radcal.errors import ConfigError
+from radcal.radar.laws import LAWS
+
+__all__ = [
+    "BuiltinScene",
+    "Case",
+    "Design",
+    "FileMeasurement",
+    "Material",
+    "Measurement",
+    "Optimiser",
+    "Radar",
+    "Registration",
+    "Scene",
+    "Simulator",
+    "SlantRangeScene",
+    "Stop",
+    "Surrogate",
+    "Synthetic",
+    "SyntheticMeasurement",
+    "Target",
+    "case_from",
+    "default_yaml",
+    "expand_path",
+    "load",
+]
+
+Seed = Annotated[int, Field(ge=0, lt=2**63)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Count = Annotated[int, Field(ge=1)]
+
+
+class _Strict(BaseModel):
+    """A frozen section of the configuration that refuses unknown keys."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class BuiltinScene(_Strict):
+    """Four square kilometres of real SRTM terrain with seven materials and a dyke."""
+
+    source: Literal["builtin"] = "builtin"
+    seed: Seed = Field(1, description="seed of the fields' layout and of the fine roughness")
+
+
+class SlantRangeScene(_Strict):
+    """A label raster in slant range over flat ground: rows are range, columns are azimuth."""
+
+    source: Literal["slant_range"] = "slant_range"
+    labels: str = Field(description="GeoTIFF of material ids, 0 = no material")
+    names: str = Field(description="JSON file: material id -> name")
+    near_incidence_deg: Annotated[float, Field(gt=0, lt=90)] = Field(
+        description="local incidence angle at the first row [deg]"
+    )
+    far_incidence_deg: Annotated[float, Field(gt=0, lt=90)] = Field(
+        description="local incidence angle at the last row [deg]"
+    )
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.near_incidence_deg >= self.far_incidence_deg:
+            raise ValueError(
+                f"near_incidence_deg ({self.near_incidence_deg:g}) must be below "
+                f"far_incidence_deg ({self.far_incidence_deg:g})"
+            )
+        return self
+
+
+Scene = Annotated[BuiltinScene | SlantRangeScene, Field(discriminator="source")]
+
+
+class Radar(_Strict):
+    """One pass: track, sensor and image grid."""
+
+    altitude_m: Positive = Field(4000.0, description="height of the track above the scene's mean elevation [m]")
+    depression_deg: Annotated[float, Field(gt=5, lt=85)] = Field(
+        45.0, description="depression angle towards the scene's centre [deg]"
+    )
+    look_side: Literal["right", "left"] = Field(
+        "right", description="the track heads north: right looks east, left looks west"
+    )
+    band: str = Field("X", description="label of the carrier's band")
+    polarisation: Literal["HH", "HV", "VH", "VV"] = "HH"
+    range_resolution_m: Positive = Field(2.0, description="-3 dB width in slant range [m]")
+    azimuth_resolution_m: Positive = Field(3.5, description="-3 dB width in azimuth [m]")
+    range_spacing_m: Positive = Field(1.5, description="pixel spacing in slant range [m]")
+    azimuth_spacing_m: Positive = Field(2.5, description="pixel spacing in azimuth [m]")
+    looks: Annotated[int, Field(ge=1, le=64)] = Field(4, description="independent looks averaged in power")
+    nesz_db: Finite = Field(-20.0, description="noise-equivalent sigma0 [dB]")
+    radiometry: Literal["sigma0_local"] = Field(
+        "sigma0_local", description="what a pixel holds: sigma0 of the local incidence, no area term"
+    )
+
+
+class Simulator(_Strict):
+    """Which simulator is run."""
+
+    kind: Literal["builtin"] = Field("builtin", description="radcal's own")
+    keep_images: bool = Field(False, description="keep the whole image in every run record")
+
+
+class Material(_Strict):
+    """A surface material: its law, and either fixed parameters or a box to search."""
+
+    calibrate: bool = False
+    law: str = "mangia"
+    parameters: list[Finite] | None = Field(None, description="fixed parameters (calibrate: false)")
+    bounds: list[tuple[Finite, Finite]] | None = Field(None, description="[lower, upper] of each parameter")
+    start: list[Finite] | None = Field(None, description="starting parameters; the middle of the bounds if missing")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.law not in LAWS:
+            raise ValueError(f"law is {self.law!r}, expected one of {sorted(LAWS)}")
+        law = LAWS[self.law]
+        d = len(law.names)
+        if not self.calibrate:
+            if self.parameters is None:
+                raise ValueError(f"a material that is not calibrated needs parameters: {d} numbers {list(law.names)}")
+            if len(self.parameters) != d:
+                raise ValueError(f"parameters has {len(self.parameters)} numbers, law {self.law!r} takes {d}")
+            return self
+        if self.parameters is not None:
+            raise ValueError("a calibrated material takes start and bounds, not parameters")
+        if len(self.box) != d:
+            raise ValueError(f"bounds has {len(self.box)} intervals, law {self.law!r} takes {d}")
+        for name, (low, high) in zip(law.names, self.box, strict=True):
+            if not low < high:
+                raise ValueError(f"bounds of {name} are [{low:g}, {high:g}], expected lower < upper")
+        if len(self.start_parameters) != d:
+            raise ValueError(f"start has {len(self.start_parameters)} numbers, law {self.law!r} takes {d}")
+        for name, x, (low, high) in zip(law.names, self.start_parameters, self.box, strict=True):
+            if not low <= x <= high:
+                raise ValueError(f"start of {name} is {x:g}, expected inside its bounds [{low:g}, {high:g}]")
+        return self
+
+    @property
+    def box(self) -> list[tuple[float, float]]:
+        """Bounds of each parameter, the law's own where none are configured."""
+        return list(self.bounds) if self.bounds is not None else list(LAWS[self.law].bounds)
+
+    @property
+    def start_parameters(self) -> list[float]:
+        """Parameters of the reference run."""
+        if self.parameters is not None:
+            return list(self.parameters)
+        if self.start is not None:
+            return list(self.start)
+        return [0.5 * (low + high) for low, high in self.box]
+
+
+class Synthetic(_Strict):
+    """The hidden truth of a synthetic measurement."""
+
+    parameters: dict[str, list[Finite]] = Field(
+        default_factory=lambda: {"dyke": [6.1, 14.2, 21.5, 3.3]},
+        description="hidden parameters by material; others keep theirs",
+    )
+    seed: Seed = Field(2, description="seed of the measurement's speckle, noise and warp")
+    offset_db: Finite = Field(0.0, description="level offset of the measurement [dB]")
+    warp_px: Annotated[float, Field(ge=0, le=50)] = Field(0.0, description="rms misregistration [pixels]")
+
+
+class SyntheticMeasurement(_Strict):
+    """A measurement made by the built-in simulator from hidden parameters."""
+
+    source: Literal["synthetic"] = "synthetic"
+    synthetic: Synthetic = Synthetic()
+
+
+class FileMeasurement(_Strict):
+    """A measured image in a file, on the scene's image grid."""
+
+    source: Literal["file"] = "file"
+    path: str = Field(description="GeoTIFF, one band; ${RADCAL_DATA} and other variables are expanded")
+    scale: Literal["db", "power"] = Field(description="what the file's numbers are")
+    radiometry: Literal["sigma0_local"] = "sigma0_local"
+
+
+Measurement = Annotated[SyntheticMeasurement | FileMeasurement, Field(discriminator="source")]
+
+
+class Registration(_Strict):
+    """How the measured image is brought onto the simulated one."""
+
+    method: Literal["none"] = Field("none", description="none: the image is taken as it lies")
+
+
+class Target(_Strict):
+    """Which pixels of a material make its target density."""
+
+    pixels: Annotated[int, Field(ge=50)] = Field(1000, description="pixels drawn without replacement")
+    margin_px: Annotated[int, Field(ge=0, le=100)] = Field(
+        1, description="pixels this near to another material are left out"
+    )
+    normalisation: Literal["none"] = Field("none", description="none: levels are compared as they are")
+    incidence_classes: Literal[1] = Field(1, description="targets per material")
+
+
+class Design(_Strict):
+    """The runs made before any surrogate exists."""
+
+    sampler: Literal["monte_carlo", "latin_hypercube", "sobol"] = Field(
+        "sobol", description="monte_carlo, latin_hypercube or sobol"
+    )
+    size: Annotated[int, Field(ge=1, le=100_000)] = Field(16, description="runs; a larger design keeps a smaller one's")
+    chunk: Annotated[int, Field(ge=1, le=1000)] = Field(4, description="runs per workflow job")
+
+
+class Surrogate(_Strict):
+    """What the kriging learns and how it is trained."""
+
+    outputs: Literal["centred", "direct"] = Field(
+        "centred", description="(mean, log sd, skewness) or (xi, omega, alpha)"
+    )
+    training: Literal["warm", "smt"] = Field(
+        "warm", description="warm: from the last optimum, multi-start every retrain_every; smt: the library's defaults"
+    )
+    retrain_every: Count = Field(5, description="iterations between multi-start trainings (warm)")
+
+
+class Optimiser(_Strict):
+    """NSGA-II on the surrogate and the polish of its best point."""
+
+    objective: Literal["theta", "rms"] = Field(
+        "theta", description="NSGA-II minimises differences in theta, or rms (which saturates)"
+    )
+    # Platypus sorts in pure Python, with time growing as evaluations times population; the polish and
+    # the multi-start search make up for a small population
+    population: Annotated[int, Field(ge=4)] = Field(40, description="solutions in a generation")
+    evaluations: Annotated[int, Field(ge=1)] = Field(1600, description="evaluations of the surrogate")
+    polish: bool = Field(True, description="least squares in theta from NSGA-II's best point")
+
+
+class Stop(_Strict):
+    """When the loop ends; never touches finished runs."""
+
+    rms: Positive = Field(1.0e-5, description="tolerance on the density mismatch [1/dB]")
+    max_runs: Count = Field(200, description="design and infill runs together")
+    stagnation_runs: Count = Field(20, description="infill runs without a better point")
+
+
+_SYNTHETIC_MATERIALS: dict[str, dict[str, Any]] = {
+    "dyke": {
+        "calibrate": True,
+        "law": "mangia",
+        "bounds": [[0, 50], [0, 50], [0, 50], [0, 50]],
+        "start": [10.0, 10.0, 10.0, 10.0],
+    },
+    "water": {"parameters": [2.0, 3.0, 22.0, 6.0]},
+    "grass": {"parameters": [10.0, 14.0, 6.0, 4.0]},
+    "forest": {"parameters": [20.0, 9.0, 2.0, 2.0]},
+    "crops": {"parameters": [12.0, 16.0, 5.0, 4.0]},
+    "bare_soil": {"parameters": [6.0, 15.0, 14.0, 5.0]},
+    "road": {"parameters": [2.0, 10.0, 18.0, 8.0]},
+}
+
+
+def _default_materials() -> dict[str, Material]:
+    return {name: Material.model_validate(value) for name, value in _SYNTHETIC_MATERIALS.items()}
+
+
+class Case(_Strict):
+    """Everything radcal needs to know about one calibration."""
+
+    case: str = Field("dyke", description="names the folder below results/")
+    seed: Seed = Field(1, description="every random draw not named elsewhere derives from it")
+    scene: Scene = BuiltinScene()
+    radar: Radar = Radar()
+    simulator: Simulator = Simulator()
+    materials: dict[str, Material] = Field(default_factory=_default_materials, min_length=1)
+    measurement: Measurement = SyntheticMeasurement()
+    registration: Registration = Registration()
+    target: Target = Target()
+    design: Design = Design()
+    surrogate: Surrogate = Surrogate()
+    optimiser: Optimiser = Optimiser()
+    stop: Stop = Stop()
+
+    @field_validator("scene", "measurement", mode="before")
+    @classmethod
+    def _default_source(cls, value: object, info: ValidationInfo) -> object:
+        if isinstance(value, dict) and "source" not in value and info.field_name is not None:
+            return {"source": cls.model_fields[info.field_name].default.source, **value}
+        return value
+
+    @field_validator("case")
+    @classmethod
+    def _name(cls, value: str) -> str:
+        if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", value):
+            raise ValueError(f"is {value!r}, expected a letter followed by letters, digits, _ or -")
+        return value
+
+    @field_validator("materials")
+    @classmethod
+    def _material_names(cls, value: dict[str, Material]) -> dict[str, Material]:
+        for name in value:
+            if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_ -]*", name):
+                raise ValueError(f"name {name!r} is not made of letters, digits, blanks, _ and -")
+        return value
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if not self.calibrated:
+            raise ValueError("materials: none is marked calibrate: true, expected at least one")
+        if isinstance(self.measurement, SyntheticMeasurement):
+            for name, x in self.measurement.synthetic.parameters.items():
+                if name not in self.materials:
+                    raise ValueError(
+                        f"measurement.synthetic.parameters.{name}: no such material{_nearest(name, self.materials)}"
+                    )
+                d = len(LAWS[self.materials[name].law].names)
+                if len(x) != d:
+                    raise ValueError(
+                        f"measurement.synthetic.parameters.{name} has {len(x)} numbers, "
+                        f"law {self.materials[name].law!r} takes {d}"
+                    )
+        if self.stop.max_runs < self.design.size:
+            raise ValueError(
+                f"stop.max_runs is {self.stop.max_runs}, expected at least design.size ({self.design.size})"
+            )
+        return self
+
+    @property
+    def calibrated(self) -> list[str]:
+        """Names of the materials to calibrate, in the order of the file."""
+        return [name for name, material in self.materials.items() if material.calibrate]
+
+    def sections(self, *names: str) -> dict[str, Any]:
+        """Return the named sections as plain data, for a rule's ``params``."""
+        return self.model_dump(mode="json", include=set(names))
+
+    @classmethod
+    def of_sections(cls, sections: Mapping[str, Any]) -> Case:
+        """Rebuild a case from :meth:`sections`; reading any other section is an AttributeError.
+
+        A job thus cannot depend on a key that its rule does not declare.
+        """
+        checked = {
+            name: TypeAdapter[Any](typing.cast(Any, cls.model_fields[name].annotation)).validate_python(value)
+            for name, value in sections.items()
+        }
+        case = cls.model_construct(**checked)
+        for name in cls.model_fields.keys() - checked.keys():
+            del case.__dict__[name]
+        return case
+
+
+def expand_path(text: str, key: str) -> Path:
+    """Expand ``~`` and ``${VARIABLES}`` of a configured path.
+
+    Parameters
+    ----------
+    text : str
+        The path as written.
+    key : str
+        The configuration key, for the message.
+
+    Raises
+    ------
+    ConfigError
+        A variable is not set, or no such file exists.
+    """
+    missing = [name for name in re.findall(r"\$\{(\w+)\}", text) if name not in os.environ]
+    if missing:
+        raise ConfigError(
+            f"{key} is {text!r} but the environment variable {missing[0]} is not set: "
+            f"type export {missing[0]}=FOLDER first."
+        )
+    path = Path(os.path.expandvars(text)).expanduser()
+    if not path.is_file():
+        raise ConfigError(f"{key}: the file {path} does not exist.")
+    return path
+
+
+def input_files(case: Case) -> dict[str, Path]:
+    """Existing files that the case reads, by configuration key.
+
+    Raises
+    ------
+    ConfigError
+        A file is missing.
+    """
+    files: dict[str, Path] = {}
+    if isinstance(case.scene, SlantRangeScene):
+        files["scene.labels"] = expand_path(case.scene.labels, "scene.labels")
+        files["scene.names"] = expand_path(case.scene.names, "scene.names")
+    if isinstance(case.measurement, FileMeasurement):
+        files["measurement.path"] = expand_path(case.measurement.path, "measurement.path")
+    return files
+
+
+def _nearest(key: str, known: Iterable[str]) -> str:
+    found = difflib.get_close_matches(key, list(known), n=1, cutoff=0.5)
+    return f" (did you mean {found[0]!r}?)" if found else f" (known: {', '.join(known)})"
+
+
+def _models_in(annotation: object) -> list[type[BaseModel]]:
+    """Configuration models that an annotation admits."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    if isinstance(annotation, types.UnionType) or typing.get_origin(annotation) is not None:
+        return [model for part in typing.get_args(annotation) for model in _models_in(part)]
+    return []
+
+
+def _known_keys(location: Sequence[int | str]) -> list[str]:
+    """Keys allowed beside the last element of an error's location."""
+    models: list[type[BaseModel]] = [Case]
+    for part in location[:-1]:
+        if len(models) > 1:  # a union: this part is its tag, not a key
+            models = [model for model in models if model.model_fields["source"].default == part]
+        else:
+            field = models[0].model_fields.get(str(part))
+            models = (_models_in(field.annotation) if field else []) or models
+    return sorted({name for model in models for name in model.model_fields})
+
+
+def _sentence(error: ValidationError, origin: str) -> str:
+    """The first problem of a validation error in one sentence."""
+    # a misspelt key that is required is both unknown and missing: what people wrote comes first
+    details = sorted(error.errors(), key=lambda detail: detail["type"] != "extra_forbidden")
+    first = details[0]
+    location = list(first["loc"])
+    if location[:1] in (["scene"], ["measurement"]) and len(location) > 1:
+        location.pop(1)  # the tag that pydantic puts there; people never wrote it
+    key = ".".join(str(part) for part in location) or "the configuration"
+    found = first["input"]
+    match first["type"]:
+        case "extra_forbidden":
+            text = f"unknown key {key}{_nearest(str(first['loc'][-1]), _known_keys(first['loc']))}"
+        case "missing":
+            text = f"{key} is missing"
+        case "value_error":
+            text = f"{key}: {first['msg'].removeprefix('Value error, ')}"
+        case "union_tag_invalid" | "union_tag_not_found":
+            text = (
+                f"{key}.source is {_shown(found, 'source')}, expected {first.get('ctx', {}).get('expected_tags', '')}"
+            )
+        case _:
+            message = first["msg"].removeprefix("Input should be ")
+            text = f"{key} is {found!r}, expected {message}"
+    more = f" (and {len(details) - 1} more)" if len(details) > 1 else ""
+    return f"{origin}: {text}{more}."
+
+
+def _shown(found: object, key: str) -> str:
+    return repr(found.get(key)) if isinstance(found, Mapping) else repr(found)
+
+
+def _merge(base: dict[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    """Deep-merge ``over`` into a copy of ``base``."""
+    merged = dict(base)
+    for key, value in over.items():
+        if isinstance(value, Mapping) and isinstance(merged.get(key), Mapping):
+            merged[key] = _merge(dict(merged[key]), value)
+        else:
+            merged[key] = value
+    return merged
+
+
+def _parsed(overrides: Mapping[str, Any]) -> dict[str, Any]:
+    """Sections that came from the command line as text, as data."""
+    parsed = dict(overrides)
+    for key, value in overrides.items():
+        if isinstance(value, str) and key in Case.model_fields.keys() - {"case", "seed"}:
+            try:
+                parsed[key] = yaml.safe_load(value)
+            except yaml.YAMLError as error:
+                raise ConfigError(f"--config {key}={value}: not valid JSON or YAML.") from error
+    return parsed
+
+
+def case_from(data: Mapping[str, Any], origin: str = "configuration") -> Case:
+    """Check plain data and return the typed case.
+
+    Raises
+    ------
+    ConfigError
+        One sentence about the first problem found.
+    """
+    try:
+        return Case.model_validate(dict(data))
+    except ValidationError as error:
+        raise ConfigError(_sentence(error, origin)) from None
+
+
+def load(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None) -> Case:
+    """Read configuration files and command-line overrides into one typed case.
+
+    Parameters
+    ----------
+    files : sequence of path
+        YAML files, later ones win.
+    overrides : mapping, optional
+        What ``snakemake --config`` gave, or Snakemake's merged configuration; nested
+        values may be text.
+
+    Raises
+    ------
+    ConfigError
+        A file is missing or not YAML, or a value is refused.
+    """
+    data: dict[str, Any] = {}
+    for file in files:
+        try:
+            read = yaml.safe_load(Path(file).read_text(encoding="utf-8"))
+        except OSError as error:
+            raise ConfigError(f"{file}: cannot be read ({error.strerror}).") from None
+        except (yaml.YAMLError, UnicodeDecodeError) as error:
+            where = getattr(error, "problem_mark", None)
+            line = f", line {where.line + 1}" if where is not None else ""
+            raise ConfigError(f"{file}{line}: not a YAML file ({getattr(error, 'problem', error)}).") from None
+        if not isinstance(read, Mapping | None):
+            raise ConfigError(f"{file}: holds {type(read).__name__}, expected keys and values.")
+        data = _merge(data, read or {})
+    data = _merge(data, _parsed(overrides or {}))
+    return case_from(data, ", ".join(str(f) for f in files) or "configuration")
+
+
+_HEADER = """\
+# The default case. Every key below is a default: a case of your own needs only the keys that differ.
+# Written by: python -m radcal.config > config/config.yaml
+"""
+
+
+def default_yaml() -> str:
+    """Return the default case as commented YAML, the text of ``config/config.yaml``."""
+    return _HEADER + "\n" + "\n".join(_lines(Case())) + "\n"
+
+
+def _lines(section: BaseModel, indent: str = "") -> list[str]:
+    """One line per key with its description; nested sections indented."""
+    lines = []
+    for name, field in type(section).model_fields.items():
+        value = getattr(section, name)
+        if value is None:
+            continue
+        nested = value if isinstance(value, dict) else {}
+        if isinstance(value, BaseModel):
+            lines += [f"{indent}{name}:", *_lines(value, indent + "  ")]
+        elif any(isinstance(item, BaseModel) for item in nested.values()):
+            lines.append(f"{indent}{name}:")
+            for key, item in nested.items():
+                lines += [f"{indent}  {key}:", *_lines(item, indent + "    ")]
+        else:
+            comment = f"  # {field.description}" if field.description else ""
+            lines.append(f"{indent}{name}: {_inline(value)}{comment}")
+    return lines
+
+
+def _inline(value: object) -> str:
+    """A plain value in YAML on one line; YAML 1.1 would read 1e-05 as text."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key}: {_inline(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_inline(item) for item in value) + "]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float) and "e" in repr(value):
+        return f"{value:.1e}"
+    return f"{value:g}" if isinstance(value, float) and value == round(value) and abs(value) < 1e6 else str(value)
+
+
+if __name__ == "__main__":
+    import sys
+
+    sys.stdout.write(default_yaml())

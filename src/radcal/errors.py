@@ -1,0 +1,55 @@
+"""The family of errors that radcal raises for people.
+
+Every message is one sentence that says what was found, what was expected, in which
+file or key, and what to do. Anything outside this family is a bug of radcal.
+"""
+
+from __future__ import annotations
+
+__all__ = [
+    "ConfigError",
+    "DesignError",
+    "FitError",
+    "MeasurementError",
+    "RadcalError",
+    "SceneError",
+    "SimulatorError",
+    "StoreError",
+    "SurrogateError",
+]
+
+
+class RadcalError(Exception):
+    """Base of all errors meant for the person who runs radcal."""
+
+
+class ConfigError(RadcalError):
+    """The configuration is wrong: unknown key, wrong type, impossible value."""
+
+
+class SceneError(RadcalError):
+    """The scene cannot be built or does not fit the configuration."""
+
+
+class MeasurementError(RadcalError):
+    """The measured image cannot be read or does not fit the scene."""
+
+
+class FitError(RadcalError):
+    """A density cannot be fitted to the pixels."""
+
+
+class DesignError(RadcalError):
+    """The design of experiments cannot be made or is incomplete."""
+
+
+class SurrogateError(RadcalError):
+    """A surrogate cannot be trained."""
+
+
+class SimulatorError(RadcalError):
+    """A simulator run failed or returned something unusable."""
+
+
+class StoreError(RadcalError):
+    """A file of the results folder cannot be written or read."""

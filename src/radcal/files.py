@@ -1,0 +1,105 @@
+"""Files that appear whole or not at all: written to a temporary name, flushed, renamed."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import h5py
+
+from radcal.errors import StoreError
+
+__all__ = ["atomic", "digest", "read_json", "sweep", "write_hdf5", "write_json"]
+
+_PARTIAL = ".partial-"
+
+
+@contextlib.contextmanager
+def atomic(path: str | Path) -> Iterator[Path]:
+    """Yield a temporary path that is flushed and renamed to ``path`` when the block succeeds.
+
+    Raises
+    ------
+    StoreError
+        The folder or the disk refuses the file.
+    """
+    path = Path(path)
+    partial = path.with_name(f"{_PARTIAL}{socket.gethostname()}-{os.getpid()}-{path.name}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield partial
+        with partial.open("rb") as handle:
+            os.fsync(handle.fileno())
+        partial.replace(path)
+        folder = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+    except OSError as error:
+        raise StoreError(f"{path}: cannot be written ({error.strerror or error}).") from error
+    finally:
+        with contextlib.suppress(OSError):
+            partial.unlink()
+
+
+@contextlib.contextmanager
+def write_hdf5(path: str | Path) -> Iterator[h5py.File]:
+    """Open a new HDF5 file that becomes visible under ``path`` only when complete."""
+    with atomic(path) as partial, h5py.File(partial, "w") as file:
+        yield file
+
+
+def write_json(path: str | Path, data: Any) -> None:
+    """Write plain data as JSON, atomically; NaN and infinity are refused."""
+    text = json.dumps(data, indent=1, allow_nan=False) + "\n"
+    with atomic(path) as partial:
+        partial.write_text(text, encoding="utf-8")
+
+
+def read_json(path: str | Path) -> Any:
+    """Read a JSON file.
+
+    Raises
+    ------
+    StoreError
+        The file is missing or damaged.
+    """
+    try:
+        return json.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise StoreError(f"{path}: cannot be read ({error}); delete it to have it made again.") from None
+
+
+def digest(data: Any) -> str:
+    """Twenty hex digits that identify plain data, independent of the order of keys."""
+    text = json.dumps(data, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()[:20]
+
+
+def sweep(folder: str | Path) -> int:
+    """Remove temporary files of dead processes of this machine; return how many."""
+    removed = 0
+    host = socket.gethostname()
+    for partial in Path(folder).rglob(f"{_PARTIAL}{host}-*"):
+        pid = partial.name.removeprefix(f"{_PARTIAL}{host}-").split("-", 1)[0]
+        if not pid.isdigit() or not _alive(int(pid)):
+            partial.unlink(missing_ok=True)
+            removed += 1
+    return removed
+
+
+def _alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True

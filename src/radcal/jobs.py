@@ -1,0 +1,66 @@
+"""What every workflow job does around its work: log, progress line, one sentence on failure."""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NoReturn
+
+from radcal.errors import RadcalError
+
+__all__ = ["FAILURE", "STARTED", "elapsed", "logged", "progress"]
+
+# environment variables that the Snakefile sets for its jobs
+STARTED = "RADCAL_STARTED"  # when this invocation began [s since 1970]
+FAILURE = "RADCAL_FAILURE"  # file that takes a failed job's sentence
+
+
+@contextmanager
+def logged(path: str | Path) -> Iterator[None]:
+    """Log to a file; end a :class:`RadcalError` with its sentence, anything else with where to look.
+
+    Parameters
+    ----------
+    path : path
+        The job's log file.
+    """
+    logging.basicConfig(
+        filename=path,
+        filemode="w",
+        level=logging.INFO,
+        format="%(asctime)s %(levelname)s %(name)s: %(message)s",
+        force=True,
+    )
+    logging.captureWarnings(True)
+    try:
+        yield
+    except RadcalError as error:
+        _fail(f"radcal: {error}")
+    except Exception as error:
+        _fail(f"radcal: internal error, {type(error).__name__}: {error} (the traceback is in {path}).")
+
+
+def _fail(sentence: str) -> NoReturn:
+    """Leave with a sentence; the traceback goes to the log, and the workflow is told not to add its own words."""
+    logging.getLogger("radcal").exception("failed")
+    if FAILURE in os.environ:
+        Path(os.environ[FAILURE]).write_text(sentence + "\n", encoding="utf-8")
+    sys.exit(sentence)
+
+
+def elapsed() -> str:
+    """Time since the invocation began, as minutes and seconds."""
+    seconds = int(time.time() - float(os.environ.get(STARTED, time.time())))
+    return f"{seconds // 60}:{seconds % 60:02d}"
+
+
+def progress(line: str) -> None:
+    """Print one line for the person at the terminal, and log it."""
+    logging.getLogger("radcal").info(line)
+    sys.stderr.write(f"[{elapsed():>6}] {line}\n")
+    sys.stderr.flush()

@@ -1,0 +1,136 @@
+"""From a configured source to a measurement that fits the scene."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import rasterio
+from numpy.typing import NDArray
+from rasterio.errors import NotGeoreferencedWarning, RasterioError
+from scipy.ndimage import gaussian_filter, map_coordinates
+
+from radcal.config import Case, FileMeasurement, Synthetic, expand_path
+from radcal.errors import MeasurementError
+from radcal.measurement.model import Measurement
+from radcal.measurement.target import eligible_pixels
+from radcal.radar.geometry import Geometry
+from radcal.seeds import derived_rng, derived_seed
+from radcal.simulators.protocol import Simulator
+
+__all__ = ["make_measurement", "smooth_warp"]
+
+_WARP_SIGMA_PX = 60.0  # smoothing of a synthetic displacement field
+
+
+def make_measurement(case: Case, geometry: Geometry, simulator: Simulator) -> Measurement:
+    """Read or make the measurement and check that every calibrated material can be fitted.
+
+    Parameters
+    ----------
+    case : Case
+        The configuration.
+    geometry : Geometry
+        Image grid and material masks.
+    simulator : Simulator
+        Makes a synthetic measurement; not called for a file.
+
+    Raises
+    ------
+    MeasurementError
+        The file cannot be read, has another size or scale, or leaves a material without
+        enough pixels.
+    """
+    if isinstance(case.measurement, FileMeasurement):
+        measurement = _from_file(case.measurement, geometry)
+    else:
+        measurement = _synthetic(case, case.measurement.synthetic, simulator)
+    for name in case.calibrated:
+        eligible_pixels(name, geometry, measurement, case.target)
+    return measurement
+
+
+def smooth_warp(shape: tuple[int, int], rms_px: float, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Smooth random displacement field.
+
+    Parameters
+    ----------
+    shape : (int, int)
+        Image size.
+    rms_px : float
+        Root mean square length of the displacement [pixels].
+    rng : Generator
+        Source of the noise.
+
+    Returns
+    -------
+    ndarray, shape (2, rows, columns)
+        Displacement along rows and columns [pixels].
+    """
+    field = np.stack([gaussian_filter(rng.standard_normal(shape), _WARP_SIGMA_PX, mode="reflect") for _ in range(2)])
+    return np.asarray(field * rms_px / np.sqrt(np.mean((field**2).sum(axis=0))))
+
+
+def _synthetic(case: Case, synthetic: Synthetic, simulator: Simulator) -> Measurement:
+    hidden = {name: material.start_parameters for name, material in case.materials.items()}
+    hidden.update(synthetic.parameters)
+    image_db = simulator.run(hidden, derived_seed(synthetic.seed, "measurement", "noise"))
+    if synthetic.warp_px > 0:
+        shift = smooth_warp(
+            (image_db.shape[0], image_db.shape[1]),
+            synthetic.warp_px,
+            derived_rng(synthetic.seed, "measurement", "warp"),
+        )
+        grid = np.indices(image_db.shape, dtype=np.float64) + shift
+        power = map_coordinates(10.0 ** (image_db.astype(np.float64) / 10.0), grid, order=1, mode="nearest")
+        image_db = (10.0 * np.log10(power)).astype(np.float32)
+    return Measurement(
+        image_db + np.float32(synthetic.offset_db),
+        f"synthetic, seed {synthetic.seed}",
+        {name: hidden[name] for name in case.calibrated},
+    )
+
+
+def _from_file(config: FileMeasurement, geometry: Geometry) -> Measurement:
+    path = expand_path(config.path, "measurement.path")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", NotGeoreferencedWarning)
+            with rasterio.open(path) as raster:
+                if raster.count != 1:
+                    raise MeasurementError(f"measurement.path: {path} has {raster.count} bands, expected one.")
+                if np.dtype(raster.dtypes[0]).kind not in "fiu":
+                    raise MeasurementError(
+                        f"measurement.path: {path} holds {raster.dtypes[0]}, expected real numbers "
+                        f"in {'dB' if config.scale == 'db' else 'linear power'}."
+                    )
+                values = raster.read(1, masked=True).astype(np.float64).filled(np.nan)
+    except RasterioError as error:
+        raise MeasurementError(f"measurement.path: {path} cannot be read as a raster ({error}).") from None
+    if values.shape != geometry.shape:
+        raise MeasurementError(
+            f"measurement.path: {path} has {values.shape[0]} x {values.shape[1]} pixels, "
+            f"the scene's image {geometry.shape[0]} x {geometry.shape[1]}: crop or resample it to the same grid."
+        )
+    valid = np.isfinite(values)
+    if not valid.any():
+        raise MeasurementError(f"measurement.path: {path} holds no finite number.")
+    if config.scale == "power":
+        negative = np.count_nonzero(values[valid] < 0)
+        if negative > 0.01 * np.count_nonzero(valid):
+            raise MeasurementError(
+                f"measurement.path: {negative} of {np.count_nonzero(valid)} values of {path} are negative, which power "
+                "cannot be: if the file is in dB, set measurement.scale: db."
+            )
+        with np.errstate(divide="ignore", invalid="ignore"):
+            image_db = np.where(values > 0, 10.0 * np.log10(values), np.nan)
+    else:
+        # speckle spreads dB by 2 and more, so that an image with its median near 0 dB has negative values
+        if values[valid].min() >= 0 and np.median(values[valid]) < 3.0:
+            raise MeasurementError(
+                f"measurement.path: the values of {path} run from {values[valid].min():.3g} to "
+                f"{values[valid].max():.3g} with median {np.median(values[valid]):.3g}, none negative, which looks "
+                "like power: set measurement.scale: power."
+            )
+        image_db = values
+    return Measurement(image_db.astype(np.float32), path.name)

@@ -1,0 +1,1 @@
+"""Backscatter laws, acquisition geometry, speckle and image formation."""

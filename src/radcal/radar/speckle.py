@@ -1,0 +1,98 @@
+"""Speckle, thermal noise and finite resolution of one look.
+
+Circular complex Gaussian numbers come from Philox generators keyed by (seed, look, kind):
+the same numbers in every run of a calibration (common random numbers), whatever the order
+or number of processes.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal.windows import taylor
+
+__all__ = ["circular_gaussian", "impulse_response", "log_speckle_sd_db", "width_factor"]
+
+_NBAR, _SIDELOBE_DB = 4, 35
+_REACH = 8.0  # the impulse response is cut at this many resolution widths, below -45 dB
+
+
+def circular_gaussian(seed: int, look: int, kind: int, shape: tuple[int, int]) -> NDArray[np.complex64]:
+    """Circular complex Gaussian numbers of unit mean power.
+
+    Parameters
+    ----------
+    seed : int
+        Noise seed of the run, below 2**63.
+    look, kind : int
+        Which look, and what for (0 speckle, 1 thermal noise).
+    shape : (int, int)
+        Image size.
+
+    Returns
+    -------
+    ndarray of complex64, shape ``shape``
+        E|u|^2 = 1, real and imaginary parts independent (Goodman, "Speckle Phenomena in
+        Optics", section 2.2: fully developed speckle).
+    """
+    key = np.array([seed, (look << 8) | kind], dtype=np.uint64)
+    generator = np.random.Generator(np.random.Philox(key=key))
+    parts = generator.standard_normal((*shape, 2), dtype=np.float32)
+    parts *= np.float32(np.sqrt(0.5))
+    return parts.view(np.complex64)[..., 0]
+
+
+def _taylor_response(x: NDArray[np.float64], bandwidth: float) -> NDArray[np.float64]:
+    """Impulse response of a Taylor-weighted band: x [m], bandwidth [1/m]."""
+    n = 1024
+    weights = taylor(n, nbar=_NBAR, sll=_SIDELOBE_DB, norm=False)
+    frequency = ((np.arange(n) + 0.5) / n - 0.5) * bandwidth
+    return np.asarray(np.cos(2.0 * np.pi * np.multiply.outer(x, frequency)) @ weights / weights.sum())
+
+
+@lru_cache(maxsize=1)
+def width_factor() -> float:
+    """-3 dB width of the Taylor-weighted impulse response times its bandwidth (about 1.19).
+
+    References
+    ----------
+    Carrara, Goodman and Majewski, "Spotlight Synthetic Aperture Radar", appendix D
+    (Taylor weighting, nbar 4, sidelobes -35 dB).
+    """
+    x = np.linspace(0.0, 1.0, 20_001)
+    power = _taylor_response(x, 1.0) ** 2
+    return float(2.0 * np.interp(-0.5, -power, x))
+
+
+def impulse_response(resolution_m: float, spacing_m: float) -> NDArray[np.float64]:
+    """Sampled impulse response of one image direction.
+
+    Parameters
+    ----------
+    resolution_m : float
+        -3 dB width after weighting [m].
+    spacing_m : float
+        Pixel spacing [m].
+
+    Returns
+    -------
+    ndarray, shape (2 m + 1,)
+        Real taps of unit energy, so that white noise keeps its mean power.
+    """
+    bandwidth = width_factor() / resolution_m
+    m = int(np.ceil(_REACH * resolution_m / spacing_m))
+    taps = _taylor_response(np.arange(-m, m + 1, dtype=np.float64) * spacing_m, min(bandwidth, 1.0 / spacing_m))
+    return np.asarray(taps / np.sqrt((taps**2).sum()))
+
+
+def log_speckle_sd_db(looks: float) -> float:
+    """Standard deviation of the log of multilook speckle [dB].
+
+    10 / ln 10 sqrt(trigamma(L)) for gamma-distributed intensity of shape L (Oliver and
+    Quegan, "Understanding Synthetic Aperture Radar Images", section 4.3).
+    """
+    from scipy.special import polygamma
+
+    return float(10.0 / np.log(10.0) * np.sqrt(polygamma(1, looks)))

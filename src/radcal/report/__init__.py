@@ -1,0 +1,1 @@
+"""What a person gets: archive, table, summary, figures, report."""

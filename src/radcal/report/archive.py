@@ -1,0 +1,181 @@
+"""``calibration.h5`` gathers every run and iteration, ``runs.csv`` shows it as a table.
+
+Layout of the archive (schema 1); backscatter in dB, angles in degrees:
+
+========================================  =====================================================
+``/`` attributes                          ``case``, ``config`` (JSON), ``reason``, ``converged``,
+                                          ``tolerance``, ``max_runs``, ``measurement``, ``looks``,
+                                          ``sentences``, ``versions`` (JSON), ``final_runs``
+``runs/kind, index, key, seconds``        one entry per run: reference, design, infill
+``materials/<m>`` attributes              ``law``, ``parameter_names``, ``parameter_units``,
+                                          ``reason``, ``sentence``, ``eligible``, ``at_boundary``,
+                                          ``rms_sampling``, ``best`` (index into ``runs``)
+``materials/<m>/parameters, dp, rms``     per run: X (n, d), (xi, omega, alpha) (n, 3), rms (n,)
+``materials/<m>/bounds, start``           search box (d, 2), starting X (d,)
+``materials/<m>/hidden``                  truth of a synthetic measurement (d,), where there is one
+``materials/<m>/target_dp``               (3,)
+``materials/<m>/pixels``                  flat image index of the target's pixels (p,)
+``materials/<m>/incidence_deg``           their local incidence (p,)
+``materials/<m>/measured_db, start_db,``  the same pixels in the measurement, the reference run,
+``  calibrated_db, fresh_db``             the calibrated run, and with fresh random numbers (p,)
+``materials/<m>/final_dp, fresh_dp``      densities of the two final runs (3,)
+``materials/<m>/predicted_rms, floor_rms, mode``  per infill run, NaN where not computed
+``images/measured_db, reference_db,``     whole images (rows: slant range, columns: azimuth);
+``  calibrated_db, material,``            the calibrated one has fresh random numbers
+``  incidence_deg``
+``names``                                 material id k is ``names[k - 1]``
+========================================  =====================================================
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import platform
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from radcal import skewnormal
+from radcal.calibration.history import History
+from radcal.calibration.stopping import decide
+from radcal.config import Case, Stop
+from radcal.errors import StoreError
+from radcal.files import atomic, write_hdf5
+from radcal.measurement.model import Measurement
+from radcal.measurement.target import Target
+from radcal.radar.geometry import Geometry
+from radcal.radar.laws import LAWS
+from radcal.store import Record, RunStore
+
+__all__ = ["write_archive", "write_table"]
+
+_PACKAGES = ("radcal", "numpy", "scipy", "smt", "platypus-opt", "h5py", "snakemake")
+
+
+def write_archive(
+    path: str | Path,
+    *,
+    case: Case,
+    stop: Stop,
+    history: History,
+    geometry: Geometry,
+    measurement: Measurement,
+    targets: Mapping[str, Target],
+    runs: str | Path,
+    final: Sequence[Record],
+) -> None:
+    """Write ``calibration.h5``, atomically.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    case, stop : Case, Stop
+        Configuration.
+    history : History
+        Reference, design and verified proposals.
+    geometry, measurement, targets
+        What the runs are compared with.
+    runs : path
+        Folder of the run store.
+    final : sequence of two Record
+        The calibrated laws with common and with fresh random numbers.
+
+    Raises
+    ------
+    StoreError
+        The reference run's record is gone.
+    """
+    decision = decide(history, list(targets), stop)
+    reference = RunStore(runs).get(history.runs[0].key, list(targets), image=True)
+    if reference is None:
+        raise StoreError(f"{RunStore(runs).path(history.runs[0].key)}: the reference run is missing.")
+    calibrated, fresh = final
+    known = {run.key for run in history.runs}
+    with write_hdf5(path) as file:
+        file.attrs["schema"] = 1
+        file.attrs["case"] = case.case
+        file.attrs["config"] = json.dumps({**case.sections(*case.__dict__), "stop": stop.model_dump(mode="json")})
+        file.attrs["reason"] = decision.reason or "running"
+        file.attrs["converged"] = decision.converged
+        file.attrs["tolerance"] = stop.rms
+        file.attrs["max_runs"] = stop.max_runs
+        file.attrs["looks"] = case.radar.looks
+        file.attrs["measurement"] = measurement.source
+        file.attrs["sentences"] = [decision.materials[name].sentence for name in targets]
+        file.attrs["versions"] = json.dumps(_versions())
+        file.attrs["final_runs"] = len({record.key for record in final} - known)
+        file["names"] = list(geometry.names)
+        for key in ("kind", "index", "key", "seconds"):
+            file[f"runs/{key}"] = [getattr(run, key) for run in history.runs]
+        images: dict[str, Any] = {
+            "measured_db": measurement.image_db,
+            "reference_db": reference.image_db,
+            "calibrated_db": fresh.image_db,
+            "material": geometry.material,
+            "incidence_deg": geometry.incidence_deg,
+        }
+        for name, image in images.items():
+            if image is not None:
+                file.create_dataset(f"images/{name}", data=image, compression="gzip", compression_opts=1)
+        for name, target in targets.items():
+            group = file.create_group(f"materials/{name}")
+            material = case.materials[name]
+            law = LAWS[material.law]
+            group.attrs["law"] = material.law
+            group.attrs["parameter_names"] = law.names
+            group.attrs["parameter_units"] = law.units
+            group.attrs["reason"] = decision.materials[name].reason or "running"
+            group.attrs["sentence"] = decision.materials[name].sentence
+            group.attrs["eligible"] = target.eligible
+            group.attrs["at_boundary"] = target.at_boundary
+            group.attrs["rms_sampling"] = target.rms_sampling
+            group.attrs["best"] = history.runs.index(history.best(name))
+            group["parameters"] = [run.parameters[name] for run in history.runs]
+            group["dp"] = [run.dp[name] for run in history.runs]
+            group["rms"] = [run.rms[name] for run in history.runs]
+            group["bounds"] = material.box
+            group["start"] = material.start_parameters
+            if name in measurement.hidden:
+                group["hidden"] = measurement.hidden[name]
+            group["target_dp"] = target.dp
+            group["pixels"] = target.pixels
+            group["incidence_deg"] = target.incidence_deg
+            group["measured_db"] = target.values_db
+            for key, record in (("start", reference), ("calibrated", calibrated), ("fresh", fresh)):
+                group[f"{key}_db"] = record.pixels_db[name][target.order]
+            group["final_dp"] = skewnormal.fit(group["calibrated_db"][()]).dp
+            group["fresh_dp"] = skewnormal.fit(group["fresh_db"][()]).dp
+            proposals = [run.proposals[name] for run in history.infill]
+            for key in ("predicted_rms", "floor_rms"):
+                group[key] = np.array([getattr(p, key) for p in proposals], dtype=np.float64)
+            group["mode"] = np.array([p.mode for p in proposals], dtype=h5py.string_dtype())
+
+
+def _versions() -> dict[str, str]:
+    return {"python": platform.python_version(), **{name: version(name) for name in _PACKAGES}}
+
+
+def write_table(path: str | Path, archive: str | Path) -> None:
+    """Write ``runs.csv``: one line per run and material."""
+    with h5py.File(archive, "r") as file:
+        names = list(file["materials"])
+        widest = max((list(file[f"materials/{name}"].attrs["parameter_names"]) for name in names), key=len)
+        runs = {key: file[f"runs/{key}"] for key in ("kind", "index", "key", "seconds")}
+        with atomic(path) as partial, partial.open("w", newline="", encoding="utf-8") as handle:
+            table = csv.writer(handle)
+            table.writerow(
+                ["run", "kind", "index", "key", "seconds", "material", *widest, "xi", "omega", "alpha", "rms"]
+            )
+            for n, kind in enumerate(runs["kind"].asstr()[()]):
+                row = [n, kind, int(runs["index"][n]), runs["key"].asstr()[n], f"{runs['seconds'][n]:.3f}"]
+                for name in names:
+                    group = file[f"materials/{name}"]
+                    x = [repr(float(v)) for v in group["parameters"][n]]
+                    dp = [repr(float(v)) for v in group["dp"][n]]
+                    table.writerow([*row, name, *x, *[""] * (len(widest) - len(x)), *dp, repr(float(group["rms"][n]))])

@@ -1,0 +1,199 @@
+"""``report.html``: one self-contained page about a calibration."""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from radcal import skewnormal
+from radcal.files import atomic
+from radcal.report.figures import Figure
+from radcal.report.summary import summarise
+
+__all__ = ["write_report"]
+
+_AT_BOUND = 1e-3  # share of a bound's interval
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_MINUS = "\N{MINUS SIGN}"
+_TIMES = "\N{NARROW NO-BREAK SPACE}\N{MULTIPLICATION SIGN}\N{NARROW NO-BREAK SPACE}"
+_REASONS = {
+    "rms": "within the tolerance",
+    "unreachable": "no parameters inside the bounds seem to reach the target",
+    "stagnation": "no longer getting better",
+    "max_runs": "maximum number of runs",
+    "running": "not finished",
+}
+_SHORT = {"rms": "tolerance reached", "max_runs": "maximum of runs", "running": "not finished"}
+
+
+def _number(value: float | None, digits: int = 3) -> str:
+    """Text of a number with significant digits, powers of ten where they read better."""
+    if value is None or not math.isfinite(value):
+        return "\N{EN DASH}"
+    if value == 0:
+        return "0"
+    if 1e-2 <= abs(value) < 1e6:
+        decimals = max(0, digits - 1 - math.floor(math.log10(abs(value))))
+        return f"{value:,.{decimals}f}".replace("-", _MINUS)
+    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    return f"{mantissa.replace('-', _MINUS)}{_TIMES}10{str(int(exponent)).translate(_SUPERSCRIPTS)}"
+
+
+def _unit(unit: str) -> str:
+    return unit.replace("rad2", "rad²")
+
+
+def _listed(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def _span(values: Iterable[float]) -> str:
+    """Smallest to largest, once if they read the same."""
+    found = sorted(values)
+    return " to ".join(dict.fromkeys((_number(found[0], 2), _number(found[-1], 2))))
+
+
+def _embedded(path: Path) -> str:
+    return "data:image/png;base64," + base64.b64encode(path.read_bytes()).decode("ascii")
+
+
+def _theta(values: Mapping[str, float]) -> dict[str, float]:
+    """Direct and centred parameters of a density by name."""
+    mean, sd, skewness = skewnormal.centred([values["xi"], values["omega"], values["alpha"]])
+    return {**values, "mean": float(mean), "sd": float(sd), "skewness": float(skewness)}
+
+
+def _bound(value: float, low: float, high: float) -> str:
+    """Which bound a value stands at, or nothing."""
+    margin = _AT_BOUND * (high - low)
+    return "lower" if value - low <= margin else "upper" if high - value <= margin else ""
+
+
+def _material(name: str, summary: Mapping[str, Any], group: h5py.Group) -> dict[str, Any]:
+    """What the page says about a material."""
+    low, high = np.percentile(group["incidence_deg"][()], [5.0, 95.0])
+    hidden = summary.get("hidden", {})
+    parameters = [
+        {
+            "name": key,
+            "unit": _unit(str(unit)),
+            "value": value,
+            "start": float(start),
+            "hidden": hidden.get(key),
+            "low": bounds[0],
+            "high": bounds[1],
+            "at": _bound(value, *bounds),
+        }
+        for (key, value), unit, start, bounds in zip(
+            summary["parameters"].items(),
+            group.attrs["parameter_units"],
+            group["start"][()],
+            summary["bounds"],
+            strict=True,
+        )
+    ]
+    return {
+        **summary,
+        "name": name,
+        "reason": _REASONS.get(summary["stop_reason"], summary["stop_reason"]),
+        "short_reason": _SHORT.get(summary["stop_reason"], summary["stop_reason"]),
+        "parameters": parameters,
+        "at_bounds": [p for p in parameters if p["at"]],
+        "target": _theta(summary["target"]),
+        "calibrated": _theta(summary["calibrated"]),
+        "within": summary["stop_reason"] == "rms",
+        "low": float(low),
+        "high": float(high),
+        "drawn": int(group["pixels"].shape[0]),
+        "eligible": int(group.attrs["eligible"]),
+        "at_boundary": bool(group.attrs["at_boundary"]),
+        "known": "law_difference_db" in summary,
+    }
+
+
+def _verdict(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) -> str:
+    """How it ended, in one sentence."""
+    tolerance = f"the tolerance of {_number(summary['tolerance'], 2)} 1/dB"
+    count = summary["runs"]["design"] + summary["runs"]["infill"]
+    runs = "one run" if count == 1 else f"{count} runs"
+    if len(materials) == 1:
+        what, agree, is_not = f"the backscatter density of {materials[0]['name']}", "agrees", "is not"
+    else:
+        what, agree, is_not = f"the backscatter densities of all {len(materials)} materials", "agree", "are not all"
+    if summary["converged"]:
+        return f"Converged: {what} {agree} with the measured within {tolerance}, after {runs}."
+    if summary["stop_reason"] == "running":
+        return f"Not finished: after {runs} {what} {is_not} yet within {tolerance}."
+    missed = [m for m in materials if not m["within"]]
+    reasons = _listed(list(dict.fromkeys(m["reason"] for m in missed))) if missed else summary["stop_reason"]
+    who = _listed([m["name"] for m in missed]) if len(missed) <= 4 else f"{len(missed)} of {len(materials)} materials"
+    return f"Stopped after {runs} with {who} outside {tolerance}: {reasons}."
+
+
+def _yaml(text: str) -> str:
+    import yaml
+
+    class Dumper(yaml.SafeDumper):
+        pass
+
+    Dumper.add_representer(
+        list,
+        lambda dumper, value: dumper.represent_sequence(
+            "tag:yaml.org,2002:seq", value, flow_style=not any(isinstance(item, dict) for item in value)
+        ),
+    )
+    return yaml.dump(json.loads(text), Dumper=Dumper, sort_keys=False, width=100, allow_unicode=True)
+
+
+def write_report(page: str | Path, archive: str | Path, figures: Sequence[Figure]) -> None:
+    """Write ``report.html``, atomically.
+
+    Parameters
+    ----------
+    page : path
+        The file.
+    archive : path
+        ``calibration.h5``.
+    figures : sequence of Figure
+        What :func:`radcal.report.figures.write_figures` returned; their PNG files are
+        embedded, so that the page is one file that opens offline.
+    """
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    summary = summarise(archive)
+    with h5py.File(archive, "r") as file:
+        materials = [_material(name, summary["materials"][name], group) for name, group in file["materials"].items()]
+        attributes = {key: file.attrs[key] for key in ("config", "looks", "max_runs")}
+    environment = Environment(
+        loader=PackageLoader("radcal.report", ""),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters |= {"number": _number, "listed": _listed, "embedded": _embedded, "span": _span}
+    config = json.loads(str(attributes["config"]))
+    text = environment.get_template("report.html.j2").render(
+        summary=summary,
+        verdict=_verdict(summary, materials),
+        materials=materials,
+        within=[m for m in materials if m["within"]],
+        known=[m for m in materials if m["known"]],
+        unknown=[m for m in materials if not m["known"]],
+        overall=[figure for figure in figures if figure.material is None],
+        figures={m["name"]: [figure for figure in figures if figure.material == m["name"]] for m in materials},
+        looks=int(attributes["looks"]),
+        max_runs=int(attributes["max_runs"]),
+        margin_px=config.get("target", {}).get("margin_px"),
+        config=_yaml(str(attributes["config"])),
+    )
+    with atomic(page) as partial:
+        partial.write_text(text, encoding="utf-8")

@@ -1,0 +1,143 @@
+"""``summary.json``: how a calibration ended, for scripts."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections import defaultdict
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radcal import skewnormal
+from radcal.radar.laws import LAWS
+
+__all__ = ["law_difference_db", "sentences", "summarise", "wall_seconds"]
+
+
+def law_difference_db(law: str, found: ArrayLike, hidden: ArrayLike, incidence_deg: ArrayLike) -> float:
+    """Largest difference of two laws over the incidence seen.
+
+    Parameters
+    ----------
+    law : str
+        Name of the law.
+    found, hidden : array_like, shape (d,)
+        Parameters.
+    incidence_deg : array_like
+        Local incidence of the material's pixels [deg]; its 5 to 95 % range counts.
+
+    Returns
+    -------
+    float
+        Maximum of the absolute difference [dB].
+    """
+    low, high = np.percentile(np.asarray(incidence_deg), [5.0, 95.0])
+    phi = np.radians(np.linspace(low, high, 201))
+    return float(np.max(np.abs(LAWS[law](phi, found) - LAWS[law](phi, hidden))))
+
+
+def wall_seconds(folder: str | Path) -> dict[str, float]:
+    """Wall time by stage, from Snakemake's benchmark files ``<stage>[_number].tsv``."""
+    seconds: dict[str, float] = defaultdict(float)
+    for file in sorted(Path(folder).glob("*.tsv")):
+        stage = file.stem.rstrip("0123456789").rstrip("_")
+        with file.open(encoding="utf-8") as handle:
+            seconds[stage] += sum(float(row["s"]) for row in csv.DictReader(handle, delimiter="\t"))
+    return {stage: round(value, 3) for stage, value in seconds.items()}
+
+
+def sentences(archive: str | Path) -> list[str]:
+    """How each material ended, in words."""
+    with h5py.File(archive, "r") as file:
+        return [str(sentence) for sentence in file.attrs["sentences"]]
+
+
+def _theta(dp: NDArray[np.float64]) -> dict[str, float]:
+    return dict(zip(("xi", "omega", "alpha"), map(float, dp), strict=True))
+
+
+def _material(group: h5py.Group, counted: NDArray[np.bool_], tolerance: float) -> dict[str, Any]:
+    best = int(group.attrs["best"])
+    rms = group["rms"][()]
+    dp, target = group["dp"][best], group["target_dp"][()]
+    names = [str(name) for name in group.attrs["parameter_names"]]
+    within = np.flatnonzero((rms <= tolerance) & counted)
+    summary = {
+        "parameters": dict(zip(names, map(float, group["parameters"][best]), strict=True)),
+        "bounds": group["bounds"][()].tolist(),
+        "law": str(group.attrs["law"]),
+        "stop_reason": str(group.attrs["reason"]),
+        "sentence": str(group.attrs["sentence"]),
+        "target": _theta(target),
+        "calibrated": _theta(dp),
+        "rms": float(rms[best]),
+        "mse": float(rms[best] ** 2),
+        "rms_start": float(rms[0]),
+        "rms_final": skewnormal.density_rms(group["final_dp"][()], target),
+        "rms_fresh": skewnormal.density_rms(group["fresh_dp"][()], target),
+        "rms_sampling": float(group.attrs["rms_sampling"]),
+        "hellinger": skewnormal.hellinger(dp, target),
+        "ks": skewnormal.kolmogorov_smirnov(dp, target),
+        # the reference run is no part of the design, so it is not counted
+        "runs_to_tolerance": int(np.count_nonzero(counted[: within[0] + 1])) if within.size else None,
+    }
+    if "hidden" in group:
+        summary["hidden"] = dict(zip(names, map(float, group["hidden"][()]), strict=True))
+        summary["law_difference_db"] = law_difference_db(
+            summary["law"], group["parameters"][best], group["hidden"][()], group["incidence_deg"][()]
+        )
+    return summary
+
+
+def _finite(value: Any) -> Any:
+    """Replace numbers that are not finite by None."""
+    if isinstance(value, Mapping):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def summarise(archive: str | Path, seconds: Mapping[str, float] | None = None) -> dict[str, Any]:
+    """Plain data of ``summary.json`` from the archive.
+
+    Parameters
+    ----------
+    archive : path
+        ``calibration.h5``.
+    seconds : mapping, optional
+        Wall time by stage [s].
+
+    Returns
+    -------
+    dict
+        Keys as documented; rms in 1/dB, mse in 1/dB^2, numbers finite or None.
+    """
+    with h5py.File(archive, "r") as file:
+        kinds = file["runs/kind"].asstr()[()]
+        runs = {kind: int(np.count_nonzero(kinds == kind)) for kind in ("reference", "design", "infill")}
+        runs["final"] = int(file.attrs["final_runs"])
+        tolerance = float(file.attrs["tolerance"])
+        summary: dict[str, Any] = {
+            "case": str(file.attrs["case"]),
+            "converged": bool(file.attrs["converged"]),
+            "stop_reason": str(file.attrs["reason"]),
+            "tolerance": tolerance,
+            "runs": {**runs, "total": sum(runs.values())},
+            "iterations": runs["infill"],
+            "measurement": str(file.attrs["measurement"]),
+            "wall_seconds": dict(seconds or {}),
+            "versions": json.loads(str(file.attrs["versions"])),
+            "materials": {
+                name: _material(group, kinds != "reference", tolerance) for name, group in file["materials"].items()
+            },
+        }
+    result = _finite(summary)
+    assert isinstance(result, dict)  # noqa: S101 - it came in as one
+    return result

@@ -1,0 +1,135 @@
+"""The built-in scene: real SRTM terrain, seven materials and a dyke.
+
+The elevation is the SRTM model of the Jacksboro fault (Tennessee) that matplotlib ships,
+cut to two by two kilometres of valley floor at the foot of a ridge and resampled to 5 m with
+cubic splines. What SRTM's 3 arc-seconds cannot show is added: a dyke beside a channel, and
+a fine roughness per material, so that the incidence angle varies within a material as it
+does on real ground.
+"""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import numpy as np
+from matplotlib.cbook import get_sample_data
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter, map_coordinates
+from scipy.spatial import cKDTree
+
+from radcal.files import digest
+from radcal.scene.model import Scene
+
+__all__ = ["MATERIALS", "ROUGHNESS", "builtin_scene"]
+
+MATERIALS = ("dyke", "water", "grass", "forest", "crops", "bare_soil", "road")
+
+ROUGHNESS: dict[str, tuple[float, float]] = {
+    # material: (rms height [m], correlation length [m]) of a Gaussian surface with a
+    # Gaussian autocorrelation, whose rms slope along one axis is sqrt(2) rms / length
+    "dyke": (1.00, 13.0),
+    "water": (0.01, 10.0),
+    "grass": (0.25, 15.0),
+    "forest": (1.20, 14.0),
+    "crops": (0.30, 16.0),
+    "bare_soil": (0.35, 13.0),
+    "road": (0.05, 20.0),
+}
+
+_CELL_M = 5.0
+_SIDE_M = 2000.0
+_SRTM_NORTH_M = 92.6  # 3 arc-seconds of latitude
+_SRTM_EAST_M = 74.4  # 3 arc-seconds of longitude at 36.6 degrees north
+_SOUTH_ROW, _WEST_COLUMN = 141.0, 264.0  # the cut's corner in the SRTM array (row 0 is north)
+
+_FACE_M, _CREST_M, _LEE_M, _HEIGHT_M = 42.0, 6.0, 54.0, 25.2  # the dyke's cross-section
+_CHANNEL_M = (12.0, 72.0)  # distance of the channel's banks from the foot of the face
+
+
+def _terrain(east_m: NDArray[np.float64], north_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """SRTM elevation [m] at coordinates of the cut, by cubic splines."""
+    archive = cast(Any, get_sample_data("jacksboro_fault_dem.npz"))  # already opened by matplotlib, without pickles
+    with archive:
+        srtm = archive["elevation"].astype(np.float64)
+    rows = _SOUTH_ROW - north_m / _SRTM_NORTH_M
+    columns = _WEST_COLUMN + east_m / _SRTM_EAST_M
+    # one-metre steps of the integer model would be terraces at 5 m
+    smooth = gaussian_filter(srtm, 0.8)
+    return np.asarray(map_coordinates(smooth, [rows, columns], order=3, mode="nearest"))
+
+
+def _dyke_axis_m(north_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """East coordinate of the foot of the dyke's face, a gentle bend along the valley [m]."""
+    return 1000.0 + 60.0 * np.sin(2.0 * np.pi * (north_m - 250.0) / _SIDE_M)
+
+
+def _dyke_profile_m(across_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Height of the dyke above the ground, by distance east of the foot of its face [m]."""
+    crest = _FACE_M + _CREST_M
+    return np.interp(across_m, [0.0, _FACE_M, crest, crest + _LEE_M], [0.0, _HEIGHT_M, _HEIGHT_M, 0.0])
+
+
+def _correlated(rng: np.random.Generator, shape: tuple[int, int], length_m: float) -> NDArray[np.float64]:
+    """Unit-variance Gaussian surface with autocorrelation exp(-(d/length)^2)."""
+    sigma = length_m / 2.0 / _CELL_M  # white noise smoothed by exp(-x^2 / 2s^2) has correlation length 2s
+    field = gaussian_filter(rng.standard_normal(shape), sigma, mode="wrap", truncate=6.0)
+    # the filter's gain in closed form would ignore that it is sampled
+    return np.asarray(field / field.std())
+
+
+def _parcels(rng: np.random.Generator, east_m: NDArray[np.float64], north_m: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Fields as Voronoi cells of a jittered grid: 0 grass, 1 crops, 2 bare soil."""
+    step = 220.0
+    grid = np.arange(step / 2 - 2 * step, _SIDE_M + 2 * step, step)
+    seeds = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
+    seeds = seeds + rng.uniform(-0.35 * step, 0.35 * step, seeds.shape)
+    kind = rng.choice(3, size=len(seeds), p=[0.35, 0.4, 0.25])
+    nearest = cKDTree(seeds).query(np.stack([east_m, north_m], axis=-1).reshape(-1, 2))[1]
+    return np.asarray(kind[nearest].reshape(east_m.shape))
+
+
+def builtin_scene(seed: int) -> Scene:
+    """Build the default scene, the same for the same seed.
+
+    Parameters
+    ----------
+    seed : int
+        Seed of the fields' layout and of the fine roughness.
+
+    Returns
+    -------
+    Scene
+        400 x 400 cells of 5 m.
+    """
+    layout, rough = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
+    centres = np.arange(_CELL_M / 2, _SIDE_M, _CELL_M)
+    north, east = np.meshgrid(centres, centres, indexing="ij")
+    ground = _terrain(east, north)
+    across = east - _dyke_axis_m(north)
+    crest = _FACE_M + _CREST_M
+
+    slope_north, slope_east = np.gradient(ground, _CELL_M)
+    slope_deg = np.degrees(np.arctan(np.hypot(slope_north, slope_east)))
+    material = np.array([3, 5, 6], dtype=np.uint8)[_parcels(layout, east, north)]
+    material[gaussian_filter(slope_deg, 4.0) > 7.0] = 4
+    near_dyke = (across > -_CHANNEL_M[1] - 15.0) & (across < crest + _LEE_M + 20.0)
+    material[near_dyke] = 3
+    material[(across > -_CHANNEL_M[1]) & (across < -_CHANNEL_M[0])] = 2
+    material[(across >= 0.0) & (across < _FACE_M)] = 1
+    material[(across > crest + _LEE_M + 20.0) & (across < crest + _LEE_M + 32.0)] = 7
+
+    # a channel is level across: the ground it and the dyke stand on is that below the face's foot
+    beside = _terrain(_dyke_axis_m(north), north)
+    weight = np.clip(1.0 - np.maximum(-across - 90.0, across - crest - _LEE_M - 40.0) / 150.0, 0.0, 1.0)
+    elevation = weight * beside + (1.0 - weight) * ground + _dyke_profile_m(across)
+    elevation -= 3.0 * (material == 2)
+    for k, name in enumerate(MATERIALS, start=1):
+        height_m, length_m = ROUGHNESS[name]
+        elevation += (material == k) * height_m * _correlated(rough, north.shape, length_m)
+    return Scene(
+        identity=digest({"source": "builtin", "seed": seed, "version": 1}),
+        names=MATERIALS,
+        material=material,
+        elevation_m=elevation,
+        cell_m=_CELL_M,
+    )

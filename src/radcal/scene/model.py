@@ -1,0 +1,90 @@
+"""What a scene is, and its HDF5 file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.errors import SceneError
+from radcal.files import write_hdf5
+
+__all__ = ["Scene", "read_scene", "write_scene"]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Surface materials on a grid, with the elevation or the incidence they are seen at.
+
+    Attributes
+    ----------
+    identity : str
+        Digest of what the scene was made from; part of every run's key.
+    names : tuple of str
+        Material names; material id k is ``names[k - 1]``, id 0 is no material.
+    material : ndarray of uint8, shape (ny, nx)
+        Material id per cell. Axis 0 is north (row 0 in the south), axis 1 is east; for a
+        slant-range scene axis 0 is slant range and axis 1 is azimuth.
+    elevation_m : ndarray of float64, shape (ny, nx), or None
+        Elevation of the cell centres [m]; None for a slant-range scene.
+    cell_m : float
+        Cell size [m].
+    incidence_deg : ndarray of float64, shape (ny,), or None
+        Local incidence angle of each row of a slant-range scene [deg].
+    """
+
+    identity: str
+    names: tuple[str, ...]
+    material: NDArray[np.uint8]
+    elevation_m: NDArray[np.float64] | None
+    cell_m: float
+    incidence_deg: NDArray[np.float64] | None = None
+
+    def require(self, materials: list[str]) -> None:
+        """Check that configuration and scene name the same materials.
+
+        Raises
+        ------
+        SceneError
+            A configured material is not in the scene, or the scene's has no law.
+        """
+        present = {self.names[k - 1] for k in np.unique(self.material) if k > 0}
+        for name in materials:
+            if name not in self.names:
+                raise SceneError(f"materials.{name}: not in the scene, which has {', '.join(self.names)}.")
+            if name not in present:
+                raise SceneError(f"materials.{name}: covers no cell of the scene.")
+        lawless = sorted(present - set(materials))
+        if lawless:
+            raise SceneError(
+                f"materials: the scene's {lawless[0]!r} has no law; add materials.{lawless[0]} with parameters."
+            )
+
+
+def write_scene(path: str | Path, scene: Scene) -> None:
+    """Write a scene to HDF5, atomically."""
+    with write_hdf5(path) as file:
+        file.attrs["schema"] = 1
+        file.attrs["identity"] = scene.identity
+        file.attrs["cell_m"] = scene.cell_m
+        file["names"] = list(scene.names)
+        file.create_dataset("material", data=scene.material, compression="gzip")
+        for name in ("elevation_m", "incidence_deg"):
+            if (array := getattr(scene, name)) is not None:
+                file.create_dataset(name, data=array, compression="gzip")
+
+
+def read_scene(path: str | Path) -> Scene:
+    """Read a scene that :func:`write_scene` wrote."""
+    with h5py.File(path, "r") as file:
+        return Scene(
+            identity=str(file.attrs["identity"]),
+            names=tuple(file["names"].asstr()[()]),
+            material=file["material"][()],
+            elevation_m=file["elevation_m"][()] if "elevation_m" in file else None,
+            cell_m=float(file.attrs["cell_m"]),
+            incidence_deg=file["incidence_deg"][()] if "incidence_deg" in file else None,
+        )

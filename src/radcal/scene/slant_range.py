@@ -1,0 +1,102 @@
+"""Scenes given as a label raster in the radar's own geometry, over flat ground."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import warnings
+from pathlib import Path
+
+import numpy as np
+import rasterio
+from numpy.typing import NDArray
+from rasterio.errors import NotGeoreferencedWarning, RasterioError
+
+from radcal.config import SlantRangeScene, expand_path
+from radcal.errors import SceneError
+from radcal.files import digest
+from radcal.scene.model import Scene
+
+__all__ = ["flat_incidence_deg", "slant_range_scene"]
+
+
+def flat_incidence_deg(near_deg: float, far_deg: float, rows: int) -> NDArray[np.float64]:
+    """Incidence angle per slant-range row over flat ground.
+
+    With the radar at height H, cos(incidence) = H / slant range; the slant range grows by
+    equal steps between the two given angles.
+
+    Parameters
+    ----------
+    near_deg, far_deg : float
+        Incidence angle at the first and the last row [deg].
+    rows : int
+        Number of rows.
+
+    Returns
+    -------
+    ndarray, shape (rows,)
+        Incidence angle [deg].
+
+    References
+    ----------
+    Ulaby, Moore and Fung, "Microwave Remote Sensing", vol. II, section 7-2 (flat earth).
+    """
+    near, far = 1.0 / np.cos(np.radians([near_deg, far_deg]))
+    return np.degrees(np.arccos(1.0 / np.linspace(near, far, rows)))
+
+
+def slant_range_scene(config: SlantRangeScene) -> Scene:
+    """Read labels and names.
+
+    Raises
+    ------
+    SceneError
+        A file cannot be read, holds something else, or lacks a name.
+    """
+    labels_path = expand_path(config.labels, "scene.labels")
+    names_path = expand_path(config.names, "scene.names")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", NotGeoreferencedWarning)
+            with rasterio.open(labels_path) as raster:
+                labels = raster.read(1)
+    except RasterioError as error:
+        raise SceneError(f"scene.labels: {labels_path} cannot be read as a raster ({error}).") from None
+    if labels.dtype.kind not in "ui" or labels.min() < 0 or labels.max() > 255:
+        raise SceneError(
+            f"scene.labels: {labels_path} holds {labels.dtype} from {labels.min()} to {labels.max()}, "
+            "expected whole material ids from 0 to 255."
+        )
+    names = _names(names_path)
+    missing = sorted({int(k) for k in np.unique(labels)} - {0, *names})
+    if missing:
+        raise SceneError(f"scene.names: {names_path} has no name for material id {missing[0]} of {labels_path}.")
+    highest = max(names)
+    return Scene(
+        identity=digest(
+            {
+                "config": config.model_dump(mode="json", exclude={"labels", "names"}),
+                "labels": hashlib.sha256(np.ascontiguousarray(labels).tobytes()).hexdigest(),
+                "names": {str(k): v for k, v in names.items()},
+                "version": 1,
+            }
+        ),
+        names=tuple(names.get(k, f"id {k}") for k in range(1, highest + 1)),
+        material=labels.astype(np.uint8),
+        elevation_m=None,
+        cell_m=1.0,
+        incidence_deg=flat_incidence_deg(config.near_incidence_deg, config.far_incidence_deg, labels.shape[0]),
+    )
+
+
+def _names(path: Path) -> dict[int, str]:
+    try:
+        names = {int(k): str(v) for k, v in json.loads(path.read_text(encoding="utf-8")).items() if int(k) > 0}
+    except (OSError, ValueError, AttributeError, TypeError):
+        raise SceneError(
+            f'scene.names: {path} is not a JSON object of id and name, such as {{"1": "grass"}}.'
+        ) from None
+    if not names:
+        raise SceneError(f"scene.names: {path} names no material.")
+    return names

@@ -1,0 +1,24 @@
+"""From a configured source to a scene."""
+
+from __future__ import annotations
+
+from radcal.config import BuiltinScene
+from radcal.config import Scene as SceneConfig
+from radcal.scene.builtin import builtin_scene
+from radcal.scene.model import Scene
+from radcal.scene.slant_range import slant_range_scene
+
+__all__ = ["make_scene"]
+
+
+def make_scene(config: SceneConfig, materials: list[str]) -> Scene:
+    """Build the configured scene and check that it has the configured materials.
+
+    Raises
+    ------
+    SceneError
+        The source cannot be read or does not have the materials.
+    """
+    scene = builtin_scene(config.seed) if isinstance(config, BuiltinScene) else slant_range_scene(config)
+    scene.require(materials)
+    return scene

@@ -1,0 +1,47 @@
+"""The simulator that radcal ships."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.config import Radar
+from radcal.radar.geometry import Geometry
+from radcal.radar.image import ImageFormation, reflectivity
+from radcal.radar.laws import LAWS
+
+__all__ = ["BuiltinSimulator"]
+
+# raised whenever the same input gives another image
+_VERSION = 1
+
+
+class BuiltinSimulator:
+    """Backscatter laws on facets to a multilooked complex image.
+
+    Parameters
+    ----------
+    geometry : Geometry
+        Facets of the pass.
+    radar : Radar
+        The pass.
+    laws : mapping
+        Material name to the name of its law.
+    """
+
+    def __init__(self, geometry: Geometry, radar: Radar, laws: Mapping[str, str]) -> None:
+        self._geometry = geometry
+        self._laws = {name: LAWS[law] for name, law in laws.items()}
+        self._formation = ImageFormation(radar, geometry.shape)
+
+    @property
+    def identity(self) -> Mapping[str, Any]:
+        """Name and version."""
+        return {"kind": "builtin", "version": _VERSION}
+
+    def run(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> NDArray[np.float32]:
+        """Simulate one pass; see :class:`radcal.simulators.protocol.Simulator`."""
+        return self._formation.intensity_db(reflectivity(self._geometry, self._laws, parameters), noise_seed)

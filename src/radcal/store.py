@@ -1,0 +1,215 @@
+"""The run store: one content-addressed HDF5 record per simulator run.
+
+A record is named by the hash of all that determines its numbers: simulator identity,
+scene, pass, law and parameters of every material, noise seed. Every stage that needs a run
+asks the store first; a run that is there is never made again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.config import Case, Radar
+from radcal.errors import SimulatorError
+from radcal.files import digest, write_hdf5
+from radcal.radar.geometry import Geometry
+from radcal.simulators.protocol import Simulator
+
+__all__ = ["Parameters", "Record", "RunStore", "Runner"]
+
+_SCHEMA = 1
+Parameters = Mapping[str, Sequence[float]]
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Record:
+    """What one run gave.
+
+    Attributes
+    ----------
+    key : str
+        Hash of the run.
+    pixels_db : mapping
+        Material to the backscatter [dB, float32] of its visible pixels, in the order of
+        ``Geometry.pixels(material)``.
+    image_db : ndarray of float32 or None
+        Whole image [dB], where it was kept.
+    seconds : float
+        Wall time of the simulator.
+    """
+
+    key: str
+    pixels_db: Mapping[str, NDArray[np.float32]]
+    image_db: NDArray[np.float32] | None
+    seconds: float
+
+
+def _checksum(pixels_db: Mapping[str, NDArray[np.float32]], image_db: NDArray[np.float32] | None) -> str:
+    """SHA-256 of a record's numbers."""
+    total = hashlib.sha256()
+    for name in sorted(pixels_db):
+        total.update(name.encode())
+        total.update(np.ascontiguousarray(pixels_db[name], dtype="<f4").tobytes())
+    if image_db is not None:
+        total.update(np.ascontiguousarray(image_db, dtype="<f4").tobytes())
+    return total.hexdigest()
+
+
+class RunStore:
+    """Records in a folder, one file each.
+
+    Parameters
+    ----------
+    folder : path
+        ``results/<case>/runs``.
+    """
+
+    def __init__(self, folder: str | Path) -> None:
+        self.folder = Path(folder)
+
+    def path(self, key: str) -> Path:
+        """File of a record."""
+        return self.folder / f"{key}.h5"
+
+    def get(self, key: str, materials: Iterable[str], image: bool = False) -> Record | None:
+        """Return a record if it is there and holds what is asked, else None.
+
+        A damaged file is set aside under the name ``*.damaged`` and counts as missing.
+        """
+        path = self.path(key)
+        if not path.is_file():
+            return None
+        try:
+            with h5py.File(path, "r") as file:
+                if file.attrs["schema"] != _SCHEMA or file.attrs["hash"] != key:
+                    raise KeyError("schema or hash")
+                pixels = {name: item[()] for name, item in file["pixels_db"].items()}
+                whole = file["image_db"][()] if "image_db" in file else None
+                seconds = float(file.attrs["seconds"])
+                if file.attrs["checksum"] != _checksum(pixels, whole):
+                    raise KeyError("checksum")
+        except (OSError, KeyError, RuntimeError, TypeError, ValueError, AttributeError) as error:
+            # what h5py raises on a damaged file depends on where the damage is
+            aside = path.with_suffix(".damaged")
+            path.replace(aside)
+            logger.warning("%s is damaged (%s): set aside as %s, this run is made again.", path, error, aside.name)
+            return None
+        if not set(materials) <= pixels.keys() or (image and whole is None):
+            return None
+        return Record(key, pixels, whole, seconds)
+
+    def put(self, record: Record, description: Mapping[str, Any]) -> None:
+        """Write a record; it becomes visible complete."""
+        with write_hdf5(self.path(record.key)) as file:
+            file.attrs["schema"] = _SCHEMA
+            file.attrs["hash"] = record.key
+            file.attrs["description"] = json.dumps(description, sort_keys=True)
+            file.attrs["seconds"] = record.seconds
+            file.attrs["created"] = datetime.now(UTC).isoformat(timespec="seconds")
+            file.attrs["radcal"] = version("radcal")
+            file.attrs["unit"] = "dB"
+            file.attrs["checksum"] = _checksum(record.pixels_db, record.image_db)
+            for name, values in record.pixels_db.items():
+                file.create_dataset(f"pixels_db/{name}", data=values, dtype="f4", compression="gzip")
+            if record.image_db is not None:
+                file.create_dataset(
+                    "image_db", data=record.image_db, dtype="f4", compression="gzip", compression_opts=1
+                )
+
+
+class Runner:
+    """Runs a simulator through the store: asks it first, records every new run.
+
+    Parameters
+    ----------
+    store : RunStore
+        Where the runs are.
+    simulator : Simulator
+        Called for runs that are not in the store.
+    geometry : Geometry
+        Pixels of the materials.
+    scene_identity : str
+        Digest of the scene.
+    case : Case
+        Pass, laws and materials to record.
+    """
+
+    def __init__(
+        self, store: RunStore, simulator: Simulator, geometry: Geometry, scene_identity: str, case: Case
+    ) -> None:
+        self._store = store
+        self._simulator = simulator
+        self._geometry = geometry
+        self._scene_identity = scene_identity
+        self._radar: Radar = case.radar
+        self._laws = {name: material.law for name, material in case.materials.items()}
+        self._recorded = case.calibrated
+        self._keep_images = case.simulator.keep_images
+
+    def description(self, parameters: Parameters, noise_seed: int) -> dict[str, Any]:
+        """All that determines a run's numbers, as plain data."""
+        return {
+            "simulator": dict(self._simulator.identity),
+            "scene": self._scene_identity,
+            "pass": self._radar.model_dump(mode="json"),
+            "materials": {
+                name: {"law": law, "parameters": [float(x) for x in parameters[name]]}
+                for name, law in self._laws.items()
+            },
+            "noise_seed": noise_seed,
+        }
+
+    def run(self, parameters: Parameters, noise_seed: int, image: bool = False) -> Record:
+        """Return the run of these parameters, simulating only if the store does not have it.
+
+        Parameters
+        ----------
+        parameters : mapping
+            Every material's parameters.
+        noise_seed : int
+            Seed of speckle and noise.
+        image : bool
+            Ask for the whole image too.
+
+        Raises
+        ------
+        SimulatorError
+            The simulator's image has the wrong size or values that are not finite.
+        """
+        description = self.description(parameters, noise_seed)
+        key = digest(description)
+        found = self._store.get(key, self._recorded, image)
+        if found is not None:
+            return found
+        started = time.perf_counter()
+        image_db = self._simulator.run(parameters, noise_seed)
+        seconds = time.perf_counter() - started
+        if image_db.shape != self._geometry.shape:
+            raise SimulatorError(
+                f"run {key}: the simulator's image has {image_db.shape} pixels, expected {self._geometry.shape}."
+            )
+        pixels = {name: image_db.ravel()[self._geometry.pixels(name)] for name in self._recorded}
+        for name, values in pixels.items():
+            if not np.isfinite(values).all():
+                raise SimulatorError(
+                    f"run {key}: {np.count_nonzero(~np.isfinite(values))} of {values.size} pixels of {name!r} are not "
+                    f"finite at {name} = {list(parameters[name])}."
+                )
+        record = Record(key, pixels, image_db if image or self._keep_images else None, seconds)
+        self._store.put(record, description)
+        return record

@@ -1,0 +1,79 @@
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from radcal.calibration.history import (
+    History,
+    Proposal,
+    Run,
+    indexed,
+    read_proposals,
+    read_runs,
+    score,
+    write_proposals,
+    write_runs,
+)
+from radcal.errors import StoreError
+from radcal.files import write_json
+from radcal.store import Record, RunStore
+
+
+def run(kind, index, x, rms):
+    return Run(kind, index, f"{kind}{index}", 0.5, {"dyke": list(x)}, {"dyke": [0.0, 1.0, 0.1]}, {"dyke": rms})
+
+
+RUNS = [
+    run("reference", 0, [0.1, 1 / 3], 0.5),
+    run("design", 0, [0.2, 0.2], 0.3),
+    run("design", 1, [0.3, 0.3], 0.2),
+    run("infill", 0, [0.4, 0.4], 0.1),
+    run("infill", 1, [0.3, 0.3], 0.1),
+]
+
+
+def test_counts_best_and_prefix():
+    history = History(RUNS)
+    assert [history.count(kind) for kind in ("reference", "design", "infill")] == [1, 2, 2]
+    assert history.best("dyke") is RUNS[3], "the earliest of equals"
+    assert history.up_to(0).best("dyke") is RUNS[2]
+    assert history.infill == RUNS[3:]
+
+
+def test_training_holds_each_point_once():
+    x, dp = History(RUNS).training("dyke")
+    np.testing.assert_array_equal(x, [[0.1, 1 / 3], [0.2, 0.2], [0.3, 0.3], [0.4, 0.4]])
+    assert dp.shape == (4, 3)
+
+
+def test_files_round_trip_to_the_last_bit(tmp_path):
+    proposal = Proposal([0.1 + 0.2, 1e-300], "explore", 1e-5, None, 0.3)
+    runs = [
+        *RUNS[:3],
+        Run("infill", 0, "k", 0.1, {"dyke": [0.1 + 0.2]}, {"dyke": [1, 2, 3]}, {"dyke": 0.1}, {"dyke": proposal}),
+    ]
+    write_runs(tmp_path / "a.json", runs[:2])
+    write_runs(tmp_path / "b.json", runs[2:])
+    assert list(read_runs([tmp_path / "a.json", tmp_path / "b.json"]).runs) == runs
+    write_proposals(tmp_path / "p.json", {"dyke": proposal})
+    assert read_proposals(tmp_path / "p.json") == {"dyke": proposal}
+
+
+def test_score_asks_every_target():
+    record = Record("k", {"a": np.zeros(3, np.float32), "b": np.ones(3, np.float32)}, None, 0.2)
+    targets = {name: SimpleNamespace(score=lambda p: (np.array([p[0], 1.0, 0.0]), float(p[0]))) for name in "ab"}
+    found = score("design", 4, record, {"a": [1.0], "b": [2.0], "fixed": [3.0]}, targets)
+    assert found.rms == {"a": 0.0, "b": 1.0}
+    assert found.parameters == {"a": [1.0], "b": [2.0]}
+
+
+def test_a_listed_run_that_is_gone_is_named(tmp_path):
+    write_json(tmp_path / "index.json", [{"key": "abc", "parameters": {}}])
+    with pytest.raises(StoreError, match=r"abc\.h5.*index\.json"):
+        list(indexed([tmp_path / "index.json"], tmp_path, ["dyke"]))
+    store = RunStore(tmp_path)
+    store.put(Record("abc", {"dyke": np.zeros(3, np.float32)}, None, 0.2), {})
+    (record, _), *_ = indexed([tmp_path / "index.json"], tmp_path, ["dyke"])
+    assert record.key == "abc"

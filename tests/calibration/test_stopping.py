@@ -1,0 +1,95 @@
+from __future__ import annotations
+
+import pytest
+
+from radcal.calibration.history import History, Proposal, Run
+from radcal.calibration.stopping import decide
+from radcal.config import Stop
+
+
+def run(kind, index, rms, mode="exploit", floor=None):
+    names = list(rms)
+    return Run(
+        kind=kind,
+        index=index,
+        key=f"{kind}{index}",
+        seconds=0.0,
+        parameters={name: [float(index)] for name in names},
+        dp={name: [0.0, 1.0, 0.0] for name in names},
+        rms=rms,
+        proposals={name: Proposal([float(index)], mode, 0.0, floor) for name in names} if kind == "infill" else {},
+    )
+
+
+def history(infill, design=(0.5, 0.4), floors=None):
+    floors = floors or [None] * len(infill)
+    return History(
+        [
+            run("reference", 0, {"dyke": 0.6}),
+            *(run("design", k, {"dyke": rms}) for k, rms in enumerate(design)),
+            *(run("infill", k, {"dyke": rms}, floor=f) for k, (rms, f) in enumerate(zip(infill, floors, strict=True))),
+        ]
+    )
+
+
+def reason(h, **stop):
+    return decide(h, ["dyke"], Stop(**{"rms": 1e-3, "max_runs": 50, "stagnation_runs": 5, **stop})).reason
+
+
+def test_goes_on_until_within_the_tolerance():
+    assert reason(history([0.1, 0.01])) is None
+    assert reason(history([0.1, 0.01, 9e-4])) == "rms"
+    assert reason(history([], design=(0.5, 1e-4))) == "rms"
+    assert decide(history([9e-4]), ["dyke"], Stop(rms=1e-3)).converged
+
+
+def test_the_maximum_counts_design_and_infill():
+    assert reason(history([0.1, 0.1]), max_runs=4) == "max_runs"
+    assert reason(history([0.1, 0.1]), max_runs=5) is None
+    # an iteration beyond the maximum does not count, even where it is within the tolerance
+    assert reason(history([0.1, 0.1, 1e-4]), max_runs=4) == "max_runs"
+
+
+def test_stagnation_counts_runs_without_a_better_point():
+    assert reason(history([0.3, 0.31, 0.32]), stagnation_runs=2) == "stagnation"
+    assert reason(history([0.3, 0.31, 0.29]), stagnation_runs=2) is None
+    assert reason(history([0.3, 0.31, 0.32]), stagnation_runs=3) is None
+
+
+def test_unreachable_needs_a_floor_near_the_best():
+    assert reason(history([0.1, 0.1], floors=[None, 0.095])) == "unreachable"
+    assert reason(history([0.1, 0.1], floors=[None, 0.05])) is None
+
+
+def test_the_sentence_says_why():
+    verdict = decide(history([0.1, 0.1], floors=[None, 0.095]), ["dyke"], Stop(rms=1e-3)).materials["dyke"]
+    for word in ("dyke", "0.1", "0.001", "0.095", "no X"):
+        assert word in verdict.sentence
+
+
+@pytest.mark.parametrize("patience", [1, 2, 5])
+def test_an_ended_material_that_repeats_its_best_does_not_stagnate(patience):
+    runs = [
+        run("reference", 0, {"a": 0.6, "b": 0.6}),
+        run("design", 0, {"a": 1e-4, "b": 0.5}),
+        *(
+            Run("infill", k, str(k), 0.0, {}, {}, {"a": 1e-4, "b": 0.4 - 0.01 * k},
+                {"a": Proposal([0.0], "ended"), "b": Proposal([0.0], "exploit", 0.0)})
+            for k in range(4)
+        ),
+    ]  # fmt: skip
+    decision = decide(History(runs), ["a", "b"], Stop(rms=1e-3, stagnation_runs=patience))
+    assert decision.materials["a"].reason == "rms"
+    assert decision.materials["b"].reason is None
+    assert not decision.ended
+
+
+def test_the_worst_reason_names_the_loop():
+    runs = [
+        run("reference", 0, {"a": 0.6, "b": 0.6}),
+        run("design", 0, {"a": 1e-4, "b": 0.5}),
+        run("infill", 0, {"a": 1e-4, "b": 0.5}, floor=0.49),
+    ]
+    decision = decide(History(runs), ["a", "b"], Stop(rms=1e-3))
+    assert decision.reason == "unreachable"
+    assert not decision.converged

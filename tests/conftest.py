@@ -1,0 +1,86 @@
+"""A scene of 40 x 40 cells, small enough that geometry and image take milliseconds."""
+
+from __future__ import annotations
+
+import os
+
+# before numpy: its threads wait for each other longer than these small problems take
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+from radcal.config import Case, Radar, case_from
+from radcal.radar.geometry import Geometry, make_geometry
+from radcal.scene.model import Scene
+
+Surface = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
+
+
+@pytest.fixture(scope="session")
+def build_scene() -> Callable[..., Scene]:
+    """Make a scene from a function of (east, north) in metres from the scene's middle."""
+
+    def build(
+        surface: Surface,
+        *,
+        cells: tuple[int, int] = (40, 40),
+        cell_m: float = 5.0,
+        names: tuple[str, ...] = ("dyke",),
+        material: NDArray[np.uint8] | None = None,
+    ) -> Scene:
+        ny, nx = cells
+        north, east = np.meshgrid(
+            (np.arange(ny) + 0.5 - ny / 2) * cell_m, (np.arange(nx) + 0.5 - nx / 2) * cell_m, indexing="ij"
+        )
+        elevation = np.broadcast_to(surface(east, north), cells).astype(np.float64)
+        if material is None:
+            material = np.ones(cells, dtype=np.uint8)
+        return Scene("by hand", names, material, elevation, cell_m)
+
+    return build
+
+
+@pytest.fixture(scope="session")
+def scene(build_scene: Callable[..., Scene]) -> Scene:
+    """Rough ground: the dyke in the west, grass in the east."""
+    rough = gaussian_filter(np.random.default_rng(5).standard_normal((40, 40)), 1.5, mode="wrap")
+    material = np.where(np.arange(40) < 22, 1, 2).astype(np.uint8) * np.ones((40, 1), dtype=np.uint8)
+    return build_scene(lambda east, north: rough / rough.std(), names=("dyke", "grass"), material=material)
+
+
+@pytest.fixture(scope="session")
+def radar() -> Radar:
+    return Radar(altitude_m=1000.0)
+
+
+@pytest.fixture(scope="session")
+def geometry(scene: Scene, radar: Radar) -> Geometry:
+    return make_geometry(scene, radar)
+
+
+@pytest.fixture(scope="session")
+def build_case() -> Callable[..., Case]:
+    """Make the tiny case with some sections replaced."""
+
+    def build(**sections: Any) -> Case:
+        data: dict[str, Any] = {
+            "radar": {"altitude_m": 1000.0},
+            "materials": {"dyke": {"calibrate": True}, "grass": {"parameters": [10.0, 14.0, 6.0, 4.0]}},
+            "measurement": {"source": "synthetic", "synthetic": {"parameters": {"dyke": [6.1, 14.2, 21.5, 3.3]}}},
+            "target": {"pixels": 500},
+        }
+        return case_from(data | sections)
+
+    return build
+
+
+@pytest.fixture(scope="session")
+def case(build_case: Callable[..., Case]) -> Case:
+    return build_case()

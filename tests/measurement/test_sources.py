@@ -1,0 +1,283 @@
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rasterio
+
+from radcal.config import Case
+from radcal.errors import ConfigError, MeasurementError
+from radcal.measurement.model import Measurement, read_measurement, write_measurement
+from radcal.measurement.sources import make_measurement, smooth_warp
+from radcal.radar.geometry import Geometry
+from radcal.simulators import BuiltinSimulator
+
+pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
+
+Build = Callable[..., Case]
+Read = Callable[..., Measurement]
+
+
+class NoSimulator:
+    """A file needs no simulator."""
+
+    identity: Mapping[str, Any] = {}
+
+    def run(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> np.ndarray:
+        raise AssertionError("called")
+
+
+def write(path: Path, values: np.ndarray, nodata: float | None = None) -> None:
+    bands = values if values.ndim == 3 else values[None]
+    with rasterio.open(
+        path, "w", driver="GTiff", count=len(bands), height=bands.shape[1], width=bands.shape[2], dtype=bands.dtype,
+        nodata=nodata,
+    ) as raster:  # fmt: skip
+        raster.write(bands)
+
+
+@pytest.fixture
+def read(tmp_path: Path, geometry: Geometry, build_case: Build) -> Read:
+    """Write values as GeoTIFF and read them as the measurement of the tiny case."""
+
+    def read(values: np.ndarray | None, scale: str = "db", nodata: float | None = None, **sections: Any) -> Measurement:
+        path = tmp_path / "measured.tif"
+        if values is not None:
+            write(path, values, nodata)
+        case = build_case(measurement={"source": "file", "path": str(path), "scale": scale}, **sections)
+        return make_measurement(case, geometry, NoSimulator())
+
+    return read
+
+
+@pytest.fixture
+def image_db(geometry: Geometry) -> np.ndarray:
+    return np.random.default_rng(1).normal(-12.0, 3.0, geometry.shape).astype(np.float32)
+
+
+def test_db_is_read_as_it_is(read: Read, image_db: np.ndarray) -> None:
+    measurement = read(image_db)
+    np.testing.assert_array_equal(measurement.image_db, image_db)
+    assert measurement.image_db.dtype == np.float32
+    assert measurement.source == "measured.tif"
+    assert measurement.hidden == {}
+
+
+def test_power_becomes_db(read: Read, image_db: np.ndarray) -> None:
+    np.testing.assert_allclose(read(10 ** (image_db / 10), "power").image_db, image_db, atol=1e-5)
+    hundred = np.full(image_db.shape, 100, dtype=np.uint16)
+    hundred[::2] = 1000
+    found = read(hundred, "power").image_db
+    np.testing.assert_allclose(found[:2, 0], [30.0, 20.0])
+
+
+def test_power_without_signal_is_nan(read: Read, image_db: np.ndarray) -> None:
+    power = 10 ** (image_db / 10)
+    power[0, :3] = [0.0, np.nan, -1e-9]  # a few negative values are what noise subtraction leaves
+    found = read(power, "power").image_db
+    assert np.isnan(found[0, :3]).all()
+    assert np.isfinite(found[1:]).all()
+
+
+def test_nodata_is_nan(read: Read, image_db: np.ndarray) -> None:
+    image_db[3, 4:9] = -9999.0
+    found = read(image_db, nodata=-9999.0).image_db
+    assert np.isnan(found[3, 4:9]).all()
+    assert np.count_nonzero(np.isnan(found)) == 5
+
+
+def test_image_of_another_size(read: Read, geometry: Geometry) -> None:
+    rows, columns = geometry.shape
+    with pytest.raises(
+        MeasurementError, match=rf"measured\.tif has 30 x 20 pixels, the scene's image {rows} x {columns}: crop"
+    ):
+        read(np.zeros((30, 20), dtype=np.float32))
+
+
+@pytest.mark.parametrize("scale", ["db", "power"])
+def test_image_of_nan_only(read: Read, geometry: Geometry, scale: str) -> None:
+    with pytest.raises(MeasurementError, match=r"measurement.path: .*measured\.tif holds no finite number"):
+        read(np.full(geometry.shape, np.nan, dtype=np.float32), scale)
+
+
+def test_several_bands(read: Read, image_db: np.ndarray) -> None:
+    with pytest.raises(MeasurementError, match=r"measured\.tif has 3 bands, expected one"):
+        read(np.stack([image_db] * 3))
+
+
+@pytest.mark.parametrize(("scale", "words"), [("db", "dB"), ("power", "linear power")])
+def test_complex_numbers(read: Read, image_db: np.ndarray, scale: str, words: str) -> None:
+    with pytest.raises(MeasurementError, match=rf"measured\.tif holds complex64, expected real numbers in {words}"):
+        read(image_db.astype(np.complex64), scale)
+
+
+def test_db_declared_as_power(read: Read, image_db: np.ndarray) -> None:
+    negative = np.count_nonzero(image_db < 0)
+    with pytest.raises(
+        MeasurementError, match=rf"{negative} of {image_db.size} values .* negative, .* set measurement\.scale: db"
+    ):
+        read(image_db, "power")
+
+
+def test_power_declared_as_db(read: Read, image_db: np.ndarray) -> None:
+    power = 10 ** (3 * image_db / 10)  # a wide dynamic range, as of single-look power
+    with pytest.raises(
+        MeasurementError, match=r"run from .*e-\d+ to .*looks like power: set measurement\.scale: power"
+    ):
+        read(power, "db")
+
+
+def test_file_that_is_no_raster(read: Read, tmp_path: Path) -> None:
+    (tmp_path / "measured.tif").write_text("hello")
+    with pytest.raises(MeasurementError, match=r"measurement.path: .*measured\.tif cannot be read as a raster"):
+        read(None)
+
+
+def test_raster_cut_short(read: Read, tmp_path: Path, image_db: np.ndarray) -> None:
+    path = tmp_path / "measured.tif"
+    write(path, image_db)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    with pytest.raises(MeasurementError, match=r"measured\.tif cannot be read as a raster"):
+        read(None)
+
+
+def test_missing_file(read: Read) -> None:
+    with pytest.raises(ConfigError, match=r"measurement\.path: the file .*measured\.tif does not exist"):
+        read(None)
+
+
+def test_variable_in_the_path(
+    geometry: Geometry, build_case: Build, image_db: np.ndarray, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write(tmp_path / "a.tif", image_db)
+    case = build_case(measurement={"source": "file", "path": "${RADCAL_TEST_DATA}/a.tif", "scale": "db"})
+    monkeypatch.delenv("RADCAL_TEST_DATA", raising=False)
+    with pytest.raises(ConfigError, match=r"measurement\.path is .*RADCAL_TEST_DATA is not set: type export"):
+        make_measurement(case, geometry, NoSimulator())
+    monkeypatch.setenv("RADCAL_TEST_DATA", str(tmp_path))
+    np.testing.assert_array_equal(make_measurement(case, geometry, NoSimulator()).image_db, image_db)
+
+
+def test_material_without_a_finite_pixel(read: Read, geometry: Geometry, image_db: np.ndarray) -> None:
+    image_db.ravel()[geometry.pixels("dyke")] = np.nan
+    visible = geometry.pixels("dyke", 1).size
+    with pytest.raises(
+        MeasurementError, match=rf"materials\.dyke: all {visible} of its pixels .*\(measured\.tif\) are NaN"
+    ):
+        read(image_db)
+
+
+def test_other_materials_may_be_nan(read: Read, geometry: Geometry, image_db: np.ndarray) -> None:
+    image_db.ravel()[geometry.pixels("grass")] = np.nan
+    assert np.isnan(read(image_db).image_db).any()
+
+
+def test_material_with_too_few_pixels(read: Read, geometry: Geometry, image_db: np.ndarray) -> None:
+    pixels = geometry.pixels("dyke", 1)
+    image_db.ravel()[pixels[49:]] = np.nan
+    with pytest.raises(MeasurementError, match=r"materials\.dyke: 49 usable pixels, expected at least 50") as caught:
+        read(image_db)
+    for words in (f"visible {geometry.pixels('dyke').size}", f"{pixels.size} of them", "target.margin_px = 1", "49 of"):
+        assert words in str(caught.value)
+    image_db.ravel()[pixels[49]] = -12.0
+    read(image_db)
+
+
+def test_margin_that_leaves_nothing(read: Read, image_db: np.ndarray) -> None:
+    with pytest.raises(MeasurementError, match=r"materials\.dyke: 0 usable pixels, .*target\.margin_px = 100"):
+        read(image_db, target={"margin_px": 100})
+
+
+@pytest.fixture(scope="module")
+def synthetic(geometry: Geometry, build_case: Build) -> Callable[..., Measurement]:
+    def make(parameters: dict[str, list[float]] | None = None, **keys: Any) -> Measurement:
+        parameters = {"dyke": [6.1, 14.2, 21.5, 3.3]} if parameters is None else parameters
+        case = build_case(measurement={"source": "synthetic", "synthetic": {"parameters": parameters, **keys}})
+        laws = {name: material.law for name, material in case.materials.items()}
+        return make_measurement(case, geometry, BuiltinSimulator(geometry, case.radar, laws))
+
+    return make
+
+
+def test_synthetic_measurement_is_reproducible(synthetic: Callable[..., Measurement]) -> None:
+    a, b, other = synthetic(), synthetic(), synthetic(seed=3)
+    np.testing.assert_array_equal(a.image_db, b.image_db)
+    assert np.abs(a.image_db - other.image_db).mean() > 1.0
+    assert "synthetic" in a.source
+
+
+def test_synthetic_measurement_hides_the_truth(synthetic: Callable[..., Measurement], geometry: Geometry) -> None:
+    truth = synthetic()
+    assert truth.hidden == {"dyke": [6.1, 14.2, 21.5, 3.3]}
+    brighter = synthetic({"dyke": [11.1, 14.2, 21.5, 3.3]})
+    change = (brighter.image_db - truth.image_db).ravel()
+    assert np.median(change[geometry.pixels("dyke", 3)]) == pytest.approx(5.0, abs=0.01)
+    assert np.median(change[geometry.pixels("grass", 3)]) == pytest.approx(0.0, abs=0.01)
+    # without a hidden truth a material keeps its starting parameters
+    assert synthetic({}).hidden == {"dyke": [25.0] * 4}
+
+
+def test_speckle_of_the_measurement_is_not_that_of_the_runs(
+    synthetic: Callable[..., Measurement], geometry: Geometry, case: Case
+) -> None:
+    laws = dict.fromkeys(case.materials, "mangia")
+    x = {"dyke": [6.1, 14.2, 21.5, 3.3], "grass": [10.0, 14.0, 6.0, 4.0]}
+    pixels = geometry.pixels("grass", 3)
+    measured = synthetic().image_db.ravel()[pixels]
+    for seed in (1, 2):
+        run = BuiltinSimulator(geometry, case.radar, laws).run(x, seed).ravel()[pixels]
+        assert abs(np.corrcoef(measured, run)[0, 1]) < 0.3
+
+
+@pytest.mark.parametrize("offset_db", [1.5, -30.0])
+def test_offset_is_added_exactly(synthetic: Callable[..., Measurement], offset_db: float) -> None:
+    np.testing.assert_array_equal(synthetic(offset_db=offset_db).image_db, synthetic().image_db + np.float32(offset_db))
+
+
+@pytest.mark.parametrize("rms_px", [0.5, 4.0])
+def test_displacement_field_has_the_requested_rms_and_is_smooth(rms_px: float) -> None:
+    field = smooth_warp((200, 150), rms_px, np.random.default_rng(0))
+    assert field.shape == (2, 200, 150)
+    assert np.sqrt((field**2).sum(axis=0).mean()) == pytest.approx(rms_px, rel=1e-9)
+    assert max(np.abs(np.diff(field, axis=k)).max() for k in (1, 2)) < 0.05 * rms_px
+    assert not np.array_equal(field, smooth_warp((200, 150), rms_px, np.random.default_rng(1)))
+
+
+def test_warp_moves_the_image_by_the_requested_rms(geometry: Geometry, build_case: Build) -> None:
+    rms_px = 3.0
+
+    class Ramp:
+        """Power that says where a pixel comes from."""
+
+        identity: Mapping[str, Any] = {}
+
+        def __init__(self, axis: int) -> None:
+            self.axis = axis
+
+        def run(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> np.ndarray:
+            return (10 * np.log10(np.indices(geometry.shape)[self.axis] + 1.0)).astype(np.float32)
+
+    case = build_case(measurement={"source": "synthetic", "synthetic": {"warp_px": rms_px}})
+    moved = [
+        10 ** (make_measurement(case, geometry, Ramp(axis)).image_db.astype(float) / 10)
+        - 1
+        - np.indices(geometry.shape)[axis]
+        for axis in (0, 1)
+    ]
+    inside = np.s_[8:-8, 8:-8]
+    length = np.hypot(*moved)[inside]
+    assert np.sqrt((length**2).mean()) == pytest.approx(rms_px, rel=0.15)
+    assert length.max() < 4 * rms_px
+
+
+def test_measurement_file_round_trip(tmp_path: Path, image_db: np.ndarray) -> None:
+    image_db[0, 0] = np.nan
+    measurement = Measurement(image_db, "a.tif", {"bare soil": [1.0, 2.0], "dyke": [6.1, 14.2, 21.5, 3.3]})
+    write_measurement(tmp_path / "m.h5", measurement)
+    back = read_measurement(tmp_path / "m.h5")
+    np.testing.assert_array_equal(back.image_db, image_db)
+    assert back.source == measurement.source
+    assert back.hidden == measurement.hidden

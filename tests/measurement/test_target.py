@@ -1,0 +1,137 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from radcal import skewnormal
+from radcal.config import Target as TargetConfig
+from radcal.errors import FitError, MeasurementError
+from radcal.measurement.model import Measurement
+from radcal.measurement.target import eligible_pixels, make_target, read_targets, sampling_rms, write_targets
+from radcal.radar.geometry import Geometry
+
+CONFIG = TargetConfig(pixels=500)
+
+
+@pytest.fixture(scope="module")
+def measurement(geometry: Geometry) -> Measurement:
+    values = stats.skewnorm.rvs(2.0, -12.0, 4.0, size=geometry.shape, random_state=1)
+    return Measurement(values.astype(np.float32), "test")
+
+
+def test_pixels_are_drawn_without_replacement_from_the_eligible(geometry: Geometry, measurement: Measurement) -> None:
+    target = make_target("dyke", geometry, measurement, CONFIG, 1)
+    assert target.pixels.size == len(set(target.pixels.tolist())) == 500
+    allowed = eligible_pixels("dyke", geometry, measurement, CONFIG)
+    assert set(target.pixels.tolist()) <= set(allowed.tolist())
+    np.testing.assert_array_equal(allowed, geometry.pixels("dyke", 1))
+    assert target.eligible == allowed.size > 500
+    # spread over the material, not its first 500
+    assert np.median(target.pixels) == pytest.approx(np.median(allowed), rel=0.15)
+
+
+def test_order_finds_the_pixels_in_a_record(geometry: Geometry, measurement: Measurement) -> None:
+    target = make_target("dyke", geometry, measurement, CONFIG, 1)
+    np.testing.assert_array_equal(geometry.pixels("dyke")[target.order], target.pixels)
+    record = measurement.image_db.ravel()[geometry.pixels("dyke")]  # what the store keeps
+    np.testing.assert_array_equal(record[target.order], target.values_db)
+    np.testing.assert_array_equal(target.incidence_deg, geometry.incidence_deg.ravel()[target.pixels])
+
+
+def test_score_of_the_measured_values_is_zero(geometry: Geometry, measurement: Measurement) -> None:
+    target = make_target("dyke", geometry, measurement, CONFIG, 1)
+    record = measurement.image_db.ravel()[geometry.pixels("dyke")]
+    dp, rms = target.score(record)
+    assert rms < 1e-12
+    np.testing.assert_allclose(dp, target.dp, rtol=1e-9)
+    shifted, rms = target.score(record + np.float32(1.0))
+    np.testing.assert_allclose(shifted - target.dp, [1.0, 0.0, 0.0], atol=1e-3)
+    grid = skewnormal.target_grid(target.dp)
+    pdf = stats.skewnorm(target.dp[2], target.dp[0], target.dp[1]).pdf
+    assert rms == pytest.approx(np.sqrt(np.mean((pdf(grid - 1.0) - pdf(grid)) ** 2)), rel=1e-2)
+
+
+def test_target_is_the_fit_of_its_values(geometry: Geometry, measurement: Measurement) -> None:
+    target = make_target("dyke", geometry, measurement, CONFIG, 1)
+    np.testing.assert_array_equal(target.dp, skewnormal.fit(target.values_db).dp)
+    np.testing.assert_allclose(target.cp, skewnormal.centred(target.dp))
+    assert not target.at_boundary
+    mean, variance = stats.skewnorm(2.0, -12.0, 4.0).stats("mv")
+    assert target.cp[0] == pytest.approx(mean, abs=4 * np.sqrt(variance / 500))
+
+
+def test_draw_depends_on_seed_and_material_only(geometry: Geometry, measurement: Measurement) -> None:
+    target = make_target("dyke", geometry, measurement, CONFIG, 1)
+    again = make_target("dyke", geometry, Measurement(measurement.image_db + 3, "other"), CONFIG, 1)
+    np.testing.assert_array_equal(again.pixels, target.pixels)
+    other = make_target("dyke", geometry, measurement, CONFIG, 2)
+    assert not np.array_equal(other.pixels, target.pixels)
+    assert make_target("dyke", geometry, measurement, CONFIG, 1).rms_sampling == target.rms_sampling
+
+
+def test_nan_pixels_are_not_drawn(geometry: Geometry, measurement: Measurement) -> None:
+    image = measurement.image_db.copy()
+    out = geometry.pixels("dyke", 1)[::2]
+    image.ravel()[out] = np.nan
+    image.ravel()[geometry.pixels("dyke", 1)[1]] = np.inf
+    target = make_target("dyke", geometry, Measurement(image, "holes"), CONFIG, 1)
+    assert not set(target.pixels.tolist()) & set(out.tolist())
+    assert np.isfinite(target.values_db).all()
+    assert target.eligible == geometry.pixels("dyke", 1).size - out.size - 1
+
+
+def test_fewer_pixels_than_wanted_are_all_taken(geometry: Geometry, measurement: Measurement) -> None:
+    target = make_target("dyke", geometry, measurement, TargetConfig(pixels=1_000_000, margin_px=3), 1)
+    np.testing.assert_array_equal(target.pixels, geometry.pixels("dyke", 3))
+    assert target.eligible == target.pixels.size
+
+
+def test_too_few_pixels(geometry: Geometry) -> None:
+    image = np.full(geometry.shape, np.nan, dtype=np.float32)
+    image.ravel()[geometry.pixels("dyke", 1)[:20]] = 1.0
+    with pytest.raises(MeasurementError, match=r"materials\.dyke: 20 usable pixels, expected at least 50"):
+        make_target("dyke", geometry, Measurement(image, "holes"), CONFIG, 1)
+
+
+def test_constant_image_cannot_be_fitted(geometry: Geometry) -> None:
+    with pytest.raises(FitError, match="all 500 are -5 dB"):
+        make_target("dyke", geometry, Measurement(np.full(geometry.shape, -5, dtype=np.float32), "c"), CONFIG, 1)
+
+
+def test_round_trip_is_exact(geometry: Geometry, measurement: Measurement, tmp_path: Path) -> None:
+    targets = {name: make_target(name, geometry, measurement, CONFIG, 1) for name in ("dyke", "grass")}
+    write_targets(tmp_path / "targets.h5", targets)
+    back = read_targets(tmp_path / "targets.h5")
+    assert back.keys() == targets.keys()
+    for name, target in targets.items():
+        for key in ("pixels", "order", "values_db", "incidence_deg", "dp"):
+            assert getattr(back[name], key).dtype == getattr(target, key).dtype
+            np.testing.assert_array_equal(getattr(back[name], key), getattr(target, key))
+        for key in ("eligible", "at_boundary", "rms_sampling"):
+            assert getattr(back[name], key) == getattr(target, key)
+            assert type(getattr(back[name], key)) is type(getattr(target, key))
+
+
+def test_sampling_rms_of_a_thousand_pixels() -> None:
+    dp = skewnormal.direct([-12.0, 3.0, -0.4])
+    assert 1e-3 < sampling_rms(dp, 1000, np.random.default_rng(1)) < 2e-3
+
+
+def test_sampling_rms_falls_with_the_root_of_the_size_and_with_the_width() -> None:
+    dp = skewnormal.direct([-12.0, 3.0, -0.4])
+    few, many = (sampling_rms(dp, n, np.random.default_rng(1), draws=60) for n in (500, 8000))
+    assert few / many == pytest.approx(4.0, rel=0.3)
+    wide = sampling_rms(dp * [1, 2, 1], 500, np.random.default_rng(1), draws=60)
+    assert wide == pytest.approx(few / 2, rel=1e-3)
+
+
+def test_sampling_rms_is_what_fresh_scipy_samples_give() -> None:
+    xi, omega, alpha = dp = skewnormal.direct([0.0, 3.0, 0.5])
+    found = []
+    for k in range(40):
+        sample = stats.skewnorm.rvs(alpha, xi, omega, size=1000, random_state=k)
+        found.append(skewnormal.density_rms(skewnormal.fit(sample).dp, dp))
+    assert sampling_rms(dp, 1000, np.random.default_rng(2)) == pytest.approx(np.median(found), rel=0.35)

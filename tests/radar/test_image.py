@@ -1,0 +1,158 @@
+"""Image formation against the gamma distribution of multilook intensity."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy import special, stats
+
+from radcal.config import Radar
+from radcal.errors import ConfigError
+from radcal.radar.geometry import Geometry, make_geometry
+from radcal.radar.image import ImageFormation, reflectivity
+from radcal.radar.laws import LAWS, Law
+from radcal.scene.model import Scene
+
+SHAPE = (330, 330)
+APART = np.s_[12:-12:6, 12:-12:6]  # six pixels are four resolutions: uncorrelated; away from the image's edge
+N = 51 * 51  # sample size
+DYKE, GRASS = [6.1, 14.2, 21.5, 3.3], [10.0, 14.0, 6.0, 4.0]
+QUIET = -200.0  # [dB] no noise at all
+
+
+def flat_image_db(looks: int = 4, sigma0_db: float = 0.0, nesz_db: float = QUIET, seed: int = 11) -> np.ndarray:
+    formation = ImageFormation(Radar(looks=looks, nesz_db=nesz_db), SHAPE)
+    return formation.intensity_db(np.full(SHAPE, 10 ** (sigma0_db / 10), dtype=np.float32), seed)
+
+
+@pytest.mark.parametrize("looks", [1, 4])
+def test_one_material_follows_the_gamma_distribution(looks: int) -> None:
+    sigma0_db = -7.5
+    db = flat_image_db(looks, sigma0_db)[APART].astype(float).ravel()
+    assert db.size == N
+    power = 10 ** ((db - sigma0_db) / 10)
+    assert stats.kstest(power, stats.gamma(looks, scale=1 / looks).cdf).pvalue > 1e-3
+    assert power.mean() == pytest.approx(1.0, abs=3 / np.sqrt(looks * N))
+    # sd of the log: its own sd from the fourth cumulant of the log-gamma
+    sd = 10 / np.log(10) * np.sqrt(special.polygamma(1, looks))
+    excess = special.polygamma(3, looks) / special.polygamma(1, looks) ** 2
+    assert db.std() == pytest.approx(sd, rel=3 * np.sqrt((excess + 2) / (4 * N)))
+
+
+def test_decimated_pixels_are_uncorrelated_and_neighbours_are_not() -> None:
+    power = 10 ** (flat_image_db().astype(float) / 10)
+    a, b = power[12:-18:6, 12:-12:6], power[18:-12:6, 12:-12:6]
+    assert abs(np.corrcoef(a.ravel(), b.ravel())[0, 1]) < 4 / np.sqrt(a.size)
+    assert np.corrcoef(power[1:].ravel(), power[:-1].ravel())[0, 1] > 0.1
+
+
+def test_neighbours_correlate_as_the_impulse_response_says() -> None:
+    from radcal.radar.speckle import impulse_response
+
+    power = 10 ** (flat_image_db().astype(float)[12:-12, 12:-12] / 10)
+    taps = impulse_response(Radar().range_resolution_m, Radar().range_spacing_m)
+    expected = (taps[1:] @ taps[:-1]) ** 2  # intensity: squared correlation of the field (Siegert)
+    assert np.corrcoef(power[1:].ravel(), power[:-1].ravel())[0, 1] == pytest.approx(expected, abs=0.02)
+
+
+def test_zero_reflectivity_gives_the_noise_floor() -> None:
+    formation = ImageFormation(Radar(nesz_db=-23.0), SHAPE)
+    power = 10 ** (formation.intensity_db(np.zeros(SHAPE, dtype=np.float32), 3)[APART].astype(float).ravel() / 10)
+    assert power.mean() == pytest.approx(10**-2.3, rel=3 / np.sqrt(4 * N))
+    assert stats.kstest(power / 10**-2.3, stats.gamma(4, scale=1 / 4).cdf).pvalue > 1e-3
+
+
+def test_noise_adds_to_the_mean_power() -> None:
+    power = 10 ** (flat_image_db(nesz_db=0.0)[APART].astype(float) / 10)
+    assert power.mean() == pytest.approx(2.0, rel=3 / np.sqrt(4 * N))
+
+
+def test_equal_seeds_give_equal_images_bit_for_bit() -> None:
+    sigma0 = np.random.default_rng(1).random((60, 50), dtype=np.float32)
+    a, b = (ImageFormation(Radar(), sigma0.shape) for _ in range(2))
+    first = a.intensity_db(sigma0, 5)
+    a.intensity_db(sigma0 * 2, 6)  # another run between them
+    np.testing.assert_array_equal(a.intensity_db(sigma0, 5), first)
+    np.testing.assert_array_equal(b.intensity_db(sigma0, 5), first)
+    assert first.dtype == np.float32
+    assert first.shape == sigma0.shape
+    assert sigma0.min() >= 0  # the input is not changed
+
+
+def test_three_db_more_reflectivity_is_three_db_more_image() -> None:
+    formation = ImageFormation(Radar(nesz_db=QUIET), (60, 50))
+    sigma0 = np.random.default_rng(1).random((60, 50), dtype=np.float32) + np.float32(0.1)
+    shift = formation.intensity_db(sigma0 * np.float32(10**0.3), 5) - formation.intensity_db(sigma0, 5)
+    np.testing.assert_allclose(shift, 3.0, atol=2e-3)
+
+
+def test_new_noise_seed_changes_the_image_but_not_its_distribution() -> None:
+    a, b = (10 ** (flat_image_db(seed=s)[APART].astype(float).ravel() / 10) for s in (11, 12))
+    assert abs(np.corrcoef(a, b)[0, 1]) < 4 / np.sqrt(N)
+    assert stats.ks_2samp(a, b).pvalue > 1e-3
+
+
+def test_image_is_finite_where_nothing_is_visible_and_nothing_is_noise() -> None:
+    formation = ImageFormation(Radar(nesz_db=-500.0), (40, 40))
+    assert np.isfinite(formation.intensity_db(np.zeros((40, 40), dtype=np.float32), 1)).all()
+
+
+def test_point_target_has_the_configured_resolution() -> None:
+    radar = Radar(looks=1, nesz_db=QUIET, range_resolution_m=6.0, azimuth_resolution_m=10.0, range_spacing_m=1,
+                  azimuth_spacing_m=1)  # fmt: skip
+    sigma0 = np.zeros((101, 101), dtype=np.float32)
+    sigma0[50, 50] = 1e6
+    db = ImageFormation(radar, sigma0.shape).intensity_db(sigma0, 2).astype(float)
+    assert np.unravel_index(db.argmax(), db.shape) == (50, 50)
+    for profile, resolution in [(db[50:, 50], 6.0), (db[50, 50:], 10.0)]:
+        half = np.interp(10 * np.log10(2), profile[0] - profile[:15], np.arange(15))
+        assert 2 * half == pytest.approx(resolution, rel=0.03)
+
+
+@pytest.mark.parametrize("axis", ["range", "azimuth"])
+def test_resolution_finer_than_the_sampling_is_refused(axis: str) -> None:
+    radar = Radar(**{f"{axis}_resolution_m": 2.0, f"{axis}_spacing_m": 1.8})
+    with pytest.raises(ConfigError, match=rf"radar\.{axis}_resolution_m is 2, expected at least 2\.1\d .* 1\.8 m"):
+        ImageFormation(radar, (20, 20))
+
+
+def test_reflectivity_is_the_mean_over_visible_facets(geometry: Geometry) -> None:
+    found = reflectivity(geometry, {"dyke": LAWS["mangia"], "grass": LAWS["mangia"]}, {"dyke": DYKE, "grass": GRASS})
+    assert found.shape == geometry.shape
+    assert found.dtype == np.float32
+    mixed = np.flatnonzero((geometry.material == 0) & (geometry.facets > 0))[:3]
+    for pixel in [*geometry.pixels("dyke")[:3], *geometry.pixels("grass")[-3:], *mixed]:
+        mine = geometry.facet_pixel == pixel
+        powers = []
+        for phi, k in zip(geometry.facet_incidence_rad[mine], geometry.facet_material[mine], strict=True):
+            x1, x2, x3, x4 = (DYKE, GRASS)[k - 1]
+            powers.append(10 ** ((x1 + x2 * np.cos(float(phi)) + x3 * np.exp(-x4 * float(phi) ** 2)) / 10))
+        assert found.ravel()[pixel] == pytest.approx(np.mean(powers), rel=1e-5)
+
+
+def test_reflectivity_of_a_flat_scene_is_the_law(build_scene: Callable[..., Scene], radar: Radar) -> None:
+    geometry = make_geometry(build_scene(lambda east, north: 0 * east), radar)
+    found_db = 10 * np.log10(reflectivity(geometry, {"dyke": LAWS["mangia"]}, {"dyke": DYKE}))
+    phi = np.radians(geometry.incidence_deg.astype(float))
+    expected = DYKE[0] + DYKE[1] * np.cos(phi) + DYKE[2] * np.exp(-DYKE[3] * phi**2)
+    np.testing.assert_allclose(found_db, expected, atol=0.01)
+
+
+def test_invisible_pixels_and_materials_without_a_law_are_dark(geometry: Geometry) -> None:
+    constant = Law(lambda phi, x: np.full(np.shape(phi), x[0]), ("c",), ("dB",), ((0.0, 1.0),))
+    found = reflectivity(geometry, {"grass": constant}, {"grass": [0.0]}).ravel()
+    assert (found[geometry.pixels("dyke")] == 0).all()
+    np.testing.assert_allclose(found[geometry.pixels("grass")], 1.0, rtol=1e-6)
+
+
+def test_image_of_a_material_has_the_laws_level(build_scene: Callable[..., Scene]) -> None:
+    radar = Radar(altitude_m=20_000.0, nesz_db=QUIET)
+    geometry = make_geometry(build_scene(lambda east, north: 0 * east, cells=(120, 120)), radar)
+    sigma0 = reflectivity(geometry, {"dyke": LAWS["mangia"]}, {"dyke": DYKE})
+    image = ImageFormation(radar, geometry.shape).intensity_db(sigma0, 4)
+    ratio = (10 ** (image.astype(float) / 10) / sigma0)[6:-6:6, 6:-6:6]
+    assert ratio.size > 1000
+    assert ratio.mean() == pytest.approx(1.0, abs=3 / np.sqrt(4 * ratio.size))
+    assert stats.kstest(ratio.ravel(), stats.gamma(4, scale=1 / 4).cdf).pvalue > 1e-3

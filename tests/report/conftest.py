@@ -1,0 +1,177 @@
+"""Small archives, written by the library from made-up runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from radcal import skewnormal
+from radcal.calibration.history import History, Proposal, Run
+from radcal.config import Case, Stop, case_from
+from radcal.measurement.model import Measurement
+from radcal.measurement.target import Target
+from radcal.radar.geometry import Geometry
+from radcal.report.archive import write_archive
+from radcal.store import Record, RunStore
+
+HIDDEN = [6.1, 14.2, 21.5, 3.3]
+# the density's xi is this far from the target's in successive runs, per material
+SHIFTS = {
+    "dyke": {"reference": [9.0], "design": [5.0, -6.0, 2.0], "infill": [0.2, 1e-6]},
+    "stem beans": {"reference": [-40.0], "design": [3.0, 1.0, -7.0], "infill": [0.5, 0.6]},
+}
+
+
+@dataclass(frozen=True)
+class Made:
+    """An archive and what it was made from."""
+
+    path: Path
+    case: Case
+    stop: Stop
+    history: History
+    targets: dict[str, Target]
+    final: tuple[Record, Record]
+    measurement: Measurement
+    geometry: Geometry
+
+
+def make_archive(
+    folder: Path,
+    *,
+    shifts: dict[str, dict[str, list[float]]] | None = None,
+    hidden: Sequence[str] = ("dyke",),
+    floors: dict[str, list[float | None]] | None = None,
+    shape: tuple[int, int] = (40, 30),
+    source: str = "synthetic, seed 2",
+    stop: Stop | None = None,
+    omega: float = 3.0,
+    nan: bool = False,
+    pixels: int = 120,
+) -> Made:
+    """Write an archive: every material a stripe, all numbers made up but consistent."""
+    shifts = SHIFTS if shifts is None else shifts
+    floors = {"stem beans": [None, 0.05]} if floors is None else floors
+    stop = stop or Stop(rms=1e-4, max_runs=50, stagnation_runs=20)
+    names = [*shifts, "unused"]
+    rng = np.random.default_rng(7)
+    case = case_from(
+        {
+            "case": "small",
+            "materials": {
+                **{name: {"calibrate": True, "start": [10.0, 10.0, 10.0, 10.0]} for name in shifts},
+                "unused": {"parameters": [1.0, 2.0, 3.0, 4.0]},
+            },
+            "measurement": {"source": "synthetic", "synthetic": {"parameters": {}}},
+            "design": {"size": len(next(iter(shifts.values()))["design"])},
+        }
+    )
+
+    stripe = (np.arange(max(shape)) * len(names)) // max(shape) + 1
+    axis = 0 if shape[0] >= shape[1] else 1
+    material = np.broadcast_to(np.expand_dims(stripe, 1 - axis), shape).astype(np.uint8).copy()
+    material[0, 0] = 0
+    incidence = np.linspace(20.0, 50.0, material.size).reshape(shape).astype(np.float32)
+    pixel = np.argsort(material.ravel(), kind="stable").astype(np.int32)
+    geometry = Geometry(
+        shape=shape,
+        names=tuple(names),
+        facet_pixel=pixel,
+        facet_material=material.ravel()[pixel],
+        facet_incidence_rad=np.radians(incidence.ravel()[pixel]),
+        facets=np.ones(shape, dtype=np.int32),
+        material=material,
+        incidence_deg=incidence,
+    )
+
+    def image() -> Any:
+        u = np.abs(rng.standard_normal(shape))
+        return (-12.0 + material + omega * (-0.8 * u + 0.6 * rng.standard_normal(shape))).astype(np.float32)
+
+    measured = image()
+    if nan:
+        np.moveaxis(measured, axis, 0)[:, : min(shape) // 5] = np.nan
+        measured[rng.random(shape) < 0.02] = np.nan
+    measurement = Measurement(measured, source, dict.fromkeys(hidden, HIDDEN))
+
+    targets = {}
+    for name in shifts:
+        visible = geometry.pixels(name)
+        eligible = visible[np.isfinite(measured.ravel()[visible])]
+        drawn = np.sort(rng.choice(eligible, size=min(pixels, eligible.size), replace=False))
+        fit = skewnormal.fit(measured.ravel()[drawn])
+        targets[name] = Target(
+            pixels=drawn,
+            order=np.searchsorted(visible, drawn),
+            values_db=measured.ravel()[drawn],
+            incidence_deg=incidence.ravel()[drawn],
+            dp=fit.dp,
+            eligible=int(eligible.size),
+            at_boundary=name == "stem beans",
+            rms_sampling=0.004,
+        )
+
+    def record(key: str) -> Record:
+        values = image()
+        return Record(key, {name: values.ravel()[geometry.pixels(name)] for name in shifts}, values, 0.5)
+
+    runs = []
+    ended = dict.fromkeys(shifts, False)
+    for kind in ("reference", "design", "infill"):
+        for index in range(len(next(iter(shifts.values()))[kind])):
+            dp = {name: (t.dp + [shifts[name][kind][index], 0.0, 0.0]).tolist() for name, t in targets.items()}
+            proposals = {}
+            if kind == "infill":
+                for name in shifts:
+                    floor = floors.get(name, [None] * 99)[index]
+                    proposals[name] = Proposal([1.0] * 4, "ended" if ended[name] else "exploit", 1e-9, floor)
+                    ended[name] |= abs(shifts[name][kind][index]) < 1e-4
+            runs.append(
+                Run(
+                    kind=kind,
+                    index=index,
+                    key=f"{kind}{index:04d}",
+                    seconds=0.1 + 0.2 * index,
+                    parameters={
+                        name: [10.0, 10.0, 10.0, 10.0]
+                        if kind == "reference"
+                        else [50.0, *rng.uniform(1, 49, 3).tolist()]
+                        for name in shifts
+                    },
+                    dp=dp,
+                    rms={name: skewnormal.density_rms(dp[name], t.dp) for name, t in targets.items()},
+                    proposals=proposals,
+                )
+            )
+    history = History(runs)
+    RunStore(folder / "runs").put(record(runs[0].key), {})
+    final = (record(runs[-1].key), record("fresh"))
+    path = folder / "calibration.h5"
+    write_archive(
+        path,
+        case=case,
+        stop=stop,
+        history=history,
+        geometry=geometry,
+        measurement=measurement,
+        targets=targets,
+        runs=folder / "runs",
+        final=final,
+    )
+    return Made(path, case, stop, history, targets, final, measurement, geometry)
+
+
+@pytest.fixture(scope="session")
+def build_archive() -> Callable[..., Made]:
+    return make_archive
+
+
+@pytest.fixture(scope="session")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    """Two materials: the dyke converges and is known, stem beans cannot be reached."""
+    return make_archive(tmp_path_factory.mktemp("archive"), source="synthetic <b>seed</b> 2 & more")

@@ -1,0 +1,96 @@
+"""The archive and the table hold what they were made from."""
+
+from __future__ import annotations
+
+import json
+
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+
+from radcal.errors import StoreError
+from radcal.report.archive import write_archive, write_table
+
+
+def test_every_run_is_there_in_order(made):
+    with h5py.File(made.path) as file:
+        assert file["runs/kind"].asstr()[()].tolist() == ["reference", *["design"] * 3, *["infill"] * 2]
+        assert file["runs/index"][()].tolist() == [0, 0, 1, 2, 0, 1]
+        assert file["runs/key"].asstr()[()].tolist() == [run.key for run in made.history.runs]
+        for name in made.targets:
+            group = file[f"materials/{name}"]
+            for key in ("parameters", "dp", "rms"):
+                np.testing.assert_array_equal(group[key], [getattr(run, key)[name] for run in made.history.runs])
+
+
+def test_promises_of_proposals_not_computed_are_nan(made):
+    with h5py.File(made.path) as file:
+        group = file["materials/stem beans"]
+        np.testing.assert_array_equal(group["floor_rms"], [np.nan, 0.05])
+        np.testing.assert_array_equal(file["materials/dyke/floor_rms"], [np.nan, np.nan])
+        assert group["mode"].asstr()[()].tolist() == ["exploit", "exploit"]
+
+
+def test_pixels_are_those_of_the_images(made):
+    with h5py.File(made.path) as file:
+        measured = file["images/measured_db"][()].ravel()
+        fresh = file["images/calibrated_db"][()].ravel()
+        for name, target in made.targets.items():
+            group = file[f"materials/{name}"]
+            pixels = group["pixels"][()]
+            np.testing.assert_array_equal(pixels, target.pixels)
+            np.testing.assert_array_equal(group["measured_db"], measured[pixels])
+            np.testing.assert_array_equal(group["fresh_db"], fresh[pixels])
+            np.testing.assert_array_equal(group["start_db"], file["images/reference_db"][()].ravel()[pixels])
+            np.testing.assert_array_equal(group["calibrated_db"], made.final[0].pixels_db[name][target.order])
+            assert (file["images/material"][()].ravel()[pixels] == list(file["names"].asstr()).index(name) + 1).all()
+
+
+def test_how_it_ended(made):
+    with h5py.File(made.path) as file:
+        assert file.attrs["reason"] == "unreachable"
+        assert not file.attrs["converged"]
+        assert file["materials/dyke"].attrs["reason"] == "rms"
+        assert file["materials/dyke"].attrs["best"] == 5
+        assert file["materials/stem beans"].attrs["best"] == 4
+        assert [sentence.split(":")[0] for sentence in file.attrs["sentences"]] == list(made.targets)
+        # the calibrated run is the last infill run, only the one with fresh numbers is new
+        assert file.attrs["final_runs"] == 1
+        assert json.loads(file.attrs["config"])["stop"]["rms"] == made.stop.rms
+        assert "radcal" in json.loads(file.attrs["versions"])
+
+
+def test_only_known_truths_are_written(made):
+    with h5py.File(made.path) as file:
+        assert "hidden" in file["materials/dyke"]
+        assert "hidden" not in file["materials/stem beans"]
+
+
+def test_missing_reference_run_is_a_sentence(made, tmp_path):
+    with pytest.raises(StoreError, match="the reference run is missing"):
+        write_archive(
+            tmp_path / "calibration.h5",
+            case=made.case,
+            stop=made.stop,
+            history=made.history,
+            geometry=made.geometry,
+            measurement=made.measurement,
+            targets=made.targets,
+            runs=tmp_path / "nowhere",
+            final=made.final,
+        )
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_table_round_trips(made, tmp_path):
+    write_table(tmp_path / "runs.csv", made.path)
+    table = pd.read_csv(tmp_path / "runs.csv", float_precision="round_trip")
+    assert len(table) == len(made.history.runs) * len(made.targets)
+    assert table["kind"].value_counts().to_dict() == {"reference": 2, "design": 6, "infill": 4}
+    for name in made.targets:
+        rows = table[table["material"] == name]
+        assert rows["run"].tolist() == list(range(6))
+        assert rows["rms"].tolist() == [run.rms[name] for run in made.history.runs]
+        assert rows[["xi", "omega", "alpha"]].to_numpy().tolist() == [run.dp[name] for run in made.history.runs]
+        assert rows[["X1", "X2", "X3", "X4"]].to_numpy().tolist() == [run.parameters[name] for run in made.history.runs]

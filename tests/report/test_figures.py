@@ -1,0 +1,166 @@
+"""Figures are there, complete and drawn without a warning, also at the edges."""
+
+from __future__ import annotations
+
+import shutil
+import warnings
+
+import h5py
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+from radcal.report import figures as module
+from radcal.report.figures import write_figures
+
+MANY = [f"material {n}" for n in range(13)] + ["a_name_" * 12, "two words", "two_words"]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _no_warnings():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        yield
+
+
+@pytest.fixture(scope="module")
+def figures(made, tmp_path_factory):
+    return write_figures(made.path, tmp_path_factory.mktemp("case") / "figures")
+
+
+def drawn(canvas):
+    """Render a figure and return the texts that leave it."""
+    canvas.draw_without_rendering()
+    width, height = canvas.bbox.width, canvas.bbox.height
+    outside = []
+    texts = [t for axes in canvas.axes for t in (*axes.texts, axes.title, axes.xaxis.label, axes.yaxis.label)]
+    texts += [axes.get_title(loc="left") and axes._left_title for axes in canvas.axes if axes.axison]
+    texts += [t for legend in canvas.legends for t in legend.get_texts()]
+    for text in texts:
+        if text and text.get_text():
+            box = text.get_window_extent()
+            if box.x0 < -1 or box.y0 < -1 or box.x1 > width + 1 or box.y1 > height + 1:
+                outside.append(text.get_text())
+    return outside
+
+
+def test_every_figure_as_png_and_pdf(figures):
+    names = [figure.name for figure in figures]
+    kinds = ("densities", "law", "cost", "histogram")
+    assert names[:3] == ["images", "residual", "overview"]
+    assert names[3:] == [f"{kind}_{m}" for m in ("dyke", "stem_beans") for kind in kinds]
+    folder = figures[0].png.parent
+    assert sorted(p.name for p in folder.iterdir()) == sorted(
+        f"{name}.{ending}" for name in names for ending in ("png", "pdf")
+    )
+    for figure in figures:
+        assert figure.png.read_bytes().startswith(b"\x89PNG")
+        pdf = figure.pdf.read_bytes()
+        assert pdf.startswith(b"%PDF")
+        assert b"CreationDate" not in pdf
+        assert figure.title
+        assert figure.caption
+        assert figure.alt
+    assert {figure.material for figure in figures} == {None, "dyke", "stem beans"}
+
+
+def test_captions_say_what_is_seen(figures):
+    captions = {figure.name: figure.caption for figure in figures}
+    assert "3 of the 3 runs of the design, drawn at random (seed 4)" in captions["histogram_dyke"]
+    assert "differs from the hidden truth" in captions["law_dyke"]
+    assert "cannot tell whether the law found is right" in captions["law_stem_beans"]
+    assert "still holds possible" in captions["cost_stem_beans"]
+    assert "still holds possible" not in captions["cost_dyke"]
+    # the start is 40 dB away, on an axis for a density of 2 dB
+    assert "one lies outside the axis" in captions["densities_stem_beans"]
+
+
+def test_global_settings_are_left_alone(figures):
+    assert mpl.rcParams["axes.spines.top"] == mpl.rcParamsDefault["axes.spines.top"]
+
+
+def test_edges_of_one_material(build_archive, tmp_path):
+    made = build_archive(
+        tmp_path,
+        shifts={"dyke": {"reference": [0.0], "design": [5.0, 0.0, 2000.0], "infill": []}},
+        hidden=(),
+        shape=(300, 20),
+        nan=True,
+        omega=0.02,
+    )
+    first = write_figures(made.path, tmp_path / "first")
+    assert [figure.name for figure in first[2:]] == ["densities_dyke", "law_dyke", "cost_dyke", "histogram_dyke"]
+    captions = {figure.name: figure.caption for figure in first}
+    assert "measured pixels have no value" in captions["images"]
+    assert "have a cost of 0" in captions["cost_dyke"]
+    assert "2 lie outside the axis" in captions["histogram_dyke"]
+    second = write_figures(made.path, tmp_path / "second")
+    for a, b in zip(first, second, strict=True):
+        assert a.png.read_bytes() == b.png.read_bytes()
+        assert a.pdf.read_bytes() == b.pdf.read_bytes()
+
+
+def test_many_materials(build_archive, tmp_path):
+    made = build_archive(
+        tmp_path,
+        shifts={
+            name: {"reference": [8.0], "design": [4.0] * 12, "infill": [2.0, 10.0**-n]} for n, name in enumerate(MANY)
+        },
+        hidden=MANY[:2],
+        floors={MANY[13]: [None, 0.05]},
+        shape=(34, 340),
+    )
+    case = module._read(made.path)
+    slugs = [material.slug for material in case.materials]
+    assert len({slug.lower() for slug in slugs}) == len(MANY)
+    assert {"two_words", "two_words_2"} <= set(slugs)
+    longest = next(material for material in case.materials if material.name == MANY[13])
+    with mpl.rc_context(module._STYLE):
+        for canvas, caption, alt in (
+            module._overview(case),
+            module._images(case),
+            module._residual(case),
+            *(draw(case, longest) for draw in (module._densities, module._law, module._cost, module._histogram)),
+        ):
+            assert drawn(canvas) == []
+            assert caption
+            assert alt
+
+
+def test_images_without_a_value_or_missing(made, tmp_path):
+    path = shutil.copy(made.path, tmp_path / "copy.h5")
+    with h5py.File(path, "r+") as file:
+        file["images/measured_db"][...] = np.nan
+        del file["images/reference_db"]
+    case = module._read(path)
+    with mpl.rc_context(module._STYLE):
+        for canvas, _, _ in (module._images(case), module._residual(case)):
+            assert drawn(canvas) == []
+    with h5py.File(path, "r+") as file:
+        for name in list(file["images"]):
+            del file[f"images/{name}"]
+    case = module._read(path)
+    assert module._images(case) is None
+    assert module._residual(case) is None
+
+
+def test_large_images_are_averaged_in_power(monkeypatch):
+    monkeypatch.setattr(module, "_LARGEST", 4)
+    image = np.full((8, 7), 10.0)
+    image[:2, :2] = [[0.0, np.nan], [np.nan, np.nan]]
+    image[2:4, :2] = np.nan
+    shown = module._shown(image)
+    assert shown.shape == (4, 3)
+    assert shown[0, 0] == pytest.approx(0.0)
+    assert np.isnan(shown[1, 0])
+    assert shown[2:] == pytest.approx(10.0)
+
+
+def test_label_points_lie_inside():
+    inside = np.zeros((50, 90), dtype=bool)
+    inside[20:30] = True
+    row, column = module._middle(inside)
+    assert inside[row, column]
+    other = module._middle(inside, [(row, column)])
+    assert inside[other]
+    assert abs(other[1] - column) > 4

@@ -1,0 +1,190 @@
+"""The page says what it must, loads nothing and is the same every time."""
+
+from __future__ import annotations
+
+import base64
+import re
+import shutil
+from html.parser import HTMLParser
+
+import h5py
+import pytest
+
+from radcal.report.figures import Figure
+from radcal.report.html import _bound, _number, write_report
+
+VOID = {"meta", "link", "img", "br"}
+
+
+class Page(HTMLParser):
+    """Tags, addresses and the visible text of a page."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.addresses: list[str] = []
+        self.tags: list[str] = []
+        self.images: list[dict[str, str]] = []
+        self.words: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        if tag not in VOID:
+            self.open.append(tag)
+        found = dict(attrs)
+        self.addresses += [value for key, value in found.items() if key in ("src", "href", "srcset", "data", "action")]
+        if tag == "img":
+            self.images.append(found)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if not {"style", "title"} & set(self.open):
+            self.words.append(data)
+
+    @property
+    def text(self) -> str:
+        return re.sub(r"\s+", " ", "".join(self.words))
+
+
+@pytest.fixture(scope="module")
+def pictures(tmp_path_factory):
+    """Stand-ins: the page embeds bytes, whatever they show."""
+    folder = tmp_path_factory.mktemp("figures")
+    figures = []
+    for name, material in (("images", None), ("cost_dyke", "dyke"), ("cost_stem_beans", "stem beans")):
+        png = folder / f"{name}.png"
+        png.write_bytes(b"\x89PNG " + name.encode())
+        figures.append(
+            Figure(name, "Title", "A <caption> & more", 'an "alt" text', png, folder / f"{name}.pdf", material)
+        )
+    return figures
+
+
+@pytest.fixture
+def copy(made, tmp_path):
+    return shutil.copy(made.path, tmp_path / "copy.h5")
+
+
+def render(path, archive, figures=()):
+    write_report(path, archive, figures)
+    text = path.read_text(encoding="utf-8")
+    return text, Page(text)
+
+
+@pytest.fixture(scope="module")
+def page(made, pictures, tmp_path_factory):
+    return render(tmp_path_factory.mktemp("page") / "report.html", made.path, pictures)
+
+
+def test_verdict_comes_first_and_claims_no_more_than_the_density(page):
+    text = page[1].text
+    assert "Stopped after 5 runs with stem beans outside the tolerance of 1.0" in text
+    order = ["Stopped after", "What has been shown", "What has not: that the law is right", "Results", "Pictures"]
+    places = [text.index(words) for words in order]
+    assert places == sorted(places)
+    assert "A matched distribution is not by itself the law" in text
+    assert re.search(r"known for dyke: the law found differs from it by up to [\d.]+ dB over the incidence seen", text)
+    assert "For stem beans whether the law found is right cannot be checked from this image alone" in text
+
+
+def test_page_is_well_formed_and_loads_nothing(page):
+    text, parsed = page
+    assert parsed.open == []
+    assert "script" not in parsed.tags
+    assert all(address.startswith("data:") for address in parsed.addresses)
+    assert not re.search(r"https?://|@import|url\(", text)
+
+
+def test_every_picture_is_embedded(page, pictures):
+    images = page[1].images
+    assert [base64.b64decode(image["src"].partition(",")[2]) for image in images] == [
+        figure.png.read_bytes() for figure in pictures
+    ]
+    assert all(image["alt"] == 'an "alt" text' for image in images)
+    assert "A <caption> & more" in page[1].text
+
+
+def test_foreign_text_is_escaped(page):
+    text, parsed = page
+    assert "<b>seed</b>" not in text
+    assert "synthetic <b>seed</b> 2 & more" in parsed.text
+
+
+def test_material_names_are_escaped(copy, tmp_path):
+    name = "grass & <i>beans<i>"
+    with h5py.File(copy, "r+") as file:
+        file.move("materials/stem beans", f"materials/{name}".replace("</", "<"))
+    text, parsed = render(tmp_path / "report.html", copy)
+    assert name in parsed.text
+    assert "<i>" not in text
+    assert "dyke" in parsed.text
+
+
+def test_tables(page):
+    text = page[1].text
+    for words in ("X1 is at its upper bound (50 dB)", "reference 1 ", "design 3 ", "infill 2 ", "final 1 ", "total 7 "):
+        assert words in text
+    assert "50.00 (at bound)" in text
+    assert "More skewed than a skew normal can be" in text  # at_boundary of the stem beans
+    for words in ("skewness", "standard deviation [dB]", "Kolmogorov", "Hellinger", "eligible", "mangia"):
+        assert words in text
+    assert "sampler: sobol" in text  # the configuration
+    assert "numpy" in text
+
+
+@pytest.mark.parametrize(
+    ("attributes", "words"),
+    [
+        ({"converged": True, "reason": "rms"}, "Converged: the backscatter densities of all 2 materials agree with"),
+        ({"converged": False, "reason": "running"}, "Not finished: after 5 runs the backscatter densities of all 2"),
+        ({"converged": False, "reason": "max_runs"}, "Stopped after 5 runs with stem beans outside the tolerance"),
+    ],
+)
+def test_verdicts(copy, tmp_path, attributes, words):
+    with h5py.File(copy, "r+") as file:
+        file.attrs.update(attributes)
+    assert words in render(tmp_path / "report.html", copy)[1].text
+
+
+@pytest.mark.parametrize("hidden", [True, False])
+def test_one_material(copy, tmp_path, hidden):
+    with h5py.File(copy, "r+") as file:
+        del file["materials/stem beans"]
+        if not hidden:
+            del file["materials/dyke/hidden"]
+        file.attrs.update({"converged": True, "reason": "rms"})
+    text = render(tmp_path / "report.html", copy)[1].text
+    assert "Converged: the backscatter density of dyke agrees with the measured within the tolerance" in text
+    assert "The density of dyke's backscatter is matched to rms" in text
+    assert ("cannot be checked from this image alone" in text) is not hidden
+    assert ("The truth behind this synthetic measurement is known" in text) is hidden
+    assert "unknown" not in text
+
+
+def test_same_bytes_every_time(made, pictures, page, tmp_path):
+    assert render(tmp_path / "elsewhere" / "again.html", made.path, pictures)[0] == page[0]
+    assert [p.name for p in (tmp_path / "elsewhere").iterdir()] == ["again.html"]
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (None, "–"),
+        (float("nan"), "–"),
+        (0.0, "0"),
+        (12.3456, "12.3"),
+        (-0.4557, "−0.456"),
+        (123456.7, "123,457"),
+        (9.68e-7, "9.68 × 10⁻⁷"),
+        (-2.5e12, "−2.50 × 10¹²"),
+    ],
+)
+def test_numbers(value, text):
+    assert _number(value).replace("\N{NARROW NO-BREAK SPACE}", " ") == text
+
+
+def test_bounds():
+    assert [_bound(x, 0.0, 50.0) for x in (0.0, 0.04, 0.06, 25.0, 49.97, 50.0)] == ["lower", "lower", "", "", "upper", "upper"]  # fmt: skip

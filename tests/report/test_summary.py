@@ -1,0 +1,107 @@
+"""The numbers of summary.json against numbers by hand."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import h5py
+import numpy as np
+import pytest
+from scipy.special import ndtr
+
+from radcal.report.summary import law_difference_db, sentences, summarise, wall_seconds
+
+INCIDENCE = np.linspace(30.0, 50.0, 1001)  # 5 to 95 %: 31 to 49 deg
+
+
+@pytest.fixture
+def copy(made, tmp_path):
+    return shutil.copy(made.path, tmp_path / "copy.h5")
+
+
+def test_counts_add_up(made):
+    summary = summarise(made.path)
+    assert summary["runs"] == {"reference": 1, "design": 3, "infill": 2, "final": 1, "total": 7}
+    assert summary["iterations"] == 2
+    assert (summary["converged"], summary["stop_reason"]) == (False, "unreachable")
+    assert summary["wall_seconds"] == {}
+
+
+def test_materials(made):
+    materials = summarise(made.path, {"design": 3.0})["materials"]
+    dyke, beans = materials["dyke"], materials["stem beans"]
+    best = made.history.runs[5]
+    assert dyke["parameters"] == dict(zip(("X1", "X2", "X3", "X4"), best.parameters["dyke"], strict=True))
+    assert dyke["bounds"] == [[0.0, 50.0]] * 4
+    assert dyke["rms"] == best.rms["dyke"]
+    assert dyke["mse"] == pytest.approx(dyke["rms"] ** 2)
+    assert dyke["rms_start"] == made.history.runs[0].rms["dyke"]
+    assert list(dyke["target"].values()) == made.targets["dyke"].dp.tolist()
+    assert dyke["calibrated"]["xi"] == pytest.approx(dyke["target"]["xi"] + 1e-6, abs=1e-12)
+    assert dyke["rms_sampling"] == 0.004
+    # three runs of the design and two of infill: the reference is not counted
+    assert dyke["runs_to_tolerance"] == 5
+    assert (dyke["stop_reason"], beans["stop_reason"]) == ("rms", "unreachable")
+    assert beans["runs_to_tolerance"] is None
+    assert beans["parameters"]["X1"] == 50.0
+    assert "hidden" in dyke
+    assert "hidden" not in beans
+    assert "law_difference_db" not in beans
+    assert sentences(made.path) == [dyke["sentence"], beans["sentence"]]
+
+
+def test_distances_of_two_normals(copy):
+    shift = 0.5
+    with h5py.File(copy, "r+") as file:
+        group = file["materials/dyke"]
+        group["target_dp"][...] = [0.0, 1.0, 0.0]
+        for key in ("final_dp", "fresh_dp"):
+            group[key][...] = [shift, 1.0, 0.0]
+        group["dp"][int(group.attrs["best"])] = [shift, 1.0, 0.0]
+    dyke = summarise(copy)["materials"]["dyke"]
+    assert dyke["ks"] == pytest.approx(2.0 * ndtr(shift / 2.0) - 1.0, rel=1e-5)
+    assert dyke["hellinger"] == pytest.approx(np.sqrt(1.0 - np.exp(-(shift**2) / 8.0)), rel=1e-6)
+    # mean over 10 standard deviations of the squared difference of two normal densities
+    by_hand = np.sqrt((1.0 - np.exp(-(shift**2) / 4.0)) / (10.0 * np.sqrt(np.pi)))
+    assert dyke["rms_fresh"] == dyke["rms_final"] == pytest.approx(by_hand, rel=1e-3)
+
+
+def test_law_difference_counts_the_incidence_seen_only():
+    law = [6.0, 14.0, 21.0, 3.0]
+    assert law_difference_db("mangia", law, law, INCIDENCE) == 0.0
+    assert law_difference_db("mangia", [7.5, 14.0, 21.0, 3.0], law, INCIDENCE) == pytest.approx(1.5)
+    by_hand = 2.0 * np.cos(np.radians(31.0))
+    assert law_difference_db("mangia", [6.0, 12.0, 21.0, 3.0], law, INCIDENCE) == pytest.approx(by_hand, rel=1e-6)
+
+
+def test_law_difference_of_the_archive(copy):
+    with h5py.File(copy, "r+") as file:
+        group = file["materials/dyke"]
+        group["hidden"][...] = group["parameters"][int(group.attrs["best"])] - [2.5, 0.0, 0.0, 0.0]
+    assert summarise(copy)["materials"]["dyke"]["law_difference_db"] == pytest.approx(2.5)
+
+
+def test_numbers_are_finite_or_null(copy):
+    with h5py.File(copy, "r+") as file:
+        file["materials/dyke"].attrs["rms_sampling"] = np.nan
+        file["materials/stem beans/rms"][0] = np.inf
+    summary = summarise(copy, {"design": float("nan")})
+    assert summary["materials"]["dyke"]["rms_sampling"] is None
+    assert summary["materials"]["stem beans"]["rms_start"] is None
+    assert summary["wall_seconds"] == {"design": None}
+    assert json.loads(json.dumps(summary, allow_nan=False)) == summary
+
+
+def test_wall_seconds_by_stage(tmp_path):
+    header = "s\th:m:s\tmax_rss\n"
+    for name, rows in {
+        "geometry": ["1.25"],
+        "design_0": ["2.0"],
+        "design_12": ["0.5", "0.25"],
+        "final_runs": ["3.0"],
+    }.items():
+        (tmp_path / f"{name}.tsv").write_text(header + "".join(f"{s}\t0:00:01\t10\n" for s in rows))
+    (tmp_path / "notes.txt").write_text("no benchmark")
+    assert wall_seconds(tmp_path) == {"geometry": 1.25, "design": 2.75, "final_runs": 3.0}
+    assert wall_seconds(tmp_path / "nowhere") == {}

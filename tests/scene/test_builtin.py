@@ -1,0 +1,105 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from radcal.config import BuiltinScene, Case, Radar
+from radcal.errors import SceneError
+from radcal.radar.geometry import Geometry, make_geometry
+from radcal.scene import Scene, make_scene, read_scene, write_scene
+from radcal.scene.builtin import MATERIALS, ROUGHNESS, builtin_scene
+
+
+@pytest.fixture(scope="module")
+def builtin() -> Scene:
+    return builtin_scene(1)
+
+
+@pytest.fixture(scope="module")
+def default_geometry(builtin: Scene) -> Geometry:
+    return make_geometry(builtin, Radar())
+
+
+def test_same_seed_same_scene(builtin: Scene) -> None:
+    again = builtin_scene(1)
+    assert again.identity == builtin.identity
+    np.testing.assert_array_equal(again.material, builtin.material)
+    np.testing.assert_array_equal(again.elevation_m, builtin.elevation_m)
+
+
+def test_other_seed_other_scene(builtin: Scene) -> None:
+    other = builtin_scene(2)
+    assert other.identity != builtin.identity
+    assert (other.material != builtin.material).mean() > 0.05
+    assert not np.array_equal(other.elevation_m, builtin.elevation_m)
+    # the terrain and the dyke stay where they are
+    assert np.abs(other.elevation_m - builtin.elevation_m).max() < 15
+    np.testing.assert_array_equal(other.material == 1, builtin.material == 1)
+
+
+def test_scene_is_two_kilometres_of_real_relief(builtin: Scene) -> None:
+    assert builtin.elevation_m.shape == builtin.material.shape == (400, 400)
+    assert builtin.cell_m == 5.0
+    assert builtin.elevation_m.dtype == np.float64
+    assert builtin.material.dtype == np.uint8
+    assert np.isfinite(builtin.elevation_m).all()
+    assert 200 < builtin.elevation_m.min() < builtin.elevation_m.max() < 1000  # of the Jacksboro fault
+
+
+def test_seven_materials_cover_the_scene(builtin: Scene) -> None:
+    assert builtin.names == MATERIALS
+    assert len(MATERIALS) == len(ROUGHNESS) == 7
+    share = np.bincount(builtin.material.ravel(), minlength=8) / builtin.material.size
+    assert share[0] == 0
+    assert (share[1:] > 0.005).all()
+
+
+def test_default_case_has_a_law_for_every_material(builtin: Scene) -> None:
+    assert make_scene(Case().scene, list(Case().materials)).identity == builtin.identity
+
+
+def test_dyke_is_seen_between_10_and_25_degrees(default_geometry: Geometry) -> None:
+    pixels = default_geometry.pixels("dyke", 1)
+    assert pixels.size > 3000
+    low, high = np.percentile(default_geometry.incidence_deg.ravel()[pixels], [5, 95])
+    assert low == pytest.approx(10.0, abs=0.5)
+    assert high == pytest.approx(25.0, abs=0.5)
+
+
+def test_every_material_can_be_calibrated(default_geometry: Geometry) -> None:
+    for name in MATERIALS:
+        assert default_geometry.pixels(name, 1).size > 1000, name
+
+
+def test_hdf5_round_trip_is_exact(scene: Scene, tmp_path: Path) -> None:
+    flat = Scene("f", ("a", "b"), np.ones((3, 4), dtype=np.uint8), None, 1.0, np.array([20.0, 30.0, 40.0]))
+    for one in (scene, flat):
+        write_scene(tmp_path / "scene.h5", one)
+        back = read_scene(tmp_path / "scene.h5")
+        assert (back.identity, back.names, back.cell_m) == (one.identity, one.names, one.cell_m)
+        for name in ("material", "elevation_m", "incidence_deg"):
+            np.testing.assert_array_equal(getattr(back, name), getattr(one, name))
+        assert (back.elevation_m is None) == (one.elevation_m is None)
+
+
+@pytest.mark.parametrize(
+    ("materials", "words"),
+    [
+        (["dyke", "grass", "gras"], "materials.gras: not in the scene, which has dyke, grass, rock"),
+        (["dyke", "grass", "rock"], "materials.rock: covers no cell of the scene"),
+        (["dyke"], "the scene's 'grass' has no law; add materials.grass with parameters"),
+    ],
+)
+def test_scene_and_configuration_must_name_the_same_materials(materials: list[str], words: str) -> None:
+    labels = np.array([[0, 1, 2]], dtype=np.uint8)
+    scene = Scene("x", ("dyke", "grass", "rock"), labels, np.zeros((1, 3)), 1.0)
+    scene.require(["dyke", "grass"])
+    with pytest.raises(SceneError, match=words):
+        scene.require(materials)
+
+
+def test_make_scene_checks_the_materials() -> None:
+    with pytest.raises(SceneError, match=r"materials\.sand: not in the scene"):
+        make_scene(BuiltinScene(seed=1), [*MATERIALS, "sand"])

@@ -1,0 +1,145 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rasterio
+
+from radcal.config import SlantRangeScene
+from radcal.errors import ConfigError, SceneError
+from radcal.scene import make_scene
+from radcal.scene.slant_range import flat_incidence_deg, slant_range_scene
+
+LABELS = np.array([[0, 1, 1, 3], [3, 3, 1, 0], [1, 0, 0, 3]], dtype=np.uint8)
+Write = Callable[..., SlantRangeScene]
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Write:
+    """Write the two files and return the configuration that names them."""
+
+    def write(labels: np.ndarray = LABELS, names: object = None, **keys: object) -> SlantRangeScene:
+        with rasterio.open(
+            tmp_path / "labels.tif", "w", driver="GTiff", height=labels.shape[0], width=labels.shape[1], count=1,
+            dtype=labels.dtype,
+        ) as raster:  # fmt: skip
+            raster.write(labels, 1)
+        text = names if isinstance(names, str) else json.dumps(names or {"0": "none", "1": "grass", "3": "bare soil"})
+        (tmp_path / "names.json").write_text(text)
+        data = {
+            "labels": str(tmp_path / "labels.tif"), "names": str(tmp_path / "names.json"),
+            "near_incidence_deg": 20.0, "far_incidence_deg": 50.0,
+        }  # fmt: skip
+        return SlantRangeScene(**(data | keys))
+
+    return write
+
+
+pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
+
+
+@pytest.mark.parametrize(("near", "far"), [(20.0, 50.0), (1.0, 89.0), (44.9, 45.1)])
+def test_flat_incidence_has_equal_steps_of_slant_range(near: float, far: float) -> None:
+    incidence = flat_incidence_deg(near, far, 101)
+    np.testing.assert_allclose(incidence[[0, -1]], [near, far], rtol=1e-9)
+    assert (np.diff(incidence) > 0).all()
+    # the ground range of a radar at unit height is tan(incidence): slant range by Pythagoras
+    slant = np.hypot(1.0, np.tan(np.radians(incidence)))
+    np.testing.assert_allclose(np.diff(slant), (slant[-1] - slant[0]) / 100, rtol=1e-6)
+
+
+def test_middle_row_of_a_known_case() -> None:
+    # slant ranges 2/sqrt(3) H at 30 degrees and 2 H at 60: the middle's cosine is their harmonic mean
+    expected = np.degrees(np.arccos(1 / (1 / np.sqrt(3) + 1)))
+    assert flat_incidence_deg(30.0, 60.0, 3)[1] == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("dtype", ["uint8", "uint16", "int16", "int32"])
+def test_labels_are_read(write: Write, dtype: str) -> None:
+    scene = slant_range_scene(write(LABELS.astype(dtype)))
+    np.testing.assert_array_equal(scene.material, LABELS)
+    assert scene.material.dtype == np.uint8
+    assert scene.names[0] == "grass"
+    assert scene.names[2] == "bare soil"
+    assert len(scene.names) == 3
+    assert scene.elevation_m is None
+    np.testing.assert_allclose(scene.incidence_deg[[0, -1]], [20, 50])
+
+
+def test_make_scene_reads_labels_and_checks_materials(write: Write) -> None:
+    assert make_scene(write(), ["grass", "bare soil"]).names[0] == "grass"
+    with pytest.raises(SceneError, match="'bare soil' has no law"):
+        make_scene(write(), ["grass"])
+
+
+def test_identity_changes_with_content_only(write: Write, tmp_path: Path) -> None:
+    identity = slant_range_scene(write()).identity
+    other = LABELS.copy()
+    other[0, 0] = 1
+    assert slant_range_scene(write(other)).identity != identity
+    assert slant_range_scene(write(names={"1": "grass", "3": "rock"})).identity != identity
+    assert slant_range_scene(write(near_incidence_deg=21.0)).identity != identity
+    moved = write()
+    (tmp_path / "labels.tif").rename(tmp_path / "moved.tif")
+    again = moved.model_copy(update={"labels": str(tmp_path / "moved.tif")})
+    assert slant_range_scene(again).identity == identity
+
+
+@pytest.mark.parametrize(
+    ("labels", "words"),
+    [
+        (LABELS.astype("float32"), "holds float32 from 0.0 to 3.0, expected whole material ids from 0 to 255"),
+        (LABELS.astype("int16") - 1, "holds int16 from -1 to 2"),
+        (LABELS.astype("uint16") + 300, "holds uint16 from 300 to 303"),
+    ],
+)
+def test_rasters_that_are_no_labels(write: Write, labels: np.ndarray, words: str) -> None:
+    with pytest.raises(SceneError, match=rf"scene.labels: .*labels\.tif {words}"):
+        slant_range_scene(write(labels))
+
+
+def test_file_that_is_no_raster(write: Write, tmp_path: Path) -> None:
+    config = write()
+    (tmp_path / "labels.tif").write_text("not a raster")
+    with pytest.raises(SceneError, match=r"scene.labels: .*labels\.tif cannot be read as a raster"):
+        slant_range_scene(config)
+
+
+def test_raster_cut_short(write: Write, tmp_path: Path) -> None:
+    config = write(np.ones((200, 200), dtype=np.uint8), {"1": "a"})
+    whole = (tmp_path / "labels.tif").read_bytes()
+    (tmp_path / "labels.tif").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(SceneError, match="cannot be read as a raster"):
+        slant_range_scene(config)
+
+
+@pytest.mark.parametrize("names", ["not json", "[1, 2]", '{"one": "grass"}', '"grass"', "3"])
+def test_names_that_are_no_mapping(write: Write, names: str) -> None:
+    with pytest.raises(SceneError, match=r"scene.names: .*names\.json is not a JSON object of id and name"):
+        slant_range_scene(write(names=names))
+
+
+def test_names_that_are_too_few(write: Write) -> None:
+    with pytest.raises(SceneError, match=r"names\.json has no name for material id 3 of .*labels\.tif"):
+        slant_range_scene(write(names={"1": "grass"}))
+    with pytest.raises(SceneError, match="names no material"):
+        slant_range_scene(write(names={"0": "none"}))
+
+
+@pytest.mark.parametrize("key", ["labels", "names"])
+def test_missing_files(write: Write, tmp_path: Path, key: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    config = write()
+
+    def scene_at(path: str) -> None:
+        slant_range_scene(config.model_copy(update={key: path}))
+
+    with pytest.raises(ConfigError, match=rf"scene\.{key}: the file .*nothing does not exist"):
+        scene_at(str(tmp_path / "nothing"))
+    monkeypatch.delenv("RADCAL_NOWHERE", raising=False)
+    with pytest.raises(ConfigError, match=rf"scene\.{key} is .* the environment variable RADCAL_NOWHERE is not set"):
+        scene_at("${RADCAL_NOWHERE}/x")
+    monkeypatch.setenv("RADCAL_HERE", str(tmp_path))
+    scene_at("${RADCAL_HERE}/" + Path(getattr(config, key)).name)

@@ -1,0 +1,402 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from pydantic import ValidationError
+
+from radcal.config import (
+    BuiltinScene,
+    Case,
+    FileMeasurement,
+    SlantRangeScene,
+    SyntheticMeasurement,
+    case_from,
+    default_yaml,
+    expand_path,
+    input_files,
+    load,
+)
+from radcal.errors import ConfigError
+
+X = [1.0, 2.0, 3.0, 4.0]
+FIXED = {"dyke": {"calibrate": True}, "grass": {"parameters": X}}
+
+
+def dyke(**keys: Any) -> dict[str, Any]:
+    return {"materials": {"dyke": {"calibrate": True, **keys}}}
+
+
+def flat(**keys: Any) -> dict[str, Any]:
+    both = {"labels": "a.tif", "names": "a.json", "near_incidence_deg": 20, "far_incidence_deg": 40}
+    return {"scene": {"source": "slant_range", **both, **keys}}
+
+
+def measured(**keys: Any) -> dict[str, Any]:
+    return {"measurement": {"source": "file", "path": "a.tif", "scale": "db", **keys}}
+
+
+def synthetic(**keys: Any) -> dict[str, Any]:
+    return {"measurement": {"source": "synthetic", "synthetic": keys}}
+
+
+def message(data: dict[str, Any]) -> str:
+    with pytest.raises(ConfigError) as caught:
+        case_from(data, "some.yaml")
+    text = str(caught.value)
+    assert text.startswith("some.yaml: ")
+    assert text.endswith(".")
+    assert "\n" not in text
+    assert "pydantic" not in text
+    return text
+
+
+def test_defaults_are_a_valid_case() -> None:
+    case = Case()
+    assert case == case_from({})
+    assert case == case_from(case.model_dump(mode="json"))
+    assert case.case == "dyke"
+    assert case.calibrated == ["dyke"]
+    assert len(case.materials) == 7
+    assert isinstance(case.scene, BuiltinScene)
+    assert isinstance(case.measurement, SyntheticMeasurement)
+    assert case.measurement.synthetic.parameters == {"dyke": [6.1, 14.2, 21.5, 3.3]}
+    assert case.materials["dyke"].box == [(0.0, 50.0)] * 4
+    assert (case.stop.rms, case.stop.max_runs, case.stop.stagnation_runs) == (1e-5, 200, 20)
+    assert (case.design.sampler, case.design.size) == ("sobol", 16)
+
+
+def test_default_yaml_is_the_default_case(tmp_path: Path) -> None:
+    path = tmp_path / "config.yaml"
+    path.write_text(default_yaml())
+    assert load([path]) == Case()
+    assert yaml.safe_load(default_yaml())["stop"]["rms"] == 1e-5  # a number, not text
+
+
+def test_shipped_config_is_the_default_case() -> None:
+    shipped = Path(__file__).parents[1] / "config" / "config.yaml"
+    assert shipped.read_text() == default_yaml()
+
+
+def test_module_writes_the_default_yaml() -> None:
+    done = subprocess.run([sys.executable, "-m", "radcal.config"], capture_output=True, text=True, check=True)
+    assert done.stdout == default_yaml()
+
+
+@pytest.mark.parametrize(
+    ("data", "key", "near"),
+    [
+        ({"sede": 1}, "sede", "seed"),
+        ({"material": {}}, "material", "materials"),
+        ({"radar": {"lokos": 4}}, "radar.lokos", "looks"),
+        ({"radar": {"altitude": 4000}}, "radar.altitude", "altitude_m"),
+        ({"radar": {"polarization": "HH"}}, "radar.polarization", "polarisation"),
+        ({"simulator": {"knd": "builtin"}}, "simulator.knd", "kind"),
+        ({"simulator": {"keep_image": True}}, "simulator.keep_image", "keep_images"),
+        ({"registration": {"methd": "none"}}, "registration.methd", "method"),
+        ({"target": {"pixel": 100}}, "target.pixel", "pixels"),
+        ({"target": {"normalization": "none"}}, "target.normalization", "normalisation"),
+        ({"design": {"sizes": 8}}, "design.sizes", "size"),
+        ({"surrogate": {"output": "direct"}}, "surrogate.output", "outputs"),
+        ({"optimiser": {"polsh": True}}, "optimiser.polsh", "polish"),
+        ({"stop": {"max_run": 20}}, "stop.max_run", "max_runs"),
+        ({"scene": {"source": "builtin", "sed": 1}}, "scene.sed", "seed"),
+        (flat(near_incidence=20), "scene.near_incidence", "near_incidence_deg"),
+        (measured(radiometri="x"), "measurement.radiometri", "radiometry"),
+        (synthetic(offset=1.0), "measurement.synthetic.offset", "offset_db"),
+        (dyke(bound=[]), "materials.dyke.bound", "bounds"),
+        (dyke(strat=X), "materials.dyke.strat", "start"),
+        (synthetic(parameters={"dkye": X}), "measurement.synthetic.parameters.dkye", "dyke"),
+    ],
+)
+def test_misspelt_keys_are_refused_with_the_nearest(data: dict[str, Any], key: str, near: str) -> None:
+    text = message(data)
+    assert key in text
+    assert f"did you mean {near!r}?" in text
+
+
+def test_key_like_no_other_is_refused_with_all_known() -> None:
+    text = message({"stop": {"xyzzy": 1}})
+    assert "unknown key stop.xyzzy" in text
+    assert "known: max_runs, rms, stagnation_runs" in text
+
+
+def test_keys_of_another_source_are_not_known() -> None:
+    assert "unknown key scene.labels" in message({"scene": {"source": "builtin", "labels": "a.tif"}})
+    assert "unknown key measurement.synthetic" in message(measured(synthetic={}))
+
+
+BAD: list[tuple[dict[str, Any], list[str]]] = [
+    # top level
+    ({"case": "a b"}, ["case", "'a b'", "a letter"]),
+    ({"case": "../up"}, ["case", "'../up'"]),
+    ({"case": "1st"}, ["case", "'1st'"]),
+    ({"case": ""}, ["case", "''"]),
+    ({"case": 3}, ["case is 3"]),
+    ({"case": "new\n"}, ["case"]),
+    ({"seed": -1}, ["seed is -1"]),
+    ({"seed": 1.5}, ["seed is 1.5"]),
+    ({"seed": "one"}, ["seed is 'one'"]),
+    ({"seed": None}, ["seed is None"]),
+    ({"seed": 2**63}, ["seed is 9223372036854775808"]),
+    ({1: 2}, ["1"]),
+    ({"radar": None}, ["radar is None"]),
+    ({"stop": [1, 2]}, ["stop is [1, 2]"]),
+    ({"scene": "builtin"}, ["scene is 'builtin'"]),
+    # radar
+    ({"radar": {"altitude_m": 0}}, ["radar.altitude_m is 0", "greater than 0"]),
+    ({"radar": {"altitude_m": "high"}}, ["radar.altitude_m is 'high'"]),
+    ({"radar": {"altitude_m": float("nan")}}, ["radar.altitude_m is nan"]),
+    ({"radar": {"altitude_m": float("inf")}}, ["radar.altitude_m is inf"]),
+    ({"radar": {"depression_deg": 90}}, ["radar.depression_deg is 90", "less than 85"]),
+    ({"radar": {"depression_deg": 5}}, ["radar.depression_deg is 5"]),
+    ({"radar": {"look_side": "up"}}, ["radar.look_side is 'up'", "'right' or 'left'"]),
+    ({"radar": {"polarisation": "hh"}}, ["radar.polarisation is 'hh'", "'HH'"]),
+    ({"radar": {"range_spacing_m": -1.5}}, ["radar.range_spacing_m is -1.5"]),
+    ({"radar": {"looks": 0}}, ["radar.looks is 0"]),
+    ({"radar": {"looks": 2.5}}, ["radar.looks is 2.5"]),
+    ({"radar": {"nesz_db": float("-inf")}}, ["radar.nesz_db is -inf"]),
+    ({"radar": {"radiometry": "beta0"}}, ["radar.radiometry is 'beta0'", "'sigma0_local'"]),
+    # scene
+    ({"scene": {"source": "buitlin"}}, ["scene.source is 'buitlin'", "'builtin'", "'slant_range'"]),
+    ({"scene": {"source": "builtin", "seed": -4}}, ["scene.seed is -4"]),
+    (flat(near_incidence_deg=0), ["scene.near_incidence_deg is 0"]),
+    (flat(far_incidence_deg=90), ["scene.far_incidence_deg is 90"]),
+    (flat(near_incidence_deg=50), ["scene", "near_incidence_deg (50)", "far_incidence_deg (40)"]),
+    (flat(labels=7), ["scene.labels is 7"]),
+    ({"scene": {"source": "slant_range"}}, ["scene.labels is missing"]),
+    # materials
+    ({"materials": {}}, ["materials"]),
+    ({"materials": None}, ["materials is None"]),
+    ({"materials": {"dyke": None}}, ["materials.dyke is None"]),
+    ({"materials": {"a/b": {"calibrate": True}}}, ["materials", "'a/b'"]),
+    ({"materials": {"grass": {"parameters": X}}}, ["materials", "calibrate: true"]),
+    ({"materials": {"grass": {}}}, ["materials.grass", "needs parameters", "X1"]),
+    ({"materials": {"grass": {"parameters": [1, 2]}}}, ["materials.grass", "2 numbers", "takes 4"]),
+    (dyke(law="mangy"), ["materials.dyke", "'mangy'", "mangia"]),
+    (dyke(calibrate="maybe"), ["materials.dyke.calibrate is 'maybe'"]),
+    (dyke(parameters=X), ["materials.dyke", "start and bounds, not parameters"]),
+    (dyke(bounds=[[0, 1]] * 3), ["materials.dyke", "3 intervals", "takes 4"]),
+    (dyke(bounds=[[0, 1]] * 5), ["materials.dyke", "5 intervals", "takes 4"]),
+    (dyke(bounds=[[0, 1]] * 3 + [[2, 1]]), ["materials.dyke", "X4", "[2, 1]", "lower < upper"]),
+    (dyke(bounds=[[0, 1]] * 3 + [[1, 1]]), ["materials.dyke", "X4", "[1, 1]"]),
+    (dyke(bounds=[[0, 1, 2]] * 4), ["materials.dyke.bounds.0", "[0, 1, 2]"]),
+    (dyke(bounds=[[0, float("nan")]] * 4), ["materials.dyke.bounds.0.1 is nan"]),
+    (dyke(bounds="wide"), ["materials.dyke.bounds is 'wide'"]),
+    (dyke(start=[1, 2, 3]), ["materials.dyke", "start has 3 numbers", "takes 4"]),
+    (dyke(start=[1, 2, 3, 51]), ["materials.dyke", "start of X4 is 51", "[0, 50]"]),
+    # measurement
+    ({"measurement": {"source": "satellite"}}, ["measurement.source is 'satellite'", "'file'", "'synthetic'"]),
+    (measured(scale="dB"), ["measurement.scale is 'dB'", "'db' or 'power'"]),
+    (measured(scale=None), ["measurement.scale is None"]),
+    ({"measurement": {"source": "file", "path": "a.tif"}}, ["measurement.scale is missing"]),
+    ({"measurement": {"source": "file", "scale": "db"}}, ["measurement.path is missing"]),
+    (synthetic(parameters={"dyke": [1, 2]}), ["measurement.synthetic.parameters.dyke", "2 numbers", "takes 4"]),
+    (synthetic(parameters={"dyke": [1, 2, 3, "x"]}), ["measurement.synthetic.parameters.dyke.3 is 'x'"]),
+    (synthetic(offset_db=float("nan")), ["measurement.synthetic.offset_db is nan"]),
+    (synthetic(warp_px=-1), ["measurement.synthetic.warp_px is -1"]),
+    (synthetic(warp_px=float("nan")), ["measurement.synthetic.warp_px is nan"]),
+    (synthetic(seed=-1), ["measurement.synthetic.seed is -1"]),
+    # the rest
+    ({"simulator": {"kind": "emprise"}}, ["simulator.kind is 'emprise'", "'builtin'"]),
+    ({"registration": {"method": "magic"}}, ["registration.method is 'magic'", "'none'"]),
+    ({"target": {"pixels": 49}}, ["target.pixels is 49", "50"]),
+    ({"target": {"margin_px": -1}}, ["target.margin_px is -1"]),
+    ({"design": {"sampler": "halton"}}, ["design.sampler is 'halton'", "'sobol'", "'latin_hypercube'"]),
+    ({"design": {"size": 0}}, ["design.size is 0"]),
+    ({"design": {"chunk": 0}}, ["design.chunk is 0"]),
+    ({"surrogate": {"training": "hot"}}, ["surrogate.training is 'hot'", "'warm'"]),
+    ({"surrogate": {"retrain_every": 0}}, ["surrogate.retrain_every is 0"]),
+    ({"optimiser": {"population": 3}}, ["optimiser.population is 3", "4"]),
+    ({"optimiser": {"evaluations": 0}}, ["optimiser.evaluations is 0"]),
+    ({"stop": {"rms": 0}}, ["stop.rms is 0"]),
+    ({"stop": {"rms": float("nan")}}, ["stop.rms is nan"]),
+    ({"stop": {"max_runs": 15}}, ["stop.max_runs is 15", "design.size (16)"]),
+    ({"stop": {"stagnation_runs": 0}}, ["stop.stagnation_runs is 0"]),
+]
+
+
+@pytest.mark.parametrize(("data", "words"), BAD, ids=lambda value: None if isinstance(value, list) else str(value)[:60])
+def test_bad_values_are_refused_in_a_sentence(data: dict[str, Any], words: list[str]) -> None:
+    text = message(data)
+    for word in words:
+        assert word in text, text
+
+
+def test_more_than_one_mistake_is_counted() -> None:
+    assert "(and 2 more)" in message({"seed": -1, "radar": {"looks": 0}, "stop": {"rms": -1}})
+
+
+def test_each_union_member_is_read() -> None:
+    assert case_from(flat()).scene == SlantRangeScene(
+        source="slant_range", labels="a.tif", names="a.json", near_incidence_deg=20, far_incidence_deg=40
+    )
+    assert case_from(measured()).measurement == FileMeasurement(source="file", path="a.tif", scale="db")
+
+
+def test_start_is_the_middle_of_the_bounds_unless_given() -> None:
+    bounds = [[-50, 0], [0, 20], [0, 1], [2, 4]]
+    assert case_from(dyke(bounds=bounds)).materials["dyke"].start_parameters == [-25, 10, 0.5, 3]
+    given = case_from(dyke(bounds=bounds, start=[-1, 1, 1, 2])).materials["dyke"]
+    assert given.start_parameters == [-1, 1, 1, 2]
+    assert case_from({"materials": FIXED}).materials["grass"].start_parameters == X
+
+
+def test_calibrated_materials_keep_the_order_of_the_file() -> None:
+    names = ["water", "dyke", "asphalt"]
+    case = case_from({"materials": {name: {"calibrate": True} for name in names}})
+    assert case.calibrated == names
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [(("seed",), 2), (("stop", "rms"), 1e-3), (("radar", "looks"), 1), (("scene", "seed"), 4), (("nothing",), 1)],
+)
+def test_configuration_is_frozen(path: tuple[str, ...], value: object) -> None:
+    section: Any = Case()
+    for name in path[:-1]:
+        section = getattr(section, name)
+    with pytest.raises(ValidationError):
+        setattr(section, path[-1], value)
+
+
+def write(folder: Path, text: str | bytes, name: str = "case.yaml") -> Path:
+    path = folder / name
+    path.write_bytes(text.encode() if isinstance(text, str) else text)
+    return path
+
+
+def test_file_needs_only_the_keys_that_differ(tmp_path: Path) -> None:
+    case = load([write(tmp_path, "case: mine\nstop: {rms: 1.0e-4}\n")])
+    assert case.case == "mine"
+    assert case.stop.rms == 1e-4
+    assert case.stop.max_runs == Case().stop.max_runs
+    assert case.radar == Case().radar
+    assert load([write(tmp_path, "# nothing\n")]) == Case()
+
+
+def test_later_files_win_key_by_key(tmp_path: Path) -> None:
+    first = write(tmp_path, "seed: 3\nstop: {rms: 0.1, max_runs: 50}\n")
+    second = write(tmp_path, "stop: {rms: 0.2}\n", "more.yaml")
+    case = load([first, second])
+    assert (case.seed, case.stop.rms, case.stop.max_runs) == (3, 0.2, 50)
+
+
+@pytest.mark.parametrize("value", ['{"rms": 1e-4}', "{rms: 1e-4}", {"rms": "1e-4"}, {"rms": 1e-4}])
+def test_override_merges_into_the_files_section(tmp_path: Path, value: object) -> None:
+    path = write(tmp_path, "seed: 3\nstop: {rms: 0.1, max_runs: 50}\n")
+    case = load([path], {"stop": value, "seed": "7"})
+    assert case.stop.rms == 1e-4
+    assert case.stop.max_runs == 50
+    assert case.seed == 7
+
+
+def test_override_reaches_into_materials_and_lists(tmp_path: Path) -> None:
+    path = write(tmp_path, yaml.safe_dump({"materials": FIXED}))
+    case = load([path], {"materials": '{"dyke": {"bounds": [[0, 1], [0, 1], [0, 1], [0, 1]]}}'})
+    assert case.materials["dyke"].box == [(0.0, 1.0)] * 4
+    assert case.materials["dyke"].calibrate
+    assert list(case.materials) == ["dyke", "grass"]
+
+
+def test_override_of_a_measurement_keeps_its_other_keys(tmp_path: Path) -> None:
+    path = write(tmp_path, yaml.safe_dump(synthetic(seed=5, offset_db=1.0)))
+    measurement = load([path], {"measurement": '{"synthetic": {"warp_px": 2.0}}'}).measurement
+    assert isinstance(measurement, SyntheticMeasurement)
+    assert (measurement.synthetic.seed, measurement.synthetic.offset_db, measurement.synthetic.warp_px) == (5, 1.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "words"),
+    [
+        ({"stop": '{"rms": '}, ["--config stop", "not valid"]),
+        ({"stop": '{"rsm": 1}'}, ["stop.rsm", "'rms'"]),
+        ({"stop": "1e-4"}, ["stop is '1e-4'"]),
+        ({"sede": 3}, ["sede", "'seed'"]),
+    ],
+)
+def test_bad_overrides(tmp_path: Path, overrides: dict[str, Any], words: list[str]) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load([write(tmp_path, "seed: 3\n")], overrides)
+    for word in words:
+        assert word in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("seed: 3\nradar: [1, 2\n", r"case\.yaml, line 3: not a YAML file"),
+        ("seed: 1\n\tcase: x\n", r"case\.yaml, line 2: not a YAML file"),
+        ("a: b: c\n", r"case\.yaml, line 1: not a YAML file"),
+        ("!!python/object/apply:os.getcwd []\n", "not a YAML file"),
+        (b"case: \xff\xfe\n", r"case\.yaml: not a YAML file"),
+        ("- seed\n- 3\n", r"case\.yaml: holds list, expected keys and values"),
+        ("just text\n", r"case\.yaml: holds str, expected keys and values"),
+        ("seed: minus one\n", r"case\.yaml: seed is 'minus one'"),
+    ],
+)
+def test_bad_files(tmp_path: Path, content: str | bytes, words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        load([write(tmp_path, content)])
+
+
+def test_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"nowhere\.yaml: cannot be read \(No such file"):
+        load([tmp_path / "nowhere.yaml"])
+    with pytest.raises(ConfigError, match="cannot be read"):
+        load([tmp_path])
+
+
+def test_paths_expand_variables_and_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "a b.tif").write_text("")
+    monkeypatch.setenv("RADCAL_TEST", str(tmp_path))
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert expand_path("${RADCAL_TEST}/a b.tif", "key") == tmp_path / "a b.tif"
+    assert expand_path("~/a b.tif", "key") == tmp_path / "a b.tif"
+    with pytest.raises(ConfigError, match=r"^key: the file .*/b\.tif does not exist\.$"):
+        expand_path("${RADCAL_TEST}/b.tif", "key")
+    with pytest.raises(ConfigError, match="does not exist"):
+        expand_path(str(tmp_path), "key")  # a folder
+    monkeypatch.delenv("RADCAL_TEST")
+    with pytest.raises(ConfigError, match=r"^key is '\$\{RADCAL_TEST\}/x' but .* RADCAL_TEST is not set: type export"):
+        expand_path("${RADCAL_TEST}/x", "key")
+
+
+def test_variables_are_expanded_when_the_file_is_read_not_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("RADCAL_TEST", raising=False)
+    case = case_from(measured(path="${RADCAL_TEST}/a.tif"))
+    assert isinstance(case.measurement, FileMeasurement)
+    assert case.measurement.path == "${RADCAL_TEST}/a.tif"
+    with pytest.raises(ConfigError, match=r"measurement\.path .* RADCAL_TEST"):
+        input_files(case)
+
+
+def test_input_files_are_those_that_the_case_reads(tmp_path: Path) -> None:
+    assert input_files(Case()) == {}
+    paths = {name: tmp_path / name for name in ("labels.tif", "names.json", "image.tif")}
+    for path in paths.values():
+        path.write_text("")
+    labels, names, image = (str(path) for path in paths.values())
+    case = case_from(flat(labels=labels, names=names) | measured(path=image))
+    assert input_files(case) == {
+        "scene.labels": paths["labels.tif"],
+        "scene.names": paths["names.json"],
+        "measurement.path": paths["image.tif"],
+    }
+
+
+def test_sections_rebuild_a_case_without_the_rest() -> None:
+    case = case_from(flat() | {"materials": FIXED, "measurement": {"source": "file", "path": "a.tif", "scale": "db"}})
+    sections = case.sections("scene", "radar", "materials", "measurement")
+    assert yaml.safe_load(yaml.safe_dump(sections)) == sections  # plain data
+    part = Case.of_sections(sections)
+    assert (part.scene, part.radar, part.materials) == (case.scene, case.radar, case.materials)
+    assert part.measurement == case.measurement
+    assert part.calibrated == ["dyke"]
+    for name in ("stop", "target", "seed", "design"):
+        with pytest.raises(AttributeError):
+            getattr(part, name)

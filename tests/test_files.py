@@ -1,0 +1,143 @@
+from __future__ import annotations
+
+import json
+import os
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import h5py
+import pytest
+
+from radcal.errors import StoreError
+from radcal.files import atomic, digest, read_json, sweep, write_hdf5, write_json
+
+
+def left_in(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_atomic_shows_the_file_only_when_complete(tmp_path: Path) -> None:
+    path = tmp_path / "deep" / "er" / "a.txt"
+    with atomic(path) as partial:
+        partial.write_text("whole")
+        assert not path.exists()
+        assert partial.parent == path.parent
+    assert path.read_text() == "whole"
+    assert left_in(path.parent) == ["a.txt"]
+
+
+def test_atomic_failure_leaves_neither_file_nor_partial(tmp_path: Path) -> None:
+    with pytest.raises(ZeroDivisionError), atomic(tmp_path / "a.txt") as partial:
+        partial.write_text("half")
+        raise ZeroDivisionError
+    assert left_in(tmp_path) == []
+
+
+def test_atomic_failure_keeps_the_old_file(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text("old")
+    with pytest.raises(KeyboardInterrupt), atomic(path) as partial:
+        partial.write_text("half of new")
+        raise KeyboardInterrupt
+    assert path.read_text() == "old"
+    assert left_in(tmp_path) == ["a.txt"]
+
+
+def test_full_disk_is_a_store_error(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    with pytest.raises(StoreError, match=r"a\.txt: cannot be written \(No space left on device\)"), atomic(path):
+        raise OSError(28, "No space left on device")
+    assert left_in(tmp_path) == []
+
+
+def test_folder_in_the_way_is_a_store_error(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StoreError, match="cannot be written"), atomic(tmp_path / "file" / "a.txt"):
+        pytest.fail("the block must not run")
+    (tmp_path / "a.txt").mkdir()
+    with pytest.raises(StoreError, match="cannot be written"), atomic(tmp_path / "a.txt") as partial:
+        partial.write_text("")
+    assert left_in(tmp_path) == ["a.txt", "file"]
+
+
+def test_hdf5_appears_whole_or_not_at_all(tmp_path: Path) -> None:
+    with write_hdf5(tmp_path / "a.h5") as file:
+        file["x"] = [1.0, 2.0]
+        assert not (tmp_path / "a.h5").exists()
+    with h5py.File(tmp_path / "a.h5") as file:
+        assert file["x"][()].tolist() == [1.0, 2.0]
+    with pytest.raises(ZeroDivisionError), write_hdf5(tmp_path / "b.h5") as file:
+        file["x"] = [1.0]
+        raise ZeroDivisionError
+    assert left_in(tmp_path) == ["a.h5"]
+
+
+def test_json_round_trip(tmp_path: Path) -> None:
+    data = {"a": [1, 2.5, None, True], "é": "ü"}
+    write_json(tmp_path / "a.json", data)
+    assert read_json(tmp_path / "a.json") == data
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_json_refuses_what_is_not_a_number(tmp_path: Path, value: float) -> None:
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        write_json(tmp_path / "a.json", {"a": value})
+    assert left_in(tmp_path) == []
+
+
+@pytest.mark.parametrize("content", [None, b"", b'{"a": 1', b"\xff\xfe\x00"])
+def test_missing_or_damaged_json_is_a_store_error(tmp_path: Path, content: bytes | None) -> None:
+    path = tmp_path / "a.json"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(StoreError, match=r"a\.json: cannot be read .* delete it"):
+        read_json(path)
+
+
+def test_digest_is_of_the_data_not_of_its_order() -> None:
+    assert digest({"a": 1, "b": [1, 2]}) == digest({"b": [1, 2], "a": 1})
+    assert digest([1, 2]) != digest([2, 1])
+    assert digest({"a": 1.0}) != digest({"a": 1.0 + 2**-52})
+    assert len(digest({})) == 20
+    assert int(digest({}), 16) >= 0
+    # the same in every session and on every machine
+    assert digest({"a": 1}) == digest(json.loads('{"a": 1}')) == "015abd7f5cc57a2dd94b"
+
+
+def test_digest_refuses_nan() -> None:
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        digest({"x": float("nan")})
+
+
+def test_sweep_removes_partials_of_dead_processes_only(tmp_path: Path) -> None:
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    host = socket.gethostname()
+    dead = tmp_path / "runs" / f".partial-{host}-{gone.pid}-a-b.h5"
+    kept = [
+        tmp_path / f".partial-{host}-{os.getpid()}-a.h5",
+        tmp_path / f".partial-{host}-{os.getppid()}-a.h5",
+        tmp_path / f".partial-elsewhere.{host}-{gone.pid}-a.h5",
+        tmp_path / "a.h5",
+        tmp_path / f"partial-{host}-{gone.pid}-a.h5",
+    ]
+    dead.parent.mkdir()
+    for path in [dead, *kept]:
+        path.write_text("")
+    assert sweep(tmp_path) == 1
+    assert not dead.exists()
+    assert all(path.exists() for path in kept)
+    assert sweep(tmp_path) == 0
+
+
+def test_partial_of_a_killed_process_is_swept(tmp_path: Path) -> None:
+    code = (
+        "import os, sys; from radcal.files import atomic\n"
+        "with atomic(sys.argv[1]) as partial:\n partial.write_text('half'); os._exit(9)"
+    )
+    subprocess.run([sys.executable, "-c", code, str(tmp_path / "a.txt")], check=False)
+    assert [name.startswith(".partial-") for name in left_in(tmp_path)] == [True]
+    assert sweep(tmp_path) == 1
+    assert left_in(tmp_path) == []

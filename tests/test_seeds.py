@@ -1,0 +1,29 @@
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from radcal.seeds import derived_rng, derived_seed
+
+
+@given(seed=st.integers(0, 2**63 - 1), name=st.text(max_size=20))
+def test_derived_seeds_fit_63_bits(seed: int, name: str) -> None:
+    assert 0 <= derived_seed(seed, name) < 2**63
+
+
+def test_derived_seeds_are_the_same_in_every_session() -> None:
+    # a change of this number would silently change every stored run's key
+    assert derived_seed(1, "a", 2) == derived_seed(1, "a", "2")
+    assert derived_seed(1) == 0x6B86B273FF34FCE1 >> 1  # the start of sha256("1")
+
+
+def test_different_names_and_seeds_give_different_streams() -> None:
+    uses = [(1,), (2,), (1, "a"), (1, "b"), (1, "a", 0), (1, "a", 1), (11, "a"), (1, "1", "a"), (1, "ab")]
+    assert len({derived_seed(*use) for use in uses}) == len(uses)
+    a, b = (derived_rng(1, name).standard_normal(10_000) for name in ("a", "b"))
+    assert abs(np.corrcoef(a, b)[0, 1]) < 0.04
+
+
+def test_equal_names_give_equal_streams() -> None:
+    np.testing.assert_array_equal(derived_rng(3, "x", 4).random(5), derived_rng(3, "x", 4).random(5))

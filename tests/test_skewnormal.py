@@ -1,0 +1,261 @@
+"""The skew normal against scipy.stats.skewnorm, which shares no code with it."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import integrate, stats
+
+from radcal import skewnormal
+from radcal.errors import FitError
+
+DP = [(0.0, 1.0, 0.0), (-3.0, 2.5, 4.0), (12.0, 0.3, -1.5), (40.0, 8.0, -30.0), (1.0, 1.0, 1e-5)]
+
+
+def scipy_of(dp: object) -> object:
+    xi, omega, alpha = np.asarray(dp, dtype=float)
+    return stats.skewnorm(alpha, xi, omega)
+
+
+@pytest.mark.parametrize("dp", DP)
+def test_density_is_that_of_scipy(dp: tuple[float, float, float]) -> None:
+    x = dp[0] + dp[1] * np.linspace(-4, 4, 201)
+    np.testing.assert_allclose(skewnormal.density(x, dp), scipy_of(dp).pdf(x), rtol=1e-10, atol=1e-300)
+
+
+@pytest.mark.parametrize("dp", DP)
+def test_cdf_is_that_of_scipy(dp: tuple[float, float, float]) -> None:
+    x = dp[0] + dp[1] * np.linspace(-6, 6, 201)
+    np.testing.assert_allclose(skewnormal.cdf(x, dp), scipy_of(dp).cdf(x), atol=1e-9)
+
+
+def test_density_far_in_the_thin_tail_is_positive_and_finite() -> None:
+    assert skewnormal.density(-3.0, (0.0, 1.0, 8.0)) > 0.0
+    assert np.isfinite(skewnormal.log_likelihood([-40.0], (0.0, 1.0, 8.0)))
+
+
+@pytest.mark.parametrize("dp", DP)
+def test_log_likelihood_is_that_of_scipy(dp: tuple[float, float, float]) -> None:
+    x = scipy_of(dp).rvs(50, random_state=1)
+    assert skewnormal.log_likelihood(x, dp) == pytest.approx(scipy_of(dp).logpdf(x).sum(), rel=1e-10)
+
+
+@pytest.mark.parametrize("dp", DP)
+def test_centred_parameters_are_the_moments_of_scipy(dp: tuple[float, float, float]) -> None:
+    mean, variance, skewness = scipy_of(dp).stats("mvs")
+    np.testing.assert_allclose(skewnormal.centred(dp), [mean, np.sqrt(variance), skewness], rtol=1e-9, atol=1e-12)
+
+
+@given(
+    mean=st.floats(-60, 60),
+    sd=st.floats(0.01, 30),
+    skewness=st.floats(-0.994, 0.994).filter(lambda g: abs(g) > 1e-9),
+)
+def test_centred_to_direct_and_back(mean: float, sd: float, skewness: float) -> None:
+    back = skewnormal.centred(skewnormal.direct([mean, sd, skewness]))
+    np.testing.assert_allclose(back, [mean, sd, skewness], rtol=1e-8, atol=1e-9 * sd)
+
+
+@given(xi=st.floats(-60, 60), omega=st.floats(0.01, 30), alpha=st.floats(-50, 50).filter(lambda a: abs(a) > 1e-3))
+def test_direct_to_centred_and_back(xi: float, omega: float, alpha: float) -> None:
+    back = skewnormal.direct(skewnormal.centred([xi, omega, alpha]))
+    np.testing.assert_allclose(back, [xi, omega, alpha], rtol=1e-6, atol=1e-7 * omega)
+
+
+def test_parametrisations_work_on_stacks() -> None:
+    stack = np.array(DP[:4]).reshape(2, 2, 3)
+    np.testing.assert_allclose(skewnormal.direct(skewnormal.centred(stack)), stack, rtol=1e-9, atol=1e-9)
+
+
+def test_largest_skewness_is_that_of_the_half_normal() -> None:
+    assert pytest.approx(float(stats.halfnorm.stats(moments="s")), rel=1e-12) == skewnormal.MAX_SKEWNESS
+    assert round(skewnormal.MAX_SKEWNESS, 5) == 0.99527
+
+
+@pytest.mark.parametrize("cp", [(0, 0, 0), (0, -1, 0), (0, 1, 0.9953), (0, 1, -1.2)])
+def test_unreachable_centred_parameters_are_refused(cp: tuple[float, float, float]) -> None:
+    with pytest.raises(ValueError, match="0.99527"):
+        skewnormal.direct(cp)
+
+
+def test_omega_must_be_positive() -> None:
+    with pytest.raises(ValueError, match="omega > 0"):
+        skewnormal.centred((0.0, 0.0, 1.0))
+
+
+def random_samples(count: int) -> list[np.ndarray]:
+    rng = np.random.default_rng(20)
+    samples = []
+    for _ in range(count):
+        alpha = rng.choice([-10.0, -3.0, -1.0, 0.0, 0.5, 2.0, 6.0])
+        xi, omega, n = rng.normal(0, 20), 10 ** rng.uniform(-1, 1), int(rng.choice([50, 200, 1000]))
+        samples.append(stats.skewnorm.rvs(alpha, xi, omega, size=n, random_state=rng))
+    return samples
+
+
+def test_fit_is_never_less_likely_than_scipys() -> None:
+    compared = 0
+    for x in random_samples(40):
+        fit = skewnormal.fit(x)
+        fixed = {"fa": fit.dp[2]} if fit.at_boundary else {}  # at the limit only location and scale are free
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            other = stats.skewnorm.fit(x, **fixed)
+        ours, theirs = stats.skewnorm.logpdf(x, *fit.dp[[2, 0, 1]]).mean(), stats.skewnorm.logpdf(x, *other).mean()
+        assert ours >= theirs - 1e-6, (x.size, fit, other)
+        # the limit on skewness costs little even where the likelihood grows beyond it
+        if fit.at_boundary:
+            assert ours >= stats.skewnorm.logpdf(x, *stats.skewnorm.fit(x)).mean() - 0.02
+        compared += not fit.at_boundary
+    assert compared >= 30
+
+
+def test_fit_has_a_zero_gradient() -> None:
+    x = stats.skewnorm.rvs(3.0, -5.0, 2.0, size=500, random_state=3)
+    dp = skewnormal.fit(x).dp
+    for k in range(3):
+        step = np.zeros(3)
+        step[k] = 1e-4
+        up, down = (skewnormal.log_likelihood(x, dp + s * step) for s in (1, -1))
+        assert abs(up - down) / (2e-4 * x.size) < 1e-5
+
+
+@settings(max_examples=25, deadline=None)
+@given(shift=st.floats(-100, 100), scale=st.floats(0.01, 100), sign=st.sampled_from([-1.0, 1.0]))
+def test_fit_moves_with_shift_scale_and_reflection(shift: float, scale: float, sign: float) -> None:
+    x = stats.skewnorm.rvs(2.5, 0.0, 1.0, size=200, random_state=4)
+    mean, sd, skewness = skewnormal.fit(x).cp
+    found = skewnormal.fit(shift + sign * scale * x).cp
+    np.testing.assert_allclose(
+        (found - [shift, 0, 0]) / [scale, scale, 1], [sign * mean, sd, sign * skewness], rtol=1e-4, atol=1e-5
+    )
+
+
+def test_fit_recovers_the_parameters_within_their_errors() -> None:
+    truth, n, draws = np.array([-4.0, 3.0, 3.0]), 2000, 40
+    found = np.array(
+        [skewnormal.fit(scipy_of(truth).rvs(n, random_state=1000 + k)).cp for k in range(draws)], dtype=float
+    )
+    bias = found.mean(axis=0) - skewnormal.centred(truth)
+    error = found.std(axis=0, ddof=1) / np.sqrt(draws)
+    assert (np.abs(bias) < 4 * error).all(), (bias, error)
+    # maximum likelihood is at least as good as the sample mean, whose error is known
+    assert found[:, 0].std(ddof=1) < 1.4 * skewnormal.centred(truth)[1] / np.sqrt(n)
+
+
+def test_fit_reports_both_parametrisations_and_the_size() -> None:
+    fit = skewnormal.fit(stats.skewnorm.rvs(2.0, size=(30, 10), random_state=2))
+    assert fit.n == 300
+    np.testing.assert_allclose(skewnormal.centred(fit.dp), fit.cp, rtol=1e-9, atol=1e-12)
+
+
+def test_half_normal_sample_is_flagged_at_the_boundary() -> None:
+    x = stats.halfnorm.rvs(size=500, random_state=1)
+    fit = skewnormal.fit(x)
+    assert fit.at_boundary
+    assert abs(fit.cp[2]) < skewnormal.MAX_SKEWNESS
+    assert skewnormal.density_rms(fit.dp, (0.0, 1.0, 100.0)) < 0.05
+    mirrored = skewnormal.fit(-x)
+    assert mirrored.at_boundary
+    assert mirrored.dp[2] < 0
+
+
+def test_symmetric_sample_fits_as_well_as_a_normal() -> None:
+    half = stats.norm.rvs(size=250, random_state=3)
+    x = np.concatenate([half, -half])  # skewness exactly zero
+    fit = skewnormal.fit(x)
+    assert not fit.at_boundary
+    assert np.isfinite(fit.dp).all()
+    assert skewnormal.log_likelihood(x, fit.dp) >= stats.norm(x.mean(), x.std()).logpdf(x).sum() - 1e-6 * x.size
+
+
+@pytest.mark.parametrize("noise", [1, 2, 3])
+def test_normal_sample_is_not_at_the_boundary(noise: int) -> None:
+    fit = skewnormal.fit(stats.norm.rvs(10, 2, size=1000, random_state=noise))
+    assert not fit.at_boundary
+    np.testing.assert_allclose(fit.cp[:2], [10, 2], atol=0.3)
+
+
+def test_single_precision_samples_fit() -> None:
+    x = stats.skewnorm.rvs(2.0, 20.0, 3.0, size=500, random_state=5)
+    np.testing.assert_allclose(skewnormal.fit(x.astype(np.float32)).cp, skewnormal.fit(x).cp, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("sample", "words"),
+    [
+        ([], "at least 8 values, found 0"),
+        (np.arange(7.0), "at least 8 values, found 7"),
+        (np.full(100, -12.5), "all 100 are -12.5 dB"),
+        (np.zeros(100), "all 100 are 0 dB"),
+        (np.r_[np.arange(20.0), np.nan, np.nan], "found 2 that are not"),
+        (np.r_[np.arange(20.0), -np.inf], "found 1 that are not"),
+    ],
+)
+def test_unfit_samples_are_refused(sample: np.ndarray, words: str) -> None:
+    with pytest.raises(FitError, match=words):
+        skewnormal.fit(sample)
+
+
+def test_target_grid_is_five_sd_each_side() -> None:
+    grid = skewnormal.target_grid((2.0, 3.0, 0.0))
+    assert grid.size == 1000
+    np.testing.assert_allclose([grid[0], grid[-1]], [-13.0, 17.0])
+    np.testing.assert_allclose(np.diff(grid), np.diff(grid)[0])
+
+
+@pytest.mark.parametrize("dp", DP)
+def test_distances_of_equal_densities_are_zero(dp: tuple[float, float, float]) -> None:
+    assert skewnormal.density_rms(dp, dp) == 0.0
+    assert skewnormal.hellinger(dp, dp) == 0.0
+    assert skewnormal.kolmogorov_smirnov(dp, dp) == 0.0
+
+
+def test_density_rms_is_the_definition_with_scipys_densities() -> None:
+    dp, target = (-2.0, 3.5, 2.0), (-1.0, 3.0, 4.0)
+    mean, variance = scipy_of(target).stats("mv")
+    t = np.linspace(mean - 5 * np.sqrt(variance), mean + 5 * np.sqrt(variance), 1000)
+    expected = np.sqrt(np.mean((scipy_of(dp).pdf(t) - scipy_of(target).pdf(t)) ** 2))
+    assert skewnormal.density_rms(dp, target) == pytest.approx(expected, rel=1e-9)
+
+
+def test_density_rms_saturates_without_overlap() -> None:
+    target = (0.0, 1.0, 0.0)
+    far, further = (skewnormal.density_rms((x, 1.0, 0.0), target) for x in (50.0, 500.0))
+    assert far == further == pytest.approx(np.sqrt(1 / (2 * np.sqrt(np.pi)) / 10), rel=2e-3)
+
+
+NORMALS = [((0, 1), (0, 1.01)), ((0, 1), (1, 1)), ((-3, 2), (4, 5)), ((0, 1), (0, 10)), ((0, 1), (9, 1))]
+
+
+@pytest.mark.parametrize(("a", "b"), NORMALS)
+def test_hellinger_of_two_normals(a: tuple[float, float], b: tuple[float, float]) -> None:
+    (m1, s1), (m2, s2) = a, b
+    overlap = np.sqrt(2 * s1 * s2 / (s1**2 + s2**2)) * np.exp(-((m1 - m2) ** 2) / (4 * (s1**2 + s2**2)))
+    assert skewnormal.hellinger((m1, s1, 0), (m2, s2, 0)) == pytest.approx(np.sqrt(1 - overlap), abs=1e-7)
+
+
+def test_hellinger_of_skewed_densities_by_quadrature() -> None:
+    a, b = scipy_of((0, 2, 4)), scipy_of((1, 3, -2))
+    overlap = integrate.quad(lambda x: np.sqrt(a.pdf(x) * b.pdf(x)), -30, 30, limit=200)[0]
+    assert skewnormal.hellinger((0, 2, 4), (1, 3, -2)) == pytest.approx(np.sqrt(1 - overlap), abs=1e-6)
+
+
+@pytest.mark.parametrize("shift", [0.01, 0.5, 3.0])
+def test_kolmogorov_smirnov_of_two_equally_wide_normals(shift: float) -> None:
+    # largest midway between the means: 2 Phi(shift / 2) - 1
+    expected = 2 * stats.norm.cdf(shift / 2 / 2.0) - 1
+    assert skewnormal.kolmogorov_smirnov((0, 2, 0), (shift, 2, 0)) == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize("distance", [skewnormal.hellinger, skewnormal.kolmogorov_smirnov])
+def test_unitless_distances_are_symmetric_invariant_and_at_most_one(distance: object) -> None:
+    a, b = np.array([0.0, 2.0, 4.0]), np.array([1.0, 3.0, -2.0])
+    assert distance(a, b) == pytest.approx(distance(b, a), abs=1e-12)
+    scaled = distance(a * [10, 10, 1] + [7, 0, 0], b * [10, 10, 1] + [7, 0, 0])
+    assert scaled == pytest.approx(distance(a, b), abs=1e-9)
+    assert distance(a, (1000.0, 1.0, 0.0)) == pytest.approx(1.0, abs=1e-9)

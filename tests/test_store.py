@@ -1,0 +1,297 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from radcal.config import Case
+from radcal.errors import SimulatorError
+from radcal.radar.geometry import Geometry
+from radcal.radar.laws import LAWS, Law
+from radcal.store import Record, Runner, RunStore
+
+X = {"dyke": [6.1, 14.2, 21.5, 3.3], "grass": [10.0, 14.0, 6.0, 4.0]}
+
+
+class Counting:
+    """A simulator that counts its calls; the image depends on X and the seed."""
+
+    def __init__(self, shape: tuple[int, int], version: int = 1) -> None:
+        self.shape, self.version, self.calls = shape, version, 0
+
+    @property
+    def identity(self) -> Mapping[str, Any]:
+        return {"kind": "counting", "version": self.version}
+
+    def run(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> np.ndarray:
+        self.calls += 1
+        noise = np.random.default_rng(noise_seed).standard_normal(self.shape)
+        return (noise + parameters["dyke"][0]).astype(np.float32)
+
+
+@pytest.fixture
+def simulator(geometry: Geometry) -> Counting:
+    return Counting(geometry.shape)
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> RunStore:
+    return RunStore(tmp_path / "runs")
+
+
+@pytest.fixture
+def runner(store: RunStore, simulator: Counting, geometry: Geometry, case: Case) -> Runner:
+    return Runner(store, simulator, geometry, "scene", case)
+
+
+def files(store: RunStore) -> list[str]:
+    return sorted(path.name for path in store.folder.glob("*")) if store.folder.exists() else []
+
+
+def test_a_run_is_simulated_once(runner: Runner, store: RunStore, simulator: Counting, geometry: Geometry) -> None:
+    first = runner.run(X, 7)
+    again = runner.run(X, 7)
+    assert simulator.calls == 1
+    assert files(store) == [f"{first.key}.h5"]
+    assert again.key == first.key
+    assert again.seconds == first.seconds >= 0
+    image = simulator.run(X, 7)
+    assert list(first.pixels_db) == list(again.pixels_db) == ["dyke"]
+    for record in (first, again):
+        np.testing.assert_array_equal(record.pixels_db["dyke"], image.ravel()[geometry.pixels("dyke")])
+        assert record.pixels_db["dyke"].dtype == np.float32
+        assert record.image_db is None
+
+
+def test_another_session_finds_the_run(
+    runner: Runner, store: RunStore, simulator: Counting, geometry: Geometry, case: Case
+) -> None:
+    key = runner.run(X, 7).key
+    tuples = {name: tuple(np.float64(v) for v in x) for name, x in reversed(X.items())}
+    assert Runner(RunStore(store.folder), simulator, geometry, "scene", case).run(tuples, 7).key == key
+    assert simulator.calls == 1
+
+
+def test_key_changes_with_all_that_changes_the_numbers(
+    store: RunStore, geometry: Geometry, build_case: Callable[..., Case], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(LAWS, "other", Law(LAWS["mangia"].function, *(getattr(LAWS["mangia"], n) for n in
+                                           ("names", "units", "bounds"))))  # fmt: skip
+    simulator, case = Counting(geometry.shape), build_case()
+    radar = {"altitude_m": 1000.0}
+    grass = {"parameters": X["grass"]}
+    keys = [
+        Runner(store, simulator, geometry, "scene", case).run(X, 7).key,
+        Runner(store, simulator, geometry, "scene", case).run({**X, "dyke": [6.1, 14.2, 21.5, 3.3 + 1e-15]}, 7).key,
+        Runner(store, simulator, geometry, "scene", case).run({**X, "grass": [10.0, 14.0, 6.0, 4.5]}, 7).key,
+        Runner(store, simulator, geometry, "scene", case).run({"dyke": X["grass"], "grass": X["dyke"]}, 7).key,
+        Runner(store, simulator, geometry, "scene", case).run(X, 8).key,
+        Runner(store, simulator, geometry, "other scene", case).run(X, 7).key,
+        Runner(store, Counting(geometry.shape, 2), geometry, "scene", case).run(X, 7).key,
+    ]
+    changes = [
+        {"radar": radar | change}
+        for change in ({"altitude_m": 1001.0}, {"looks": 3}, {"nesz_db": -21.0}, {"look_side": "left"}, {"band": "C"})
+    ]
+    changes.append({"materials": {"dyke": {"calibrate": True, "law": "other"}, "grass": grass}})
+    keys += [Runner(store, simulator, geometry, "scene", build_case(**change)).run(X, 7).key for change in changes]
+    assert len(set(keys)) == len(keys) == 13
+
+
+def test_key_does_not_change_with_how_runs_are_used(
+    store: RunStore, geometry: Geometry, build_case: Callable[..., Case]
+) -> None:
+    simulator = Counting(geometry.shape)
+    grass = {"parameters": X["grass"]}
+    changes: list[dict[str, Any]] = [
+        {},
+        {"case": "other", "seed": 99},
+        {"target": {"pixels": 60, "margin_px": 3}},
+        {"stop": {"rms": 1e-3, "max_runs": 30, "stagnation_runs": 5}},
+        {"optimiser": {"population": 20, "objective": "rms"}},
+        {"surrogate": {"outputs": "direct"}},
+        {"design": {"sampler": "monte_carlo", "size": 3}},
+        {"measurement": {"source": "synthetic", "synthetic": {"seed": 8, "offset_db": 2.0}}},
+        {"materials": {"dyke": {"calibrate": True, "bounds": [[0, 60]] * 4, "start": [1, 1, 1, 1]}, "grass": grass}},
+        {"materials": {"grass": grass, "dyke": {"calibrate": True}}},
+    ]
+    keys = {Runner(store, simulator, geometry, "scene", build_case(**change)).run(X, 7).key for change in changes}
+    assert len(keys) == 1
+    assert simulator.calls == 1
+
+
+def truncate(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+def empty(path: Path) -> None:
+    path.write_bytes(b"")
+
+
+def garbage(path: Path) -> None:
+    path.write_bytes(np.random.default_rng(0).bytes(5000))
+
+
+def other_hash(path: Path) -> None:
+    with h5py.File(path, "a") as file:
+        file.attrs["hash"] = "0" * 20
+
+
+def other_schema(path: Path) -> None:
+    with h5py.File(path, "a") as file:
+        file.attrs["schema"] = 99
+
+
+def no_pixels(path: Path) -> None:
+    with h5py.File(path, "a") as file:
+        del file["pixels_db"]
+
+
+def no_attributes(path: Path) -> None:
+    with h5py.File(path, "a") as file:
+        del file.attrs["seconds"]
+
+
+@pytest.mark.parametrize(
+    "damage", [truncate, empty, garbage, other_hash, other_schema, no_pixels, no_attributes], ids=lambda f: f.__name__
+)
+def test_damaged_record_is_set_aside_and_made_again(
+    runner: Runner, store: RunStore, simulator: Counting, damage: Callable[[Path], None],
+    caplog: pytest.LogCaptureFixture,
+) -> None:  # fmt: skip
+    first = runner.run(X, 7)
+    path = store.path(first.key)
+    damage(path)
+    again = runner.run(X, 7)
+    assert simulator.calls == 2
+    np.testing.assert_array_equal(again.pixels_db["dyke"], first.pixels_db["dyke"])
+    assert files(store) == [f"{first.key}.damaged", f"{first.key}.h5"]
+    assert f"{first.key}.damaged" in caplog.text
+    assert "made again" in caplog.text
+    runner.run(X, 7)
+    assert simulator.calls == 2
+
+
+def test_flipped_byte_in_the_pixels_is_noticed(runner: Runner, store: RunStore, simulator: Counting) -> None:
+    first = runner.run(X, 7)
+    path = store.path(first.key)
+    with h5py.File(path) as file:
+        chunk = file["pixels_db/dyke"].id.get_chunk_info(0)
+    content = bytearray(path.read_bytes())
+    content[chunk.byte_offset + chunk.size // 2] ^= 0xFF
+    path.write_bytes(content)
+    np.testing.assert_array_equal(runner.run(X, 7).pixels_db["dyke"], first.pixels_db["dyke"])
+    assert simulator.calls == 2
+
+
+def test_asking_for_the_image_upgrades_the_record(runner: Runner, store: RunStore, simulator: Counting) -> None:
+    assert runner.run(X, 7).image_db is None
+    whole = runner.run(X, 7, image=True)
+    assert simulator.calls == 2
+    np.testing.assert_array_equal(whole.image_db, simulator.run(X, 7))
+    calls = simulator.calls
+    np.testing.assert_array_equal(runner.run(X, 7, image=True).image_db, whole.image_db)
+    assert runner.run(X, 7).image_db is not None
+    assert simulator.calls == calls
+    assert len(files(store)) == 1
+
+
+def test_keep_images_keeps_them(
+    store: RunStore, simulator: Counting, geometry: Geometry, build_case: Callable[..., Case]
+) -> None:
+    keeping = Runner(store, simulator, geometry, "scene", build_case(simulator={"keep_images": True}))
+    keeping.run(X, 7)
+    np.testing.assert_array_equal(keeping.run(X, 7, image=True).image_db, simulator.run(X, 7))
+    assert simulator.calls == 2
+
+
+def test_calibrating_one_more_material_upgrades_the_record(
+    runner: Runner, store: RunStore, simulator: Counting, geometry: Geometry, build_case: Callable[..., Case]
+) -> None:
+    runner.run(X, 7)
+    both = build_case(materials={"dyke": {"calibrate": True}, "grass": {"calibrate": True}})
+    record = Runner(store, simulator, geometry, "scene", both).run(X, 7)
+    assert set(record.pixels_db) == {"dyke", "grass"}
+    runner.run(X, 7)
+    assert simulator.calls == 2
+
+
+class Broken(Counting):
+    def __init__(self, shape: tuple[int, int], image: np.ndarray) -> None:
+        super().__init__(shape)
+        self.image = image
+
+    def run(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> np.ndarray:
+        return self.image
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_pixels_that_are_not_finite_leave_no_record(
+    store: RunStore, geometry: Geometry, case: Case, bad: float
+) -> None:
+    image = np.zeros(geometry.shape, dtype=np.float32)
+    image.ravel()[geometry.pixels("dyke")[:3]] = bad
+    n = geometry.pixels("dyke").size
+    with pytest.raises(
+        SimulatorError, match=rf"run \w+: 3 of {n} pixels of 'dyke' .*dyke = \[6\.1, 14\.2, 21\.5, 3\.3\]"
+    ):
+        Runner(store, Broken(geometry.shape, image), geometry, "scene", case).run(X, 7)
+    assert files(store) == []
+
+
+def test_nan_where_no_calibrated_material_is_seen_is_kept(store: RunStore, geometry: Geometry, case: Case) -> None:
+    image = np.full(geometry.shape, np.nan, dtype=np.float32)
+    image.ravel()[geometry.pixels("dyke")] = 1.0
+    record = Runner(store, Broken(geometry.shape, image), geometry, "scene", case).run(X, 7)
+    assert (record.pixels_db["dyke"] == 1).all()
+
+
+@pytest.mark.parametrize("shape", [(10, 10), (5,), ()])
+def test_image_of_another_size_leaves_no_record(
+    store: RunStore, geometry: Geometry, case: Case, shape: tuple[int, ...]
+) -> None:
+    rows, columns = geometry.shape
+    with pytest.raises(SimulatorError, match=rf"the simulator's image has .* expected \({rows}, {columns}\)"):
+        Runner(store, Broken(geometry.shape, np.zeros(shape)), geometry, "scene", case).run(X, 7)
+    assert files(store) == []
+
+
+def test_simulator_that_fails_leaves_no_record(store: RunStore, geometry: Geometry, case: Case) -> None:
+    class Failing(Counting):
+        def run(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> np.ndarray:
+            raise SimulatorError("no licence.")
+
+    with pytest.raises(SimulatorError, match="no licence"):
+        Runner(store, Failing(geometry.shape), geometry, "scene", case).run(X, 7)
+    assert files(store) == []
+
+
+def test_record_says_where_it_comes_from(runner: Runner, store: RunStore) -> None:
+    key = runner.run(X, 7).key
+    with h5py.File(store.path(key)) as file:
+        assert file.attrs["unit"] == "dB"
+        assert file.attrs["radcal"]
+        assert file.attrs["created"].endswith("+00:00")
+        description = json.loads(file.attrs["description"])
+        assert file["pixels_db/dyke"].dtype == np.float32
+    assert description == runner.description(X, 7)
+    assert description["materials"]["dyke"] == {"law": "mangia", "parameters": X["dyke"]}
+    assert description["noise_seed"] == 7
+    assert description["simulator"] == {"kind": "counting", "version": 1}
+    assert description["pass"]["altitude_m"] == 1000.0
+
+
+def test_record_that_cannot_be_written_leaves_nothing(store: RunStore) -> None:
+    record = Record("a" * 20, {"dyke": np.zeros(5, dtype=np.float32)}, None, 0.1)
+    with pytest.raises(TypeError):
+        store.put(record, {"not": {"json", "data"}})
+    assert files(store) == []
+    assert store.get(record.key, ["dyke"]) is None
+    store.put(record, {})
+    assert store.get(record.key, ["dyke"]) is not None
+    assert store.get(record.key, ["dyke", "grass"]) is None

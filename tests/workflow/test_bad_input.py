@@ -1,0 +1,127 @@
+"""Every bad input ends in one sentence, before any simulator run, and touches no earlier result."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from workflow_project import COLUMNS, ROWS, write_raster
+
+MATERIALS = {"lake": {"law": "mangia", "parameters": [5, 5, 5, 5]}}
+
+
+def refused(project, *words, arguments=("--configfile", "tiny.yaml")):
+    """Run, expect failure with one sentence that holds these words, and no run spent."""
+    before = project.listing() if project.out().exists() else {}
+    done = project.run(*arguments)
+    assert done.returncode != 0, done.stdout
+    said = [line for line in done.stdout.splitlines() if line.startswith("radcal: ") and "stopped." not in line]
+    assert len(said) == 1, done.stdout
+    for word in words:
+        assert word in said[0], said[0]
+    assert "Traceback" not in done.stdout
+    assert not project.out().exists() or not project.records()
+    now = project.listing() if project.out().exists() else {}
+    assert {name: now.get(name) for name in before} == before
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"sede": 3}, ["tiny.yaml", "sede", "'seed'"]),
+        ({"stop": {"rmss": 1e-4}}, ["stop.rmss", "'rms'"]),
+        ({"seed": "many"}, ["seed", "'many'", "integer"]),
+        ({"design": {"size": 0}}, ["design.size", "0", "greater"]),
+        ({"scene": {"source": "bulitin"}}, ["scene", "bulitin", "builtin"]),
+        (
+            {"materials": {**MATERIALS, "field": {"calibrate": True, "bounds": [[50, 0]] * 4}}},
+            ["materials.field", "[50, 0]", "lower < upper"],
+        ),
+        (
+            {"measurement": {"source": "file", "synthetic": None}},
+            ["measurement"],
+        ),
+    ],
+    ids=[
+        "unknown key",
+        "unknown nested key",
+        "wrong type",
+        "design size 0",
+        "source",
+        "bounds reversed",
+        "measurement",
+    ],
+)
+def test_configuration(project, changes, words):
+    project.write(**changes)
+    refused(project, *words)
+
+
+def test_wrong_type_on_the_command_line(project):
+    refused(
+        project, "stop.rms", "'small'", arguments=("--configfile", "tiny.yaml", "--config", 'stop={"rms": "small"}')
+    )
+
+
+def test_missing_measurement(project):
+    project.write(measurement={"source": "file", "path": "nowhere.tif", "scale": "db"} | {"synthetic": None})
+    text = (project.folder / "tiny.yaml").read_text().replace("  synthetic: null\n", "")
+    (project.folder / "tiny.yaml").write_text(text)
+    refused(project, "measurement.path", "nowhere.tif", "does not exist")
+
+
+def test_material_not_in_the_scene(project):
+    project.write(materials={**MATERIALS, "field": {"calibrate": True}, "swamp": {"parameters": [1, 1, 1, 1]}})
+    refused(project, "swamp", "field")
+
+
+def image(project, values):
+    write_raster(project.folder / "image.tif", values.astype(np.float32))
+    case = {"source": "file", "path": "image.tif", "scale": "db"}
+    project.write()
+    import yaml
+
+    data = yaml.safe_load((project.folder / "tiny.yaml").read_text())
+    data["measurement"] = case
+    (project.folder / "tiny.yaml").write_text(yaml.safe_dump(data))
+
+
+def test_image_of_another_size(project):
+    image(project, np.full((ROWS + 4, COLUMNS), -10.0))
+    refused(project, "image.tif", f"{ROWS + 4} x {COLUMNS}", f"{ROWS} x {COLUMNS}")
+
+
+def test_image_that_cannot_be_read(project):
+    image(project, np.full((ROWS, COLUMNS), -10.0))
+    (project.folder / "image.tif").write_text("no image")
+    refused(project, "image.tif", "cannot be read")
+
+
+def test_material_without_a_number(project):
+    values = np.random.default_rng(1).normal(-10, 3, (ROWS, COLUMNS))
+    values[:, :60] = np.nan
+    image(project, values)
+    refused(project, "materials.field", "NaN")
+
+
+def test_material_with_too_few_pixels(project):
+    labels = np.full((ROWS, COLUMNS), 2, dtype=np.uint8)
+    labels[:5, :9] = 1
+    write_raster(project.folder / "labels.tif", labels)
+    refused(project, "materials.field", "at least 50")
+
+
+def test_a_broken_name_file(project):
+    (project.folder / "names.json").write_text(json.dumps(["field", "lake"]))
+    refused(project, "names.json")
+
+
+def test_bad_input_leaves_an_earlier_result_untouched(finished):
+    finished.write()
+    before = finished.listing()
+    finished.write(stop={"rmss": 1})
+    done = finished.run("--configfile", "tiny.yaml")
+    finished.write()
+    assert done.returncode != 0
+    assert finished.listing() == before

@@ -1,0 +1,66 @@
+"""Stop settings never touch finished runs; tightening them continues, loosening them goes back."""
+
+from __future__ import annotations
+
+import pytest
+
+
+@pytest.fixture(scope="module")
+def history(finished):
+    """What stood before a change, as a callable that runs with new stop settings."""
+
+    def run(**stop):
+        before = finished.records()
+        finished.write(stop=stop)
+        done = finished.run("--configfile", "tiny.yaml")
+        assert done.returncode == 0, done.stdout
+        after = finished.records()
+        assert {name: after[name] for name in before} == before, "a finished run was touched"
+        return finished.summary(), len(after) - len(before)
+
+    return run
+
+
+def test_stop_settings_in_turn(history, finished):
+    first = finished.summary()
+
+    # tolerance down: the loop goes on from where it ended
+    tighter, added = history(rms=1e-4)
+    assert tighter["iterations"] > first["iterations"]
+    assert added >= tighter["iterations"] - first["iterations"]
+    assert tighter["materials"]["field"]["rms"] <= 1e-4
+
+    # tolerance up again: the earlier answer, no new run
+    looser, added = history(rms=1e-3)
+    assert added == 0
+    assert looser["iterations"] == first["iterations"]
+    assert looser["materials"]["field"]["parameters"] == first["materials"]["field"]["parameters"]
+
+    # maximum down: fewer iterations count
+    fewer, added = history(rms=1e-9, max_runs=13)
+    assert fewer["iterations"] == 1
+    assert fewer["stop_reason"] == "max_runs"
+    assert fewer["converged"] is False
+    assert added <= 1  # the final check of another best point, where there is one
+
+    # maximum up: on again
+    more, added = history(rms=1e-9, max_runs=tighter["iterations"] + 12 + 2)
+    assert more["iterations"] == tighter["iterations"] + 2
+    assert added >= 2
+
+    # stagnation: ends at once with a patience of one, goes on with more
+    stuck, added = history(rms=1e-12, max_runs=more["iterations"] + 12 + 3, stagnation_runs=1)
+    patient, _ = history(rms=1e-12, max_runs=more["iterations"] + 12 + 3, stagnation_runs=50)
+    assert stuck["stop_reason"] in ("stagnation", "max_runs")
+    assert patient["iterations"] == more["iterations"] + 3
+    assert patient["iterations"] >= stuck["iterations"]
+
+
+def test_the_command_line_overrides_a_single_key(finished):
+    finished.write()
+    done = finished.run("--configfile", "tiny.yaml", "--config", 'stop={"rms": 0.02}')
+    assert done.returncode == 0, done.stdout
+    summary = finished.summary()
+    assert summary["tolerance"] == 0.02
+    assert summary["iterations"] <= 2
+    finished.write()

@@ -1,0 +1,125 @@
+"""A copy of the workflow in an empty folder, with a tiny case that takes seconds: for tests/workflow."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rasterio
+import yaml
+from rasterio.errors import NotGeoreferencedWarning
+
+ROOT = Path(__file__).resolve().parents[1]
+ROWS, COLUMNS = 96, 80
+
+
+def write_raster(path: Path, values: np.ndarray) -> Path:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)
+        with rasterio.open(
+            path, "w", driver="GTiff", height=values.shape[0], width=values.shape[1], count=1, dtype=values.dtype
+        ) as raster:
+            raster.write(values, 1)
+    return path
+
+
+def tiny_case(**changes: Any) -> dict[str, Any]:
+    """Two materials over flat ground in slant range, one of them calibrated."""
+    case: dict[str, Any] = {
+        "case": "tiny",
+        "scene": {
+            "source": "slant_range",
+            "labels": "labels.tif",
+            "names": "names.json",
+            "near_incidence_deg": 15.0,
+            "far_incidence_deg": 35.0,
+        },
+        "materials": {
+            "field": {"calibrate": True, "law": "mangia"},
+            "lake": {"law": "mangia", "parameters": [5, 5, 5, 5]},
+        },
+        "measurement": {
+            "source": "synthetic",
+            "synthetic": {"parameters": {"field": [6.1, 14.2, 21.5, 3.3]}, "seed": 2},
+        },
+        "target": {"pixels": 400},
+        "design": {"sampler": "sobol", "size": 12, "chunk": 6},
+        "optimiser": {"population": 40, "evaluations": 800},
+        "stop": {"rms": 1e-3, "max_runs": 60, "stagnation_runs": 20},
+    }
+    for key, value in changes.items():
+        case[key] = {**case[key], **value} if isinstance(value, dict) and key in case and key != "scene" else value
+    return case
+
+
+@dataclass
+class Project:
+    """A folder with the workflow in it."""
+
+    folder: Path
+
+    def write(self, name: str = "tiny.yaml", **changes: Any) -> str:
+        (self.folder / name).write_text(yaml.safe_dump(tiny_case(**changes)))
+        return name
+
+    def command(self, *arguments: str, cores: int = 2) -> list[str]:
+        return [sys.executable, "-m", "snakemake", "--cores", str(cores), *arguments]
+
+    def run(self, *arguments: str, cores: int = 2) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            self.command(*arguments, cores=cores),
+            cwd=self.folder,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            timeout=600,
+            check=False,
+        )
+
+    def start(self, *arguments: str) -> subprocess.Popen[bytes]:
+        return subprocess.Popen(
+            self.command(*arguments),
+            cwd=self.folder,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+
+    def out(self, case: str = "tiny") -> Path:
+        return self.folder / "results" / case
+
+    def summary(self, case: str = "tiny") -> dict[str, Any]:
+        return dict(json.loads((self.out(case) / "summary.json").read_text()))
+
+    def records(self, case: str = "tiny") -> dict[str, int]:
+        """Time stamp of every run record [ns]."""
+        return {path.name: path.stat().st_mtime_ns for path in (self.out(case) / "runs").glob("*.h5")}
+
+    def listing(self, case: str = "tiny") -> dict[str, tuple[int, int]]:
+        """Size and time stamp of every result, logs and lock aside."""
+        return {
+            str(path.relative_to(self.out(case))): (path.stat().st_size, path.stat().st_mtime_ns)
+            for path in sorted(self.out(case).rglob("*"))
+            if path.is_file() and "logs" not in path.parts and path.name != ".lock"
+        }
+
+
+def make_project(folder: Path) -> Project:
+    folder.mkdir(parents=True, exist_ok=True)
+    shutil.copy(ROOT / "Snakefile", folder)
+    for name in ("workflow", "config", "profiles"):
+        shutil.copytree(ROOT / name, folder / name)
+    labels = np.ones((ROWS, COLUMNS), dtype=np.uint8)
+    labels[:, 60:] = 2
+    write_raster(folder / "labels.tif", labels)
+    (folder / "names.json").write_text(json.dumps({"1": "field", "2": "lake"}))
+    project = Project(folder)
+    project.write()
+    return project

@@ -1,0 +1,80 @@
+# The reference run and the initial design. Runs are kept in the run store, which every job asks
+# first; the files below only index it. The measurement is ancient(): it must have been checked
+# before a run is spent, but no change of it makes a finished run stale.
+
+# what determines a run's numbers, and which jobs must therefore run again when it changes
+SIMULATION = CASE.sections("seed", "radar", "simulator", "materials")
+CHUNKS = range(-(-CASE.design.size // CASE.design.chunk))
+
+
+rule reference_run:
+    input:
+        scene=rules.scene.output.scene,
+        geometry=rules.geometry.output.geometry,
+        measurement=ancient(rules.measurement.output.measurement),
+    output:
+        index=f"{OUT}/reference.json",
+    log:
+        f"{OUT}/logs/reference.log",
+    benchmark:
+        f"{OUT}/benchmarks/reference.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=60,
+    params:
+        case=SIMULATION,
+        runs=f"{OUT}/runs",
+    message:
+        "reference run"
+    script:
+        "../scripts/reference.py"
+
+
+rule design_chunk:
+    input:
+        scene=rules.scene.output.scene,
+        geometry=rules.geometry.output.geometry,
+        measurement=ancient(rules.measurement.output.measurement),
+        reference=ancient(rules.reference_run.output.index),
+    output:
+        index=f"{OUT}/design/{{chunk}}.json",
+    log:
+        f"{OUT}/logs/design/{{chunk}}.log",
+    benchmark:
+        f"{OUT}/benchmarks/design_{{chunk}}.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=60,
+    params:
+        case=SIMULATION | CASE.sections("design"),
+        runs=f"{OUT}/runs",
+    message:
+        "design, chunk {wildcards.chunk}"
+    script:
+        "../scripts/design_chunk.py"
+
+
+checkpoint scores:
+    input:
+        target=rules.target.output.target,
+        reference=rules.reference_run.output.index,
+        design=expand(rules.design_chunk.output.index, chunk=CHUNKS),
+    output:
+        scores=f"{OUT}/scores.json",
+    log:
+        f"{OUT}/logs/scores.log",
+    benchmark:
+        f"{OUT}/benchmarks/scores.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    params:
+        case=CASE.sections("materials"),
+        runs=f"{OUT}/runs",
+    message:
+        "scores of the design"
+    script:
+        "../scripts/scores.py"

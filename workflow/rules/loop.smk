@@ -1,0 +1,113 @@
+# The loop: train(k), propose(k), verify(k), and on to k + 1 until the stop settings are met.
+
+
+def verified(wildcards):
+    """Walk the iterations as far as they are needed; a missing one raises, and is then made."""
+    files = [checkpoints.scores.get().output.scores]
+    k = 0
+    while not decide(read_runs(files), CASE.calibrated, CASE.stop).ended:
+        files.append(checkpoints.verify.get(k=k).output.verified)
+        k += 1
+    return files[1:]
+
+
+def earlier(wildcards):
+    """Verified proposals before this iteration."""
+    return [f"{OUT}/iterations/{j}/verified.json" for j in range(int(wildcards.k))]
+
+
+def last_surrogate(wildcards):
+    """The surrogate to start the training from."""
+    k = int(wildcards.k)
+    return f"{OUT}/iterations/{k - 1}/surrogate.h5" if k > 0 else []
+
+
+# A rule of its own, so that new stop settings touch nothing but what reads this file.
+rule stop_settings:
+    output:
+        stop=f"{OUT}/stop.json",
+    log:
+        f"{OUT}/logs/stop_settings.log",
+    threads: 1
+    params:
+        case=CASE.sections("stop"),
+    message:
+        "stop settings"
+    script:
+        "../scripts/stop_settings.py"
+
+
+rule train:
+    input:
+        scores=f"{OUT}/scores.json",
+        verified=earlier,
+        previous=last_surrogate,
+    output:
+        surrogate=f"{OUT}/iterations/{{k}}/surrogate.h5",
+    log:
+        f"{OUT}/logs/iterations/{{k}}/train.log",
+    benchmark:
+        f"{OUT}/benchmarks/train_{{k}}.tsv"
+    threads: len(CASE.calibrated)
+    resources:
+        mem_mb=1000,
+        runtime=60,
+    params:
+        case=CASE.sections("materials", "surrogate"),
+    message:
+        "train {wildcards.k}"
+    script:
+        "../scripts/train.py"
+
+
+rule propose:
+    input:
+        scores=f"{OUT}/scores.json",
+        verified=earlier,
+        target=rules.target.output.target,
+        surrogate=rules.train.output.surrogate,
+        stop=ancient(rules.stop_settings.output.stop),
+    output:
+        proposal=f"{OUT}/iterations/{{k}}/proposal.json",
+    log:
+        f"{OUT}/logs/iterations/{{k}}/propose.log",
+    benchmark:
+        f"{OUT}/benchmarks/propose_{{k}}.tsv"
+    threads: len(CASE.calibrated)
+    resources:
+        mem_mb=1000,
+        runtime=60,
+    params:
+        case=CASE.sections("seed", "materials", "optimiser"),
+    message:
+        "propose {wildcards.k}"
+    script:
+        "../scripts/propose.py"
+
+
+checkpoint verify:
+    input:
+        scene=rules.scene.output.scene,
+        geometry=rules.geometry.output.geometry,
+        target=rules.target.output.target,
+        scores=f"{OUT}/scores.json",
+        earlier=earlier,
+        proposal=rules.propose.output.proposal,
+        stop=ancient(rules.stop_settings.output.stop),
+    output:
+        verified=f"{OUT}/iterations/{{k}}/verified.json",
+    log:
+        f"{OUT}/logs/iterations/{{k}}/verify.log",
+    benchmark:
+        f"{OUT}/benchmarks/verify_{{k}}.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=60,
+    params:
+        case=SIMULATION,
+        runs=f"{OUT}/runs",
+    message:
+        "verify {wildcards.k}"
+    script:
+        "../scripts/verify.py"

@@ -1,0 +1,45 @@
+# The measured image and the target densities.
+
+
+rule measurement:
+    input:
+        [FILES[key] for key in FILES if key.startswith("measurement.")],
+        geometry=rules.geometry.output.geometry,
+    output:
+        measurement=f"{OUT}/measurement.h5",
+    log:
+        f"{OUT}/logs/measurement.log",
+    benchmark:
+        f"{OUT}/benchmarks/measurement.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=10,
+    params:
+        case=CASE.sections("measurement", "materials", "radar", "target"),
+    message:
+        "measured image"
+    script:
+        "../scripts/measurement.py"
+
+
+rule target:
+    input:
+        geometry=rules.geometry.output.geometry,
+        measurement=rules.measurement.output.measurement,
+    output:
+        target=f"{OUT}/target.h5",
+    log:
+        f"{OUT}/logs/target.log",
+    benchmark:
+        f"{OUT}/benchmarks/target.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    params:
+        case=CASE.sections("seed", "materials", "target"),
+    message:
+        "target densities"
+    script:
+        "../scripts/target.py"

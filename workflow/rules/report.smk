@@ -1,0 +1,108 @@
+# The final runs, the archive, figures, report and summary.
+
+
+rule final_runs:
+    input:
+        scene=rules.scene.output.scene,
+        geometry=rules.geometry.output.geometry,
+        target=rules.target.output.target,
+        scores=f"{OUT}/scores.json",
+        verified=verified,
+    output:
+        final=f"{OUT}/final.json",
+    log:
+        f"{OUT}/logs/final_runs.log",
+    benchmark:
+        f"{OUT}/benchmarks/final_runs.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=60,
+    params:
+        case=SIMULATION,
+        runs=f"{OUT}/runs",
+    message:
+        "final runs"
+    script:
+        "../scripts/final_runs.py"
+
+
+rule archive:
+    input:
+        geometry=rules.geometry.output.geometry,
+        measurement=rules.measurement.output.measurement,
+        target=rules.target.output.target,
+        stop=rules.stop_settings.output.stop,
+        scores=f"{OUT}/scores.json",
+        verified=verified,
+        final=rules.final_runs.output.final,
+    output:
+        archive=f"{OUT}/calibration.h5",
+        table=f"{OUT}/runs.csv",
+    log:
+        f"{OUT}/logs/archive.log",
+    benchmark:
+        f"{OUT}/benchmarks/archive.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    params:
+        case=CASE.sections(
+            "case",
+            "seed",
+            "scene",
+            "radar",
+            "simulator",
+            "materials",
+            "design",
+            "surrogate",
+            "optimiser",
+        ),
+        runs=f"{OUT}/runs",
+    message:
+        "archive of all runs"
+    script:
+        "../scripts/archive.py"
+
+
+rule report:
+    input:
+        archive=rules.archive.output.archive,
+    output:
+        figures=directory(f"{OUT}/figures"),
+        page=report(
+            f"{OUT}/report.html", category="Report", caption="../report/report.rst"
+        ),
+    log:
+        f"{OUT}/logs/report.log",
+    benchmark:
+        f"{OUT}/benchmarks/report.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    message:
+        "figures and report"
+    script:
+        "../scripts/report.py"
+
+
+rule summary:
+    input:
+        archive=rules.archive.output.archive,
+        page=rules.report.output.page,
+    output:
+        summary=f"{OUT}/summary.json",
+    log:
+        f"{OUT}/logs/summary.log",
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    params:
+        benchmarks=f"{OUT}/benchmarks",
+    message:
+        "summary"
+    script:
+        "../scripts/summary.py"

@@ -1,0 +1,43 @@
+# Scene and geometry: all that does not depend on the laws' parameters.
+
+
+rule scene:
+    input:
+        [FILES[key] for key in FILES if key.startswith("scene.")],
+    output:
+        scene=f"{OUT}/scene.h5",
+    log:
+        f"{OUT}/logs/scene.log",
+    benchmark:
+        f"{OUT}/benchmarks/scene.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    params:
+        case=CASE.sections("scene", "materials"),
+    message:
+        "scene"
+    script:
+        "../scripts/scene.py"
+
+
+rule geometry:
+    input:
+        scene=rules.scene.output.scene,
+    output:
+        geometry=f"{OUT}/geometry.h5",
+    log:
+        f"{OUT}/logs/geometry.log",
+    benchmark:
+        f"{OUT}/benchmarks/geometry.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=10,
+    params:
+        case=CASE.sections("radar"),
+    message:
+        "geometry of the pass"
+    script:
+        "../scripts/geometry.py"

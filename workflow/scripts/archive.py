@@ -1,0 +1,28 @@
+"""Gather every run and iteration in one file and one table."""
+
+from radcal.calibration.history import indexed, read_runs
+from radcal.config import Case, Stop
+from radcal.files import read_json
+from radcal.jobs import logged
+from radcal.measurement.model import read_measurement
+from radcal.measurement.target import read_targets
+from radcal.radar.geometry import read_geometry
+from radcal.report.archive import write_archive, write_table
+
+with logged(snakemake.log[0]):
+    case = Case.of_sections(snakemake.params.case)
+    history = read_runs([snakemake.input.scores, *snakemake.input.verified])
+    stop = Stop.model_validate(read_json(snakemake.input.stop))
+    final = [record for record, _ in indexed([snakemake.input.final], snakemake.params.runs, case.calibrated)]
+    write_archive(
+        snakemake.output.archive,
+        case=case,
+        stop=stop,
+        history=history,
+        geometry=read_geometry(snakemake.input.geometry),
+        measurement=read_measurement(snakemake.input.measurement),
+        targets=read_targets(snakemake.input.target),
+        runs=snakemake.params.runs,
+        final=final,
+    )
+    write_table(snakemake.output.table, snakemake.output.archive)

@@ -1,0 +1,17 @@
+"""Every material's best parameters together, and once more with fresh random numbers."""
+
+from radcal.calibration.history import read_runs
+from radcal.calibration.steps import all_parameters, make_runner, noise_seed
+from radcal.config import Case
+from radcal.files import write_json
+from radcal.jobs import logged, progress
+
+with logged(snakemake.log[0]):
+    case = Case.of_sections(snakemake.params.case)
+    history = read_runs([snakemake.input.scores, *snakemake.input.verified])
+    runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
+    parameters = all_parameters(case, {name: history.best(name).parameters[name] for name in case.calibrated})
+    # the first is in the store already where one material is calibrated: nothing is run twice for its image
+    records = [runner.run(parameters, noise_seed(case, fresh), image=fresh) for fresh in (False, True)]
+    write_json(snakemake.output.final, [{"key": record.key, "parameters": parameters} for record in records])
+    progress("final runs: the calibrated laws together, and once more with fresh random numbers")

@@ -1,0 +1,12 @@
+"""Compute the geometry of the pass."""
+
+from radcal.config import Case
+from radcal.jobs import logged, progress
+from radcal.radar.geometry import make_geometry, write_geometry
+from radcal.scene import read_scene
+
+with logged(snakemake.log[0]):
+    case = Case.of_sections(snakemake.params.case)
+    geometry = make_geometry(read_scene(snakemake.input.scene), case.radar)
+    write_geometry(snakemake.output.geometry, geometry)
+    progress(f"geometry: image of {geometry.shape[0]} x {geometry.shape[1]} pixels")

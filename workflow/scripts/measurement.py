@@ -1,0 +1,15 @@
+"""Read or make the measured image and check it against the scene."""
+
+from radcal.calibration.steps import make_simulator
+from radcal.config import Case
+from radcal.jobs import logged, progress
+from radcal.measurement.model import write_measurement
+from radcal.measurement.sources import make_measurement
+from radcal.radar.geometry import read_geometry
+
+with logged(snakemake.log[0]):
+    case = Case.of_sections(snakemake.params.case)
+    simulator = make_simulator(case, snakemake.input.geometry)
+    measurement = make_measurement(case, read_geometry(snakemake.input.geometry), simulator)
+    write_measurement(snakemake.output.measurement, measurement)
+    progress(f"measured image: {measurement.source}")

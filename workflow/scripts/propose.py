@@ -1,0 +1,19 @@
+"""Propose the next parameters of every material that has not ended."""
+
+from radcal.calibration.history import read_runs, write_proposals
+from radcal.calibration.steps import propose_all
+from radcal.calibration.surrogate import read_surrogates
+from radcal.config import Case, Stop
+from radcal.files import read_json
+from radcal.jobs import logged
+from radcal.measurement.target import read_targets
+
+with logged(snakemake.log[0]):
+    case = Case.of_sections(snakemake.params.case)
+    history = read_runs([snakemake.input.scores, *snakemake.input.verified])
+    targets = read_targets(snakemake.input.target)
+    stop = Stop.model_validate(read_json(snakemake.input.stop))
+    surrogates = read_surrogates(snakemake.input.surrogate)
+    k = int(snakemake.wildcards.k)
+    proposals = propose_all(surrogates, targets, history, case, k, stop, snakemake.threads)
+    write_proposals(snakemake.output.proposal, proposals)

@@ -1,0 +1,11 @@
+"""Build the scene."""
+
+from radcal.config import Case
+from radcal.jobs import logged, progress
+from radcal.scene import make_scene, write_scene
+
+with logged(snakemake.log[0]):
+    case = Case.of_sections(snakemake.params.case)
+    scene = make_scene(case.scene, list(case.materials))
+    write_scene(snakemake.output.scene, scene)
+    progress(f"scene: {scene.material.shape[0]} x {scene.material.shape[1]} cells, {len(case.materials)} materials")

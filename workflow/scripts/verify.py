@@ -1,0 +1,18 @@
+"""Simulate the proposals in one run and score it."""
+
+from radcal.calibration.history import History, read_proposals, read_runs, write_runs
+from radcal.calibration.steps import make_runner, progress_line, verify
+from radcal.config import Case, Stop
+from radcal.files import read_json
+from radcal.jobs import logged, progress
+from radcal.measurement.target import read_targets
+
+with logged(snakemake.log[0]):
+    case = Case.of_sections(snakemake.params.case)
+    runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
+    proposals = read_proposals(snakemake.input.proposal)
+    run = verify(proposals, read_targets(snakemake.input.target), runner, case, int(snakemake.wildcards.k))
+    write_runs(snakemake.output.verified, [run])
+    earlier = read_runs([snakemake.input.scores, *snakemake.input.earlier])
+    stop = Stop.model_validate(read_json(snakemake.input.stop))
+    progress(progress_line(History([*earlier.runs, run]), case.calibrated, stop))
