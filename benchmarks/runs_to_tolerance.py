@@ -47,9 +47,8 @@ def main() -> None:
     simulator = BuiltinSimulator(geometry, case.radar, {name: m.law for name, m in case.materials.items()})
     target = make_target("dyke", geometry, make_measurement(case, geometry, simulator), case.target, case.seed)
     low, high = np.array(case.materials["dyke"].box).T
-    truths = low + derived_rng(case.seed, "benchmark", "truths").random((2 if arguments.quick else 10, 4)) * (
-        high - low
-    )
+    unit = derived_rng(case.seed, "benchmark", "truths").random((2 if arguments.quick else 10, len(low)))
+    truths = low + unit * (high - low)
     used = []
     print(f"{'hidden X':40} {'ended':12} {'runs':>5} {'rms':>9}")
     for truth in truths:

@@ -7,7 +7,7 @@ from radcal.calibration.stopping import decide
 from radcal.config import Stop
 
 
-def run(kind, index, rms, mode="exploit", floor=None):
+def run(kind, index, rms, mode="exploit", floor=None, promised=None):
     names = list(rms)
     return Run(
         kind=kind,
@@ -17,7 +17,9 @@ def run(kind, index, rms, mode="exploit", floor=None):
         parameters={name: [float(index)] for name in names},
         dp={name: [0.0, 1.0, 0.0] for name in names},
         rms=rms,
-        proposals={name: Proposal([float(index)], mode, 0.0, floor) for name in names} if kind == "infill" else {},
+        proposals={name: Proposal([float(index)], mode, promised or rms[name], floor) for name in names}
+        if kind == "infill"
+        else {},
     )
 
 
@@ -59,6 +61,14 @@ def test_stagnation_counts_runs_without_a_better_point():
 def test_unreachable_needs_a_floor_near_the_best():
     assert reason(history([0.1, 0.1], floors=[None, 0.095])) == "unreachable"
     assert reason(history([0.1, 0.1], floors=[None, 0.05])) is None
+
+
+def test_a_floor_counts_only_where_the_surrogate_kept_its_promise():
+    runs = history([0.1]).runs
+    kept = run("infill", 1, {"dyke": 0.1}, floor=0.095, promised=0.095)
+    broken = run("infill", 1, {"dyke": 0.1}, floor=0.095, promised=0.05)
+    explored = run("infill", 1, {"dyke": 0.1}, mode="explore", floor=0.095)
+    assert [reason(History([*runs, last])) for last in (kept, broken, explored)] == ["unreachable", None, None]
 
 
 def test_the_sentence_says_why():

@@ -124,7 +124,9 @@ def make_archive(
     ended = dict.fromkeys(shifts, False)
     for kind in ("reference", "design", "infill"):
         for index in range(len(next(iter(shifts.values()))[kind])):
-            dp = {name: (t.dp + [shifts[name][kind][index], 0.0, 0.0]).tolist() for name, t in targets.items()}
+            dp = {
+                name: (t.dp + np.array([shifts[name][kind][index], 0.0, 0.0])).tolist() for name, t in targets.items()
+            }
             proposals = {}
             if kind == "infill":
                 for name in shifts:

@@ -125,8 +125,11 @@ def test_material_names_are_escaped(copy, tmp_path):
 
 def test_tables(page):
     text = page[1].text
-    for words in ("X1 is at its upper bound (50 dB)", "reference 1 ", "design 3 ", "infill 2 ", "final 1 ", "total 7 "):
-        assert words in text
+    assert "X1 is at its upper bound (50 dB)" in text
+    runs = text[text.index("Runs of the simulator") :]
+    assert re.findall(r"(reference|design|infill|final|total)\s*(\d+)", runs)[:5] == [
+        ("reference", "1"), ("design", "3"), ("infill", "2"), ("final", "1"), ("total", "7"),
+    ]  # fmt: skip
     assert "50.00 (at bound)" in text
     assert "More skewed than a skew normal can be" in text  # at_boundary of the stem beans
     for words in ("skewness", "standard deviation [dB]", "Kolmogorov", "Hellinger", "eligible", "mangia"):
@@ -172,19 +175,20 @@ def test_same_bytes_every_time(made, pictures, page, tmp_path):
 @pytest.mark.parametrize(
     ("value", "text"),
     [
-        (None, "–"),
-        (float("nan"), "–"),
+        (None, "\N{EN DASH}"),
+        (float("nan"), "\N{EN DASH}"),
         (0.0, "0"),
         (12.3456, "12.3"),
-        (-0.4557, "−0.456"),
+        (-0.4557, "-0.456"),
         (123456.7, "123,457"),
-        (9.68e-7, "9.68 × 10⁻⁷"),
-        (-2.5e12, "−2.50 × 10¹²"),
+        (9.68e-7, "9.68 x 10⁻⁷"),
+        (-2.5e12, "-2.50 x 10¹²"),
     ],
 )
 def test_numbers(value, text):
-    assert _number(value).replace("\N{NARROW NO-BREAK SPACE}", " ") == text
+    plain = {"\N{NARROW NO-BREAK SPACE}": " ", "\N{MULTIPLICATION SIGN}": "x", "\N{MINUS SIGN}": "-"}
+    assert _number(value).translate(str.maketrans(plain)) == text
 
 
 def test_bounds():
-    assert [_bound(x, 0.0, 50.0) for x in (0.0, 0.04, 0.06, 25.0, 49.97, 50.0)] == ["lower", "lower", "", "", "upper", "upper"]  # fmt: skip
+    assert [_bound(x, 0.0, 50.0) for x in (0.0, 0.04, 0.06, 25.0, 49.97)] == ["lower", "lower", "", "", "upper"]

@@ -9,6 +9,11 @@ import h5py
 import numpy as np
 import pandas as pd
 
+from radcal.calibration.loop import calibrate
+from radcal.calibration.steps import make_runner
+from radcal.config import load
+from radcal.measurement.target import read_targets
+
 
 def test_ends_within_the_tolerance_and_keeps_its_contracts(finished):
     summary = finished.summary()
@@ -111,3 +116,14 @@ def test_several_materials_share_each_run(project):
     for mode in modes.values():
         ended = np.flatnonzero(mode == "ended")
         assert list(ended) == list(range(len(mode) - len(ended), len(mode)))
+
+
+def test_the_loop_in_one_process_gives_the_same_runs(finished, tmp_path, monkeypatch):
+    monkeypatch.chdir(finished.folder)
+    case = load(["tiny.yaml"])
+    runner = make_runner(case, finished.out() / "scene.h5", finished.out() / "geometry.h5", tmp_path / "runs")
+    history, decision = calibrate(case, runner, read_targets(finished.out() / "target.h5"))
+    assert decision.converged
+    with h5py.File(finished.out() / "calibration.h5") as file:
+        assert [run.key for run in history.runs] == list(file["runs/key"].asstr()[()])
+        np.testing.assert_array_equal([run.rms["field"] for run in history.runs], file["materials/field/rms"][()])

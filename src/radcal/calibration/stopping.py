@@ -6,12 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from radcal.calibration.history import History
+from radcal.calibration.history import History, Proposal
 from radcal.calibration.infill import UNREACHABLE_SHARE
 from radcal.config import Stop
 
 __all__ = ["Decision", "Verdict", "decide"]
 
+_PROMISE = 0.2  # relative difference of promised and verified rms that counts as kept
 Reason = Literal["rms", "unreachable", "stagnation", "max_runs"]
 
 
@@ -84,6 +85,12 @@ def decide(history: History, materials: Sequence[str], stop: Stop) -> Decision:
     return Decision(verdicts, next(reason for reason in order if reason in reasons))
 
 
+def _kept(proposal: Proposal, rms: float) -> bool:
+    """Whether a verified rms is what the surrogate promised: only then is its floor worth its word."""
+    promised = proposal.predicted_rms
+    return proposal.mode == "exploit" and promised is not None and abs(rms - promised) <= _PROMISE * promised
+
+
 def _judge(history: History, name: str, stop: Stop) -> Verdict:
     """Walk a material through its runs until something ends it."""
     design = history.count("design")
@@ -103,7 +110,7 @@ def _judge(history: History, name: str, stop: Stop) -> Verdict:
             return Verdict(
                 "rms", f"{name}: rms {best:.2g} within the tolerance {stop.rms:.2g} after {design + k} runs."
             )
-        if proposal.floor_rms is not None and proposal.floor_rms >= UNREACHABLE_SHARE * best:
+        if proposal.floor_rms is not None and proposal.floor_rms >= UNREACHABLE_SHARE * best and _kept(proposal, rms):
             return Verdict(
                 "unreachable",
                 f"{name}: rms {best:.2g} after {design + k} runs, above the tolerance {stop.rms:.2g}; a multi-start "

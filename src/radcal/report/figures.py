@@ -122,10 +122,10 @@ class _Material:
 
     def title(self, text: str = "") -> str:
         """Name and a remark, on two lines if one is too short."""
-        name = _label(self.name, 52)
+        name = _label(self.name)
         if not text:
             return name
-        return f"{name}: {text}" if len(name) + len(text) < 56 else f"{name}:\n{text}"
+        return f"{name}: {text}" if len(name) <= 16 and len(name) + len(text) < 62 else f"{name}:\n{text}"
 
 
 @dataclass(frozen=True)
@@ -667,9 +667,9 @@ def _residual(case: _Case) -> tuple[Canvas, str, str] | None:
 
     if not {"measured_db", "calibrated_db", "material"} <= case.images.keys():
         return None
-    pixels = case.images["calibrated_db"].astype(np.float64) - case.images["measured_db"]
+    pixels = case.images["calibrated_db"] - case.images["measured_db"]
     valid = np.isfinite(pixels)
-    share = uniform_filter(valid.astype(np.float64), _BOXCAR, mode="constant")
+    share = uniform_filter(valid.astype(np.float32), _BOXCAR, mode="constant")
     total = uniform_filter(np.where(valid, pixels, 0.0), _BOXCAR, mode="constant")
     enough = valid & (share > 0.25)
     difference = np.where(enough, total / np.where(enough, share, 1.0), np.nan)

@@ -1,0 +1,63 @@
+"""The cases that radcal ships: valid, in step with the defaults, and plannable."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+import yaml
+from workflow_project import ROOT
+
+from radcal.config import case_from, default_yaml, load
+
+CASES = sorted((ROOT / "config").glob("*.yaml"))
+
+
+def test_the_default_file_is_written_from_the_defaults():
+    assert (ROOT / "config/config.yaml").read_text() == default_yaml(), "python -m radcal.config > config/config.yaml"
+    assert load([ROOT / "config/config.yaml"]) == case_from({})
+
+
+@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
+def test_every_case_is_valid(path: Path):
+    case = load([path])
+    assert case.case == path.stem or path.stem == "config"
+    assert case.calibrated
+
+
+def test_the_papers_presets_say_what_the_paper_says():
+    paper, small = (load([ROOT / f"config/{name}.yaml"]) for name in ("paper", "paper_small"))
+    assert (paper.design.sampler, paper.design.size, small.design.size) == ("monte_carlo", 800, 80)
+    assert small.stop.max_runs == 80 + 40
+    for case in (paper, small):
+        assert (case.surrogate.outputs, case.surrogate.training) == ("direct", "smt")
+        assert (case.optimiser.objective, case.optimiser.polish, case.stop.rms) == ("rms", False, 1e-5)
+
+
+@pytest.mark.parametrize("name", ["paper", "paper_small"])
+def test_the_papers_presets_pass_a_dry_run(project, name):
+    done = project.run("--configfile", f"config/{name}.yaml", "--dry-run")
+    assert done.returncode == 0, done.stdout
+    assert "design_chunk" in done.stdout
+    assert not project.out(name).exists()
+
+
+@pytest.mark.skipif("RADCAL_DATA" not in os.environ, reason="RADCAL_DATA is not set: no measured image")
+def test_a_measured_image_from_the_raw_files_to_the_report(project):
+    """The Flevoland case with fewer classes to calibrate and a loose tolerance."""
+    data = yaml.safe_load((ROOT / "config/flevoland.yaml").read_text())
+    for name, material in data["materials"].items():
+        if name not in ("water", "wheat 2"):
+            data["materials"][name] = {"parameters": [-20, 0, 0, 0]} if material["calibrate"] else material
+    data |= {"case": "measured", "design": {"size": 12, "chunk": 6}, "stop": {"rms": 1e-3, "max_runs": 14}}
+    (project.folder / "measured.yaml").write_text(yaml.safe_dump(data))
+    done = project.run("--configfile", "measured.yaml")
+    assert done.returncode == 0, done.stdout
+    summary = project.summary("measured")
+    assert set(summary["materials"]) == {"water", "wheat 2"}
+    # the level of the class, from the data's own description
+    target = summary["materials"]["wheat 2"]["target"]
+    assert -27.5 < target["xi"] + target["omega"] * 0.798 * target["alpha"] / (1 + target["alpha"] ** 2) ** 0.5 < -23.5
+    assert "hidden" not in summary["materials"]["water"]
+    assert "wheat 2" in (project.out("measured") / "report.html").read_text()
