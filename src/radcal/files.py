@@ -50,9 +50,12 @@ def atomic(path: str | Path) -> Iterator[Path]:
 
 
 @contextlib.contextmanager
-def write_hdf5(path: str | Path) -> Iterator[h5py.File]:
-    """Open a new HDF5 file that becomes visible under ``path`` only when complete."""
-    with atomic(path) as partial, h5py.File(partial, "w") as file:
+def write_hdf5(path: str | Path, track_order: bool = False) -> Iterator[h5py.File]:
+    """Open a new HDF5 file that becomes visible under ``path`` only when complete.
+
+    With ``track_order`` its groups are read back in the order in which they were made.
+    """
+    with atomic(path) as partial, h5py.File(partial, "w", track_order=track_order) as file:
         yield file
 
 

@@ -73,7 +73,7 @@ def test_a_floor_counts_only_where_the_surrogate_kept_its_promise():
 
 def test_the_sentence_says_why():
     verdict = decide(history([0.1, 0.1], floors=[None, 0.095]), ["dyke"], Stop(rms=1e-3)).materials["dyke"]
-    for word in ("dyke", "0.1", "0.001", "0.095", "no X"):
+    for word in ("dyke", "0.1", "0.001", "0.095", "out of reach"):
         assert word in verdict.sentence
 
 

@@ -131,7 +131,8 @@ def make_archive(
             if kind == "infill":
                 for name in shifts:
                     floor = floors.get(name, [None] * 99)[index]
-                    proposals[name] = Proposal([1.0] * 4, "ended" if ended[name] else "exploit", 1e-9, floor)
+                    promised = 1e-9 if floor is None else skewnormal.density_rms(dp[name], targets[name].dp)
+                    proposals[name] = Proposal([1.0] * 4, "ended" if ended[name] else "exploit", promised, floor)
                     ended[name] |= abs(shifts[name][kind][index]) < 1e-4
             runs.append(
                 Run(

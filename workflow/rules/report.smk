@@ -48,17 +48,8 @@ rule archive:
         mem_mb=1000,
         runtime=10,
     params:
-        case=CASE.sections(
-            "case",
-            "seed",
-            "scene",
-            "radar",
-            "simulator",
-            "materials",
-            "design",
-            "surrogate",
-            "optimiser",
-        ),
+        # all but the stop settings, which come as a file
+        case=CASE.sections(*(key for key in type(CASE).model_fields if key != "stop")),
         runs=f"{OUT}/runs",
     message:
         "archive of all runs"

@@ -97,7 +97,7 @@ def _judge(history: History, name: str, stop: Stop) -> Verdict:
     best = min(run.rms[name] for run in history.runs if run.kind != "infill")
     idle = 0
     if best <= stop.rms:
-        return Verdict("rms", f"{name}: rms {best:.2g} within the tolerance {stop.rms:.2g} in the design.")
+        return Verdict("rms", f"{name}: rms {best:.2g} within the tolerance {stop.rms:.2g} before any infill.")
     for k, run in enumerate(history.infill, start=1):
         if design + k > stop.max_runs:
             break
@@ -115,7 +115,7 @@ def _judge(history: History, name: str, stop: Stop) -> Verdict:
                 "unreachable",
                 f"{name}: rms {best:.2g} after {design + k} runs, above the tolerance {stop.rms:.2g}; a multi-start "
                 "search of the surrogate, two standard errors in favour, finds nothing below "
-                f"{proposal.floor_rms:.2g} inside the bounds: no X there gives the target.",
+                f"{proposal.floor_rms:.2g} inside the bounds: the target is out of reach there.",
             )
         if idle >= stop.stagnation_runs:
             return Verdict(

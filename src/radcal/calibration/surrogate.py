@@ -274,7 +274,7 @@ def _learnt(dp: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def write_surrogates(path: str | Path, surrogates: Mapping[str, Surrogate]) -> None:
     """Store surrogates as data and hyper-parameters, atomically."""
-    with write_hdf5(path) as file:
+    with write_hdf5(path, track_order=True) as file:
         file.attrs["schema"] = 1
         for name, surrogate in surrogates.items():
             group = file.create_group(name)

@@ -174,7 +174,7 @@ _SCALARS = ("eligible", "at_boundary", "rms_sampling")
 
 def write_targets(path: str | Path, targets: Mapping[str, Target]) -> None:
     """Write the targets of all materials to HDF5, atomically."""
-    with write_hdf5(path) as file:
+    with write_hdf5(path, track_order=True) as file:
         file.attrs["schema"] = 1
         for name, target in targets.items():
             group = file.create_group(name)

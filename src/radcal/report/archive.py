@@ -94,7 +94,10 @@ def write_archive(
     decision = decide(history, list(targets), stop)
     reference = RunStore(runs).get(history.runs[0].key, list(targets), image=True)
     if reference is None:
-        raise StoreError(f"{RunStore(runs).path(history.runs[0].key)}: the reference run is missing.")
+        raise StoreError(
+            f"{RunStore(runs).path(history.runs[0].key)}: the reference run is missing or without its image; delete "
+            f"{Path(runs).parent / 'reference.json'} and type the same command again to make it again."
+        )
     calibrated, fresh = final
     known = {run.key for run in history.runs}
     with write_hdf5(path) as file:
@@ -123,8 +126,9 @@ def write_archive(
         for name, image in images.items():
             if image is not None:
                 file.create_dataset(f"images/{name}", data=image, compression="gzip", compression_opts=1)
+        materials = file.create_group("materials", track_order=True)  # in the order of the configuration
         for name, target in targets.items():
-            group = file.create_group(f"materials/{name}")
+            group = materials.create_group(name)
             material = case.materials[name]
             law = LAWS[material.law]
             group.attrs["law"] = material.law

@@ -67,7 +67,7 @@ def _material(group: h5py.Group, counted: NDArray[np.bool_], tolerance: float) -
     rms = group["rms"][()]
     dp, target = group["dp"][best], group["target_dp"][()]
     names = [str(name) for name in group.attrs["parameter_names"]]
-    within = np.flatnonzero((rms <= tolerance) & counted)
+    within = np.flatnonzero(rms <= tolerance)
     summary = {
         "parameters": dict(zip(names, map(float, group["parameters"][best]), strict=True)),
         "bounds": group["bounds"][()].tolist(),
@@ -84,7 +84,7 @@ def _material(group: h5py.Group, counted: NDArray[np.bool_], tolerance: float) -
         "rms_sampling": float(group.attrs["rms_sampling"]),
         "hellinger": skewnormal.hellinger(dp, target),
         "ks": skewnormal.kolmogorov_smirnov(dp, target),
-        # the reference run is no part of the design, so it is not counted
+        # the reference run is not counted: zero where it is within the tolerance already
         "runs_to_tolerance": int(np.count_nonzero(counted[: within[0] + 1])) if within.size else None,
     }
     if "hidden" in group:
