@@ -42,6 +42,17 @@ def test_counts_best_and_prefix():
     assert history.infill == RUNS[3:]
 
 
+def test_failures_count_proposals_since_the_best():
+    def infill(index, rms, mode="exploit"):
+        return Run("infill", index, "", 0.0, {"dyke": [0.0]}, {}, {"dyke": rms}, {"dyke": Proposal([0.0], mode)})
+
+    assert History(RUNS[:3]).failures("dyke") == 0
+    runs = [*RUNS[:3], infill(0, 0.4), infill(1, 0.3)]
+    assert History(runs).failures("dyke") == 2
+    runs += [infill(2, 0.1), infill(3, 0.2), infill(4, 0.1, "ended")]
+    assert History(runs).failures("dyke") == 1
+
+
 def test_training_holds_each_point_once():
     x, dp = History(RUNS).training("dyke")
     np.testing.assert_array_equal(x, [[0.1, 1 / 3], [0.2, 0.2], [0.3, 0.3], [0.4, 0.4]])

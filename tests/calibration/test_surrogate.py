@@ -47,6 +47,14 @@ def fixed():
     return Surrogate(BOUNDS, x, truth(x)).restore(np.full((3, 2), 5.0), np.full(3, 1e-10), np.zeros(3), ["given"] * 3)
 
 
+def test_mean_and_error_are_smts(fixed):
+    unit = np.random.default_rng(5).random((40, 2))
+    mean = np.column_stack([model.predict_values(unit)[:, 0] for model in fixed.models()])
+    variance = np.column_stack([model.predict_variances(unit)[:, 0] for model in fixed.models()])
+    np.testing.assert_allclose(fixed.predict(unit), mean, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(fixed.standard_error(unit) ** 2, variance, rtol=1e-6, atol=1e-12)
+
+
 def test_interpolates_and_knows_what_it_knows(fixed):
     unit = fixed.unit(fixed.parameters)
     np.testing.assert_allclose(

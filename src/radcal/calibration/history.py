@@ -137,6 +137,12 @@ class History:
         """Return the run with the material's smallest rms, the earliest of equals."""
         return min(self.runs, key=lambda run: run.rms[material])
 
+    def failures(self, material: str) -> int:
+        """Return the number of verified proposals since the best one (or since the design)."""
+        best = self.best(material)
+        since = self.infill if best.kind != "infill" else self.infill[self.infill.index(best) + 1 :]
+        return sum(run.proposals[material].mode != "ended" for run in since)
+
     def training(self, material: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Distinct parameters and their densities.
 

@@ -143,7 +143,9 @@ class Search:
         """Sum of squared scaled standard errors of the surrogate at one point."""
         return float(((self._surrogate.standard_error(unit)[0] / self._scale) ** 2).sum())
 
-    def _least_squares(self, residuals: Any, start: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _least_squares(
+        self, residuals: Any, start: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """Bounded least squares from a point, the Jacobian from one batched call."""
         d = self.dimension
 
@@ -157,19 +159,34 @@ class Search:
             width = np.diagonal(forward) - np.diagonal(backward)
             return np.asarray(((values[:d] - values[d:]) / width[:, None]).T)
 
-        inside = np.clip(start, 1e-9, 1.0 - 1e-9)
+        inside = np.clip(start, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
         found = least_squares(
-            fun, inside, jac=jac, bounds=(0.0, 1.0), xtol=1e-14, ftol=1e-14, gtol=1e-14, max_nfev=60, x_scale=1.0
+            fun, inside, jac=jac, bounds=(low, high), xtol=1e-14, ftol=1e-14, gtol=1e-14, max_nfev=60, x_scale=1.0
         )
         return np.asarray(found.x)
 
-    def polish(self, start: NDArray[np.float64], favour: float = 0.0) -> NDArray[np.float64]:
-        """Nearest point in theta from ``start``; where theta cannot be met, the smallest density rms."""
-        unit = self._least_squares(lambda u: self.theta_residuals(u, favour), start)
+    def polish(self, start: NDArray[np.float64], favour: float = 0.0, radius: float = np.inf) -> NDArray[np.float64]:
+        """Nearest point in theta from ``start``; where theta cannot be met, the smallest density rms.
+
+        Parameters
+        ----------
+        start : ndarray, shape (d,)
+            Point of the unit box.
+        favour : float
+            Standard errors of the surrogate in favour of the target.
+        radius : float
+            Largest step in any parameter.
+
+        Returns
+        -------
+        ndarray, shape (d,)
+        """
+        low, high = np.maximum(start - radius, 0.0), np.minimum(start + radius, 1.0)
+        unit = self._least_squares(lambda u: self.theta_residuals(u, favour), start, low, high)
         if self.distance(unit, favour)[0] < 1e-14:
             return unit
         # the two costs weigh the parameters differently, which only matters where neither vanishes
-        other = self._least_squares(lambda u: self.density_residuals(u, favour) / self._density.max(), unit)
+        other = self._least_squares(lambda u: self.density_residuals(u, favour) / self._density.max(), unit, low, high)
         return other if self.rms(other, favour)[0] < self.rms(unit, favour)[0] else unit
 
     def minimum(self, starts: NDArray[np.float64], seed: int, favour: float = 0.0) -> tuple[NDArray[np.float64], float]:
@@ -204,15 +221,26 @@ class Search:
 
 
 def propose(
-    surrogate: Surrogate, target_dp: ArrayLike, config: Optimiser, seed: int, best_unit: ArrayLike, best_rms: float
+    surrogate: Surrogate,
+    target_dp: ArrayLike,
+    config: Optimiser,
+    seed: int,
+    best_unit: ArrayLike,
+    best_rms: float,
+    failures: int = 0,
 ) -> Proposal:
     """Choose the next X of a material.
 
     NSGA-II's best point is polished by least squares. Where the surrogate then promises
-    less than half of the best verified rms, that point is it. Where it does not, a
-    multi-start search looks for a nearer one, first on the surrogate as it is, then two
-    standard errors in favour of the target: that minimum is the floor. A floor clearly
-    below the best verified rms is explored; one that is not says that nothing nearer exists.
+    less than half of the best verified rms, that point is it. After a promise that was
+    not kept, every other proposal keeps near the best verified point, within a radius
+    that shrinks with each failure: there the surrogate learns what it needs (a trust
+    region, Conn, Gould and Toint 2000).
+
+    Where nothing better is promised, a multi-start search looks for a nearer point, first
+    on the surrogate as it is, then two standard errors in favour of the target: that
+    minimum is the floor. A floor clearly below the best verified rms is explored; one that
+    is not says that nothing nearer exists.
 
     Parameters
     ----------
@@ -228,6 +256,8 @@ def propose(
         Best verified point, in the unit box.
     best_rms : float
         Its verified density rms [1/dB].
+    failures : int
+        Verified proposals since that best one.
 
     Returns
     -------
@@ -255,13 +285,18 @@ def propose(
     def fresh(unit: NDArray[np.float64]) -> bool:
         return bool(np.abs(known - unit).max(axis=1).min() > _SAME)
 
+    best = np.asarray(best_unit, dtype=np.float64)
+    if failures % 2 == 1:
+        unit = search.polish(best, radius=0.5 ** ((failures + 1) // 2 + 1))
+        if search.rms(unit)[0] < 0.5 * best_rms and fresh(unit):
+            return proposal(unit, "exploit")
     # the target's theta is met along curves in the box: of the points found on them, the one
     # that the surrogate knows best
-    near = [search.polish(first), search.polish(np.asarray(best_unit, dtype=np.float64))]
+    near = [search.polish(first), search.polish(best)]
     promising = [unit for unit in near if search.rms(unit)[0] < 0.5 * best_rms and fresh(unit)]
     if promising:
         return proposal(min(promising, key=search.uncertainty), "exploit")
-    starts = np.stack([first, np.asarray(best_unit, dtype=np.float64)])
+    starts = np.stack([first, best])
     unit, rms = search.minimum(starts, seed)
     if rms < 0.5 * best_rms and fresh(unit):
         return proposal(unit, "exploit")

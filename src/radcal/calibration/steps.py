@@ -81,7 +81,7 @@ def _train(job: tuple[Surrogate, NDArray[np.float64] | None]) -> Surrogate:
         return surrogate.train(start)
 
 
-def _propose(job: tuple[Surrogate, NDArray[np.float64], Optimiser, int, NDArray[np.float64], float]) -> Proposal:
+def _propose(job: tuple[Surrogate, NDArray[np.float64], Optimiser, int, NDArray[np.float64], float, int]) -> Proposal:
     with threadpool_limits(1):
         return propose(*job)
 
@@ -175,6 +175,7 @@ def propose_all(
             derived_seed(case.seed, "propose", name, iteration),
             surrogates[name].unit(best[name].parameters[name]),
             best[name].rms[name],
+            history.failures(name),
         )
         for name in going
     ]
