@@ -222,7 +222,7 @@ class Surrogate:
                 first = {"theta0": np.asarray(start, dtype=np.float64)[k].tolist(), "n_start": 1}
             best: _Trained | None = None
             failure = SurrogateError("")
-            for options in (first, *_RETRIES):
+            for attempt, options in enumerate((first, *_RETRIES)):
                 try:
                     found = _train_one(x, self._values[:, k], {"theta0": [_THETA0], **options})
                 except SurrogateError as error:
@@ -230,18 +230,21 @@ class Surrogate:
                     continue
                 if best is None or found.q2 > best.q2:
                     best = found
-                if best.status != "failed" and best.q2 > 0.0:
+                # an output that two searches from many starts cannot predict is noise at these points:
+                # more searching does not help, more runs may
+                if best.status != "failed" and (best.q2 > 0.0 or attempt > 0 or start is not None):
                     break
             if best is None:
                 raise SurrogateError(f"kriging of {OUTPUTS[self.outputs][k]}: {failure}")
             trained.append(best)
+        # the models just trained are let go: rebuilt from their length scales they agree to the last
+        # bit with those that another job or process rebuilds
         self.restore(
             [t.theta for t in trained],
             [t.nugget for t in trained],
             [t.q2 for t in trained],
             [t.status for t in trained],
         )
-        self._models = [t.model for t in trained]
         return self
 
     def restore(self, theta: ArrayLike, nugget: ArrayLike, q2: ArrayLike, status: Sequence[str]) -> Surrogate:

@@ -1,0 +1,113 @@
+"""The loop in one process, on a scene of a few thousand pixels."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from radcal.calibration.loop import calibrate
+from radcal.calibration.steps import progress_line, propose_all, train_all
+from radcal.config import Stop, case_from
+from radcal.measurement.sources import make_measurement
+from radcal.measurement.target import make_target
+from radcal.radar.geometry import make_geometry
+from radcal.scene.model import Scene
+from radcal.scene.slant_range import flat_incidence_deg
+from radcal.simulators import BuiltinSimulator
+from radcal.store import Runner, RunStore
+
+TRUTH = {"field": [6.1, 14.2, 21.5, 3.3], "lake": [10.0, 20.0, 5.0, 8.0]}
+
+
+@pytest.fixture(scope="module")
+def parts():
+    material = np.ones((70, 90), dtype=np.uint8)
+    material[:, 45:] = 2
+    scene = Scene("tiny", ("field", "lake"), material, None, 1.0, flat_incidence_deg(15.0, 40.0, 70))
+    case = case_from(
+        {
+            "scene": {
+                "source": "slant_range",
+                "labels": "-",
+                "names": "-",
+                "near_incidence_deg": 15,
+                "far_incidence_deg": 40,
+            },
+            "materials": {name: {"calibrate": True, "start": [5, 5, 5, 5]} for name in TRUTH},
+            "measurement": {"source": "synthetic", "synthetic": {"parameters": TRUTH}},
+            "target": {"pixels": 500},
+            "design": {"size": 12},
+            "optimiser": {"population": 20, "evaluations": 400},
+            "stop": {"rms": 1e-2, "max_runs": 15},
+        }
+    )
+    geometry = make_geometry(scene, case.radar)
+    simulator = BuiltinSimulator(geometry, case.radar, {name: m.law for name, m in case.materials.items()})
+    measurement = make_measurement(case, geometry, simulator)
+    targets = {name: make_target(name, geometry, measurement, case.target, case.seed) for name in TRUTH}
+    return case, simulator, geometry, scene, targets
+
+
+@pytest.fixture(scope="module")
+def calibrated(parts, tmp_path_factory):
+    case, simulator, geometry, scene, targets = parts
+    store = RunStore(tmp_path_factory.mktemp("runs"))
+    seen = []
+    history, decision = calibrate(case, Runner(store, simulator, geometry, scene.identity, case), targets, seen.append)
+    return history, decision, store, seen
+
+
+def test_both_materials_end_for_a_reason(parts, calibrated):
+    case, *_, targets = parts
+    history, decision, store, seen = calibrated
+    assert decision.ended
+    for name in targets:
+        best = history.best(name).rms[name]
+        assert best < 0.2 * history.runs[0].rms[name]
+        if decision.materials[name].reason == "rms":
+            assert best <= case.stop.rms
+    assert [run.kind for run in history.runs[:13]] == ["reference"] + ["design"] * 12
+    assert len(list(store.folder.glob("*.h5"))) == len({run.key for run in history.runs})
+    assert len(seen) == 1 + len(history.infill)
+
+
+def test_again_from_the_store_is_the_same_without_a_run(parts, calibrated):
+    case, _, geometry, scene, targets = parts
+    history, _, store, _ = calibrated
+
+    class Never:
+        identity = parts[1].identity
+
+        def run(self, parameters, noise_seed):
+            raise AssertionError("a finished run was made again")
+
+    again, _ = calibrate(case, Runner(store, Never(), geometry, scene.identity, case), targets)
+    assert again.runs == history.runs
+
+
+def test_results_do_not_depend_on_the_number_of_processes(parts, calibrated):
+    case, *_, targets = parts
+    design = calibrated[0].up_to(0)
+    one, two = (train_all(design, case, 0, None, processes) for processes in (1, 2))
+    for name in targets:
+        np.testing.assert_array_equal(one[name].theta, two[name].theta)
+        assert one[name].status == two[name].status
+    tight = Stop(rms=1e-9)
+    assert propose_all(one, targets, design, case, 0, tight, 1) == propose_all(two, targets, design, case, 0, tight, 2)
+
+
+def test_an_ended_material_repeats_its_best(parts, calibrated):
+    case, *_, targets = parts
+    design = calibrated[0].up_to(0)
+    proposals = propose_all({}, targets, design, case, 0, Stop(rms=10.0))
+    for name in targets:
+        assert proposals[name].mode == "ended"
+        assert proposals[name].parameters == design.best(name).parameters[name]
+
+
+def test_the_progress_line_counts_and_names_the_worst(parts, calibrated):
+    *_, targets = parts
+    design = calibrated[0].up_to(0)
+    several = progress_line(design, list(targets), Stop(rms=1e-9))
+    assert several.startswith("run  12 (iteration 0): 0 of 2 materials within tolerance, worst ")
+    assert "best rms" in progress_line(design, ["field"], Stop(rms=1e-9))

@@ -1,0 +1,92 @@
+from __future__ import annotations
+
+import logging
+import os
+import socket
+import subprocess
+import sys
+import time
+
+import pytest
+
+from radcal.errors import MeasurementError
+from radcal.jobs import FAILURE, STARTED, elapsed, logged, progress
+from radcal.lock import CaseLock
+
+
+@pytest.fixture(autouse=True)
+def _keep_logging():
+    """``logged`` takes over the root logger, as a job of its own may."""
+    root = logging.getLogger()
+    handlers, level = root.handlers[:], root.level
+    yield
+    for handler in root.handlers:
+        if handler not in handlers:
+            handler.close()
+    root.handlers[:] = handlers
+    root.setLevel(level)
+    logging.captureWarnings(False)
+
+
+def test_an_error_for_people_ends_in_its_sentence(tmp_path, monkeypatch):
+    monkeypatch.setenv(FAILURE, str(tmp_path / "failure.txt"))
+    with pytest.raises(SystemExit) as stopped, logged(tmp_path / "job.log"):
+        raise MeasurementError("image.tif has 3 bands, expected one.")
+    assert stopped.value.code == "radcal: image.tif has 3 bands, expected one."
+    assert (tmp_path / "failure.txt").read_text() == "radcal: image.tif has 3 bands, expected one.\n"
+    assert "Traceback" in (tmp_path / "job.log").read_text()
+
+
+def test_a_bug_says_where_its_traceback_is(tmp_path, monkeypatch):
+    monkeypatch.delenv(FAILURE, raising=False)
+    with pytest.raises(SystemExit, match=r"internal error, ZeroDivisionError.*job\.log"), logged(tmp_path / "job.log"):
+        _ = 1 / 0
+    assert "ZeroDivisionError" in (tmp_path / "job.log").read_text()
+
+
+def test_progress_goes_to_the_terminal_and_the_log(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv(STARTED, str(time.time() - 75.5))
+    with logged(tmp_path / "job.log"):
+        progress("run 17: best rms 1e-4")
+    assert capsys.readouterr().err == "[  1:15] run 17: best rms 1e-4\n"
+    assert "run 17: best rms 1e-4" in (tmp_path / "job.log").read_text()
+
+
+def test_elapsed_without_a_start_is_zero(monkeypatch):
+    monkeypatch.delenv(STARTED, raising=False)
+    assert elapsed() == "0:00"
+
+
+def test_the_lock_is_taken_given_back_and_taken_again(tmp_path):
+    lock = CaseLock(tmp_path / "case")
+    lock.acquire()
+    assert (tmp_path / "case/.lock").read_text() == str(os.getpid())
+    lock.release()
+    lock.release()
+    lock.acquire()
+    lock.release()
+
+
+def test_a_held_lock_ends_the_second_process_with_a_sentence(tmp_path):
+    lock = CaseLock(tmp_path)
+    lock.acquire()
+    code = f"from radcal.lock import CaseLock; CaseLock({str(tmp_path)!r}).acquire(); print('taken')"
+    second = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert second.returncode == 1
+    assert second.stdout == ""
+    assert f"another snakemake (process {os.getpid()})" in second.stderr
+    lock.release()
+    again = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert again.stdout == "taken\n"
+
+
+def test_taking_the_lock_sweeps_what_dead_processes_left(tmp_path):
+    code = "import os; print(os.getpid())"
+    dead = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
+    left = tmp_path / "runs" / f".partial-{socket.gethostname()}-{dead}-x.h5"
+    left.parent.mkdir()
+    left.write_text("half")
+    lock = CaseLock(tmp_path)
+    lock.acquire()
+    lock.release()
+    assert not left.exists()
