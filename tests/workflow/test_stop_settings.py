@@ -64,3 +64,20 @@ def test_the_command_line_overrides_a_single_key(finished):
     assert summary["tolerance"] == 0.02
     assert summary["iterations"] <= 2
     finished.write()
+
+
+def test_target_settings_take_new_pixels_from_finished_runs(finished):
+    """Another draw of pixels scores the design again; no run of it is repeated."""
+    finished.write()
+    assert finished.run("--configfile", "tiny.yaml").returncode == 0
+    before, old = finished.records(), finished.summary()
+    finished.write(target={"pixels": 300})
+    done = finished.run("--configfile", "tiny.yaml")
+    assert done.returncode == 0, done.stdout
+    after, new = finished.records(), finished.summary()
+    assert {name: after[name] for name in before} == before
+    field = new["materials"]["field"]
+    assert field["target"] != old["materials"]["field"]["target"]
+    assert field["rms"] <= 1e-3
+    assert len(after) - len(before) <= new["runs"]["infill"] + 1
+    finished.write()

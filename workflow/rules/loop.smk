@@ -66,7 +66,7 @@ rule propose:
         verified=earlier,
         target=rules.target.output.target,
         surrogate=rules.train.output.surrogate,
-        stop=ancient(rules.stop_settings.output.stop),
+        stop=ancient(f"{OUT}/stop.json"),
     output:
         proposal=f"{OUT}/iterations/{{k}}/proposal.json",
     log:
@@ -93,7 +93,7 @@ checkpoint verify:
         scores=f"{OUT}/scores.json",
         earlier=earlier,
         proposal=rules.propose.output.proposal,
-        stop=ancient(rules.stop_settings.output.stop),
+        stop=ancient(f"{OUT}/stop.json"),
     output:
         verified=f"{OUT}/iterations/{{k}}/verified.json",
     log:
