@@ -359,7 +359,7 @@ def test_paths_expand_variables_and_home(tmp_path: Path, monkeypatch: pytest.Mon
     assert expand_path("~/a b.tif", "key") == tmp_path / "a b.tif"
     with pytest.raises(ConfigError, match=r"^key: the file .*/b\.tif does not exist\.$"):
         expand_path("${RADCAL_TEST}/b.tif", "key")
-    with pytest.raises(ConfigError, match="does not exist"):
+    with pytest.raises(ConfigError, match="is not a file"):
         expand_path(str(tmp_path), "key")  # a folder
     monkeypatch.delenv("RADCAL_TEST")
     with pytest.raises(ConfigError, match=r"^key is '\$\{RADCAL_TEST\}/x' but .* RADCAL_TEST is not set: type export"):
@@ -400,3 +400,16 @@ def test_sections_rebuild_a_case_without_the_rest() -> None:
     for name in ("stop", "target", "seed", "design"):
         with pytest.raises(AttributeError):
             getattr(part, name)
+
+
+def test_bounds_of_absurd_size_are_refused() -> None:
+    with pytest.raises(ConfigError, match=r"bounds of X1 are \[0, 1e\+30\], expected within"):
+        case_from({"materials": {"dyke": {"calibrate": True, "bounds": [[0, 1e30]] * 4}}})
+
+
+def test_the_default_truth_does_not_bind_other_materials() -> None:
+    case = case_from({"materials": {"grass": {"calibrate": True}}})
+    assert case.calibrated == ["grass"]
+    with pytest.raises(ConfigError, match="no such material"):
+        written = {"synthetic": {"parameters": {"dyke": [1, 2, 3, 4]}}}
+        case_from({"materials": {"grass": {"calibrate": True}}, "measurement": written})

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import errno
+import fcntl
 import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -10,7 +12,7 @@ import numpy as np
 import pytest
 
 from radcal.config import Case
-from radcal.errors import SimulatorError
+from radcal.errors import SimulatorError, StoreError
 from radcal.radar.geometry import Geometry
 from radcal.radar.laws import LAWS, Law
 from radcal.store import Record, Runner, RunStore
@@ -142,11 +144,6 @@ def other_hash(path: Path) -> None:
         file.attrs["hash"] = "0" * 20
 
 
-def other_schema(path: Path) -> None:
-    with h5py.File(path, "a") as file:
-        file.attrs["schema"] = 99
-
-
 def no_pixels(path: Path) -> None:
     with h5py.File(path, "a") as file:
         del file["pixels_db"]
@@ -158,7 +155,7 @@ def no_attributes(path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "damage", [truncate, empty, garbage, other_hash, other_schema, no_pixels, no_attributes], ids=lambda f: f.__name__
+    "damage", [truncate, empty, garbage, other_hash, no_pixels, no_attributes], ids=lambda f: f.__name__
 )
 def test_damaged_record_is_set_aside_and_made_again(
     runner: Runner, store: RunStore, simulator: Counting, damage: Callable[[Path], None],
@@ -295,3 +292,46 @@ def test_record_that_cannot_be_written_leaves_nothing(store: RunStore) -> None:
     store.put(record, {})
     assert store.get(record.key, ["dyke"]) is not None
     assert store.get(record.key, ["dyke", "grass"]) is None
+
+
+def test_record_of_another_schema_is_refused_and_kept(runner: Runner, store: RunStore, simulator: Counting) -> None:
+    key = runner.run(X, 7).key
+    with h5py.File(store.path(key), "a") as file:
+        file.attrs["schema"] = 99
+    with pytest.raises(StoreError, match=rf"{key}\.h5: written with schema 99"):
+        runner.run(X, 7)
+    assert files(store) == [f"{key}.h5"]
+    assert simulator.calls == 1
+
+
+def test_record_that_cannot_be_reached_is_no_damaged_record(
+    runner: Runner, store: RunStore, simulator: Counting, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    key = runner.run(X, 7).key
+
+    def refuse(*_: Any, **__: Any) -> None:
+        raise OSError(errno.EMFILE, "too many open files")
+
+    monkeypatch.setattr(h5py, "File", refuse)
+    with pytest.raises(StoreError, match=rf"{key}\.h5: cannot be read"):
+        runner.run(X, 7)
+    monkeypatch.undo()
+    assert runner.run(X, 7).key == key
+    assert simulator.calls == 1
+    assert files(store) == [f"{key}.h5"]
+
+
+def test_a_locked_record_can_be_read(runner: Runner, store: RunStore, simulator: Counting) -> None:
+    key = runner.run(X, 7).key
+    with store.path(key).open("rb") as handle:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        assert runner.run(X, 7).key == key
+    assert simulator.calls == 1
+
+
+def test_a_record_keeps_what_an_earlier_one_held(store: RunStore) -> None:
+    store.put(Record("k", {"a": np.zeros(2, np.float32)}, np.ones((2, 2), np.float32), 0.1), {})
+    store.put(Record("k", {"b": np.ones(2, np.float32)}, None, 0.1), {})
+    record = store.get("k", ["a", "b"], image=True)
+    assert record is not None
+    np.testing.assert_array_equal(record.pixels_db["a"], [0, 0])

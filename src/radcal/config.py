@@ -61,6 +61,9 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 Count = Annotated[int, Field(ge=1)]
 
 
+_LARGEST = 1000.0  # of any parameter: powers beyond 10^100 are a unit mix-up, and no single-precision image holds them
+
+
 class _Strict(BaseModel):
     """A frozen section of the configuration that refuses unknown keys."""
 
@@ -158,6 +161,8 @@ class Material(_Strict):
         for name, (low, high) in zip(law.names, self.box, strict=True):
             if not low < high:
                 raise ValueError(f"bounds of {name} are [{low:g}, {high:g}], expected lower < upper")
+            if max(abs(low), abs(high)) > _LARGEST:
+                raise ValueError(f"bounds of {name} are [{low:g}, {high:g}], expected within +-{_LARGEST:g}")
         if len(self.start_parameters) != d:
             raise ValueError(f"start has {len(self.start_parameters)} numbers, law {self.law!r} takes {d}")
         for name, x, (low, high) in zip(law.names, self.start_parameters, self.box, strict=True):
@@ -187,6 +192,12 @@ class Synthetic(_Strict):
         default_factory=lambda: {"dyke": [6.1, 14.2, 21.5, 3.3]},
         description="hidden parameters by material; others keep theirs",
     )
+
+    @property
+    def is_written(self) -> bool:
+        """Whether the parameters were configured rather than left to their default."""
+        return "parameters" in self.model_fields_set
+
     seed: Seed = Field(2, description="seed of the measurement's speckle, noise and warp")
     offset_db: Finite = Field(0.0, description="level offset of the measurement [dB]")
     warp_px: Annotated[float, Field(ge=0, le=50)] = Field(0.0, description="rms misregistration [pixels]")
@@ -234,7 +245,7 @@ class Design(_Strict):
     sampler: Literal["monte_carlo", "latin_hypercube", "sobol"] = Field(
         "sobol", description="monte_carlo, latin_hypercube or sobol"
     )
-    size: Annotated[int, Field(ge=1, le=100_000)] = Field(16, description="runs; a larger design keeps a smaller one's")
+    size: Annotated[int, Field(ge=2, le=100_000)] = Field(16, description="runs; a larger design keeps a smaller one's")
     chunk: Annotated[int, Field(ge=1, le=1000)] = Field(4, description="runs per workflow job")
 
 
@@ -326,7 +337,7 @@ class Case(_Strict):
     @classmethod
     def _material_names(cls, value: dict[str, Material]) -> dict[str, Material]:
         for name in value:
-            if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_ -]*", name):
+            if not re.fullmatch(r"[A-Za-z0-9]([A-Za-z0-9_ -]*[A-Za-z0-9_-])?", name):
                 raise ValueError(f"name {name!r} is not made of letters, digits, blanks, _ and -")
         return value
 
@@ -334,7 +345,8 @@ class Case(_Strict):
     def _consistent(self) -> Self:
         if not self.calibrated:
             raise ValueError("materials: none is marked calibrate: true, expected at least one")
-        if isinstance(self.measurement, SyntheticMeasurement):
+        # the default truth is the default case's: where nobody wrote one, materials keep their start
+        if isinstance(self.measurement, SyntheticMeasurement) and self.measurement.synthetic.is_written:
             for name, x in self.measurement.synthetic.parameters.items():
                 if name not in self.materials:
                     raise ValueError(
@@ -398,9 +410,13 @@ def expand_path(text: str, key: str) -> Path:
             f"{key} is {text!r} but the environment variable {missing[0]} is not set: "
             f"type export {missing[0]}=FOLDER first."
         )
-    path = Path(os.path.expandvars(text)).expanduser()
-    if not path.is_file():
+    path = Path(os.path.expanduser(os.path.expandvars(text)))
+    if not path.exists():
         raise ConfigError(f"{key}: the file {path} does not exist.")
+    if not path.is_file():
+        raise ConfigError(f"{key}: {path} is not a file.")
+    if not os.access(path, os.R_OK):
+        raise ConfigError(f"{key}: no permission to read {path}.")
     return path
 
 

@@ -6,7 +6,7 @@ import fcntl
 import os
 import sys
 from pathlib import Path
-from typing import TextIO
+from typing import NoReturn, TextIO
 
 from radcal.files import sweep
 
@@ -28,21 +28,21 @@ class CaseLock:
 
     def acquire(self) -> None:
         """Take the lock or leave with a sentence; sweep what killed processes left behind."""
-        self._folder.mkdir(parents=True, exist_ok=True)
-        file = (self._folder / ".lock").open("a+", encoding="ascii")
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            file = (self._folder / ".lock").open("a+", encoding="ascii")
+        except OSError as error:
+            _leave(f"{self._folder} cannot be written ({error.strerror}); results go there, so make it writable.")
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             file.seek(0)
             owner = file.read().strip() or "unknown"
             file.close()
-            sys.stderr.write(
-                f"radcal: another snakemake (process {owner}) is working on {self._folder}; wait for it, "
-                "or stop it and type the same command again.\n"
+            _leave(
+                f"another snakemake (process {owner}) is working on {self._folder}; wait for it, or stop it and type "
+                "the same command again."
             )
-            sys.stderr.flush()
-            # Snakemake would wrap an exception in its own words; no job has started yet
-            os._exit(1)
         file.truncate(0)
         file.write(str(os.getpid()))
         file.flush()
@@ -54,3 +54,10 @@ class CaseLock:
         if self._file is not None:
             self._file.close()
             self._file = None
+
+
+def _leave(sentence: str) -> NoReturn:
+    """End the process at once: Snakemake would wrap an exception in its own words, and no job has started."""
+    sys.stderr.write(f"radcal: {sentence}\n")
+    sys.stderr.flush()
+    os._exit(1)

@@ -7,9 +7,11 @@ asks the store first; a run that is there is never made again.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import logging
+import os
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -23,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config import Case, Radar
-from radcal.errors import SimulatorError
+from radcal.errors import SimulatorError, StoreError
 from radcal.files import digest, write_hdf5
 from radcal.radar.geometry import Geometry
 from radcal.simulators.protocol import Simulator
@@ -90,31 +92,57 @@ class RunStore:
         """Return a record if it is there and holds what is asked, else None.
 
         A damaged file is set aside under the name ``*.damaged`` and counts as missing.
+
+        Raises
+        ------
+        StoreError
+            The file is sound as far as one can tell but cannot be read: no permission, a
+            failing disk, another version's.
         """
+        record = self._read(key)
+        if record is None or not set(materials) <= record.pixels_db.keys() or (image and record.image_db is None):
+            return None
+        return record
+
+    def _read(self, key: str) -> Record | None:
         path = self.path(key)
         if not path.is_file():
             return None
         try:
-            with h5py.File(path, "r") as file:
-                if file.attrs["schema"] != _SCHEMA or file.attrs["hash"] != key:
-                    raise KeyError("schema or hash")
+            # records never change once they are visible: no lock is needed to read one
+            with h5py.File(path, "r", locking=False) as file:
+                if file.attrs["schema"] != _SCHEMA:
+                    raise StoreError(
+                        f"{path}: written with schema {file.attrs['schema']}, this radcal reads {_SCHEMA}; use the "
+                        "radcal that wrote it, or another case name."
+                    )
+                if file.attrs["hash"] != key:
+                    raise KeyError("hash")
                 pixels = {name: item[()] for name, item in file["pixels_db"].items()}
                 whole = file["image_db"][()] if "image_db" in file else None
                 seconds = float(file.attrs["seconds"])
                 if file.attrs["checksum"] != _checksum(pixels, whole):
                     raise KeyError("checksum")
         except (OSError, KeyError, RuntimeError, TypeError, ValueError, AttributeError) as error:
-            # what h5py raises on a damaged file depends on where the damage is
+            # what h5py raises on a damaged file depends on where the damage is; an error number is
+            # the system's word that the file could not be reached
+            if isinstance(error, OSError) and error.errno is not None:
+                raise StoreError(
+                    f"{path}: cannot be read ({os.strerror(error.errno)}); nothing was changed."
+                ) from error
             aside = path.with_suffix(".damaged")
-            path.replace(aside)
+            with contextlib.suppress(FileNotFoundError):  # another job was faster
+                path.replace(aside)
             logger.warning("%s is damaged (%s): set aside as %s, this run is made again.", path, error, aside.name)
-            return None
-        if not set(materials) <= pixels.keys() or (image and whole is None):
             return None
         return Record(key, pixels, whole, seconds)
 
     def put(self, record: Record, description: Mapping[str, Any]) -> None:
-        """Write a record; it becomes visible complete."""
+        """Write a record; it becomes visible complete, with what an earlier one of the same run held besides."""
+        earlier = self._read(record.key)
+        if earlier is not None:
+            image = record.image_db if record.image_db is not None else earlier.image_db
+            record = Record(record.key, {**earlier.pixels_db, **record.pixels_db}, image, record.seconds)
         with write_hdf5(self.path(record.key)) as file:
             file.attrs["schema"] = _SCHEMA
             file.attrs["hash"] = record.key

@@ -143,3 +143,8 @@ def test_missing_files(write: Write, tmp_path: Path, key: str, monkeypatch: pyte
         scene_at("${RADCAL_NOWHERE}/x")
     monkeypatch.setenv("RADCAL_HERE", str(tmp_path))
     scene_at("${RADCAL_HERE}/" + Path(getattr(config, key)).name)
+
+
+def test_a_name_given_twice_is_refused(write: Write) -> None:
+    with pytest.raises(SceneError, match=r"names\.json gives the name 'grass' to more than one"):
+        slant_range_scene(write(names={"1": "grass", "3": "grass"}))

@@ -125,3 +125,22 @@ def test_bad_input_leaves_an_earlier_result_untouched(finished):
     finished.write()
     assert done.returncode != 0
     assert finished.listing() == before
+
+
+def test_a_refused_image_leaves_a_finished_case_untouched(finished):
+    finished.write()
+    assert finished.run("--configfile", "tiny.yaml").returncode == 0
+    before, content = finished.listing(), (finished.out() / "measurement.h5").read_bytes()
+    image(finished, np.full((ROWS + 4, COLUMNS), -10.0))
+    done = finished.run("--configfile", "tiny.yaml")
+    finished.write()
+    assert done.returncode != 0
+    assert "radcal: measurement.path" in done.stdout
+    # Snakemake puts the one file back that the refused job would have replaced
+    assert (finished.out() / "measurement.h5").read_bytes() == content
+    now = finished.listing()
+    assert now.keys() == before.keys()
+    assert [name for name in now if now[name] != before[name]] in ([], ["measurement.h5"])
+    again = finished.run("--configfile", "tiny.yaml")
+    assert again.returncode == 0, again.stdout
+    assert finished.records() == {k.removeprefix("runs/"): v[1] for k, v in before.items() if k.startswith("runs/")}

@@ -68,10 +68,10 @@ def test_the_same_command_again_has_nothing_to_do(finished):
 
 
 def test_first_steps_are_targets_of_their_own(project):
-    done = project.run("--configfile", "tiny.yaml", "reference")
+    done = project.run("reference", "--configfile", "tiny.yaml")
     assert done.returncode == 0, done.stdout
     assert len(project.records()) == 1
-    done = project.run("--configfile", "tiny.yaml", "design")
+    done = project.run("design", "--configfile", "tiny.yaml")
     assert done.returncode == 0, done.stdout
     assert len(project.records()) == 13
     assert (project.out() / "scores.json").is_file()
@@ -80,10 +80,10 @@ def test_first_steps_are_targets_of_their_own(project):
 
 def test_a_larger_design_keeps_the_runs_of_a_smaller_one(project):
     project.write(design={"size": 6, "chunk": 4})
-    assert project.run("--configfile", "tiny.yaml", "design").returncode == 0
+    assert project.run("design", "--configfile", "tiny.yaml").returncode == 0
     before = project.records()
     project.write(design={"size": 9, "chunk": 4})
-    assert project.run("--configfile", "tiny.yaml", "design").returncode == 0
+    assert project.run("design", "--configfile", "tiny.yaml").returncode == 0
     after = project.records()
     assert len(before) == 7
     assert len(after) == 10

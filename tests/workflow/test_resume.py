@@ -75,7 +75,7 @@ def test_a_second_snakemake_on_the_case_says_so(project):
 
 
 def test_a_damaged_record_is_set_aside_and_made_again(project):
-    assert project.run("--configfile", "tiny.yaml", "design").returncode == 0
+    assert project.run("design", "--configfile", "tiny.yaml").returncode == 0
     before = project.records()
     victim = sorted(project.out().glob("runs/*.h5"))[3]
     content = victim.read_bytes()
@@ -83,7 +83,7 @@ def test_a_damaged_record_is_set_aside_and_made_again(project):
     for chunk in project.out().glob("design/*.json"):
         chunk.unlink()
     (project.out() / "reference.json").unlink()
-    done = project.run("--configfile", "tiny.yaml", "design")
+    done = project.run("design", "--configfile", "tiny.yaml")
     assert done.returncode == 0, done.stdout
     after = project.records()
     assert after.keys() == before.keys()

@@ -6,7 +6,7 @@ rule measurement:
         [FILES[key] for key in FILES if key.startswith("measurement.")],
         geometry=rules.geometry.output.geometry,
     output:
-        measurement=f"{OUT}/measurement.h5",
+        measurement=update(f"{OUT}/measurement.h5"),
     log:
         f"{OUT}/logs/measurement.log",
     benchmark:
@@ -28,7 +28,7 @@ rule target:
         geometry=rules.geometry.output.geometry,
         measurement=rules.measurement.output.measurement,
     output:
-        target=f"{OUT}/target.h5",
+        target=update(f"{OUT}/target.h5"),
     log:
         f"{OUT}/logs/target.log",
     benchmark:

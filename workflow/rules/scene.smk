@@ -5,7 +5,8 @@ rule scene:
     input:
         [FILES[key] for key in FILES if key.startswith("scene.")],
     output:
-        scene=f"{OUT}/scene.h5",
+        # update(): a refused input leaves the earlier file where it is
+        scene=update(f"{OUT}/scene.h5"),
     log:
         f"{OUT}/logs/scene.log",
     benchmark:
@@ -26,7 +27,7 @@ rule geometry:
     input:
         scene=rules.scene.output.scene,
     output:
-        geometry=f"{OUT}/geometry.h5",
+        geometry=update(f"{OUT}/geometry.h5"),
     log:
         f"{OUT}/logs/geometry.log",
     benchmark:

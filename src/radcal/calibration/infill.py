@@ -300,6 +300,8 @@ def propose(
     unit, rms = search.minimum(starts, seed)
     if rms < 0.5 * best_rms and fresh(unit):
         return proposal(unit, "exploit")
+    if surrogate.outputs != "centred":
+        return proposal(unit, "exploit")  # standard errors of (xi, omega, alpha) say little: no floor is claimed
     hopeful, floor_rms = search.minimum(np.concatenate([starts, unit[None]]), seed, FAVOUR)
     floor_rms = min(floor_rms, rms)
     if floor_rms < UNREACHABLE_SHARE * best_rms and not (rms < UNREACHABLE_SHARE * best_rms and fresh(unit)):

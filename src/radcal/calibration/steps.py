@@ -75,10 +75,10 @@ def all_parameters(case: Case, calibrated: Parameters) -> dict[str, list[float]]
     return {**reference_parameters(case), **{name: list(x) for name, x in calibrated.items()}}
 
 
-def _train(job: tuple[Surrogate, NDArray[np.float64] | None]) -> Surrogate:
-    surrogate, start = job
+def _train(job: tuple[Surrogate, NDArray[np.float64] | None, bool]) -> Surrogate:
+    surrogate, start, retry = job
     with threadpool_limits(1):
-        return surrogate.train(start)
+        return surrogate.train(start, retry=retry)
 
 
 def _propose(job: tuple[Surrogate, NDArray[np.float64], Optimiser, int, NDArray[np.float64], float, int]) -> Proposal:
@@ -122,6 +122,7 @@ def train_all(
         (
             Surrogate(case.materials[name].box, *history.training(name), case.surrogate.outputs),
             previous[name].theta if warm and previous is not None else None,
+            case.surrogate.training == "warm",
         )
         for name in case.calibrated
     ]

@@ -195,7 +195,7 @@ class Surrogate:
         low, high = self.bounds.T
         return np.asarray(np.clip(low + np.asarray(unit, dtype=np.float64) * (high - low), low, high))
 
-    def train(self, start: ArrayLike | None = None) -> Surrogate:
+    def train(self, start: ArrayLike | None = None, retry: bool = True) -> Surrogate:
         """Optimise the length scales.
 
         Parameters
@@ -203,6 +203,9 @@ class Surrogate:
         start : array_like, shape (3, d), optional
             Length scales to start from, for a single local search; without them the
             library's own multi-start is used.
+        retry : bool
+            Search again where the optimiser failed or Q2 is not positive; without it the
+            library's first word stands, unless it has none.
 
         Returns
         -------
@@ -232,7 +235,7 @@ class Surrogate:
                     best = found
                 # an output that two searches from many starts cannot predict is noise at these points:
                 # more searching does not help, more runs may
-                if best.status != "failed" and (best.q2 > 0.0 or attempt > 0 or start is not None):
+                if not retry or (best.status != "failed" and (best.q2 > 0.0 or attempt > 0 or start is not None)):
                     break
             if best is None:
                 raise SurrogateError(f"kriging of {OUTPUTS[self.outputs][k]}: {failure}")

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
 from scipy.ndimage import gaussian_filter, map_coordinates
 
+from radcal import skewnormal
 from radcal.config import Case, FileMeasurement, Synthetic, expand_path
-from radcal.errors import MeasurementError
+from radcal.errors import FitError, MeasurementError
 from radcal.measurement.model import Measurement
 from radcal.measurement.target import eligible_pixels
 from radcal.radar.geometry import Geometry
@@ -46,7 +47,11 @@ def make_measurement(case: Case, geometry: Geometry, simulator: Simulator) -> Me
     else:
         measurement = _synthetic(case, case.measurement.synthetic, simulator)
     for name in case.calibrated:
-        eligible_pixels(name, geometry, measurement, case.target)
+        pixels = eligible_pixels(name, geometry, measurement, case.target)
+        try:
+            skewnormal.fit(measurement.image_db.ravel()[pixels])
+        except FitError as error:
+            raise MeasurementError(f"materials.{name} in {measurement.source}: {error}") from None
     return measurement
 
 
@@ -73,7 +78,7 @@ def smooth_warp(shape: tuple[int, int], rms_px: float, rng: np.random.Generator)
 
 def _synthetic(case: Case, synthetic: Synthetic, simulator: Simulator) -> Measurement:
     hidden = {name: material.start_parameters for name, material in case.materials.items()}
-    hidden.update(synthetic.parameters)
+    hidden.update({name: x for name, x in synthetic.parameters.items() if name in hidden})
     image_db = simulator.run(hidden, derived_seed(synthetic.seed, "measurement", "noise"))
     if synthetic.warp_px > 0:
         shift = smooth_warp(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import warnings
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -60,6 +61,8 @@ def slant_range_scene(config: SlantRangeScene) -> Scene:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", NotGeoreferencedWarning)
             with rasterio.open(labels_path) as raster:
+                if raster.count != 1:
+                    raise SceneError(f"scene.labels: {labels_path} has {raster.count} bands, expected one.")
                 labels = raster.read(1)
     except RasterioError as error:
         raise SceneError(f"scene.labels: {labels_path} cannot be read as a raster ({error}).") from None
@@ -77,7 +80,8 @@ def slant_range_scene(config: SlantRangeScene) -> Scene:
         identity=digest(
             {
                 "config": config.model_dump(mode="json", exclude={"labels", "names"}),
-                "labels": hashlib.sha256(np.ascontiguousarray(labels).tobytes()).hexdigest(),
+                "shape": list(labels.shape),
+                "labels": hashlib.sha256(labels.astype(np.uint8).tobytes()).hexdigest(),
                 "names": {str(k): v for k, v in names.items()},
                 "version": 1,
             }
@@ -99,4 +103,7 @@ def _names(path: Path) -> dict[int, str]:
         ) from None
     if not names:
         raise SceneError(f"scene.names: {path} names no material.")
+    twice = [name for name, times in Counter(names.values()).items() if times > 1]
+    if twice:
+        raise SceneError(f"scene.names: {path} gives the name {twice[0]!r} to more than one material id.")
     return names
