@@ -668,7 +668,8 @@ def _residual(case: _Case) -> tuple[Canvas, str, str] | None:
     if not {"measured_db", "calibrated_db", "material"} <= case.images.keys():
         return None
     pixels = case.images["calibrated_db"] - case.images["measured_db"]
-    valid = np.isfinite(pixels)
+    # where no material is seen the simulation holds noise alone: nothing there was compared
+    valid = np.isfinite(pixels) & np.isfinite(case.images.get("incidence_deg", pixels))
     share = uniform_filter(valid.astype(np.float32), _BOXCAR, mode="constant")
     total = uniform_filter(np.where(valid, pixels, 0.0), _BOXCAR, mode="constant")
     enough = valid & (share > 0.25)
@@ -721,7 +722,7 @@ def _residual(case: _Case) -> tuple[Canvas, str, str] | None:
     caption = (
         f"Left: calibrated minus measured image, mean of the dB values over {_BOXCAR} x {_BOXCAR} pixels; red: "
         f"too bright, blue: too dark. With {case.looks} looks speckle alone leaves a standard deviation of at least "
-        f"{speckle:.2g} dB there. Right: the materials of the "
+        f"{speckle:.2g} dB there. White: nothing of the scene, or no measurement. Right: the materials of the "
         "scene; those marked * were calibrated, the others kept their laws."
     )
     if stacked:
