@@ -99,8 +99,8 @@ class Project:
         return dict(json.loads((self.out(case) / "summary.json").read_text()))
 
     def records(self, case: str = "tiny") -> dict[str, int]:
-        """Time stamp of every run record [ns]."""
-        return {path.name: path.stat().st_mtime_ns for path in (self.out(case) / "runs").glob("*.h5")}
+        """Time stamp of every finished run record [ns]; what is being written has a name with a dot first."""
+        return {path.name: path.stat().st_mtime_ns for path in (self.out(case) / "runs").glob("[!.]*.h5")}
 
     def listing(self, case: str = "tiny") -> dict[str, tuple[int, int]]:
         """Size and time stamp of every result, logs and lock aside."""
