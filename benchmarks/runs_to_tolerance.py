@@ -24,9 +24,9 @@ from radcal.config import Case, load
 from radcal.measurement.sources import make_measurement
 from radcal.measurement.target import make_target
 from radcal.radar.geometry import make_geometry
-from radcal.scene import make_scene
+from radcal.scene.sources import make_scene
 from radcal.seeds import derived_rng
-from radcal.simulators import BuiltinSimulator
+from radcal.simulators.builtin import BuiltinSimulator
 from radcal.store import Runner, RunStore
 
 METHODS = ("radcal",)

@@ -13,7 +13,7 @@ from radcal.errors import ConfigError, MeasurementError
 from radcal.measurement.model import Measurement, read_measurement, write_measurement
 from radcal.measurement.sources import make_measurement, smooth_warp
 from radcal.radar.geometry import Geometry
-from radcal.simulators import BuiltinSimulator
+from radcal.simulators.builtin import BuiltinSimulator
 
 pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
 

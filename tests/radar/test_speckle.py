@@ -2,8 +2,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import windows
 
-from radcal.radar.speckle import circular_gaussian, impulse_response, log_speckle_sd_db, width_factor
+from radcal.radar.speckle import circular_gaussian, impulse_response, log_speckle_sd_db, taylor_weights, width_factor
 
 SHAPE = (300, 200)
 N = SHAPE[0] * SHAPE[1]
@@ -36,6 +37,12 @@ def test_circular_gaussian_streams_are_reproducible_and_independent() -> None:
         np.testing.assert_array_equal(circular_gaussian(*stream, SHAPE), u.astype(np.complex64))
         for v in drawn[k + 1 :]:
             assert abs(np.mean(u * v.conj())) < 4 / np.sqrt(N)
+
+
+@pytest.mark.parametrize("n", [8, 1024])
+def test_taylor_weights_are_those_of_scipy(n: int) -> None:
+    expected = windows.taylor(n, nbar=4, sll=35, norm=False)
+    np.testing.assert_allclose(taylor_weights((np.arange(n) + 0.5) / n - 0.5), expected, rtol=1e-12)
 
 
 def test_width_factor_is_that_of_taylor_weighting() -> None:

@@ -10,8 +10,8 @@ import rasterio
 
 from radcal.config import SlantRangeScene
 from radcal.errors import ConfigError, SceneError
-from radcal.scene import make_scene
 from radcal.scene.slant_range import flat_incidence_deg, slant_range_scene
+from radcal.scene.sources import make_scene
 
 LABELS = np.array([[0, 1, 1, 3], [3, 3, 1, 0], [1, 0, 0, 3]], dtype=np.uint8)
 Write = Callable[..., SlantRangeScene]

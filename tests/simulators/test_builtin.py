@@ -6,7 +6,8 @@ import pytest
 from radcal.config import Radar
 from radcal.errors import ConfigError
 from radcal.radar.geometry import Geometry
-from radcal.simulators import BuiltinSimulator, Simulator
+from radcal.simulators.builtin import BuiltinSimulator
+from radcal.simulators.protocol import Simulator
 
 LAWS = {"dyke": "mangia", "grass": "mangia"}
 X = {"dyke": [6.1, 14.2, 21.5, 3.3], "grass": [10.0, 14.0, 6.0, 4.0]}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def history(finished):
     """What stood before a change, as a callable that runs with new stop settings."""
 
@@ -26,10 +26,10 @@ def test_stop_settings_in_turn(history, finished):
     reached = first["materials"]["field"]["rms"]
 
     # tolerance down: the loop goes on from where it ended
-    tighter, added = history(rms=0.1 * reached)
+    tighter, added = history(rms=0.5 * reached)
     assert tighter["iterations"] > first["iterations"]
     assert added >= tighter["iterations"] - first["iterations"]
-    assert tighter["materials"]["field"]["rms"] <= 0.1 * reached
+    assert tighter["materials"]["field"]["rms"] <= 0.5 * reached
 
     # tolerance up again: the earlier answer, no new run
     looser, added = history(rms=1e-3)
@@ -59,27 +59,22 @@ def test_stop_settings_in_turn(history, finished):
 
 
 def test_the_command_line_overrides_a_single_key(finished):
-    finished.write()
     done = finished.run("--configfile", "tiny.yaml", "--config", 'stop={"rms": 0.02}')
     assert done.returncode == 0, done.stdout
     summary = finished.summary()
     assert summary["tolerance"] == 0.02
     assert summary["iterations"] <= 2
-    finished.write()
 
 
 def test_target_settings_take_new_pixels_from_finished_runs(finished):
     """Another draw of pixels scores the design again; no run of it is repeated."""
-    finished.write()
-    assert finished.run("--configfile", "tiny.yaml").returncode == 0
     before, old = finished.records(), finished.summary()
-    finished.write(target={"pixels": 300})
+    finished.write(target={"pixels": 300}, stop={"rms": 4e-3})
     done = finished.run("--configfile", "tiny.yaml")
     assert done.returncode == 0, done.stdout
     after, new = finished.records(), finished.summary()
     assert {name: after[name] for name in before} == before
     field = new["materials"]["field"]
     assert field["target"] != old["materials"]["field"]["target"]
-    assert field["rms"] <= 1e-3
+    assert field["rms"] <= 4e-3
     assert len(after) - len(before) <= new["runs"]["infill"] + 1
-    finished.write()

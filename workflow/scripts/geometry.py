@@ -3,7 +3,7 @@
 from radcal.config import Case
 from radcal.jobs import logged, progress
 from radcal.radar.geometry import make_geometry, write_geometry
-from radcal.scene import read_scene
+from radcal.scene.model import read_scene
 
 with logged(snakemake.log[0]):
     case = Case.of_sections(snakemake.params.case)

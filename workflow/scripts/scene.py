@@ -2,7 +2,8 @@
 
 from radcal.config import Case
 from radcal.jobs import logged, progress
-from radcal.scene import make_scene, write_scene
+from radcal.scene.model import write_scene
+from radcal.scene.sources import make_scene
 
 with logged(snakemake.log[0]):
     case = Case.of_sections(snakemake.params.case)

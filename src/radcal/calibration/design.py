@@ -9,7 +9,6 @@ import warnings
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from radcal.config import Case
 from radcal.seeds import derived_rng
@@ -40,6 +39,8 @@ def sample_unit(sampler: str, size: int, dimension: int, rng: np.random.Generato
     """
     if sampler == "monte_carlo":
         return rng.random((size, dimension))
+    from scipy.stats import qmc  # a second to import, which most jobs need not spend
+
     if sampler == "sobol":
         with warnings.catch_warnings():
             # any length of the sequence is wanted, balanced (a power of 2) or not

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
-from scipy.stats import qmc
 
 from radcal import skewnormal
 from radcal.calibration.history import Proposal
@@ -207,6 +206,8 @@ class Search:
         rms : float
             Predicted rms there [1/dB].
         """
+        from scipy.stats import qmc  # a second to import, which most jobs need not spend
+
         sobol = qmc.Sobol(self.dimension, scramble=True, rng=np.random.default_rng(seed)).random(_SCREENED)
         ranked = sobol[np.argsort(self.distance(sobol, favour), kind="stable")]
         best, best_rms = starts[0], float(self.rms(starts[:1], favour)[0])

@@ -20,9 +20,10 @@ from radcal.calibration.surrogate import OUTPUTS, Surrogate
 from radcal.config import Case, Optimiser, Stop
 from radcal.measurement.target import Target
 from radcal.radar.geometry import read_geometry
-from radcal.scene import read_scene
+from radcal.scene.model import read_scene
 from radcal.seeds import derived_seed
-from radcal.simulators import BuiltinSimulator, Simulator
+from radcal.simulators.builtin import BuiltinSimulator
+from radcal.simulators.protocol import Simulator
 from radcal.store import Parameters, Runner, RunStore
 
 __all__ = [

@@ -11,9 +11,8 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal.windows import taylor
 
-__all__ = ["circular_gaussian", "impulse_response", "log_speckle_sd_db", "width_factor"]
+__all__ = ["circular_gaussian", "impulse_response", "log_speckle_sd_db", "taylor_weights", "width_factor"]
 
 _NBAR, _SIDELOBE_DB = 4, 35
 _REACH = 8.0  # the impulse response is cut at this many resolution widths, below -45 dB
@@ -44,12 +43,45 @@ def circular_gaussian(seed: int, look: int, kind: int, shape: tuple[int, int]) -
     return parts.view(np.complex64)[..., 0]
 
 
+def taylor_weights(frequency: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Taylor weighting of a band, nbar 4 and sidelobes at -35 dB.
+
+    Parameters
+    ----------
+    frequency : ndarray
+        Frequency over bandwidth, within -0.5 and 0.5.
+
+    Returns
+    -------
+    ndarray of the same shape
+        Weights of mean 1.
+
+    Notes
+    -----
+    ``scipy.signal.windows.taylor`` has the same numbers (a test compares them); importing
+    scipy.signal would take longer than a small run.
+
+    References
+    ----------
+    Carrara, Goodman and Majewski, "Spotlight Synthetic Aperture Radar" (1995), appendix D.
+    """
+    a = np.arccosh(10.0 ** (_SIDELOBE_DB / 20.0)) / np.pi
+    m = np.arange(1, _NBAR, dtype=np.float64)
+    widening = _NBAR**2 / (a**2 + (_NBAR - 0.5) ** 2)
+    weights = np.ones_like(frequency)
+    for k in m:
+        zeros = np.prod(1.0 - k**2 / widening / (a**2 + (m - 0.5) ** 2))
+        poles = np.prod(1.0 - k**2 / m[m != k] ** 2)
+        weights += (-1.0) ** (k + 1) * zeros / poles * np.cos(2.0 * np.pi * k * frequency)
+    return weights
+
+
 def _taylor_response(x: NDArray[np.float64], bandwidth: float) -> NDArray[np.float64]:
     """Impulse response of a Taylor-weighted band: x [m], bandwidth [1/m]."""
     n = 1024
-    weights = taylor(n, nbar=_NBAR, sll=_SIDELOBE_DB, norm=False)
-    frequency = ((np.arange(n) + 0.5) / n - 0.5) * bandwidth
-    return np.asarray(np.cos(2.0 * np.pi * np.multiply.outer(x, frequency)) @ weights / weights.sum())
+    frequency = (np.arange(n) + 0.5) / n - 0.5
+    weights = taylor_weights(frequency)
+    return np.asarray(np.cos(2.0 * np.pi * np.multiply.outer(x, frequency * bandwidth)) @ weights / weights.sum())
 
 
 @lru_cache(maxsize=1)
