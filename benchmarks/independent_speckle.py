@@ -1,12 +1,10 @@
-"""The default case through the workflow, with measurements of independent speckle.
+"""Random targets through the workflow: hidden X uniform in the box, measured with independent speckle.
 
-    python benchmarks/independent_speckle.py [--quick] [--truths random|default] [--jobs 2]
+    python benchmarks/independent_speckle.py [--quick] [--jobs 2]
 
-``random``: ten hidden X uniform in the box. Each must end within the tolerance or say that
-the target is unreachable; for the latter a dense search on the simulator itself (Sobol sample,
-then least squares from the best points) looks for anything nearer.
-``default``: the default hidden X under ten measurement seeds, for the difference between the
-hidden law and the one found.
+Each must end within the tolerance or say that the target is unreachable; for the latter a
+dense search on the simulator itself (Sobol sample, then least squares from the best points)
+looks for anything nearer.
 
 Works in results/speckle_* of this project; what is there already is not run again.
 """
@@ -92,14 +90,11 @@ def main() -> None:
     """Print a line per case and, last, the summary as JSON."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="2 cases in place of 10")
-    parser.add_argument("--truths", choices=("random", "default"), default="random")
     parser.add_argument("--jobs", type=int, default=2, help="cases at the same time")
     arguments = parser.parse_args()
     n = 2 if arguments.quick else 10
-    truths = [[6.1, 14.2, 21.5, 3.3]] * n
-    if arguments.truths == "random":
-        truths = (50 * derived_rng(1, "benchmark", "truths").random((n, 4))).tolist()
-    names = [f"speckle_{arguments.truths}_{k}" for k in range(n)]
+    truths = (50 * derived_rng(1, "benchmark", "truths").random((n, 4))).tolist()
+    names = [f"speckle_random_{k}" for k in range(n)]
     with ThreadPoolExecutor(arguments.jobs) as pool:
         summaries = list(pool.map(run, names, truths, range(100, 100 + n)))
     print(f"{'case':20} {'ended':12} {'runs':>5} {'rms':>9} {'law differs by':>15} {'dense search':>13}")
