@@ -1,0 +1,130 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter, map_coordinates
+from scipy.stats import rankdata
+
+from radcal.measurement.displacement import invert
+from radcal.measurement.gefolki import gefolki, local_correlation, rank_transform
+
+SHAPE = (240, 260)
+
+
+def ground(seed):
+    """Mean backscatter of fields with straight borders [dB]."""
+    rng = np.random.default_rng(seed)
+    image = np.zeros(SHAPE)
+    for _ in range(60):
+        row, column = rng.integers(0, SHAPE[0]), rng.integers(0, SHAPE[1])
+        image[row : row + rng.integers(15, 70), column : column + rng.integers(15, 70)] = rng.normal(0.0, 6.0)
+    return image
+
+
+def speckled(image, seed, looks=4):
+    """Independent multilook speckle on a mean image [dB]."""
+    gain = np.random.default_rng(seed).gamma(looks, 1.0 / looks, image.shape)
+    return (image + 10.0 * np.log10(gain)).astype(np.float32)
+
+
+def smooth_field(seed, length, sigma=50.0):
+    noise = np.random.default_rng(seed).standard_normal((2, *SHAPE))
+    field = np.stack([gaussian_filter(part, sigma, mode="reflect") for part in noise])
+    return field * length / np.hypot(*field).max()
+
+
+def pair(field, seed=1):
+    """Two images with speckle of their own, the second displaced."""
+    mean = ground(seed)
+    at = np.indices(SHAPE) + invert(field)
+    return speckled(mean, 10), speckled(map_coordinates(mean, at, order=1, mode="nearest"), 11)
+
+
+def error(found, field, margin=20):
+    return np.hypot(*(found - field))[margin:-margin, margin:-margin].mean()
+
+
+@pytest.mark.parametrize("length", [2.0, 6.0])
+def test_a_smooth_field_is_found_under_independent_speckle(length):
+    field = smooth_field(3, length)
+    fixed, moving = pair(field)
+    assert error(gefolki(fixed, moving), field) < 0.35 < 0.5 * error(np.zeros_like(field), field)
+
+
+def test_two_images_in_place_stay_there():
+    fixed, moving = pair(np.zeros((2, *SHAPE)))
+    assert np.hypot(*gefolki(fixed, moving)).mean() < 0.2
+
+
+def test_contrast_turned_over_is_registered_alike():
+    field = smooth_field(4, 4.0)
+    fixed, moving = pair(field)
+    assert error(gefolki(fixed, -moving), field) < 0.4
+    # half of the image turned over
+    mixed = moving.copy()
+    mixed[:, SHAPE[1] // 2 :] *= -1.0
+    assert error(gefolki(fixed, mixed), field) < 0.45
+
+
+def test_a_monotonic_change_of_scale_changes_next_to_nothing():
+    field = smooth_field(5, 3.0)
+    fixed, moving = pair(field)
+    other = gefolki(fixed, 0.3 * moving - 20.0)
+    assert np.abs(other - gefolki(fixed, moving)).max() < 0.05
+
+
+def test_gaps_and_bright_points_do_no_harm():
+    field = smooth_field(6, 4.0)
+    fixed, moving = pair(field)
+    rng = np.random.default_rng(0)
+    moving[50:90, 60:140] = np.nan
+    fixed[rng.random(SHAPE) < 0.02] = np.nan
+    moving[rng.random(SHAPE) < 0.002] += 40.0
+    found = gefolki(fixed, moving)
+    assert np.isfinite(found).all()
+    assert error(found, field) < 0.5
+
+
+def test_pixels_that_do_not_count_pull_nothing():
+    field = smooth_field(7, 3.0)
+    fixed, moving = pair(field)
+    keep = np.ones(SHAPE, dtype=bool)
+    keep[:, 170:] = False
+    spoilt = moving.copy()
+    spoilt[:, 190:] = speckled(ground(99), 12)[:, 190:]
+    found = gefolki(fixed, spoilt, keep=keep)
+    assert np.hypot(*(found - field))[20:-20, 20:150].mean() < 0.5
+
+
+def test_a_large_shift_is_found_from_a_start_near_it():
+    fixed = speckled(ground(8), 1)
+    moving = np.roll(speckled(ground(8), 2), (25, -18), axis=(0, 1))
+    found = gefolki(fixed, moving, start=np.array([24.0, -17.0]))
+    np.testing.assert_allclose(found[:, 60:-60, 60:-60].mean(axis=(1, 2)), [25.0, -18.0], atol=0.2)
+
+
+def test_images_without_anything_in_common_give_a_finite_field():
+    rng = np.random.default_rng(0)
+    found = gefolki(*rng.normal(size=(2, 64, 70)).astype(np.float32))
+    assert np.isfinite(found).all()
+    np.testing.assert_array_equal(gefolki(*np.full((2, 64, 70), np.nan, dtype=np.float32)), 0.0)
+
+
+def test_rank_transform_is_the_rank_in_the_window():
+    # 256 grey levels: values that the quantisation keeps apart
+    image = np.random.default_rng(0).permutation(np.arange(13 * 13)).reshape(13, 13).astype(np.float32)
+    image[2, 3] = np.nan
+    found = rank_transform(image, radius=6)[6, 6]
+    there = image[np.isfinite(image)]
+    expected = rankdata(there, method="max")[there == image[6, 6]][0] / there.size * 2.0 - 1.0
+    assert found == pytest.approx(expected, abs=0.03)
+    assert rank_transform(image)[2, 3] == 0.0
+    np.testing.assert_array_equal(rank_transform(np.full((9, 9), np.nan, dtype=np.float32)), 0.0)
+
+
+def test_local_correlation_is_that_of_numpy_in_a_window():
+    one, two = np.random.default_rng(0).normal(size=(2, 33, 33)).astype(np.float32)
+    two += 0.5 * one
+    expected = (one * two).sum() / np.sqrt((one**2).sum() * (two**2).sum())
+    assert local_correlation(one, two)[16, 16] == pytest.approx(expected, abs=1e-5)
+    assert local_correlation(one, np.zeros_like(one)).max() == 0.0
