@@ -200,7 +200,7 @@ class Synthetic(_Strict):
 
     seed: Seed = Field(2, description="seed of the measurement's speckle, noise and warp")
     offset_db: Finite = Field(0.0, description="level offset of the measurement [dB]")
-    warp_px: Annotated[float, Field(ge=0, le=50)] = Field(0.0, description="rms misregistration [pixels]")
+    warp_px: Annotated[float, Field(ge=0, le=50)] = Field(2.0, description="rms misregistration [pixels]")
 
 
 class SyntheticMeasurement(_Strict):
@@ -225,7 +225,13 @@ Measurement = Annotated[SyntheticMeasurement | FileMeasurement, Field(discrimina
 class Registration(_Strict):
     """How the measured image is brought onto the simulated one."""
 
-    method: Literal["none"] = Field("none", description="none: the image is taken as it lies")
+    method: Literal["gefolki", "ilk", "none"] = Field(
+        "gefolki", description="gefolki, ilk (scikit-image) or none: the image is taken as it lies"
+    )
+    global_shift: bool = Field(False, description="find one shift for the whole image first, by phase correlation")
+    max_displacement_px: Annotated[float, Field(gt=0, le=1000)] = Field(
+        20.0, description="a registration that moves further is not used [pixels]"
+    )
 
 
 class Target(_Strict):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +12,9 @@ import pytest
 
 from radcal import skewnormal
 from radcal.calibration.history import History, Proposal, Run
-from radcal.config import Case, Stop, case_from
+from radcal.config import Case, Registration, Stop, case_from
 from radcal.measurement.model import Measurement
+from radcal.measurement.registration import Registered, register
 from radcal.measurement.target import Target
 from radcal.radar.geometry import Geometry
 from radcal.report.archive import write_archive
@@ -37,7 +38,7 @@ class Made:
     history: History
     targets: dict[str, Target]
     final: tuple[Record, Record]
-    measurement: Measurement
+    registered: Registered
     geometry: Geometry
 
 
@@ -53,6 +54,7 @@ def make_archive(
     omega: float = 3.0,
     nan: bool = False,
     pixels: int = 120,
+    moved: bool = False,
 ) -> Made:
     """Write an archive: every material a stripe, all numbers made up but consistent."""
     shifts = SHIFTS if shifts is None else shifts
@@ -152,6 +154,18 @@ def make_archive(
                 )
             )
     history = History(runs)
+    registered = register(measured, measurement, Registration(method="none"))
+    if moved:
+        field = np.full((2, *shape), 1.5, dtype=np.float32)
+        registered = replace(
+            registered,
+            method="gefolki",
+            applied=True,
+            verdict="registered with gefolki: moved.",
+            displacement_px=field,
+            uncertainty_px=np.full(shape, 0.2, dtype=np.float32),
+            measurement=replace(measurement, misregistration_px=field + 0.5),
+        )
     RunStore(folder / "runs").put(record(runs[0].key), {})
     final = (record(runs[-1].key), record("fresh"))
     path = folder / "calibration.h5"
@@ -161,12 +175,12 @@ def make_archive(
         stop=stop,
         history=history,
         geometry=geometry,
-        measurement=measurement,
+        registered=registered,
         targets=targets,
         runs=folder / "runs",
         final=final,
     )
-    return Made(path, case, stop, history, targets, final, measurement, geometry)
+    return Made(path, case, stop, history, targets, final, registered, geometry)
 
 
 @pytest.fixture(scope="session")

@@ -75,7 +75,7 @@ def test_missing_reference_run_is_a_sentence(made, tmp_path):
             stop=made.stop,
             history=made.history,
             geometry=made.geometry,
-            measurement=made.measurement,
+            registered=made.registered,
             targets=made.targets,
             runs=tmp_path / "nowhere",
             final=made.final,

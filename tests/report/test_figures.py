@@ -75,6 +75,16 @@ def test_captions_say_what_is_seen(figures):
     assert "one lies outside the axis" in captions["densities_stem_beans"]
 
 
+def test_registration_is_shown_where_the_image_was_moved(build_archive, tmp_path, made):
+    assert module._registration(module._read(made.path)) is None
+    archive = build_archive(tmp_path, moved=True, nan=True).path
+    figures = {figure.name: figure for figure in write_figures(archive, tmp_path / "figures")}
+    assert list(figures)[:3] == ["images", "registration", "residual"]
+    # 0.5 pixels off in both directions
+    assert "the mean error is 0.71 pixels" in figures["registration"].caption
+    assert "the longest arrow stands for 2.1 pixels" in figures["registration"].caption
+
+
 def test_global_settings_are_left_alone(figures):
     assert mpl.rcParams["axes.spines.top"] == mpl.rcParamsDefault["axes.spines.top"]
 

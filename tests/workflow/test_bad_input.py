@@ -117,6 +117,15 @@ def test_a_broken_name_file(project):
     refused(project, "names.json")
 
 
+def test_an_image_of_another_place_costs_the_reference_run_and_no_other(project):
+    image(project, np.random.default_rng(1).normal(10, 3, (ROWS, COLUMNS)))
+    done = project.run("--configfile", "tiny.yaml", "--config", 'registration={"method": "gefolki"}')
+    assert done.returncode != 0
+    assert "radcal: registration: image.tif has nothing in common with the simulated image" in done.stdout
+    assert "Traceback" not in done.stdout
+    assert len(project.records()) == 1
+
+
 def test_bad_input_leaves_an_earlier_result_untouched(finished):
     before = finished.listing()
     finished.write(stop={"rmss": 1})

@@ -23,10 +23,34 @@ rule measurement:
         "../scripts/measurement.py"
 
 
+# The reference run is the fixed image: its materials and slopes are where the scene has them.
+rule registration:
+    input:
+        reference=f"{OUT}/reference.json",
+        measurement=rules.measurement.output.measurement,
+    output:
+        registered=update(f"{OUT}/registered.h5"),
+    log:
+        f"{OUT}/logs/registration.log",
+    benchmark:
+        f"{OUT}/benchmarks/registration.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=30,
+    params:
+        case=CASE.sections("registration", "materials"),
+        runs=f"{OUT}/runs",
+    message:
+        "registration"
+    script:
+        "../scripts/registration.py"
+
+
 rule target:
     input:
         geometry=rules.geometry.output.geometry,
-        measurement=rules.measurement.output.measurement,
+        registered=rules.registration.output.registered,
     output:
         target=update(f"{OUT}/target.h5"),
     log:

@@ -30,7 +30,7 @@ rule final_runs:
 rule archive:
     input:
         geometry=rules.geometry.output.geometry,
-        measurement=rules.measurement.output.measurement,
+        registered=rules.registration.output.registered,
         target=rules.target.output.target,
         stop=rules.stop_settings.output.stop,
         scores=f"{OUT}/scores.json",

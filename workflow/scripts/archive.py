@@ -4,7 +4,7 @@ from radcal.calibration.history import indexed, read_runs
 from radcal.config import Case, Stop
 from radcal.files import read_json
 from radcal.jobs import logged
-from radcal.measurement.model import read_measurement
+from radcal.measurement.registration import read_registered
 from radcal.measurement.target import read_targets
 from radcal.radar.geometry import read_geometry
 from radcal.report.archive import write_archive, write_table
@@ -20,7 +20,7 @@ with logged(snakemake.log[0]):
         stop=stop,
         history=history,
         geometry=read_geometry(snakemake.input.geometry),
-        measurement=read_measurement(snakemake.input.measurement),
+        registered=read_registered(snakemake.input.registered),
         targets=read_targets(snakemake.input.target),
         runs=snakemake.params.runs,
         final=final,

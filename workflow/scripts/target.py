@@ -2,15 +2,16 @@
 
 from radcal.config import Case
 from radcal.jobs import logged, progress
-from radcal.measurement.model import read_measurement
+from radcal.measurement.registration import read_registered
 from radcal.measurement.target import make_target, write_targets
 from radcal.radar.geometry import read_geometry
 
 with logged(snakemake.log[0]):
     case = Case.of_sections(snakemake.params.case)
     geometry = read_geometry(snakemake.input.geometry)
-    measurement = read_measurement(snakemake.input.measurement)
-    targets = {name: make_target(name, geometry, measurement, case.target, case.seed) for name in case.calibrated}
+    registered = read_registered(snakemake.input.registered)
+    measured = registered.measurement, case.target, case.seed, registered.uncertainty_px
+    targets = {name: make_target(name, geometry, *measured) for name in case.calibrated}
     write_targets(snakemake.output.target, targets)
     for name, target in targets.items():
         mean, sd, skewness = target.cp

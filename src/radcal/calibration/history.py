@@ -186,7 +186,7 @@ def read_proposals(path: str | Path) -> dict[str, Proposal]:
 
 
 def indexed(
-    files: Iterable[str | Path], runs: str | Path, materials: Sequence[str]
+    files: Iterable[str | Path], runs: str | Path, materials: Sequence[str], image: bool = False
 ) -> Iterator[tuple[Record, dict[str, list[float]]]]:
     """Records and parameters that index files list, in order.
 
@@ -198,6 +198,8 @@ def indexed(
         Folder of the run store.
     materials : sequence of str
         What the records must hold.
+    image : bool
+        Whether they must hold the whole image too.
 
     Raises
     ------
@@ -207,10 +209,11 @@ def indexed(
     store = RunStore(runs)
     for file in files:
         for entry in read_json(file):
-            record = store.get(entry["key"], materials)
+            record = store.get(entry["key"], materials, image)
             if record is None:
+                wanted = [*materials, *(["the whole image"] if image else [])]
                 raise StoreError(
-                    f"{store.path(entry['key'])}: missing or without {', '.join(materials)}, though {file} lists it; "
+                    f"{store.path(entry['key'])}: missing or without {', '.join(wanted)}, though {file} lists it; "
                     f"delete {file} and type the same command again to make this run again."
                 )
             yield record, entry["parameters"]

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from radcal.files import write_hdf5
 
-__all__ = ["Measurement", "read_measurement", "write_measurement"]
+__all__ = ["Measurement", "get_measurement", "put_measurement", "read_measurement", "write_measurement"]
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """A measured image on the scene's image grid.
+    """A measured image of the size of the scene's image.
 
     Attributes
     ----------
@@ -27,29 +27,47 @@ class Measurement:
         Where it came from, for the report.
     hidden : mapping
         Parameters by material behind a synthetic measurement, else empty.
+    misregistration_px : ndarray of float32, shape (2, rows, columns), or None
+        Where in a synthetic measurement each pixel of the scene's image lies [pixels].
     """
 
     image_db: NDArray[np.float32]
     source: str
     hidden: Mapping[str, list[float]] = field(default_factory=dict)
+    misregistration_px: NDArray[np.float32] | None = None
+
+
+def put_measurement(group: h5py.Group, measurement: Measurement) -> None:
+    """Write a measurement into a group of an HDF5 file."""
+    group.attrs["source"] = measurement.source
+    group.create_dataset("image_db", data=measurement.image_db, compression="gzip", compression_opts=1)
+    hidden = group.create_group("hidden")
+    for name, parameters in measurement.hidden.items():
+        hidden.attrs[name] = parameters
+    if measurement.misregistration_px is not None:
+        group.create_dataset(
+            "misregistration_px", data=measurement.misregistration_px, compression="gzip", compression_opts=1
+        )
+
+
+def get_measurement(group: h5py.Group) -> Measurement:
+    """Read a measurement that :func:`put_measurement` wrote."""
+    return Measurement(
+        image_db=group["image_db"][()],
+        source=str(group.attrs["source"]),
+        hidden={name: [float(v) for v in values] for name, values in group["hidden"].attrs.items()},
+        misregistration_px=group["misregistration_px"][()] if "misregistration_px" in group else None,
+    )
 
 
 def write_measurement(path: str | Path, measurement: Measurement) -> None:
     """Write a measurement to HDF5, atomically."""
     with write_hdf5(path) as file:
         file.attrs["schema"] = 1
-        file.attrs["source"] = measurement.source
-        file.create_dataset("image_db", data=measurement.image_db, compression="gzip", compression_opts=1)
-        hidden = file.create_group("hidden")
-        for name, parameters in measurement.hidden.items():
-            hidden.attrs[name] = parameters
+        put_measurement(file, measurement)
 
 
 def read_measurement(path: str | Path) -> Measurement:
     """Read a measurement that :func:`write_measurement` wrote."""
     with h5py.File(path, "r") as file:
-        return Measurement(
-            image_db=file["image_db"][()],
-            source=str(file.attrs["source"]),
-            hidden={name: [float(v) for v in values] for name, values in file["hidden"].attrs.items()},
-        )
+        return get_measurement(file)

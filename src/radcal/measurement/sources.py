@@ -8,11 +8,12 @@ import numpy as np
 import rasterio
 from numpy.typing import NDArray
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
-from scipy.ndimage import gaussian_filter, map_coordinates
+from scipy.ndimage import gaussian_filter
 
 from radcal import skewnormal
 from radcal.config import Case, FileMeasurement, Synthetic, expand_path
 from radcal.errors import FitError, MeasurementError
+from radcal.measurement.displacement import invert, warp
 from radcal.measurement.model import Measurement
 from radcal.measurement.target import eligible_pixels
 from radcal.radar.geometry import Geometry
@@ -80,19 +81,25 @@ def _synthetic(case: Case, synthetic: Synthetic, simulator: Simulator) -> Measur
     hidden = {name: material.start_parameters for name, material in case.materials.items()}
     hidden.update({name: x for name, x in synthetic.parameters.items() if name in hidden})
     image_db = simulator.run(hidden, derived_seed(synthetic.seed, "measurement", "noise"))
+    field = None
     if synthetic.warp_px > 0:
-        shift = smooth_warp(
+        field = smooth_warp(
             (image_db.shape[0], image_db.shape[1]),
             synthetic.warp_px,
             derived_rng(synthetic.seed, "measurement", "warp"),
         )
-        grid = np.indices(image_db.shape, dtype=np.float64) + shift
-        power = map_coordinates(10.0 ** (image_db.astype(np.float64) / 10.0), grid, order=1, mode="nearest")
-        image_db = (10.0 * np.log10(power)).astype(np.float32)
+        try:
+            # nearest pixels: a sensor's speckle is not smoothed by where the image is thought to lie
+            image_db = warp(image_db, invert(field))
+        except ValueError as error:
+            raise MeasurementError(
+                f"measurement.synthetic.warp_px is {synthetic.warp_px:g}: {error} Expected a smaller one."
+            ) from None
     return Measurement(
         image_db + np.float32(synthetic.offset_db),
         f"synthetic, seed {synthetic.seed}",
         {name: hidden[name] for name in case.calibrated},
+        field.astype(np.float32) if field is not None else None,
     )
 
 

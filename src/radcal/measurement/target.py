@@ -88,15 +88,38 @@ class Target:
         return dp, skewnormal.density_rms(dp, self.dp)
 
 
-def eligible_pixels(name: str, geometry: Geometry, measurement: Measurement, config: TargetConfig) -> NDArray[np.int64]:
+def eligible_pixels(
+    name: str,
+    geometry: Geometry,
+    measurement: Measurement,
+    config: TargetConfig,
+    uncertainty_px: NDArray[np.float32] | None = None,
+) -> NDArray[np.int64]:
     """Flat indices of the pixels of a material that may be drawn, ascending.
+
+    Parameters
+    ----------
+    name : str
+        Material.
+    geometry : Geometry
+        Material masks.
+    measurement : Measurement
+        Registered image.
+    config : Target
+        Margin to other materials.
+    uncertainty_px : ndarray, shape (rows, columns), optional
+        Standard error of the registration [pixels], 0 where there was none: two of them, and
+        the half pixel that nearest neighbours may be off, widen the margin.
 
     Raises
     ------
     MeasurementError
         The material has no finite pixel or fewer than 50.
     """
-    visible = geometry.pixels(name, config.margin_px)
+    margin: int | NDArray[np.int64] = config.margin_px
+    if uncertainty_px is not None:
+        margin = margin + np.where(uncertainty_px > 0, np.ceil(2.0 * uncertainty_px + 0.5), 0).astype(np.int64)
+    visible = geometry.pixels(name, margin)
     finite = visible[np.isfinite(measurement.image_db.ravel()[visible])]
     if visible.size >= MINIMUM_PIXELS and finite.size == 0:
         raise MeasurementError(
@@ -106,7 +129,8 @@ def eligible_pixels(name: str, geometry: Geometry, measurement: Measurement, con
         raise MeasurementError(
             f"materials.{name}: {finite.size} usable pixels, expected at least {MINIMUM_PIXELS} "
             f"(visible {geometry.pixels(name).size}; {visible.size} of them further than target.margin_px = "
-            f"{config.margin_px} from other materials; {finite.size} of those finite in {measurement.source})."
+            f"{config.margin_px}{' and two standard errors of the registration' if uncertainty_px is not None else ''} "
+            f"from other materials; {finite.size} of those finite in {measurement.source})."
         )
     return finite
 
@@ -141,8 +165,22 @@ def sampling_rms(dp: NDArray[np.float64], n: int, rng: np.random.Generator, draw
     return float(np.median(found))
 
 
-def make_target(name: str, geometry: Geometry, measurement: Measurement, config: TargetConfig, seed: int) -> Target:
+def make_target(
+    name: str,
+    geometry: Geometry,
+    measurement: Measurement,
+    config: TargetConfig,
+    seed: int,
+    uncertainty_px: NDArray[np.float32] | None = None,
+) -> Target:
     """Draw a material's pixels without replacement and fit their density.
+
+    Parameters
+    ----------
+    name, geometry, measurement, config, uncertainty_px
+        As for :func:`eligible_pixels`.
+    seed : int
+        Of the draw.
 
     Raises
     ------
@@ -151,7 +189,7 @@ def make_target(name: str, geometry: Geometry, measurement: Measurement, config:
     FitError
         The pixels cannot be fitted.
     """
-    eligible = eligible_pixels(name, geometry, measurement, config)
+    eligible = eligible_pixels(name, geometry, measurement, config, uncertainty_px)
     rng = derived_rng(seed, "target", name)
     drawn = np.sort(rng.choice(eligible, size=min(config.pixels, eligible.size), replace=False))
     values = measurement.image_db.ravel()[drawn]

@@ -58,14 +58,14 @@ class Geometry:
     material: NDArray[np.uint8]
     incidence_deg: NDArray[np.float32]
 
-    def pixels(self, name: str, margin_px: int = 0) -> NDArray[np.int64]:
+    def pixels(self, name: str, margin_px: int | NDArray[np.int64] = 0) -> NDArray[np.int64]:
         """Flat indices of the visible pixels that hold one material only.
 
         Parameters
         ----------
         name : str
             Material.
-        margin_px : int
+        margin_px : int or ndarray of int, shape ``shape``
             Pixels at most this far (in rows or columns) from a pixel of another
             material, a mixed or an invisible one, or from the image's border are left out.
 
@@ -74,7 +74,7 @@ class Geometry:
         ndarray of int64, ascending
         """
         inside = self.material == self.names.index(name) + 1
-        if margin_px > 0:
+        if np.any(np.asarray(margin_px) > 0):
             # nothing is known beyond the image's border, and what lies there is missing from the
             # resolution cells along it
             padded = np.pad(inside, 1)

@@ -23,6 +23,10 @@ Layout of the archive (schema 1); backscatter in dB, angles in degrees:
 ``images/measured_db, reference_db,``     whole images (rows: slant range, columns: azimuth);
 ``  calibrated_db, material,``            the calibrated one has fresh random numbers
 ``  incidence_deg``
+``registration`` attributes               ``method``, ``applied``, ``verdict``
+``registration/displacement_px,``         where in the measured image each pixel lies (2, rows, columns),
+``  uncertainty_px, unregistered_db,``    its standard error, the image before, and the true
+``  misregistration_px``                  displacement of a synthetic one; where it was applied
 ``names``                                 material id k is ``names[k - 1]``
 ========================================  =====================================================
 """
@@ -46,7 +50,7 @@ from radcal.calibration.stopping import decide
 from radcal.config import Case, Stop
 from radcal.errors import StoreError
 from radcal.files import atomic, write_hdf5
-from radcal.measurement.model import Measurement
+from radcal.measurement.registration import Registered
 from radcal.measurement.target import Target
 from radcal.radar.geometry import Geometry
 from radcal.radar.laws import LAWS
@@ -54,6 +58,7 @@ from radcal.store import Record, RunStore
 
 __all__ = ["write_archive", "write_table"]
 
+_REGISTRATION = ("unregistered_db", "displacement_px", "uncertainty_px")
 _PACKAGES = ("radcal", "numpy", "scipy", "smt", "platypus-opt", "h5py", "snakemake")
 
 
@@ -64,7 +69,7 @@ def write_archive(
     stop: Stop,
     history: History,
     geometry: Geometry,
-    measurement: Measurement,
+    registered: Registered,
     targets: Mapping[str, Target],
     runs: str | Path,
     final: Sequence[Record],
@@ -79,7 +84,7 @@ def write_archive(
         Configuration.
     history : History
         Reference, design and verified proposals.
-    geometry, measurement, targets
+    geometry, registered, targets
         What the runs are compared with.
     runs : path
         Folder of the run store.
@@ -91,6 +96,7 @@ def write_archive(
     StoreError
         The reference run's record is gone.
     """
+    measurement = registered.measurement
     decision = decide(history, list(targets), stop)
     reference = RunStore(runs).get(history.runs[0].key, list(targets), image=True)
     if reference is None:
@@ -113,6 +119,15 @@ def write_archive(
         file.attrs["sentences"] = [decision.materials[name].sentence for name in targets]
         file.attrs["versions"] = json.dumps(_versions())
         file.attrs["final_runs"] = len({record.key for record in final} - known)
+        group = file.create_group("registration")
+        for key in ("method", "applied", "verdict"):
+            group.attrs[key] = getattr(registered, key)
+        if registered.applied:
+            fields: dict[str, Any] = {key: getattr(registered, key) for key in _REGISTRATION}
+            fields["misregistration_px"] = measurement.misregistration_px
+            for key, values in fields.items():
+                if values is not None:
+                    group.create_dataset(key, data=values, compression="gzip", compression_opts=1)
         file["names"] = list(geometry.names)
         for key in ("kind", "index", "key", "seconds"):
             file[f"runs/{key}"] = [getattr(run, key) for run in history.runs]

@@ -139,6 +139,7 @@ class _Case:
     names: tuple[str, ...]
     materials: tuple[_Material, ...]
     images: Mapping[str, NDArray[Any]]
+    registration: Mapping[str, NDArray[Any]]
 
 
 def _shortened(name: str, width: int) -> str:
@@ -192,6 +193,7 @@ def _read(archive: str | Path) -> _Case:
             names=tuple(file["names"].asstr()[()]),
             materials=materials,
             images={name: image[()] for name, image in file["images"].items()},
+            registration={name: values[()] for name, values in file["registration"].items()},
         )
 
 
@@ -226,6 +228,7 @@ def write_figures(archive: str | Path, folder: str | Path) -> list[Figure]:
             figures.append(Figure(name, title, caption, alt, png, pdf, material))
 
         add("images", "Measured, start and calibrated image", _images(case))
+        add("registration", "The measured image brought onto the simulated one", _registration(case))
         add("residual", "What is left: calibrated minus measured", _residual(case))
         if len(case.materials) > 1:
             add("overview", "Densities of all materials", _overview(case))
@@ -657,6 +660,56 @@ def _images(case: _Case) -> tuple[Canvas, str, str] | None:
     if k > 1:
         caption += f" Shown as means over {k} x {k} pixels."
     return canvas, caption, "Measured, starting and calibrated radar image side by side in the same gray scale."
+
+
+def _registration(case: _Case) -> tuple[Canvas, str, str] | None:
+    if not case.registration or "reference_db" not in case.images:
+        return None
+    simulated = case.images["reference_db"]
+    field = case.registration["displacement_px"].astype(np.float64)
+    canvas, panels, stacked, aspect = _panels(simulated.shape, 3)
+    extent, k = _extent(simulated.shape), _factor(simulated.shape)
+    # squares of one image between squares of the other: roads and borders must go on across them
+    rows, columns = np.indices(simulated.shape) // (max(simulated.shape) // 9)
+    squares = (rows + columns) % 2 == 0
+    levelled = _levelled(simulated)
+    measured = {"as measured": case.registration["unregistered_db"], "registered": case.images["measured_db"]}
+    for panel, (title, image) in zip(panels, measured.items(), strict=False):
+        both = np.where(squares, levelled, _levelled(image))
+        panel.imshow(both[::k, ::k], cmap="gray", vmin=-2.0, vmax=2.0, aspect=aspect, extent=extent)
+        panel.set_title(title)
+    length = np.hypot(*field)
+    largest = max(float(length.max()), 1e-6)
+    shown = panels[2].imshow(length[::k, ::k], cmap="viridis", vmin=0.0, aspect=aspect, extent=extent)
+    step = max(simulated.shape) // 14
+    y, x = np.mgrid[step // 2 : simulated.shape[0] : step, step // 2 : simulated.shape[1] : step]
+    arrows = {"color": "white", "angles": "xy", "scale_units": "xy", "scale": largest / step, "width": 0.005}
+    panels[2].quiver(x, y, field[1][y, x], field[0][y, x], **arrows)
+    panels[2].set_title("displacement")
+    bar = canvas.colorbar(shown, ax=panels, fraction=0.05, pad=0.02, aspect=30)
+    bar.set_label("displacement [pixel]")
+    _axis_labels(panels, stacked)
+    caption = (
+        "Squares of the starting simulation between squares of the measured image, before and after registration, each "
+        "image in a gray scale of its own and averaged over 5 x 5 pixels: borders must go on across the squares. "
+        f"Right: where each pixel was fetched from; the longest arrow stands for {largest:.1f} pixels."
+    )
+    if "misregistration_px" in case.registration:
+        error = np.hypot(*(field - case.registration["misregistration_px"])).mean()
+        caption += f" The true displacement of this synthetic image is known: the mean error is {error:.2f} pixels."
+    alt = "Chequerboards of simulated and measured image before and after registration, and the displacement field."
+    return canvas, caption, alt
+
+
+def _levelled(image_db: NDArray[Any]) -> Array:
+    """Image averaged over 5 x 5 pixels, brought to zero median and unit spread."""
+    from scipy.ndimage import uniform_filter
+
+    power, valid = _power(image_db)
+    count = uniform_filter(valid.astype(np.float64), 5)
+    smooth = _db(uniform_filter(power, 5) / np.maximum(count, 1e-9), count > 0.02)
+    low, middle, high = np.nanpercentile(smooth, [16.0, 50.0, 84.0])
+    return np.asarray((smooth - middle) / max(0.5 * float(high - low), 1e-6))
 
 
 def _residual(case: _Case) -> tuple[Canvas, str, str] | None:

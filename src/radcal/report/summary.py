@@ -95,6 +95,22 @@ def _material(group: h5py.Group, counted: NDArray[np.bool_], tolerance: float) -
     return summary
 
 
+def _registration(group: h5py.Group) -> dict[str, Any]:
+    """How the measured image was brought onto the simulated one; lengths in pixels."""
+    summary: dict[str, Any] = {
+        "method": str(group.attrs["method"]),
+        "applied": bool(group.attrs["applied"]),
+        "verdict": str(group.attrs["verdict"]),
+    }
+    if summary["applied"]:
+        field = group["displacement_px"][()].astype(np.float64)
+        summary["rms_px"] = float(np.sqrt((field**2).sum(axis=0).mean()))
+        summary["uncertainty_px"] = float(np.median(group["uncertainty_px"][()]))
+        if "misregistration_px" in group:
+            summary["error_px"] = float(np.hypot(*(field - group["misregistration_px"][()])).mean())
+    return summary
+
+
 def _finite(value: Any) -> Any:
     """Replace numbers that are not finite by None."""
     if isinstance(value, Mapping):
@@ -132,6 +148,7 @@ def summarise(archive: str | Path, seconds: Mapping[str, float] | None = None) -
             "runs": {**runs, "total": sum(runs.values())},
             "iterations": runs["infill"],
             "measurement": str(file.attrs["measurement"]),
+            "registration": _registration(file["registration"]),
             "wall_seconds": dict(seconds or {}),
             "versions": json.loads(str(file.attrs["versions"])),
             "materials": {

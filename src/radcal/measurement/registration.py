@@ -1,0 +1,277 @@
+"""Bring the measured image onto the simulated one, and say whether that can be trusted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter
+
+from radcal.config import Registration as RegistrationConfig
+from radcal.errors import MeasurementError
+from radcal.files import write_hdf5
+from radcal.measurement.displacement import warp
+from radcal.measurement.gefolki import gefolki, local_correlation, rank_transform
+from radcal.measurement.model import Measurement, get_measurement, put_measurement
+
+__all__ = ["Registered", "read_registered", "register", "write_registered"]
+
+_SIGNIFICANT = 4.0  # standard errors
+_SMALLEST_PX = 64
+_SMOOTHING_PX = 65  # of the uncertainty
+_SIGN_WINDOW_PX = 65
+_MIRRORED = 1.5  # times the correlation of mirrored images, which have nothing but chance in common
+# what the bending penalty smooths away is the same in both halves: on real images of known displacement
+# the error is 1.5 to 2 times what their difference says
+_PENALISED = 2.0
+
+
+@dataclass(frozen=True)
+class Registered:
+    """A measured image on the simulated one's pixels.
+
+    Attributes
+    ----------
+    measurement : Measurement
+        With the registered image: nearest pixels, whose speckle has the statistics of the
+        measured ones. NaN where the measured image has nothing.
+    unregistered_db : ndarray of float32, shape (rows, columns)
+        The image as it was [dB].
+    displacement_px : ndarray of float32, shape (2, rows, columns)
+        Where in the measured image each pixel lies, along rows and columns [pixels].
+    uncertainty_px : ndarray of float32, shape (rows, columns)
+        Standard error of the displacement's length [pixels]; 0 without registration.
+    correlation : ndarray of float32, shape (rows, columns)
+        Local correlation of the ranks of both images, after registration.
+    method : str
+        gefolki, ilk or none.
+    applied : bool
+        Whether the image was moved.
+    verdict : str
+        What was found, in a sentence.
+    """
+
+    measurement: Measurement
+    unregistered_db: NDArray[np.float32]
+    displacement_px: NDArray[np.float32]
+    uncertainty_px: NDArray[np.float32]
+    correlation: NDArray[np.float32]
+    method: str
+    applied: bool
+    verdict: str
+
+
+def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: RegistrationConfig) -> Registered:
+    """Register a measured image onto a simulated one.
+
+    The field is found three times: on all pixels, and on each colour of a chequerboard. The
+    two halves give the standard error, and how well each predicts the other's squares says
+    whether the images have anything in common; so does a comparison with mirrored images.
+
+    Parameters
+    ----------
+    fixed_db : ndarray, shape (rows, columns)
+        Simulated image [dB].
+    measurement : Measurement
+        Measured image of the same size.
+    config : Registration
+        Method and limits.
+
+    Returns
+    -------
+    Registered
+        The image as it lies, and why, where registration made it worse or moved it further
+        than ``max_displacement_px``.
+
+    Raises
+    ------
+    MeasurementError
+        The image cannot be registered: it shares nothing with the simulated one, or is too small.
+    """
+    moving_db, source = measurement.image_db, measurement.source
+    nothing = np.zeros((2, *fixed_db.shape))
+    ranks = rank_transform(fixed_db), rank_transform(moving_db)
+    if config.method == "none":
+        return _kept(measurement, ranks, "none", "not registered: the image is taken as it lies.")
+    if min(fixed_db.shape) < _SMALLEST_PX:
+        raise MeasurementError(
+            f"registration.method is {config.method}, the image has {fixed_db.shape[0]} x {fixed_db.shape[1]} pixels, "
+            f"expected at least {_SMALLEST_PX} in both directions: set registration.method: none."
+        )
+    start = _global_shift(*ranks) if config.global_shift else None
+    squares = _chequerboard((fixed_db.shape[0], fixed_db.shape[1]))
+    halves = [gefolki(fixed_db, moving_db, keep=keep, start=start) for keep in (squares, ~squares)]
+    both = gefolki(fixed_db, moving_db, start=start)
+    field = both if config.method == "gefolki" else _ilk(*ranks, start)
+
+    before = _held_out(ranks, (nothing, nothing), squares)
+    after = _held_out(ranks, (halves[0], halves[1]), squares)
+    found = f"correlation {before.mean():.3f} before and {after.mean():.3f} after, on squares not used to find it"
+    furthest = float(np.hypot(*field).max())
+    # what is left as it lies must have something in common as it lies
+    z = _z(after if furthest <= config.max_displacement_px else before)
+    mirrored = _mirrored(fixed_db, moving_db)
+    if z < _SIGNIFICANT or _common(ranks, both) < _MIRRORED * max(mirrored.values()):
+        best = max(mirrored, key=lambda name: mirrored[name])
+        fits = mirrored[best] > _MIRRORED * _common(ranks, both)
+        hint = f"it fits {best}" if fits else "is it the same area, seen from the same side, not turned or mirrored?"
+        raise MeasurementError(
+            f"registration: {source} has nothing in common with the simulated image ({found}, standard error "
+            f"{_standard_error(after):.3f}): {hint} If it lies on the simulated image's pixels already, set "
+            "registration.method: none."
+        )
+    if furthest > config.max_displacement_px:
+        return _kept(
+            measurement,
+            ranks,
+            config.method,
+            f"the registration would move {source} by up to {furthest:.1f} pixels, more than "
+            f"registration.max_displacement_px = {config.max_displacement_px:g}: the image was left as it lies.",
+        )
+    if _z(after - before) < -2.0:
+        return _kept(
+            measurement,
+            ranks,
+            config.method,
+            f"the registration made it worse ({found}): the image was left as it lies.",
+        )
+    # the halves' difference has twice the full field's standard error in each direction
+    variance = _PENALISED**2 * uniform_filter(((halves[0] - halves[1]) ** 2).sum(axis=0) / 4.0, _SMOOTHING_PX)
+    # another method than the one that halves were made with: its distance counts too
+    variance += ((field - both) ** 2).sum(axis=0)
+    uncertainty = np.sqrt(variance)
+    typical = float(np.sqrt(np.mean(np.square(field).sum(axis=0))))
+    return Registered(
+        measurement=replace(measurement, image_db=warp(moving_db, field)),
+        unregistered_db=moving_db,
+        displacement_px=field.astype(np.float32),
+        uncertainty_px=uncertainty.astype(np.float32),
+        correlation=local_correlation(ranks[0], np.nan_to_num(warp(ranks[1], field))),
+        method=config.method,
+        applied=True,
+        verdict=f"registered with {config.method}: moved by {typical:.1f} pixels (rms, at most {furthest:.1f}) with a "
+        f"standard error of {np.median(uncertainty):.2f}; {found}.",
+    )
+
+
+def _kept(
+    measurement: Measurement, ranks: tuple[NDArray[np.float32], NDArray[np.float32]], method: str, verdict: str
+) -> Registered:
+    """The image as it lies."""
+    return Registered(
+        measurement=measurement,
+        unregistered_db=measurement.image_db,
+        displacement_px=np.zeros((2, *ranks[0].shape), dtype=np.float32),
+        uncertainty_px=np.zeros(ranks[0].shape, dtype=np.float32),
+        correlation=local_correlation(*ranks),
+        method=method,
+        applied=False,
+        verdict=verdict,
+    )
+
+
+def _chequerboard(shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """Squares of one colour."""
+    rows, columns = np.indices(shape) // _square(shape)
+    return np.asarray((rows + columns) % 2 == 0)
+
+
+def _square(shape: tuple[int, ...]) -> int:
+    """Side of a square [pixels]: enough of them for a standard error."""
+    return 32 if min(shape) >= 256 else 16
+
+
+def _held_out(
+    ranks: tuple[NDArray[np.float32], NDArray[np.float32]],
+    fields: tuple[NDArray[np.float64], NDArray[np.float64]],
+    squares: NDArray[np.bool_],
+) -> NDArray[np.float64]:
+    """Correlation of each square under the field that the other colour gave."""
+    fixed, moving = ranks
+    total = np.zeros(fixed.shape)
+    for field, used in zip(fields, (squares, ~squares), strict=True):
+        moved = np.nan_to_num(warp(moving, field))
+        # which way contrast goes is learnt from the squares used, too
+        sign = np.sign(local_correlation(fixed * used, moved * used, _SIGN_WINDOW_PX))
+        total += np.where(used, 0.0, fixed * moved * sign)
+    side = _square(fixed.shape)
+    rows, columns = (n // side for n in fixed.shape)
+    cut = (slice(0, rows * side), slice(0, columns * side))
+    blocks = total[cut].reshape(rows, side, columns, side).mean(axis=(1, 3)).ravel()
+    return np.asarray(blocks / (fixed.std() * moving.std() + 1e-12))
+
+
+def _standard_error(values: NDArray[np.float64]) -> float:
+    return float(values.std(ddof=1) / np.sqrt(values.size))
+
+
+def _z(values: NDArray[np.float64]) -> float:
+    """Mean in standard errors."""
+    return float(values.mean() / (_standard_error(values) + 1e-12))
+
+
+def _common(ranks: tuple[NDArray[np.float32], NDArray[np.float32]], field: NDArray[np.float64]) -> float:
+    """Mean size of the local correlation under a field."""
+    moved = np.nan_to_num(warp(ranks[1], field))
+    return float(np.abs(local_correlation(ranks[0], moved, _SIGN_WINDOW_PX)).mean())
+
+
+def _mirrored(fixed_db: NDArray[np.float32], moving_db: NDArray[np.float32]) -> dict[str, float]:
+    """How well the moving image registers when it is mirrored: by chance, unless it came mirrored."""
+    images = {
+        "mirrored in slant range.": moving_db[::-1],
+        "mirrored in azimuth.": moving_db[:, ::-1],
+        "turned by 180 degrees.": moving_db[::-1, ::-1],
+    }
+    fixed = rank_transform(fixed_db)
+    return {name: _common((fixed, rank_transform(image)), gefolki(fixed_db, image)) for name, image in images.items()}
+
+
+def _global_shift(fixed: NDArray[np.float32], moving: NDArray[np.float32]) -> NDArray[np.float64]:
+    """One shift for the whole image by phase correlation [pixels]."""
+    from skimage.registration import phase_cross_correlation
+
+    shift, *_ = phase_cross_correlation(fixed, moving, upsample_factor=4, normalization=None)
+    return -np.asarray(shift, dtype=np.float64)
+
+
+def _ilk(
+    fixed: NDArray[np.float32], moving: NDArray[np.float32], start: NDArray[np.float64] | None
+) -> NDArray[np.float64]:
+    """scikit-image's iterative Lucas-Kanade flow on the ranks, smoothed."""
+    from skimage.registration import optical_flow_ilk
+
+    shift = np.zeros((2, *fixed.shape))
+    if start is not None:
+        shift += np.round(start)[:, None, None]
+        moving = np.nan_to_num(warp(moving, shift))
+    return np.asarray(shift + optical_flow_ilk(fixed, moving, radius=32))
+
+
+_ARRAYS = ("unregistered_db", "displacement_px", "uncertainty_px", "correlation")
+
+
+def write_registered(path: str | Path, registered: Registered) -> None:
+    """Write a registered image to HDF5, atomically."""
+    with write_hdf5(path) as file:
+        file.attrs["schema"] = 1
+        put_measurement(file.create_group("measurement"), registered.measurement)
+        for name in _ARRAYS:
+            file.create_dataset(name, data=getattr(registered, name), compression="gzip", compression_opts=1)
+        for name in ("method", "applied", "verdict"):
+            file.attrs[name] = getattr(registered, name)
+
+
+def read_registered(path: str | Path) -> Registered:
+    """Read what :func:`write_registered` wrote."""
+    with h5py.File(path, "r") as file:
+        return Registered(
+            measurement=get_measurement(file["measurement"]),
+            **{name: file[name][()] for name in _ARRAYS},
+            method=str(file.attrs["method"]),
+            applied=bool(file.attrs["applied"]),
+            verdict=str(file.attrs["verdict"]),
+        )

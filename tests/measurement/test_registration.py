@@ -1,0 +1,138 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter, map_coordinates
+
+from radcal.config import Registration
+from radcal.errors import MeasurementError
+from radcal.measurement.displacement import invert
+from radcal.measurement.model import Measurement
+from radcal.measurement.registration import read_registered, register, write_registered
+
+SHAPE = (200, 230)
+GEFOLKI = Registration()
+
+
+def ground(seed=1):
+    rng = np.random.default_rng(seed)
+    image = np.zeros(SHAPE)
+    for _ in range(60):
+        row, column = rng.integers(0, SHAPE[0]), rng.integers(0, SHAPE[1])
+        image[row : row + rng.integers(15, 70), column : column + rng.integers(15, 70)] = rng.normal(0.0, 6.0)
+    return image
+
+
+def speckled(mean, seed):
+    gain = np.random.default_rng(seed).gamma(4, 0.25, mean.shape)
+    return (mean + 10.0 * np.log10(gain)).astype(np.float32)
+
+
+def field(length, seed=3):
+    noise = np.random.default_rng(seed).standard_normal((2, *SHAPE))
+    smooth = np.stack([gaussian_filter(part, 45.0, mode="reflect") for part in noise])
+    return smooth * length / np.hypot(*smooth).max()
+
+
+def measured(displacement, seed=11):
+    at = np.indices(SHAPE) + invert(displacement)
+    return Measurement(speckled(map_coordinates(ground(), at, order=1, mode="nearest"), seed), "image.tif")
+
+
+FIXED = speckled(ground(), 10)
+
+
+@pytest.fixture(scope="module")
+def registered():
+    return register(FIXED, measured(field(4.0)), GEFOLKI)
+
+
+def test_a_displaced_image_is_brought_back(registered):
+    assert registered.applied
+    error = np.hypot(*(registered.displacement_px - field(4.0)))
+    assert error[15:-15, 15:-15].mean() < 0.4
+    assert "registered with gefolki: moved by" in registered.verdict
+    # a pixel's value is a measured one: speckle keeps its statistics
+    moved = registered.measurement.image_db
+    assert np.isin(moved[np.isfinite(moved)], registered.unregistered_db).all()
+
+
+def test_the_uncertainty_is_of_the_size_of_the_error():
+    errors, said = [], []
+    for seed in range(3):
+        found = register(FIXED, measured(field(2.0, seed), 20 + seed), GEFOLKI)
+        errors.append(np.hypot(*(found.displacement_px - field(2.0, seed)))[15:-15, 15:-15])
+        said.append(found.uncertainty_px[15:-15, 15:-15])
+    rms = np.sqrt(np.mean(np.square(errors)))
+    assert 0.4 * rms < np.median(said) < 2.0 * rms
+
+
+def test_registration_raises_the_correlation(registered):
+    as_it_lies = register(FIXED, measured(field(4.0)), Registration(method="none"))
+    assert not as_it_lies.applied
+    assert registered.correlation.mean() > as_it_lies.correlation.mean()
+
+
+def test_none_takes_the_image_as_it_lies():
+    measurement = measured(field(4.0))
+    found = register(FIXED, measurement, Registration(method="none"))
+    assert found.measurement is measurement
+    assert not found.displacement_px.any()
+    assert not found.uncertainty_px.any()
+
+
+def test_ilk_is_an_alternative_with_a_wider_uncertainty(registered):
+    found = register(FIXED, measured(field(4.0)), Registration(method="ilk"))
+    assert found.applied
+    assert np.hypot(*(found.displacement_px - field(4.0)))[15:-15, 15:-15].mean() < 0.8
+    assert np.median(found.uncertainty_px) > np.median(registered.uncertainty_px)
+
+
+def test_a_large_shift_is_found_by_phase_correlation_first():
+    shift = np.array([31.0, -22.0])
+    moving = Measurement(np.roll(speckled(ground(), 12), shift.astype(int), axis=(0, 1)), "shifted.tif")
+    found = register(FIXED, moving, Registration(global_shift=True, max_displacement_px=60))
+    inside = found.displacement_px[:, 60:-60, 60:-60].mean(axis=(1, 2))
+    np.testing.assert_allclose(inside, shift, atol=0.5)
+
+
+def test_a_registration_that_moves_too_far_is_not_used():
+    found = register(FIXED, measured(field(6.0)), Registration(max_displacement_px=2.0))
+    assert not found.applied
+    assert "max_displacement_px = 2" in found.verdict
+    np.testing.assert_array_equal(found.measurement.image_db, measured(field(6.0)).image_db)
+
+
+def other_images():
+    rng = np.random.default_rng(0)
+    square = speckled(ground(), 13)[:200, :200]
+    return {
+        "noise": (FIXED, rng.normal(0.0, 3.0, SHAPE)),
+        "another place": (FIXED, speckled(ground(77), 14)),
+        "turned": (FIXED[:200, :200], np.rot90(square)),
+        "mirrored": (FIXED[:200, :200], square[:, ::-1]),
+    }
+
+
+@pytest.mark.parametrize("name", other_images())
+def test_an_image_of_something_else_is_refused(name):
+    fixed, moving = other_images()[name]
+    image = Measurement(moving.astype(np.float32), "other.tif")
+    with pytest.raises(MeasurementError, match=r"other\.tif has nothing in common .* method: none") as said:
+        register(fixed, image, GEFOLKI)
+    assert ("it fits mirrored in azimuth." in str(said.value)) == (name == "mirrored")
+
+
+def test_an_image_too_small_is_refused():
+    small = Measurement(FIXED[:40, :100], "small.tif")
+    with pytest.raises(MeasurementError, match="40 x 100 pixels, expected at least 64"):
+        register(FIXED[:40, :100], small, GEFOLKI)
+
+
+def test_file_round_trip(tmp_path, registered):
+    write_registered(tmp_path / "r.h5", registered)
+    back = read_registered(tmp_path / "r.h5")
+    assert (back.method, back.applied, back.verdict) == (registered.method, registered.applied, registered.verdict)
+    np.testing.assert_array_equal(back.displacement_px, registered.displacement_px)
+    np.testing.assert_array_equal(back.measurement.image_db, registered.measurement.image_db)
+    assert back.measurement.source == "image.tif"

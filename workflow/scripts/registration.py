@@ -1,0 +1,16 @@
+"""Register the measured image onto the reference run's."""
+
+from radcal.calibration.history import indexed
+from radcal.config import Case
+from radcal.jobs import logged, progress
+from radcal.measurement.model import read_measurement
+from radcal.measurement.registration import register, write_registered
+
+with logged(snakemake.log[0]):
+    case = Case.of_sections(snakemake.params.case)
+    measurement = read_measurement(snakemake.input.measurement)
+    ((reference, _),) = indexed([snakemake.input.reference], snakemake.params.runs, case.calibrated, image=True)
+    registered = register(reference.image_db, measurement, case.registration)
+    write_registered(snakemake.output.registered, registered)
+    if registered.method != "none":
+        progress(registered.verdict)
