@@ -2,9 +2,9 @@
 
     python benchmarks/independent_speckle.py [--quick] [--jobs 2]
 
-The images lie in place: registration is another benchmark's. Each must end within the tolerance or say that the target is unreachable; for the latter a
-dense search on the simulator itself (Sobol sample, then least squares from the best points)
-looks for anything nearer.
+The images lie in place: registration is another benchmark's. Each must end within the tolerance
+or say that the target is unreachable; for the latter a dense search on the simulator itself
+(Sobol sample, then least squares from the best points) looks for anything nearer.
 
 Works in results/speckle_* of this project; what is there already is not run again.
 """
