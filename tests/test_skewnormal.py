@@ -259,3 +259,41 @@ def test_unitless_distances_are_symmetric_invariant_and_at_most_one(distance: ob
     scaled = distance(a * [10, 10, 1] + [7, 0, 0], b * [10, 10, 1] + [7, 0, 0])
     assert scaled == pytest.approx(distance(a, b), abs=1e-9)
     assert distance(a, (1000.0, 1.0, 0.0)) == pytest.approx(1.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("skewness", [-0.8, -0.2, 0.05, 0.6])
+def test_the_search_matrix_is_the_hessian_at_the_optimum(skewness: float) -> None:
+    rng = np.random.default_rng(3)
+    xi, omega, alpha = skewnormal.direct([0.0, 1.0, skewness])
+    x = stats.skewnorm.rvs(alpha, xi, omega, size=2000, random_state=rng)
+    u, value = skewnormal._search(np.array([0.0, 0.0, np.arctanh(skewness)]), x)
+    _, gradient, matrix = skewnormal._objective(u, x)
+    assert np.abs(gradient).max() < 1e-8
+    step = 1e-5
+    numeric = np.array(
+        [
+            (skewnormal._objective(u + step * e, x)[1] - skewnormal._objective(u - step * e, x)[1]) / (2 * step)
+            for e in np.eye(3)
+        ]
+    )
+    np.testing.assert_allclose(matrix, numeric, rtol=1e-4, atol=1e-4)
+    assert value == pytest.approx(-stats.skewnorm.logpdf(x, *np.roll(skewnormal._unpack(u)[0], 1)).mean())
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_the_half_normal_limit_is_fitted_where_the_likelihood_grows_up_to_it(sign: float) -> None:
+    x = sign * np.abs(np.random.default_rng(5).standard_normal(60)) * 3.0 + 7.0
+    found = skewnormal.fit(x)
+    assert found.at_boundary
+    # closed form: the edge is the smallest value, omega the root mean square distance from it
+    edge = sign * (sign * x).min()
+    assert found.dp[0] == pytest.approx(edge, abs=1e-4)
+    assert found.dp[1] == pytest.approx(np.sqrt(np.mean((x - edge) ** 2)), rel=1e-6)
+    # no large alpha does better
+    best = max(
+        stats.skewnorm.logpdf(x, sign * alpha, edge - sign * 3.0 * shift / alpha, found.dp[1]).mean()
+        for alpha in (1e2, 1e3, 1e4, 1e5)
+        for shift in (0.5, 1.0, 2.0, 4.0)
+    )
+    assert skewnormal.log_likelihood(x, found.dp) / x.size > best - 1e-6
+    np.testing.assert_allclose(skewnormal.centred(found.dp), found.cp)

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import minimize
 from scipy.special import log_ndtr, ndtr, owens_t
 
 from radcal.errors import FitError
@@ -39,8 +38,11 @@ __all__ = [
 _B = np.sqrt(2.0 / np.pi)
 # skewness of the half-normal, the limit of large |alpha|
 MAX_SKEWNESS = float((4.0 - np.pi) / 2.0 * _B**3 / (1.0 - _B**2) ** 1.5)
-# fits stop here: alpha is about 120 and the density no longer distinguishable from the limit's
+# the search stops here, at alpha about 120; beyond it only the limit itself is tried
 _SKEWNESS_LIMIT = 0.9950
+_ALPHA_LIMIT = 1e7  # stands for infinity
+_STEPS = 60
+_GRADIENT = 1e-9
 # a smaller skewness changes no density by more than rounding, but divides by zero on the way to alpha
 _SKEWNESS_FLOOR = 1e-7
 
@@ -146,7 +148,7 @@ class Fit:
     n : int
         Sample size.
     at_boundary : bool
-        The likelihood still grows at the largest skewness: the fit is that of the limit.
+        The likelihood still grows at the largest skewness: alpha stands for infinity.
     """
 
     dp: NDArray[np.float64]
@@ -178,31 +180,71 @@ def _unpack(u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.flo
     return dp, jacobian
 
 
-def _objective(u: NDArray[np.float64], x: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-    """Negative mean log-likelihood and its gradient in u."""
+def _objective(
+    u: NDArray[np.float64], x: NDArray[np.float64]
+) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
+    """Negative mean log-likelihood, its gradient in u, and the part of its Hessian that counts at an optimum."""
     (xi, omega, alpha), jacobian = _unpack(u)
     z = (x - xi) / omega
     w = alpha * z
     log_phi = log_ndtr(w)
     value = np.log(omega) + np.mean(0.5 * z**2 - log_phi) - 0.5 * np.log(2.0 / np.pi)
     ratio = np.exp(-0.5 * w**2 - 0.5 * np.log(2.0 * np.pi) - log_phi)  # N(w) / Phi(w)
-    zr = np.mean(z * ratio)
-    gradient = np.array(
+    curved = -ratio * (w + ratio)  # its derivative
+    z1, z2, r0, r1 = z.mean(), np.mean(z**2), ratio.mean(), np.mean(z * ratio)
+    c0, c1, c2 = curved.mean(), np.mean(z * curved), np.mean(z**2 * curved)
+    gradient = np.array([(alpha * r0 - z1) / omega, (1.0 - z2 + alpha * r1) / omega, -r1])
+    # Azzalini and Capitanio 2014, section 3.1.1; a smooth change of variables adds to a Hessian
+    # only what is multiplied by the gradient, which vanishes at the optimum
+    mixed = (r0 + alpha * c1) / omega
+    hessian = np.array(
         [
-            (alpha * np.mean(ratio) - np.mean(z)) / omega,
-            (1.0 - np.mean(z**2) + alpha * zr) / omega,
-            -zr,
+            [(1.0 - alpha**2 * c0) / omega**2, (2.0 * z1 - alpha * r0 - alpha**2 * c1) / omega**2, mixed],
+            [0.0, (3.0 * z2 - 1.0 - 2.0 * alpha * r1 - alpha**2 * c2) / omega**2, (r1 + alpha * c2) / omega],
+            [0.0, 0.0, -c2],
         ]
     )
-    return float(value), jacobian.T @ gradient
+    hessian = np.triu(hessian) + np.triu(hessian, 1).T
+    return float(value), jacobian.T @ gradient, jacobian.T @ hessian @ jacobian
+
+
+def _search(u: NDArray[np.float64], x: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Newton's method with a positive definite matrix and step halving; the point and its objective."""
+    value, gradient, hessian = _objective(u, x)
+    for _ in range(_STEPS):
+        if np.abs(gradient).max() < _GRADIENT:
+            break
+        scales, directions = np.linalg.eigh(hessian)
+        scales = np.maximum(np.abs(scales), 1e-6 * np.abs(scales).max())
+        step = -directions @ ((directions.T @ gradient) / scales)
+        step *= min(1.0, 2.0 / np.abs(step).max())  # far out in v the likelihood is flat
+        for _ in range(40):
+            trial = _objective(u + step, x)
+            if trial[0] <= value + 1e-4 * gradient @ step:
+                break
+            step *= 0.5
+        else:
+            break  # rounding: no step lowers it any more
+        u = u + step
+        value, gradient, hessian = trial
+    return u, value
+
+
+def _limit(x: NDArray[np.float64], sign: float) -> NDArray[np.float64]:
+    """Fit of the half-normal distribution, which large alpha tends to, as DP."""
+    y = sign * x
+    omega = float(np.sqrt(np.mean((y - y.min()) ** 2)))
+    # the smallest value lies where Phi(alpha z) has just become 1
+    return np.array([sign * (y.min() - 6.0 * omega / _ALPHA_LIMIT), omega, sign * _ALPHA_LIMIT])
 
 
 def fit(sample: ArrayLike) -> Fit:
     """Maximum likelihood fit of a skew normal.
 
     The search runs in (mean, log sd, skewness), where the likelihood is regular at
-    alpha = 0 (Azzalini and Capitanio 2014, section 3.1.4), from the sample's moments,
-    with the analytic gradient.
+    alpha = 0 (Azzalini and Capitanio 2014, section 3.1.4), from the sample's moments, by
+    Newton's method. Where the likelihood grows up to the largest skewness, the limit, a
+    half-normal distribution, is tried too.
 
     Parameters
     ----------
@@ -233,17 +275,17 @@ def fit(sample: ArrayLike) -> Fit:
     starts = [np.clip(skewness, -0.9, 0.9)]
     if abs(skewness) > 0.7:
         starts.append(0.99 * np.sign(skewness))
-    best = None
-    for start in starts:
-        u0 = np.array([0.0, 0.0, np.arctanh(start / _SKEWNESS_LIMIT)])
-        found = minimize(_objective, u0, args=(y,), jac=True, method="BFGS", options={"gtol": 1e-10, "maxiter": 300})
-        if best is None or found.fun < best.fun:
-            best = found
-    assert best is not None  # noqa: S101 - there is always a start
-    mean, log_sd, v = best.x
+    searches = [_search(np.array([0.0, 0.0, np.arctanh(start / _SKEWNESS_LIMIT)]), y) for start in starts]
+    (mean, log_sd, v), lowest = min(searches, key=lambda search: search[1])
     skewness = _SKEWNESS_LIMIT * np.tanh(v)
-    cp = np.array([centre + scale * mean, scale * np.exp(log_sd), skewness])
-    return Fit(dp=direct(cp), cp=cp, n=x.size, at_boundary=bool(abs(skewness) > 0.99))
+    dp = direct([mean, np.exp(log_sd), skewness])
+    at_boundary = bool(abs(skewness) > 0.99)
+    if at_boundary:
+        limit = _limit(y, float(np.sign(skewness)))
+        if -log_likelihood(y, limit) / y.size < lowest:
+            dp = limit
+    dp = np.array([centre + scale * dp[0], scale * dp[1], dp[2]])
+    return Fit(dp=dp, cp=centred(dp), n=x.size, at_boundary=at_boundary)
 
 
 def target_grid(dp: ArrayLike, points: int = 1000) -> NDArray[np.float64]:
