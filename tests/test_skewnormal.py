@@ -297,3 +297,30 @@ def test_the_half_normal_limit_is_fitted_where_the_likelihood_grows_up_to_it(sig
     )
     assert skewnormal.log_likelihood(x, found.dp) / x.size > best - 1e-6
     np.testing.assert_allclose(skewnormal.centred(found.dp), found.cp)
+
+
+@pytest.mark.parametrize("skewness", [-0.7, 0.0, 0.4])
+def test_covariance_covers_the_truth_as_often_as_it_says(skewness: float) -> None:
+    truth = np.array([-12.0, 3.0, skewness])
+    rng = np.random.default_rng(11)
+    inside = np.zeros(3)
+    for _ in range(400):
+        x = skewnormal.sample(skewnormal.direct(truth), 1000, rng)
+        found = skewnormal.fit(x)
+        error = np.sqrt(np.diagonal(skewnormal.covariance(x, found)))
+        inside += np.abs(found.cp - truth) < 1.96 * error
+    # 95 % of 400, four standard errors wide
+    assert np.all(np.abs(inside / 400 - 0.95) < 0.044), inside
+
+
+def test_covariance_of_a_normal_sample_is_the_textbook_one() -> None:
+    x = np.random.default_rng(4).normal(5.0, 2.0, 20_000)
+    found = skewnormal.fit(x)
+    expected = np.array([4.0, 2.0, 6.0]) / x.size
+    np.testing.assert_allclose(np.diagonal(skewnormal.covariance(x, found)), expected, rtol=0.1)
+    np.testing.assert_allclose(skewnormal.covariance(x, found, effective=200), 100 * skewnormal.covariance(x, found))
+
+
+def test_covariance_at_the_boundary_is_not_a_number() -> None:
+    x = np.abs(np.random.default_rng(5).standard_normal(60))
+    assert np.isnan(skewnormal.covariance(x, skewnormal.fit(x))).all()

@@ -19,6 +19,7 @@ from typing import Annotated, Any, Literal, Self
 import yaml
 from pydantic import (
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
     TypeAdapter,
@@ -55,6 +56,7 @@ __all__ = [
     "load",
 ]
 
+ALL_PIXELS = 2**31 - 1  # more than any material has: what "all" stands for
 Seed = Annotated[int, Field(ge=0, lt=2**63)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -237,7 +239,9 @@ class Registration(_Strict):
 class Target(_Strict):
     """Which pixels of a material make its target density."""
 
-    pixels: Annotated[int, Field(ge=50)] = Field(1000, description="pixels drawn without replacement")
+    pixels: Annotated[int, Field(ge=50), BeforeValidator(lambda value: ALL_PIXELS if value == "all" else value)] = (
+        Field(1000, description="pixels drawn without replacement, or all")
+    )
     margin_px: Annotated[int, Field(ge=0, le=100)] = Field(
         1, description="pixels this near to another material are left out"
     )

@@ -25,6 +25,7 @@ __all__ = [
     "Fit",
     "cdf",
     "centred",
+    "covariance",
     "density",
     "density_rms",
     "direct",
@@ -32,6 +33,7 @@ __all__ = [
     "hellinger",
     "kolmogorov_smirnov",
     "log_likelihood",
+    "sample",
     "target_grid",
 ]
 
@@ -272,20 +274,81 @@ def fit(sample: ArrayLike) -> Fit:
         raise FitError(f"a skew-normal fit needs values that differ, all {x.size} are {centre:g} dB.")
     y = (x - centre) / scale
     skewness = np.mean(y**3)
-    starts = [np.clip(skewness, -0.9, 0.9)]
-    if abs(skewness) > 0.7:
-        starts.append(0.99 * np.sign(skewness))
-    searches = [_search(np.array([0.0, 0.0, np.arctanh(start / _SKEWNESS_LIMIT)]), y) for start in starts]
-    (mean, log_sd, v), lowest = min(searches, key=lambda search: search[1])
+    (mean, log_sd, v), lowest = _search(np.array([0.0, 0.0, np.arctanh(np.clip(skewness, -0.9, 0.9))]), y)
+    # small or very skewed samples may have a second maximum, or none before the limit
+    limit = _limit(y, float(np.sign(skewness) or 1.0))
+    limit_value = -log_likelihood(y, limit) / y.size
+    if abs(skewness) > 0.7 or limit_value < lowest + 0.05:
+        other, value = _search(np.array([0.0, 0.0, np.copysign(np.arctanh(0.99), skewness)]), y)
+        if value < lowest:
+            (mean, log_sd, v), lowest = other, value
     skewness = _SKEWNESS_LIMIT * np.tanh(v)
     dp = direct([mean, np.exp(log_sd), skewness])
     at_boundary = bool(abs(skewness) > 0.99)
-    if at_boundary:
-        limit = _limit(y, float(np.sign(skewness)))
-        if -log_likelihood(y, limit) / y.size < lowest:
-            dp = limit
+    if limit_value < lowest:
+        dp, at_boundary = limit, True
     dp = np.array([centre + scale * dp[0], scale * dp[1], dp[2]])
     return Fit(dp=dp, cp=centred(dp), n=x.size, at_boundary=at_boundary)
+
+
+def covariance(sample: ArrayLike, found: Fit, effective: float | None = None) -> NDArray[np.float64]:
+    """Covariance of a fit's centred parameters, from the observed information.
+
+    Parameters
+    ----------
+    sample : array_like, shape (n,)
+        What was fitted [dB].
+    found : Fit
+        Its fit.
+    effective : float, optional
+        Number of independent values that the sample stands for; n without it.
+
+    Returns
+    -------
+    ndarray, shape (3, 3)
+        Covariance of (mean [dB], standard deviation [dB], skewness). NaN at the boundary,
+        where the likelihood has no maximum inside.
+
+    References
+    ----------
+    Azzalini and Capitanio 2014, section 3.1.4: the information is regular in these
+    parameters, at alpha = 0 too.
+    """
+    if found.at_boundary:
+        return np.full((3, 3), np.nan)
+    x = np.asarray(sample, dtype=np.float64).ravel()
+    mean, sd, skewness = found.cp
+    y = (x - mean) / sd
+    u = np.array([0.0, 0.0, np.arctanh(skewness / _SKEWNESS_LIMIT)])
+    # differences of the analytic gradient: the matrix of the search divides by alpha near 0
+    steps = 1e-3 * np.eye(3)
+    columns = [(_objective(u + step, y)[1] - _objective(u - step, y)[1]) / 2e-3 for step in steps]
+    information = 0.5 * (np.stack(columns) + np.stack(columns).T)
+    scales = np.array([sd, sd, _SKEWNESS_LIMIT * (1.0 - (skewness / _SKEWNESS_LIMIT) ** 2)])
+    return np.asarray(np.linalg.inv(information) * np.outer(scales, scales) / (effective or x.size))
+
+
+def sample(dp: ArrayLike, n: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Draw skew-normal numbers.
+
+    Parameters
+    ----------
+    dp : array_like, shape (3,)
+        xi [dB], omega [dB], alpha.
+    n : int
+        How many.
+    rng : Generator
+        Source of the numbers.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        delta |U0| + sqrt(1 - delta^2) U1, scaled and shifted (Azzalini and Capitanio 2014, eq. 2.13) [dB].
+    """
+    xi, omega, alpha = np.asarray(dp, dtype=np.float64)
+    delta = alpha / np.hypot(1.0, alpha)
+    u0, u1 = rng.standard_normal((2, n))
+    return np.asarray(xi + omega * (delta * np.abs(u0) + u1 / np.hypot(1.0, alpha)))
 
 
 def target_grid(dp: ArrayLike, points: int = 1000) -> NDArray[np.float64]:

@@ -84,7 +84,7 @@ def test_nan_pixels_are_not_drawn(geometry: Geometry, measurement: Measurement) 
 
 
 def test_fewer_pixels_than_wanted_are_all_taken(geometry: Geometry, measurement: Measurement) -> None:
-    target = make_target("dyke", geometry, measurement, TargetConfig(pixels=1_000_000, margin_px=3), 1)
+    target = make_target("dyke", geometry, measurement, TargetConfig(pixels="all", margin_px=3), 1)
     np.testing.assert_array_equal(target.pixels, geometry.pixels("dyke", 3))
     assert target.eligible == target.pixels.size
 

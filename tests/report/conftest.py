@@ -13,6 +13,7 @@ import pytest
 from radcal import skewnormal
 from radcal.calibration.history import History, Proposal, Run
 from radcal.config import Case, Registration, Stop, case_from
+from radcal.measurement.goodness import Goodness
 from radcal.measurement.model import Measurement
 from radcal.measurement.registration import Registered, register
 from radcal.measurement.target import Target
@@ -115,7 +116,10 @@ def make_archive(
             dp=fit.dp,
             eligible=int(eligible.size),
             at_boundary=name == "stem beans",
+            effective=100.0,
             rms_sampling=0.004,
+            cp_error=np.array([0.2, 0.1, 0.15]) * (1.0 if name != "stem beans" else np.nan),
+            goodness=Goodness(0.04, 0.4, 0.5, 0.01 if name == "stem beans" else 0.3),
         )
 
     def record(key: str) -> Record:

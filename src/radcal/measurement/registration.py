@@ -23,6 +23,7 @@ _SIGNIFICANT = 4.0  # standard errors
 _SMALLEST_PX = 64
 _SMOOTHING_PX = 65  # of the uncertainty
 _SIGN_WINDOW_PX = 65
+_FITS = 3.0  # times the correlation as it came: it came mirrored
 _MIRRORED = 1.5  # times the correlation of mirrored images, which have nothing but chance in common
 # what the bending penalty smooths away is the same in both halves: on real images of known displacement
 # the error is 1.5 to 2 times what their difference says
@@ -116,7 +117,7 @@ def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: Re
     mirrored = _mirrored(fixed_db, moving_db)
     if z < _SIGNIFICANT or _common(ranks, both) < _MIRRORED * max(mirrored.values()):
         best = max(mirrored, key=lambda name: mirrored[name])
-        fits = mirrored[best] > _MIRRORED * _common(ranks, both)
+        fits = mirrored[best] > _FITS * _common(ranks, both)
         hint = f"it fits {best}" if fits else "is it the same area, seen from the same side, not turned or mirrored?"
         raise MeasurementError(
             f"registration: {source} has nothing in common with the simulated image ({found}, standard error "

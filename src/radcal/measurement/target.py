@@ -14,6 +14,7 @@ from radcal import skewnormal
 from radcal.config import Target as TargetConfig
 from radcal.errors import MeasurementError
 from radcal.files import write_hdf5
+from radcal.measurement.goodness import Goodness, effective_sample_size, goodness_of_fit
 from radcal.measurement.model import Measurement
 from radcal.radar.geometry import Geometry
 from radcal.seeds import derived_rng
@@ -51,8 +52,14 @@ class Target:
         Pixels that could have been drawn.
     at_boundary : bool
         The fit stands at the largest skewness.
+    effective : float
+        Number of independent pixels that those drawn stand for.
     rms_sampling : float
-        Density rms [1/dB] that the sample's finite size stands for.
+        Density rms [1/dB] that so many stand for.
+    cp_error : ndarray, shape (3,)
+        Standard errors of mean [dB], standard deviation [dB] and skewness; NaN at the boundary.
+    goodness : Goodness
+        How well the density describes the pixels.
     """
 
     pixels: NDArray[np.int64]
@@ -62,7 +69,10 @@ class Target:
     dp: NDArray[np.float64]
     eligible: int
     at_boundary: bool
+    effective: float
     rms_sampling: float
+    cp_error: NDArray[np.float64]
+    goodness: Goodness
 
     @property
     def cp(self) -> NDArray[np.float64]:
@@ -154,14 +164,7 @@ def sampling_rms(dp: NDArray[np.float64], n: int, rng: np.random.Generator, draw
     float
         Median over the samples [1/dB]: parametric bootstrap (Efron and Tibshirani 1993, section 6.5).
     """
-    xi, omega, alpha = dp
-    delta = alpha / np.hypot(1.0, alpha)
-    found = []
-    for _ in range(draws):
-        # Azzalini and Capitanio 2014, eq. 2.13: delta |U0| + sqrt(1 - delta^2) U1
-        u0, u1 = rng.standard_normal((2, n))
-        sample = xi + omega * (delta * np.abs(u0) + np.sqrt(1.0 - delta**2) * u1)
-        found.append(skewnormal.density_rms(skewnormal.fit(sample).dp, dp))
+    found = [skewnormal.density_rms(skewnormal.fit(skewnormal.sample(dp, n, rng)).dp, dp) for _ in range(draws)]
     return float(np.median(found))
 
 
@@ -194,6 +197,7 @@ def make_target(
     drawn = np.sort(rng.choice(eligible, size=min(config.pixels, eligible.size), replace=False))
     values = measurement.image_db.ravel()[drawn]
     fit = skewnormal.fit(values)
+    effective = effective_sample_size(measurement.image_db, eligible, drawn)
     return Target(
         pixels=drawn,
         order=np.searchsorted(geometry.pixels(name), drawn),
@@ -202,12 +206,16 @@ def make_target(
         dp=fit.dp,
         eligible=int(eligible.size),
         at_boundary=fit.at_boundary,
-        rms_sampling=sampling_rms(fit.dp, fit.n, rng),
+        effective=effective,
+        rms_sampling=sampling_rms(fit.dp, max(8, round(effective)), rng),
+        cp_error=np.sqrt(np.diagonal(skewnormal.covariance(values, fit, effective))),
+        goodness=goodness_of_fit(values, fit.dp, rng, effective),
     )
 
 
-_ARRAYS = ("pixels", "order", "values_db", "incidence_deg", "dp")
-_SCALARS = ("eligible", "at_boundary", "rms_sampling")
+_ARRAYS = ("pixels", "order", "values_db", "incidence_deg", "dp", "cp_error")
+_SCALARS = ("eligible", "at_boundary", "effective", "rms_sampling")
+_GOODNESS = ("ks", "ks_p", "ad", "ad_p")
 
 
 def write_targets(path: str | Path, targets: Mapping[str, Target]) -> None:
@@ -220,6 +228,8 @@ def write_targets(path: str | Path, targets: Mapping[str, Target]) -> None:
                 group[key] = getattr(target, key)
             for key in _SCALARS:
                 group.attrs[key] = getattr(target, key)
+            for key in _GOODNESS:
+                group.attrs[key] = getattr(target.goodness, key)
 
 
 def read_targets(path: str | Path) -> dict[str, Target]:
@@ -230,7 +240,9 @@ def read_targets(path: str | Path) -> dict[str, Target]:
                 **{key: group[key][()] for key in _ARRAYS},
                 eligible=int(group.attrs["eligible"]),
                 at_boundary=bool(group.attrs["at_boundary"]),
+                effective=float(group.attrs["effective"]),
                 rms_sampling=float(group.attrs["rms_sampling"]),
+                goodness=Goodness(**{key: float(group.attrs[key]) for key in _GOODNESS}),
             )
             for name, group in file.items()
         }

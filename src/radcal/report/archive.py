@@ -9,11 +9,14 @@ Layout of the archive (schema 1); backscatter in dB, angles in degrees:
 ``runs/kind, index, key, seconds``        one entry per run: reference, design, infill
 ``materials/<m>`` attributes              ``law``, ``parameter_names``, ``parameter_units``,
                                           ``reason``, ``sentence``, ``eligible``, ``at_boundary``,
-                                          ``rms_sampling``, ``best`` (index into ``runs``)
+                                          ``rms_sampling``, ``effective`` (independent pixels),
+                                          ``fit_ks, fit_ks_p, fit_ad, fit_ad_p`` (pixels against
+                                          their density), ``best`` (index into ``runs``)
 ``materials/<m>/parameters, dp, rms``     per run: X (n, d), (xi, omega, alpha) (n, 3), rms (n,)
 ``materials/<m>/bounds, start``           search box (d, 2), starting X (d,)
 ``materials/<m>/hidden``                  truth of a synthetic measurement (d,), where there is one
-``materials/<m>/target_dp``               (3,)
+``materials/<m>/target_dp,``              (3,); standard errors of mean [dB], sd [dB], skewness (3,)
+``  target_cp_error``
 ``materials/<m>/pixels``                  flat image index of the target's pixels (p,)
 ``materials/<m>/incidence_deg``           their local incidence (p,)
 ``materials/<m>/measured_db, start_db,``  the same pixels in the measurement, the reference run,
@@ -154,6 +157,9 @@ def write_archive(
             group.attrs["eligible"] = target.eligible
             group.attrs["at_boundary"] = target.at_boundary
             group.attrs["rms_sampling"] = target.rms_sampling
+            group.attrs["effective"] = target.effective
+            for key in ("ks", "ks_p", "ad", "ad_p"):
+                group.attrs[f"fit_{key}"] = getattr(target.goodness, key)
             group.attrs["best"] = history.runs.index(history.best(name))
             group["parameters"] = [run.parameters[name] for run in history.runs]
             group["dp"] = [run.dp[name] for run in history.runs]
@@ -163,6 +169,7 @@ def write_archive(
             if name in measurement.hidden:
                 group["hidden"] = measurement.hidden[name]
             group["target_dp"] = target.dp
+            group["target_cp_error"] = target.cp_error
             group["pixels"] = target.pixels
             group["incidence_deg"] = target.incidence_deg
             group["measured_db"] = target.values_db

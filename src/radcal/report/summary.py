@@ -82,6 +82,10 @@ def _material(group: h5py.Group, counted: NDArray[np.bool_], tolerance: float) -
         "rms_final": skewnormal.density_rms(group["final_dp"][()], target),
         "rms_fresh": skewnormal.density_rms(group["fresh_dp"][()], target),
         "rms_sampling": float(group.attrs["rms_sampling"]),
+        "effective_pixels": float(group.attrs["effective"]),
+        "target_error": dict(zip(("mean", "sd", "skewness"), map(float, group["target_cp_error"][()]), strict=True)),
+        # the measured pixels against the density fitted to them
+        "fit": {key: float(group.attrs[f"fit_{key}"]) for key in ("ks", "ks_p", "ad", "ad_p")},
         "hellinger": skewnormal.hellinger(dp, target),
         "ks": skewnormal.kolmogorov_smirnov(dp, target),
         # the reference run is not counted: zero where it is within the tolerance already

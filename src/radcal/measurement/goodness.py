@@ -1,0 +1,150 @@
+"""How well a skew normal describes a material's pixels, and how many independent ones they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import fft
+
+from radcal import skewnormal
+from radcal.errors import FitError
+
+__all__ = ["Goodness", "effective_sample_size", "goodness_of_fit"]
+
+_DRAWS = 99
+_REACH_PX = 6  # lags beyond which speckle is taken as uncorrelated
+
+
+@dataclass(frozen=True)
+class Goodness:
+    """Distances between a sample and the skew normal fitted to it.
+
+    Attributes
+    ----------
+    ks : float
+        Kolmogorov-Smirnov distance, the largest difference of the distribution functions.
+    ks_p : float
+        Share of samples of the fitted density that lie further from their own fit.
+    ad : float
+        Anderson-Darling statistic, which weighs the tails more.
+    ad_p : float
+        The same share for it.
+    """
+
+    ks: float
+    ks_p: float
+    ad: float
+    ad_p: float
+
+
+def _distances(values: NDArray[np.float64], dp: ArrayLike) -> tuple[float, float]:
+    """Kolmogorov-Smirnov distance and Anderson-Darling statistic of sorted values."""
+    n = values.size
+    below = skewnormal.cdf(values, dp)
+    rank = np.arange(1, n + 1)
+    ks = float(max(np.max(rank / n - below), np.max(below - (rank - 1) / n)))
+    inside = np.clip(below, 1e-12, 1.0 - 1e-12)
+    ad = -n - np.mean((2 * rank - 1) * (np.log(inside) + np.log1p(-inside[::-1])))
+    return ks, float(ad)
+
+
+def goodness_of_fit(
+    sample: ArrayLike, dp: ArrayLike, rng: np.random.Generator, effective: float | None = None, draws: int = _DRAWS
+) -> Goodness:
+    """Compare a sample with the skew normal fitted to it, by parametric bootstrap.
+
+    The parameters come from the same sample, so that tables for known parameters do not
+    hold: each bootstrap sample is fitted itself.
+
+    Parameters
+    ----------
+    sample : array_like, shape (n,)
+        Backscatter [dB].
+    dp : array_like, shape (3,)
+        Fitted xi [dB], omega [dB], alpha.
+    rng : Generator
+        Source of the bootstrap samples.
+    effective : float, optional
+        Number of independent values that the sample stands for; the bootstrap samples have
+        that many, and their Anderson-Darling statistics are compared per value.
+    draws : int
+        Bootstrap samples.
+
+    Returns
+    -------
+    Goodness
+
+    References
+    ----------
+    Stute, Gonzalez Manteiga and Presedo Quindimil, "Bootstrap based goodness-of-fit-tests",
+    Metrika 40 (1993).
+    """
+    values = np.sort(np.asarray(sample, dtype=np.float64).ravel())
+    ks, ad = _distances(values, dp)
+    n = values.size if effective is None else int(np.clip(round(effective), 8, values.size))
+    further = np.zeros(2)
+    for _ in range(draws):
+        drawn = np.sort(skewnormal.sample(dp, n, rng))
+        try:
+            distances = _distances(drawn, skewnormal.fit(drawn).dp)
+        except FitError:  # all values equal, next to impossible
+            continue
+        further += np.array(distances) >= (ks, ad * n / values.size)
+    # the sample itself counts as one of its kind (Davison and Hinkley 1997, eq. 4.11)
+    ks_p, ad_p = (1.0 + further) / (1.0 + draws)
+    return Goodness(ks, float(ks_p), ad, float(ad_p))
+
+
+def effective_sample_size(image_db: NDArray[np.float32], inside: NDArray[np.int64], drawn: NDArray[np.int64]) -> float:
+    """Number of independent pixels that drawn ones stand for, as far as their mean is concerned.
+
+    Parameters
+    ----------
+    image_db : ndarray, shape (rows, columns)
+        Backscatter [dB].
+    inside : ndarray of int
+        Flat indices of the material's finite pixels, from which the correlation is taken.
+    drawn : ndarray of int, shape (n,)
+        Flat indices of the pixels drawn, among ``inside``.
+
+    Returns
+    -------
+    float
+        n^2 over the sum of the correlations of all pairs, between 1 and n.
+
+    References
+    ----------
+    Bayley and Hammersley, "The effective number of independent observations in an
+    autocorrelated time series", J. R. Statist. Soc. Suppl. 8 (1946).
+    """
+    shape = image_db.shape
+    size = tuple(fft.next_fast_len(n + _REACH_PX + 1, real=True) for n in shape)
+
+    def pairs(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Sum of products of all pairs at each lag, both directions."""
+        spectrum = fft.rfft2(values, s=size)
+        lags = fft.irfft2(np.abs(spectrum) ** 2, s=size)
+        window = np.arange(-_REACH_PX, _REACH_PX + 1)
+        return np.asarray(lags[np.ix_(window, window)])
+
+    there = np.zeros(image_db.size)
+    there[inside] = 1.0
+    values = np.zeros(image_db.size)
+    values[inside] = image_db.ravel()[inside] - np.mean(image_db.ravel()[inside], dtype=np.float64)
+    count = pairs(there.reshape(shape))
+    products = pairs(values.reshape(shape))
+    variance = products[_REACH_PX, _REACH_PX] / count[_REACH_PX, _REACH_PX]
+    if variance <= 0.0:
+        return 1.0
+    correlation = np.where(count > 0.5, products / np.maximum(count, 1.0), 0.0) / variance
+    # what is left at the largest lags is change of level within the material, not speckle
+    edge = np.ones_like(correlation, dtype=bool)
+    edge[1:-1, 1:-1] = False
+    floor = float(np.mean(correlation[edge & (count > 0.5)])) if np.any(edge & (count > 0.5)) else 0.0
+    correlation = np.clip((correlation - floor) / max(1.0 - floor, 1e-6), 0.0, 1.0)
+    chosen = np.zeros(image_db.size)
+    chosen[drawn] = 1.0
+    n = float(drawn.size)
+    return float(np.clip(n**2 / (pairs(chosen.reshape(shape)) * correlation).sum(), 1.0, n))
