@@ -191,7 +191,7 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     (dyke(start=[1, 2, 3, 51]), ["materials.dyke", "start of X4 is 51", "[0, 50]"]),
     # measurement
     ({"measurement": {"source": "satellite"}}, ["measurement.source is 'satellite'", "'file'", "'synthetic'"]),
-    (measured(scale="dB"), ["measurement.scale is 'dB'", "'db' or 'power'"]),
+    (measured(scale="dB"), ["measurement.scale is 'dB'", "'db', 'power', 'amplitude' or 'complex'"]),
     (measured(scale=None), ["measurement.scale is None"]),
     ({"measurement": {"source": "file", "path": "a.tif"}}, ["measurement.scale is missing"]),
     ({"measurement": {"source": "file", "scale": "db"}}, ["measurement.path is missing"]),

@@ -216,8 +216,12 @@ class FileMeasurement(_Strict):
     """A measured image in a file, on the scene's image grid."""
 
     source: Literal["file"] = "file"
-    path: str = Field(description="GeoTIFF, one band; ${RADCAL_DATA} and other variables are expanded")
-    scale: Literal["db", "power"] = Field(description="what the file's numbers are")
+    path: str = Field(
+        description="GeoTIFF or other raster, npy, npz, mat or HDF5; ${RADCAL_DATA} and other variables are expanded"
+    )
+    scale: Literal["db", "power", "amplitude", "complex"] = Field(description="what the file's numbers are")
+    band: Count | None = Field(None, description="band of a raster, from 1; needed where it has several")
+    dataset: str | None = Field(None, description="name in npz, mat or HDF5; needed where they hold several")
     radiometry: Literal["sigma0_local"] = "sigma0_local"
 
 

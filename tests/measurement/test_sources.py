@@ -108,9 +108,9 @@ def test_several_bands(read: Read, image_db: np.ndarray) -> None:
         read(np.stack([image_db] * 3))
 
 
-@pytest.mark.parametrize(("scale", "words"), [("db", "dB"), ("power", "linear power")])
-def test_complex_numbers(read: Read, image_db: np.ndarray, scale: str, words: str) -> None:
-    with pytest.raises(MeasurementError, match=rf"measured\.tif holds complex64, expected real numbers in {words}"):
+@pytest.mark.parametrize("scale", ["db", "power"])
+def test_complex_numbers(read: Read, image_db: np.ndarray, scale: str) -> None:
+    with pytest.raises(MeasurementError, match=rf"measured\.tif holds complex128, expected real .*scale: {scale}"):
         read(image_db.astype(np.complex64), scale)
 
 

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
-import rasterio
 from numpy.typing import NDArray
-from rasterio.errors import NotGeoreferencedWarning, RasterioError
 from scipy.ndimage import gaussian_filter
 
 from radcal import skewnormal
@@ -15,6 +11,7 @@ from radcal.config import Case, FileMeasurement, Synthetic, expand_path
 from radcal.errors import FitError, MeasurementError
 from radcal.measurement.displacement import invert, warp
 from radcal.measurement.model import Measurement
+from radcal.measurement.readers import read_image_db
 from radcal.measurement.target import eligible_pixels
 from radcal.radar.geometry import Geometry
 from radcal.seeds import derived_rng, derived_seed
@@ -105,44 +102,4 @@ def _synthetic(case: Case, synthetic: Synthetic, simulator: Simulator) -> Measur
 
 def _from_file(config: FileMeasurement, geometry: Geometry) -> Measurement:
     path = expand_path(config.path, "measurement.path")
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", NotGeoreferencedWarning)
-            with rasterio.open(path) as raster:
-                if raster.count != 1:
-                    raise MeasurementError(f"measurement.path: {path} has {raster.count} bands, expected one.")
-                if np.dtype(raster.dtypes[0]).kind not in "fiu":
-                    raise MeasurementError(
-                        f"measurement.path: {path} holds {raster.dtypes[0]}, expected real numbers "
-                        f"in {'dB' if config.scale == 'db' else 'linear power'}."
-                    )
-                values = raster.read(1, masked=True).astype(np.float64).filled(np.nan)
-    except RasterioError as error:
-        raise MeasurementError(f"measurement.path: {path} cannot be read as a raster ({error}).") from None
-    if values.shape != geometry.shape:
-        raise MeasurementError(
-            f"measurement.path: {path} has {values.shape[0]} x {values.shape[1]} pixels, "
-            f"the scene's image {geometry.shape[0]} x {geometry.shape[1]}: crop or resample it to the same grid."
-        )
-    valid = np.isfinite(values)
-    if not valid.any():
-        raise MeasurementError(f"measurement.path: {path} holds no finite number.")
-    if config.scale == "power":
-        negative = np.count_nonzero(values[valid] < 0)
-        if negative > 0.01 * np.count_nonzero(valid):
-            raise MeasurementError(
-                f"measurement.path: {negative} of {np.count_nonzero(valid)} values of {path} are negative, which power "
-                "cannot be: if the file is in dB, set measurement.scale: db."
-            )
-        with np.errstate(divide="ignore", invalid="ignore"):
-            image_db = np.where(values > 0, 10.0 * np.log10(values), np.nan)
-    else:
-        # speckle spreads dB by 2 and more, so that an image with its median near 0 dB has negative values
-        if values[valid].min() >= 0 and np.median(values[valid]) < 3.0:
-            raise MeasurementError(
-                f"measurement.path: the values of {path} run from {values[valid].min():.3g} to "
-                f"{values[valid].max():.3g} with median {np.median(values[valid]):.3g}, none negative, which looks "
-                "like power: set measurement.scale: power."
-            )
-        image_db = values
-    return Measurement(image_db.astype(np.float32), path.name)
+    return Measurement(read_image_db(path, config, geometry.shape), path.name)

@@ -1,0 +1,202 @@
+"""Measured images from files: GeoTIFF and other rasters, numpy, MATLAB and HDF5 arrays, to dB."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.config import FileMeasurement
+from radcal.errors import MeasurementError
+
+__all__ = ["read_image_db", "read_values", "to_db"]
+
+Values = NDArray[Any]
+_NEGATIVE_SHARE = 0.01  # of a power image: noise subtraction leaves a few
+
+
+def read_image_db(path: Path, config: FileMeasurement, shape: tuple[int, int] | None = None) -> NDArray[np.float32]:
+    """Read a measured image as backscatter in dB.
+
+    Parameters
+    ----------
+    path : path
+        The file; its ending says how it is read.
+    config : FileMeasurement
+        Scale, and dataset or band.
+    shape : (int, int), optional
+        Size that the image must have.
+
+    Returns
+    -------
+    ndarray of float32, shape (rows, columns)
+        Backscatter [dB], NaN where there is none: no-data, zero or negative power.
+
+    Raises
+    ------
+    MeasurementError
+        The file cannot be read, holds something else, or its numbers contradict the scale.
+    """
+    values = read_values(path, config)
+    if values.ndim != 2:
+        raise MeasurementError(f"measurement.path: {path} holds an array of shape {values.shape}, expected an image.")
+    if shape is not None and values.shape != shape:
+        raise MeasurementError(
+            f"measurement.path: {path} has {values.shape[0]} x {values.shape[1]} pixels, the scene's image "
+            f"{shape[0]} x {shape[1]}: crop or resample it to the same grid."
+        )
+    kinds, wanted = ("c", "complex numbers") if config.scale == "complex" else ("fiu", "real numbers")
+    if values.dtype.kind not in kinds:
+        raise MeasurementError(
+            f"measurement.path: {path} holds {values.dtype}, expected {wanted} for measurement.scale: {config.scale}."
+        )
+    if not np.isfinite(values).any():
+        raise MeasurementError(f"measurement.path: {path} holds no finite number.")
+    return to_db(values, config.scale, path)
+
+
+def to_db(values: Values, scale: str, path: Path) -> NDArray[np.float32]:
+    """Numbers of a declared scale to dB.
+
+    Parameters
+    ----------
+    values : ndarray, shape (rows, columns)
+        dB, linear power, linear amplitude, or complex amplitude.
+    scale : {'db', 'power', 'amplitude', 'complex'}
+        Which of these.
+    path : path
+        For messages.
+
+    Returns
+    -------
+    ndarray of float32, shape (rows, columns)
+        10 log10 of the power [dB], NaN where it is not positive.
+
+    Raises
+    ------
+    MeasurementError
+        Too many negative numbers for power or amplitude, or none where dB must have some.
+    """
+    if scale == "db":
+        image = values.astype(np.float64)
+        finite = image[np.isfinite(image)]
+        # speckle spreads dB by 2 and more, so that an image with its median near 0 dB has negative values
+        if finite.min() >= 0 and np.median(finite) < 3.0:
+            raise MeasurementError(
+                f"measurement.path: the values of {path} run from {finite.min():.3g} to {finite.max():.3g} with median "
+                f"{np.median(finite):.3g}, none negative, which looks like power: set measurement.scale: power."
+            )
+        return image.astype(np.float32)
+    if scale != "complex":
+        finite = values[np.isfinite(values)]
+        negative = np.count_nonzero(finite < 0)
+        if negative > (_NEGATIVE_SHARE * finite.size if scale == "power" else 0):
+            raise MeasurementError(
+                f"measurement.path: {negative} of {finite.size} values of {path} are negative, which {scale} "
+                "cannot be: if the file is in dB, set measurement.scale: db."
+            )
+    factor = 10.0 if scale == "power" else 20.0
+    size = np.abs(values) if scale == "complex" else values
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(size > 0, factor * np.log10(size, dtype=np.float64), np.nan).astype(np.float32)
+
+
+def read_values(path: Path, config: FileMeasurement) -> Values:
+    """Numbers of a file as they are; no-data as NaN where the format knows it.
+
+    Raises
+    ------
+    MeasurementError
+        The file cannot be read or does not hold the dataset or band.
+    """
+    reader = _READERS.get(path.suffix.lower(), _raster)
+    try:
+        return reader(path, config)
+    except MeasurementError:
+        raise
+    except Exception as error:  # what the libraries raise on damaged files has no common base
+        raise MeasurementError(f"measurement.path: {path} cannot be read as {_KINDS[reader]} ({error}).") from None
+
+
+def _raster(path: Path, config: FileMeasurement) -> Values:
+    import rasterio
+    from rasterio.errors import NotGeoreferencedWarning
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)
+        with rasterio.open(path) as raster:
+            band = config.band
+            if band is None:
+                if raster.count != 1:
+                    raise MeasurementError(
+                        f"measurement.path: {path} has {raster.count} bands, expected one: say which with "
+                        "measurement.band."
+                    )
+                band = 1
+            if band > raster.count:
+                raise MeasurementError(f"measurement.band is {band}, {path} has {raster.count}.")
+            values = raster.read(band, masked=True)
+    if values.dtype.kind not in "fiuc":
+        raise MeasurementError(f"measurement.path: {path} holds {values.dtype}, expected real or complex numbers.")
+    return np.asarray(values.astype(np.complex128 if values.dtype.kind == "c" else np.float64).filled(np.nan))
+
+
+def _chosen(names: list[str], path: Path, config: FileMeasurement) -> str:
+    """Name of the dataset to read."""
+    if config.dataset is None:
+        if len(names) == 1:
+            return names[0]
+        raise MeasurementError(
+            f"measurement.path: {path} holds {', '.join(names) or 'no array'}: say which with measurement.dataset."
+        )
+    if config.dataset not in names:
+        raise MeasurementError(
+            f"measurement.dataset is {config.dataset!r}, {path} holds {', '.join(names) or 'no array'}."
+        )
+    return config.dataset
+
+
+def _npy(path: Path, config: FileMeasurement) -> Values:  # noqa: ARG001 - one shape for all readers
+    return np.asarray(np.load(path, allow_pickle=False))
+
+
+def _npz(path: Path, config: FileMeasurement) -> Values:
+    with np.load(path, allow_pickle=False) as archive:
+        return np.asarray(archive[_chosen(list(archive.files), path, config)])
+
+
+def _hdf5(path: Path, config: FileMeasurement) -> Values:
+    import h5py
+
+    with h5py.File(path, "r") as file:
+        found: list[str] = []
+        file.visititems(lambda name, item: found.append(name) if isinstance(item, h5py.Dataset) else None)
+        return np.asarray(file[_chosen(found, path, config)][()])
+
+
+def _mat(path: Path, config: FileMeasurement) -> Values:
+    from scipy.io import loadmat, whosmat
+
+    try:
+        names = [name for name, _, kind in whosmat(path) if kind in ("double", "single") or "int" in kind]
+        return np.asarray(loadmat(path, variable_names=[name := _chosen(names, path, config)])[name])
+    except NotImplementedError:  # version 7.3 is HDF5, with the axes the other way round
+        values = _hdf5(path, config).T
+        if values.dtype.names == ("real", "imag"):
+            values = values["real"] + 1j * values["imag"]
+        return values
+
+
+_Reader = Callable[[Path, FileMeasurement], Values]
+_READERS: dict[str, _Reader] = {".npy": _npy, ".npz": _npz, ".mat": _mat, ".h5": _hdf5, ".hdf5": _hdf5}
+_KINDS: dict[_Reader, str] = {
+    _raster: "a raster",
+    _npy: "a numpy array",
+    _npz: "numpy arrays",
+    _mat: "a MATLAB file",
+    _hdf5: "HDF5",
+}

@@ -1,0 +1,155 @@
+"""Every format round-trips; every broken file ends in its sentence."""
+
+from __future__ import annotations
+
+import contextlib
+import warnings
+
+import h5py
+import numpy as np
+import pytest
+import rasterio
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from rasterio.errors import NotGeoreferencedWarning
+from scipy.io import savemat
+
+from radcal.config import FileMeasurement
+from radcal.errors import MeasurementError
+from radcal.measurement.readers import read_image_db
+
+POWER = np.random.default_rng(1).gamma(4, 0.025, (40, 30))
+DB = 10.0 * np.log10(POWER)
+PHASE = np.exp(2j * np.pi * np.random.default_rng(2).random((40, 30)))
+SCALES = {"db": DB, "power": POWER, "amplitude": np.sqrt(POWER), "complex": np.sqrt(POWER) * PHASE}
+
+
+def write_tif(path, values):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)
+        bands = values if values.ndim == 3 else values[None]
+        with rasterio.open(
+            path, "w", driver="GTiff", count=len(bands), height=bands.shape[1], width=bands.shape[2], dtype=values.dtype
+        ) as raster:
+            raster.write(bands)
+
+
+def write_h5(path, values):
+    with h5py.File(path, "w") as file:
+        file["image/values"] = values
+
+
+def write_mat73(path, values):
+    """MATLAB 7.3: HDF5 with a user block, axes the other way round, complex numbers as pairs."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        if np.iscomplexobj(values):
+            pairs = np.empty(values.T.shape, dtype=[("real", "f8"), ("imag", "f8")])
+            pairs["real"], pairs["imag"] = values.T.real, values.T.imag
+            file["image"] = pairs
+        else:
+            file["image"] = values.T
+    header = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM"
+    with path.open("r+b") as handle:
+        handle.write(header)
+
+
+WRITERS = {
+    "image.tif": write_tif,
+    "image.npy": np.save,
+    "image.npz": lambda path, values: np.savez(path, image=values),
+    "image.mat": lambda path, values: savemat(path, {"image": values}),
+    "new.mat": write_mat73,
+    "image.h5": write_h5,
+}
+
+
+def read(path, scale="power", **keys):
+    return read_image_db(path, FileMeasurement(path=str(path), scale=scale, **keys))
+
+
+@pytest.mark.parametrize("scale", SCALES)
+@pytest.mark.parametrize("name", WRITERS)
+def test_every_format_and_scale_gives_the_same_db(tmp_path, name, scale):
+    WRITERS[name](tmp_path / name, SCALES[scale])
+    found = read(tmp_path / name, scale)
+    assert found.dtype == np.float32
+    np.testing.assert_allclose(found, DB, atol=1e-4)
+
+
+def test_zeros_negative_power_and_gaps_are_no_values(tmp_path):
+    values = np.tile(POWER, (5, 5))
+    values[0, 0], values[0, 1], values[0, 2] = 0.0, -0.01, np.nan
+    np.save(tmp_path / "a.npy", values)
+    found = read(tmp_path / "a.npy")
+    assert np.flatnonzero(np.isnan(found)).tolist() == [0, 1, 2]
+
+
+def test_band_and_dataset_are_chosen_by_name(tmp_path):
+    write_tif(tmp_path / "two.tif", np.stack([POWER, 2 * POWER]))
+    np.savez(tmp_path / "two.npz", hh=POWER, hv=2 * POWER)
+    np.testing.assert_allclose(read(tmp_path / "two.tif", band=2), DB + 10 * np.log10(2), atol=1e-4)
+    np.testing.assert_allclose(read(tmp_path / "two.npz", dataset="hv"), DB + 10 * np.log10(2), atol=1e-4)
+    for name, words in (("two.tif", "2 bands, expected one: .*measurement.band"), ("two.npz", "hh, hv: .*dataset")):
+        with pytest.raises(MeasurementError, match=words):
+            read(tmp_path / name)
+    with pytest.raises(MeasurementError, match="measurement.band is 3, .* has 2"):
+        read(tmp_path / "two.tif", band=3)
+    with pytest.raises(MeasurementError, match="dataset is 'vv', .* holds hh, hv"):
+        read(tmp_path / "two.npz", dataset="vv")
+
+
+@pytest.mark.parametrize(
+    ("values", "scale", "words"),
+    [
+        (DB, "power", "which power cannot be: .*scale: db"),
+        (DB, "amplitude", "which amplitude cannot be"),
+        (POWER, "db", "looks like power"),
+        (POWER, "complex", "float64, expected complex numbers"),
+        (SCALES["complex"], "power", "complex128, expected real numbers"),
+        (np.full((4, 5), np.nan), "power", "no finite number"),
+        (np.zeros((0, 5)), "power", "no finite number"),
+        (np.ones((2, 3, 4)), "power", r"shape \(2, 3, 4\), expected an image"),
+    ],
+)
+def test_numbers_that_contradict_the_scale_are_told(tmp_path, values, scale, words):
+    np.save(tmp_path / "a.npy", values)
+    with pytest.raises(MeasurementError, match=words):
+        read(tmp_path / "a.npy", scale)
+
+
+def test_pickled_objects_are_never_loaded(tmp_path):
+    np.save(tmp_path / "a.npy", np.array([{"a": 1}], dtype=object))
+    with pytest.raises(MeasurementError, match="cannot be read as a numpy array"):
+        read(tmp_path / "a.npy")
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_empty_and_wrong_files_end_in_a_sentence(tmp_path, name):
+    for content in (b"", b"no image at all", bytes(range(256)) * 20):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(MeasurementError, match=r"^measurement\.path: .* (cannot be read as|holds)"):
+            read(tmp_path / name)
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("files")
+    for name, write in WRITERS.items():
+        write(folder / name, POWER)
+    return {name: (folder / name).read_bytes() for name in WRITERS}
+
+
+@pytest.mark.parametrize("name", WRITERS)
+@given(data=st.data())
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_damage_gives_an_image_or_a_sentence(tmp_path, files, name, data):
+    content = bytearray(files[name])
+    if data.draw(st.booleans()):
+        content = content[: data.draw(st.integers(0, len(content) - 1))]
+    for _ in range(data.draw(st.integers(0, 4))):
+        if content:
+            content[data.draw(st.integers(0, len(content) - 1))] ^= 1 << data.draw(st.integers(0, 7))
+    (tmp_path / name).write_bytes(bytes(content))
+    # anything but a MeasurementError gets through and fails
+    with contextlib.suppress(MeasurementError):
+        assert read(tmp_path / name).ndim == 2
