@@ -98,7 +98,7 @@ def test_several_materials_share_each_run(project):
             "lake": {"calibrate": True, "law": "mangia", "start": [5, 5, 5, 5]},
         },
         measurement={"synthetic": {"parameters": truth, "seed": 2}},
-        stop={"rms": 5e-3, "max_runs": 16},
+        stop={"rms": 5e-3, "max_runs": 14},
     )
     done = project.run("--configfile", "tiny.yaml")
     assert done.returncode == 0, done.stdout
