@@ -19,7 +19,7 @@ from threadpoolctl import threadpool_limits
 from radcal.calibration.loop import calibrate
 from radcal.config import Case, load
 from radcal.measurement.sources import make_measurement
-from radcal.measurement.target import make_target
+from radcal.measurement.target import Targets, make_target
 from radcal.radar.geometry import make_geometry
 from radcal.report.summary import law_difference_db
 from radcal.scene.sources import make_scene
@@ -48,7 +48,7 @@ def main() -> None:
             )
             measurement = make_measurement(case, geometry, simulator)
             target = make_target("dyke", geometry, measurement, case.target, case.seed)
-            history, decision = calibrate(case, runner, {"dyke": target})
+            history, decision = calibrate(case, runner, Targets({"dyke": target}))
             best = history.best("dyke")
             hidden = measurement.hidden["dyke"]
             differences.append(law_difference_db("mangia", best.parameters["dyke"], hidden, target.incidence_deg))

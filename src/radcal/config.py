@@ -249,7 +249,14 @@ class Target(_Strict):
     margin_px: Annotated[int, Field(ge=0, le=100)] = Field(
         1, description="pixels this near to another material are left out"
     )
-    normalisation: Literal["none"] = Field("none", description="none: levels are compared as they are")
+    snr_db: Finite = Field(0.0, description="pixels whose surroundings rise less above radar.nesz_db are left out [dB]")
+    leave_out_point_targets: bool = Field(True, description="pixels far above what speckle allows are left out")
+    normalisation: Literal["none", "offset", "image"] = Field(
+        "none", description="none, offset (a level seen in the fixed materials) or image (zero median, unit range)"
+    )
+    reference_materials: list[str] | None = Field(
+        None, description="materials of a fixed law that say the measured image's level; all of them if missing"
+    )
     incidence_classes: Literal[1] = Field(1, description="targets per material")
 
 
@@ -372,6 +379,18 @@ class Case(_Strict):
                         f"measurement.synthetic.parameters.{name} has {len(x)} numbers, "
                         f"law {self.materials[name].law!r} takes {d}"
                     )
+        for name in self.target.reference_materials or []:
+            if name not in self.materials:
+                raise ValueError(f"target.reference_materials: no material {name!r}{_nearest(name, self.materials)}")
+            if self.materials[name].calibrate:
+                raise ValueError(
+                    f"target.reference_materials: {name!r} is calibrated, expected a material with fixed parameters"
+                )
+        if self.target.normalisation == "offset" and not self.reference_materials:
+            raise ValueError(
+                "target.normalisation is offset, expected at least one material with fixed parameters "
+                "(calibrate: false) to say the level, found none"
+            )
         if self.stop.max_runs < self.design.size:
             raise ValueError(
                 f"stop.max_runs is {self.stop.max_runs}, expected at least design.size ({self.design.size})"
@@ -382,6 +401,13 @@ class Case(_Strict):
     def calibrated(self) -> list[str]:
         """Names of the materials to calibrate, in the order of the file."""
         return [name for name, material in self.materials.items() if material.calibrate]
+
+    @property
+    def reference_materials(self) -> list[str]:
+        """Names of the materials that say the measured image's level."""
+        if self.target.reference_materials is not None:
+            return list(self.target.reference_materials)
+        return [name for name, material in self.materials.items() if not material.calibrate]
 
     def sections(self, *names: str) -> dict[str, Any]:
         """Return the named sections as plain data, for a rule's ``params``."""

@@ -18,6 +18,7 @@ from radcal.calibration.history import (
 )
 from radcal.errors import StoreError
 from radcal.files import write_json
+from radcal.measurement.target import Targets
 from radcal.store import Record, RunStore
 
 
@@ -74,7 +75,8 @@ def test_files_round_trip_to_the_last_bit(tmp_path):
 
 def test_score_asks_every_target():
     record = Record("k", {"a": np.zeros(3, np.float32), "b": np.ones(3, np.float32)}, None, 0.2)
-    targets = {name: SimpleNamespace(score=lambda p: (np.array([p[0], 1.0, 0.0]), float(p[0]))) for name in "ab"}
+    one = SimpleNamespace(score=lambda p, mapping: (np.array([p[0], *mapping]), float(p[0])))
+    targets = Targets(dict.fromkeys("ab", one))
     found = score("design", 4, record, {"a": [1.0], "b": [2.0], "fixed": [3.0]}, targets)
     assert found.rms == {"a": 0.0, "b": 1.0}
     assert found.parameters == {"a": [1.0], "b": [2.0]}

@@ -9,7 +9,7 @@ from radcal.calibration.loop import calibrate
 from radcal.calibration.steps import progress_line, propose_all, train_all
 from radcal.config import Stop, case_from
 from radcal.measurement.sources import make_measurement
-from radcal.measurement.target import make_target
+from radcal.measurement.target import Targets, make_target
 from radcal.radar.geometry import make_geometry
 from radcal.scene.model import Scene
 from radcal.scene.slant_range import flat_incidence_deg
@@ -44,7 +44,7 @@ def parts():
     geometry = make_geometry(scene, case.radar)
     simulator = BuiltinSimulator(geometry, case.radar, {name: m.law for name, m in case.materials.items()})
     measurement = make_measurement(case, geometry, simulator)
-    targets = {name: make_target(name, geometry, measurement, case.target, case.seed) for name in TRUTH}
+    targets = Targets({name: make_target(name, geometry, measurement, case.target, case.seed) for name in TRUTH})
     return case, simulator, geometry, scene, targets
 
 

@@ -134,13 +134,22 @@ def test_wall_leaves_empty_pixels_behind_it(build_scene: Build, look_side: str) 
     assert (geometry.material[empty] == 0).all()
     assert np.isnan(geometry.incidence_deg[empty]).all()
     assert np.isfinite(geometry.incidence_deg[~empty]).all()
+    assert geometry.shadow[empty].all()
+    # in front, the wall's top is nearer than its foot by what it rises towards the radar
+    foot = altitude / np.tan(np.radians(depression)) - 8.0
+    depth = np.hypot(foot, height) - np.hypot(foot, height - wall)
+    assert depth > 4
+    assert np.count_nonzero(geometry.layover, axis=0)[4:-4] == pytest.approx(depth, abs=3)
 
 
 def test_left_mirrors_right(scene: Scene, radar: Radar) -> None:
     mirrored = replace(scene, material=scene.material[:, ::-1], elevation_m=scene.elevation_m[:, ::-1])
     right = make_geometry(scene, radar)
     left = make_geometry(mirrored, radar.model_copy(update={"look_side": "left"}))
-    assert_equal(left, right)
+    ground = left.ground.copy()  # the scene's columns run east whichever way the radar looks
+    ground[1] = scene.material.shape[1] - 1 - ground[1]
+    np.testing.assert_allclose(ground, right.ground, atol=1e-4)
+    assert_equal(replace(left, ground=right.ground), right)
     other = make_geometry(scene, radar.model_copy(update={"look_side": "left"}))
     assert not np.array_equal(other.material, right.material)
     # the dyke is in the west: near for a radar that looks east, far for one that looks west

@@ -16,7 +16,7 @@ from radcal.config import Case, Registration, Stop, case_from
 from radcal.measurement.goodness import Goodness
 from radcal.measurement.model import Measurement
 from radcal.measurement.registration import Registered, register
-from radcal.measurement.target import Target
+from radcal.measurement.target import Target, Targets
 from radcal.radar.geometry import Geometry
 from radcal.report.archive import write_archive
 from radcal.store import Record, RunStore
@@ -37,7 +37,7 @@ class Made:
     case: Case
     stop: Stop
     history: History
-    targets: dict[str, Target]
+    targets: Targets
     final: tuple[Record, Record]
     registered: Registered
     geometry: Geometry
@@ -90,6 +90,9 @@ def make_archive(
         facets=np.ones(shape, dtype=np.int32),
         material=material,
         incidence_deg=incidence,
+        layover=np.zeros(shape, dtype=bool),
+        shadow=np.zeros(shape, dtype=bool),
+        ground=np.full((2, *shape), np.nan, dtype=np.float32),
     )
 
     def image() -> Any:
@@ -102,7 +105,7 @@ def make_archive(
         measured[rng.random(shape) < 0.02] = np.nan
     measurement = Measurement(measured, source, dict.fromkeys(hidden, HIDDEN))
 
-    targets = {}
+    targets = Targets({})
     for name in shifts:
         visible = geometry.pixels(name)
         eligible = visible[np.isfinite(measured.ravel()[visible])]
@@ -119,6 +122,7 @@ def make_archive(
             effective=100.0,
             rms_sampling=0.004,
             cp_error=np.array([0.2, 0.1, 0.15]) * (1.0 if name != "stem beans" else np.nan),
+            left_out={"near other ground": 12, "without data": 3},
             goodness=Goodness(0.04, 0.4, 0.5, 0.01 if name == "stem beans" else 0.3),
         )
 

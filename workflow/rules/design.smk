@@ -1,6 +1,6 @@
 # The reference run and the initial design. Runs are kept in the run store, which every job asks
-# first; the files below only index it. The measurement is ancient(): it must have been checked
-# and registered before a run is spent, but no change of it makes a finished run stale. ancient() marks the very
+# first; the files below only index it. Measurement and target are ancient(): they must have been
+# checked before a run is spent, but no change of them makes a finished run stale. ancient() marks the very
 # object it is given: given rules.x.output.y it would make that output ancient for every rule.
 
 # what determines a run's numbers, and which jobs must therefore run again when it changes
@@ -36,7 +36,7 @@ rule design_chunk:
     input:
         scene=rules.scene.output.scene,
         geometry=rules.geometry.output.geometry,
-        registered=ancient(f"{OUT}/registered.h5"),
+        target=ancient(f"{OUT}/target.h5"),
         reference=ancient(f"{OUT}/reference.json"),
     output:
         index=f"{OUT}/design/{{chunk}}.json",

@@ -50,6 +50,7 @@ rule registration:
 rule target:
     input:
         geometry=rules.geometry.output.geometry,
+        reference=f"{OUT}/reference.json",
         registered=rules.registration.output.registered,
     output:
         target=update(f"{OUT}/target.h5"),
@@ -62,7 +63,8 @@ rule target:
         mem_mb=1000,
         runtime=10,
     params:
-        case=CASE.sections("seed", "materials", "target"),
+        case=CASE.sections("seed", "materials", "radar", "target"),
+        runs=f"{OUT}/runs",
     message:
         "target densities"
     script:

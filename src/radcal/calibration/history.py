@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from radcal.errors import StoreError
 from radcal.files import read_json, write_json
-from radcal.measurement.target import Target
+from radcal.measurement.target import Targets
 from radcal.store import Parameters, Record, RunStore
 
 __all__ = [
@@ -91,11 +91,11 @@ def score(
     index: int,
     record: Record,
     parameters: Parameters,
-    targets: Mapping[str, Target],
+    targets: Targets,
     proposals: Mapping[str, Proposal] | None = None,
 ) -> Run:
     """Score a record against the targets."""
-    scored = {name: target.score(record.pixels_db[name]) for name, target in targets.items()}
+    scored = targets.score(record.pixels_db)
     return Run(
         kind=kind,
         index=index,

@@ -6,14 +6,14 @@ same runs, bit for bit.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 from radcal.calibration.design import design_points
 from radcal.calibration.history import History, score
 from radcal.calibration.steps import noise_seed, propose_all, reference_parameters, train_all, verify
 from radcal.calibration.stopping import Decision, decide
 from radcal.config import Case
-from radcal.measurement.target import Target
+from radcal.measurement.target import Targets
 from radcal.store import Runner
 
 __all__ = ["calibrate"]
@@ -22,7 +22,7 @@ __all__ = ["calibrate"]
 def calibrate(
     case: Case,
     runner: Runner,
-    targets: Mapping[str, Target],
+    targets: Targets,
     report: Callable[[History], None] = lambda _: None,
 ) -> tuple[History, Decision]:
     """Run reference, design and infill until every material has ended.

@@ -18,7 +18,7 @@ from radcal.calibration.infill import propose
 from radcal.calibration.stopping import decide
 from radcal.calibration.surrogate import OUTPUTS, Surrogate
 from radcal.config import Case, Optimiser, Stop
-from radcal.measurement.target import Target
+from radcal.measurement.target import Targets
 from radcal.radar.geometry import read_geometry
 from radcal.scene.model import read_scene
 from radcal.seeds import derived_seed
@@ -137,7 +137,7 @@ def train_all(
 
 def propose_all(
     surrogates: Mapping[str, Surrogate],
-    targets: Mapping[str, Target],
+    targets: Targets,
     history: History,
     case: Case,
     iteration: int,
@@ -187,9 +187,7 @@ def propose_all(
     return {name: found.get(name) or Proposal(list(best[name].parameters[name]), "ended") for name in targets}
 
 
-def verify(
-    proposals: Mapping[str, Proposal], targets: Mapping[str, Target], runner: Runner, case: Case, iteration: int
-) -> Run:
+def verify(proposals: Mapping[str, Proposal], targets: Targets, runner: Runner, case: Case, iteration: int) -> Run:
     """Simulate the proposals in one run and score it."""
     parameters = all_parameters(case, {name: proposal.parameters for name, proposal in proposals.items()})
     record = runner.run(parameters, noise_seed(case))

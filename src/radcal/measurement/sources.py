@@ -11,8 +11,8 @@ from radcal.config import Case, FileMeasurement, Synthetic, expand_path
 from radcal.errors import FitError, MeasurementError
 from radcal.measurement.displacement import invert, warp
 from radcal.measurement.model import Measurement
+from radcal.measurement.pixels import eligible_pixels
 from radcal.measurement.readers import read_image_db
-from radcal.measurement.target import eligible_pixels
 from radcal.radar.geometry import Geometry
 from radcal.seeds import derived_rng, derived_seed
 from radcal.simulators.protocol import Simulator
@@ -45,7 +45,7 @@ def make_measurement(case: Case, geometry: Geometry, simulator: Simulator) -> Me
     else:
         measurement = _synthetic(case, case.measurement.synthetic, simulator)
     for name in case.calibrated:
-        pixels = eligible_pixels(name, geometry, measurement, case.target)
+        pixels = eligible_pixels(name, geometry, measurement, case.target).pixels
         try:
             skewnormal.fit(measurement.image_db.ravel()[pixels])
         except FitError as error:

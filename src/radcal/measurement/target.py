@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import h5py
@@ -11,25 +12,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal import skewnormal
+from radcal.config import Case
 from radcal.config import Target as TargetConfig
-from radcal.errors import MeasurementError
+from radcal.errors import MeasurementError, StoreError
 from radcal.files import write_hdf5
 from radcal.measurement.goodness import Goodness, effective_sample_size, goodness_of_fit
+from radcal.measurement.levels import Levels, image_levels, offset_levels
 from radcal.measurement.model import Measurement
+from radcal.measurement.pixels import eligible_pixels, noise_limited, point_targets
+from radcal.measurement.registration import Registered
 from radcal.radar.geometry import Geometry
 from radcal.seeds import derived_rng
 
 __all__ = [
-    "MINIMUM_PIXELS",
     "Target",
-    "eligible_pixels",
+    "Targets",
+    "make_levels",
     "make_target",
+    "make_targets",
     "read_targets",
     "sampling_rms",
     "write_targets",
 ]
 
-MINIMUM_PIXELS = 50
+_SCHEMA = 2
+# parameters are kept to this share of the standard deviation, a thousandth of what 1,000 pixels tell: what
+# changes them by rounding only, such as another level of the same image, does not change the calibration
+_SETTLED = 1e-5
+_LEVEL_PIXELS = 1000  # of each reference material
 
 
 @dataclass(frozen=True)
@@ -42,8 +52,8 @@ class Target:
         Flat image indices of the pixels drawn.
     order : ndarray of int64, shape (n,)
         Their places in a record's pixels of the material.
-    values_db : ndarray of float32, shape (n,)
-        Measured backscatter [dB].
+    values_db : ndarray, shape (n,)
+        Measured backscatter [dB], mapped by the levels: no longer dB for ``image``.
     incidence_deg : ndarray of float32, shape (n,)
         Local incidence angle [deg].
     dp : ndarray, shape (3,)
@@ -60,11 +70,13 @@ class Target:
         Standard errors of mean [dB], standard deviation [dB] and skewness; NaN at the boundary.
     goodness : Goodness
         How well the density describes the pixels.
+    left_out : mapping
+        The material's other visible pixels by reason.
     """
 
     pixels: NDArray[np.int64]
     order: NDArray[np.int64]
-    values_db: NDArray[np.float32]
+    values_db: NDArray[np.float64]
     incidence_deg: NDArray[np.float32]
     dp: NDArray[np.float64]
     eligible: int
@@ -73,19 +85,24 @@ class Target:
     rms_sampling: float
     cp_error: NDArray[np.float64]
     goodness: Goodness
+    left_out: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def cp(self) -> NDArray[np.float64]:
         """Centred parameters of the target."""
         return skewnormal.centred(self.dp)
 
-    def score(self, pixels_db: NDArray[np.float32]) -> tuple[NDArray[np.float64], float]:
+    def score(
+        self, pixels_db: NDArray[np.float32], mapping: tuple[float, float] = (0.0, 1.0)
+    ) -> tuple[NDArray[np.float64], float]:
         """Fit the same pixels of a run.
 
         Parameters
         ----------
         pixels_db : ndarray
             Visible pixels of the material in a run [dB].
+        mapping : (float, float)
+            Shift and scale of the run's levels [dB].
 
         Returns
         -------
@@ -94,55 +111,39 @@ class Target:
         rms : float
             Its difference from the target [1/dB].
         """
-        dp = skewnormal.fit(pixels_db[self.order]).dp
+        dp = skewnormal.fit(Levels.apply(pixels_db[self.order], mapping)).dp
         return dp, skewnormal.density_rms(dp, self.dp)
 
 
-def eligible_pixels(
-    name: str,
-    geometry: Geometry,
-    measurement: Measurement,
-    config: TargetConfig,
-    uncertainty_px: NDArray[np.float32] | None = None,
-) -> NDArray[np.int64]:
-    """Flat indices of the pixels of a material that may be drawn, ascending.
+class Targets(dict[str, Target]):
+    """Targets by calibrated material, and the levels that they and every run are compared at.
 
     Parameters
     ----------
-    name : str
-        Material.
-    geometry : Geometry
-        Material masks.
-    measurement : Measurement
-        Registered image.
-    config : Target
-        Margin to other materials.
-    uncertainty_px : ndarray, shape (rows, columns), optional
-        Standard error of the registration [pixels], 0 where there was none: two of them, and
-        the half pixel that nearest neighbours may be off, widen the margin.
-
-    Raises
-    ------
-    MeasurementError
-        The material has no finite pixel or fewer than 50.
+    targets : mapping
+        Target by material.
+    levels : Levels
+        What is taken out of both images.
     """
-    margin: int | NDArray[np.int64] = config.margin_px
-    if uncertainty_px is not None:
-        margin = margin + np.where(uncertainty_px > 0, np.ceil(2.0 * uncertainty_px + 0.5), 0).astype(np.int64)
-    visible = geometry.pixels(name, margin)
-    finite = visible[np.isfinite(measurement.image_db.ravel()[visible])]
-    if visible.size >= MINIMUM_PIXELS and finite.size == 0:
-        raise MeasurementError(
-            f"materials.{name}: all {visible.size} of its pixels in the measured image ({measurement.source}) are NaN."
-        )
-    if finite.size < MINIMUM_PIXELS:
-        raise MeasurementError(
-            f"materials.{name}: {finite.size} usable pixels, expected at least {MINIMUM_PIXELS} "
-            f"(visible {geometry.pixels(name).size}; {visible.size} of them further than target.margin_px = "
-            f"{config.margin_px}{' and two standard errors of the registration' if uncertainty_px is not None else ''} "
-            f"from other materials; {finite.size} of those finite in {measurement.source})."
-        )
-    return finite
+
+    def __init__(self, targets: Mapping[str, Target], levels: Levels | None = None) -> None:
+        super().__init__(targets)
+        self.levels = levels or Levels()
+
+    def score(self, pixels_db: Mapping[str, NDArray[np.float32]]) -> dict[str, tuple[NDArray[np.float64], float]]:
+        """Direct parameters and rms [1/dB] of every material in a run, from its visible pixels [dB]."""
+        mapping = self.levels.simulated(pixels_db)
+        return {name: target.score(pixels_db[name], mapping) for name, target in self.items()}
+
+    def sentences(self) -> list[str]:
+        """What is compared, a line for the levels and one for each material."""
+        levels = self.levels
+        lines = [f"levels: {levels.sentence}"] if levels.normalisation != "none" or levels.doubtful else []
+        for name, target in self.items():
+            mean, sd, skewness = target.cp
+            size = f"target of {name}: {len(target.pixels)} pixels"
+            lines.append(f"{size}, {mean:.2f} +- {sd:.2f} {levels.unit}, skewness {skewness:.2f}")
+        return lines
 
 
 def sampling_rms(dp: NDArray[np.float64], n: int, rng: np.random.Generator, draws: int = 40) -> float:
@@ -168,6 +169,14 @@ def sampling_rms(dp: NDArray[np.float64], n: int, rng: np.random.Generator, draw
     return float(np.median(found))
 
 
+def _settled(dp: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Direct parameters whose centred ones are rounded."""
+    mean, sd, skewness = skewnormal.centred(dp)
+    step = _SETTLED * 2.0 ** np.floor(np.log2(sd))
+    rounded = [np.round(mean / step) * step, np.round(sd / step) * step, np.round(skewness / _SETTLED) * _SETTLED]
+    return skewnormal.direct(rounded)
+
+
 def make_target(
     name: str,
     geometry: Geometry,
@@ -175,15 +184,20 @@ def make_target(
     config: TargetConfig,
     seed: int,
     uncertainty_px: NDArray[np.float32] | None = None,
+    *,
+    levels: Levels | None = None,
+    flags: Mapping[str, NDArray[np.bool_]] | None = None,
 ) -> Target:
     """Draw a material's pixels without replacement and fit their density.
 
     Parameters
     ----------
-    name, geometry, measurement, config, uncertainty_px
-        As for :func:`eligible_pixels`.
+    name, geometry, measurement, config, uncertainty_px, flags
+        As for :func:`~radcal.measurement.pixels.eligible_pixels`.
     seed : int
         Of the draw.
+    levels : Levels, optional
+        What is taken out of the measured values.
 
     Raises
     ------
@@ -192,50 +206,150 @@ def make_target(
     FitError
         The pixels cannot be fitted.
     """
-    eligible = eligible_pixels(name, geometry, measurement, config, uncertainty_px)
+    eligible = eligible_pixels(name, geometry, measurement, config, uncertainty_px, flags)
     rng = derived_rng(seed, "target", name)
-    drawn = np.sort(rng.choice(eligible, size=min(config.pixels, eligible.size), replace=False))
-    values = measurement.image_db.ravel()[drawn]
+    drawn = np.sort(rng.choice(eligible.pixels, size=min(config.pixels, eligible.pixels.size), replace=False))
+    values = Levels.apply(measurement.image_db.ravel()[drawn], (levels or Levels()).measured)
     fit = skewnormal.fit(values)
-    effective = effective_sample_size(measurement.image_db, eligible, drawn)
+    effective = effective_sample_size(measurement.image_db, eligible.pixels, drawn)
     return Target(
         pixels=drawn,
         order=np.searchsorted(geometry.pixels(name), drawn),
         values_db=values,
         incidence_deg=geometry.incidence_deg.ravel()[drawn],
-        dp=fit.dp,
-        eligible=int(eligible.size),
+        dp=fit.dp if fit.at_boundary else _settled(fit.dp),
+        eligible=int(eligible.pixels.size),
         at_boundary=fit.at_boundary,
         effective=effective,
         rms_sampling=sampling_rms(fit.dp, max(8, round(effective)), rng),
         cp_error=np.sqrt(np.diagonal(skewnormal.covariance(values, fit, effective))),
         goodness=goodness_of_fit(values, fit.dp, rng, effective),
+        left_out=eligible.left_out,
     )
+
+
+def make_targets(case: Case, geometry: Geometry, registered: Registered, reference_db: NDArray[np.float32]) -> Targets:
+    """Targets of all calibrated materials, and the levels.
+
+    Parameters
+    ----------
+    case : Case
+        Sections ``seed``, ``materials``, ``radar`` and ``target`` are read.
+    geometry : Geometry
+        Of the pass.
+    registered : Registered
+        The measured image.
+    reference_db : ndarray, shape (rows, columns)
+        The reference run's image [dB].
+
+    Raises
+    ------
+    MeasurementError
+        A material has too few pixels, or no reference material says the level.
+    FitError
+        The pixels cannot be fitted.
+    """
+    measurement, config = registered.measurement, case.target
+    levels = make_levels(case, geometry, registered, reference_db)
+    level = 0.0 if config.normalisation == "none" else levels.offset_db
+    flags = {"in the noise": noise_limited(measurement.image_db, case.radar.nesz_db + level, config.snr_db)}
+    if config.leave_out_point_targets:
+        flags["point targets"] = point_targets(measurement.image_db, geometry.material, case.radar)
+    return Targets(
+        {
+            name: make_target(
+                name,
+                geometry,
+                measurement,
+                config,
+                case.seed,
+                registered.uncertainty_px,
+                levels=levels,
+                flags=flags,
+            )
+            for name in case.calibrated
+        },
+        levels,
+    )
+
+
+def make_levels(case: Case, geometry: Geometry, registered: Registered, reference_db: NDArray[np.float32]) -> Levels:
+    """Levels of the measured image against the reference run; arguments as for :func:`make_targets`.
+
+    Raises
+    ------
+    MeasurementError
+        ``offset`` is asked for and no reference material has enough pixels.
+    """
+    measurement, config = registered.measurement, case.target
+    if config.normalisation == "image":
+        calibrated = {name: geometry.names.index(name) + 1 for name in case.calibrated}
+        return image_levels(measurement.image_db, reference_db, geometry.material, calibrated)
+    differences, refused = {}, ""
+    for name in case.reference_materials:
+        try:
+            eligible = eligible_pixels(name, geometry, measurement, config, registered.uncertainty_px)
+        except MeasurementError as error:
+            refused = str(error)
+            continue
+        rng = derived_rng(case.seed, "levels", name)
+        drawn = np.sort(rng.choice(eligible.pixels, size=min(_LEVEL_PIXELS, eligible.pixels.size), replace=False))
+        effective = effective_sample_size(measurement.image_db, eligible.pixels, drawn)
+        measured, simulated = (
+            image.ravel()[drawn].astype(np.float64) for image in (measurement.image_db, reference_db)
+        )
+        error_db = float(np.sqrt((measured.var() + simulated.var()) / effective))
+        if error_db > 0.0:
+            differences[name] = (float(measured.mean() - simulated.mean()), error_db)
+    if config.normalisation == "offset" and not differences:
+        raise MeasurementError(f"target.normalisation: offset needs a material that says the level; {refused}")
+    return offset_levels(config.normalisation, differences)
 
 
 _ARRAYS = ("pixels", "order", "values_db", "incidence_deg", "dp", "cp_error")
 _SCALARS = ("eligible", "at_boundary", "effective", "rms_sampling")
 _GOODNESS = ("ks", "ks_p", "ad", "ad_p")
+_LEVELS = ("normalisation", "offset_db", "offset_error_db", "scale", "measured")
 
 
-def write_targets(path: str | Path, targets: Mapping[str, Target]) -> None:
-    """Write the targets of all materials to HDF5, atomically."""
+def write_targets(path: str | Path, targets: Targets) -> None:
+    """Write the targets of all materials, and the levels, to HDF5, atomically."""
     with write_hdf5(path, track_order=True) as file:
-        file.attrs["schema"] = 1
+        file.attrs["schema"] = _SCHEMA
+        materials = file.create_group("materials", track_order=True)
         for name, target in targets.items():
-            group = file.create_group(name)
+            group = materials.create_group(name)
             for key in _ARRAYS:
                 group[key] = getattr(target, key)
             for key in _SCALARS:
                 group.attrs[key] = getattr(target, key)
             for key in _GOODNESS:
                 group.attrs[key] = getattr(target.goodness, key)
+            group.attrs["left_out"] = json.dumps(target.left_out)
+        levels = file.create_group("levels")
+        for key in _LEVELS:
+            levels.attrs[key] = getattr(targets.levels, key)
+        levels.attrs["references"] = json.dumps(targets.levels.references)
+        levels.create_dataset("others_db", data=targets.levels.others_db, compression="gzip", compression_opts=1)
+        for name, places in targets.levels.valid.items():
+            levels.create_dataset(f"valid/{name}", data=places, compression="gzip", compression_opts=1)
 
 
-def read_targets(path: str | Path) -> dict[str, Target]:
-    """Read the targets that :func:`write_targets` wrote."""
+def read_targets(path: str | Path) -> Targets:
+    """Read the targets that :func:`write_targets` wrote.
+
+    Raises
+    ------
+    StoreError
+        Another version wrote them.
+    """
     with h5py.File(path, "r") as file:
-        return {
+        if file.attrs["schema"] != _SCHEMA:
+            raise StoreError(
+                f"{path}: written with schema {file.attrs['schema']}, this radcal reads {_SCHEMA}; type the same "
+                "command with --forcerun target at its end (finished runs are kept)."
+            )
+        targets = {
             name: Target(
                 **{key: group[key][()] for key in _ARRAYS},
                 eligible=int(group.attrs["eligible"]),
@@ -243,6 +357,20 @@ def read_targets(path: str | Path) -> dict[str, Target]:
                 effective=float(group.attrs["effective"]),
                 rms_sampling=float(group.attrs["rms_sampling"]),
                 goodness=Goodness(**{key: float(group.attrs[key]) for key in _GOODNESS}),
+                left_out=json.loads(group.attrs["left_out"]),
             )
-            for name, group in file.items()
+            for name, group in file["materials"].items()
         }
+        group = file["levels"]
+        shift, scale = group.attrs["measured"]
+        levels = Levels(
+            normalisation=str(group.attrs["normalisation"]),
+            offset_db=float(group.attrs["offset_db"]),
+            offset_error_db=float(group.attrs["offset_error_db"]),
+            scale=float(group.attrs["scale"]),
+            references=tuple(json.loads(group.attrs["references"])),
+            measured=(float(shift), float(scale)),
+            others_db=group["others_db"][()],
+            valid={name: item[()] for name, item in group["valid"].items()} if "valid" in group else {},
+        )
+        return Targets(targets, levels)

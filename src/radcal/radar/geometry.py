@@ -14,15 +14,24 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_cdt, map_coordinates
 
 from radcal.config import Radar
-from radcal.errors import SceneError
+from radcal.errors import SceneError, StoreError
 from radcal.files import write_hdf5
 from radcal.scene.model import Scene
 
-__all__ = ["Geometry", "local_incidence_cosine", "make_geometry", "read_geometry", "shadowed", "write_geometry"]
+__all__ = [
+    "Geometry",
+    "laid_over",
+    "local_incidence_cosine",
+    "make_geometry",
+    "read_geometry",
+    "shadowed",
+    "write_geometry",
+]
 
 # facets per pixel spacing; slopes falling away by more than about 35 degrees still leave some
 # visible pixels without a facet, which then count as invisible
 _FACETS_PER_PIXEL = 1.2
+_SCHEMA = 2
 
 
 @dataclass(frozen=True)
@@ -47,6 +56,14 @@ class Geometry:
         Material id where all visible facets of a pixel share one, else 0.
     incidence_deg : ndarray of float32, shape ``shape``
         Mean local incidence of the pixel's visible facets [deg], NaN where there is none.
+    layover : ndarray of bool, shape ``shape``
+        Whether facets of separate places, more than a pixel apart in slant range on the way
+        between them, share the pixel.
+    shadow : ndarray of bool, shape ``shape``
+        Whether some of the pixel's facets, or all, are hidden or face away.
+    ground : ndarray of float32, shape (2, rows, columns)
+        Mean row and column of the pixel's visible facets in the scene's grid, cell centres at
+        whole numbers; NaN where there is none, and in a slant-range scene.
     """
 
     shape: tuple[int, int]
@@ -57,6 +74,9 @@ class Geometry:
     facets: NDArray[np.int32]
     material: NDArray[np.uint8]
     incidence_deg: NDArray[np.float32]
+    layover: NDArray[np.bool_]
+    shadow: NDArray[np.bool_]
+    ground: NDArray[np.float32]
 
     def pixels(self, name: str, margin_px: int | NDArray[np.int64] = 0) -> NDArray[np.int64]:
         """Flat indices of the visible pixels that hold one material only.
@@ -130,6 +150,32 @@ def shadowed(look_rad: NDArray[np.float64]) -> NDArray[np.bool_]:
     return np.asarray(look_rad < horizon)
 
 
+def laid_over(slant_m: NDArray[np.float64], visible: NDArray[np.bool_], apart_m: float) -> NDArray[np.bool_]:
+    """Which facets share their slant range with others that lie elsewhere.
+
+    Parameters
+    ----------
+    slant_m : ndarray, shape (ny, nx)
+        Slant range; axis 1 is ground range, nearest first [m].
+    visible : ndarray of bool, shape (ny, nx)
+        Facets that return an echo; the others count for nothing.
+    apart_m : float
+        By how much slant range must fall back on the way between them [m].
+
+    Returns
+    -------
+    ndarray of bool, shape (ny, nx)
+        True where a visible facet further out is nearer to the radar, or one before it is
+        further from it: the active and the passive part of a layover (Schreier, "SAR
+        Geocoding: Data and Systems" (1993), chapter 6).
+    """
+    nearer = np.where(visible, slant_m, -np.inf)
+    further = np.where(visible, slant_m, np.inf)
+    before = np.maximum.accumulate(nearer, axis=1)
+    beyond = np.minimum.accumulate(further[:, ::-1], axis=1)[:, ::-1]
+    return np.asarray(visible & ((before > slant_m + apart_m) | (beyond < slant_m - apart_m)))
+
+
 def make_geometry(scene: Scene, radar: Radar) -> Geometry:
     """Geometry of a scene in one pass.
 
@@ -197,10 +243,22 @@ def _terrain_geometry(scene: Scene, radar: Radar) -> Geometry:
         raise SceneError(f"the image of the scene would have {rows} x {columns} pixels: use a finer pixel spacing.")
     row = np.floor((slant - first) / radar.range_spacing_m).astype(np.int64)
     column = np.floor((np.arange(ny * k) + 0.5) * size / radar.azimuth_spacing_m).astype(np.int64)[:, None]
-    visible &= (row >= 0) & (row < rows) & (column < columns)
-    pixel = (row * columns + column)[visible]
+    inside = (row >= 0) & (row < rows) & (column < columns)
+    laid = laid_over(slant, visible, radar.range_spacing_m) & inside
+    pixel = row * columns + column
+    hidden = pixel[inside & ~visible]
+    visible &= inside
+    # the scene's rows and columns, east to the right whichever way the radar looks
+    north, east = np.broadcast_arrays(along[:, None], nx - 1 - across if radar.look_side == "left" else across)
     return _assemble(
-        (rows, columns), scene.names, pixel, fine_material[visible], np.arccos(np.minimum(cosine[visible], 1))
+        (rows, columns),
+        scene.names,
+        pixel[visible],
+        fine_material[visible],
+        np.arccos(np.minimum(cosine[visible], 1)),
+        layover=pixel[laid],
+        shadow=hidden,
+        ground=(north[visible], east[visible]),
     )
 
 
@@ -210,20 +268,36 @@ def _assemble(
     pixel: NDArray[np.int64],
     material: NDArray[np.uint8],
     incidence_rad: NDArray[np.float64],
+    *,
+    layover: NDArray[np.int64] | None = None,
+    shadow: NDArray[np.int64] | None = None,
+    ground: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
 ) -> Geometry:
+    """Facets to pixels; ``layover``, ``shadow``: pixels of such facets; ``ground``: facets on the scene's grid."""
     if pixel.size == 0:
         raise SceneError("no part of the scene is visible to the radar.")
+    n = shape[0] * shape[1]
+    facets = np.bincount(pixel, minlength=n)
+
+    def mean(values: NDArray[np.float64]) -> NDArray[np.float32]:
+        with np.errstate(invalid="ignore"):
+            return np.asarray(np.bincount(pixel, values, minlength=n) / facets, dtype=np.float32).reshape(shape)
+
+    dark, shared = np.zeros((2, *shape), dtype=np.bool_)
+    if shadow is not None:
+        dark.flat[shadow] = True
+        dark |= (facets == 0).reshape(shape)
+    if layover is not None:
+        shared.flat[layover] = True
+    where = np.stack([mean(g) for g in ground]) if ground else np.full((2, *shape), np.nan, dtype=np.float32)
+    incidence_deg = mean(np.degrees(incidence_rad))
     # by material, then by pixel: a law is evaluated on one slice and sums are local in memory
     order = np.lexsort((pixel, material))
     pixel, material, incidence_rad = pixel[order], material[order], incidence_rad[order]
-    n = shape[0] * shape[1]
-    facets = np.bincount(pixel, minlength=n)
     lowest = np.full(n, 255, dtype=np.uint8)
     np.minimum.at(lowest, pixel, material)
     highest = np.zeros(n, dtype=np.uint8)
     np.maximum.at(highest, pixel, material)
-    with np.errstate(invalid="ignore"):
-        mean = np.bincount(pixel, np.degrees(incidence_rad), minlength=n) / facets
     return Geometry(
         shape=shape,
         names=names,
@@ -232,14 +306,17 @@ def _assemble(
         facet_incidence_rad=incidence_rad.astype(np.float32),
         facets=facets.astype(np.int32).reshape(shape),
         material=np.where(lowest == highest, highest, 0).astype(np.uint8).reshape(shape),
-        incidence_deg=mean.astype(np.float32).reshape(shape),
+        incidence_deg=incidence_deg,
+        layover=shared,
+        shadow=dark,
+        ground=where,
     )
 
 
 def write_geometry(path: str | Path, geometry: Geometry) -> None:
     """Write a geometry to HDF5, atomically."""
     with write_hdf5(path) as file:
-        file.attrs["schema"] = 1
+        file.attrs["schema"] = _SCHEMA
         file.attrs["shape"] = geometry.shape
         file["names"] = list(geometry.names)
         for field in fields(Geometry)[2:]:
@@ -247,8 +324,19 @@ def write_geometry(path: str | Path, geometry: Geometry) -> None:
 
 
 def read_geometry(path: str | Path) -> Geometry:
-    """Read a geometry that :func:`write_geometry` wrote."""
+    """Read a geometry that :func:`write_geometry` wrote.
+
+    Raises
+    ------
+    StoreError
+        Another version wrote it.
+    """
     with h5py.File(path, "r") as file:
+        if file.attrs["schema"] != _SCHEMA:
+            raise StoreError(
+                f"{path}: written with schema {file.attrs['schema']}, this radcal reads {_SCHEMA}; type the same "
+                "command with --forcerun geometry at its end (finished runs are kept)."
+            )
         rows, columns = (int(n) for n in file.attrs["shape"])
         arrays = {field.name: file[field.name][()] for field in fields(Geometry)[2:]}
         return Geometry(shape=(rows, columns), names=tuple(file["names"].asstr()[()]), **arrays)

@@ -10,6 +10,7 @@ Layout of the archive (schema 1); backscatter in dB, angles in degrees:
 ``materials/<m>`` attributes              ``law``, ``parameter_names``, ``parameter_units``,
                                           ``reason``, ``sentence``, ``eligible``, ``at_boundary``,
                                           ``rms_sampling``, ``effective`` (independent pixels),
+                                          ``left_out`` (JSON: visible pixels by reason),
                                           ``fit_ks, fit_ks_p, fit_ad, fit_ad_p`` (pixels against
                                           their density), ``best`` (index into ``runs``)
 ``materials/<m>/parameters, dp, rms``     per run: X (n, d), (xi, omega, alpha) (n, 3), rms (n,)
@@ -19,7 +20,7 @@ Layout of the archive (schema 1); backscatter in dB, angles in degrees:
 ``  target_cp_error``
 ``materials/<m>/pixels``                  flat image index of the target's pixels (p,)
 ``materials/<m>/incidence_deg``           their local incidence (p,)
-``materials/<m>/measured_db, start_db,``  the same pixels in the measurement, the reference run,
+``materials/<m>/measured_db, start_db,``  the same pixels at their levels, in the measurement, the reference run,
 ``  calibrated_db, fresh_db``             the calibrated run, and with fresh random numbers (p,)
 ``materials/<m>/final_dp, fresh_dp``      densities of the two final runs (3,)
 ``materials/<m>/predicted_rms, floor_rms, mode``  per infill run, NaN where not computed
@@ -30,6 +31,8 @@ Layout of the archive (schema 1); backscatter in dB, angles in degrees:
 ``registration/displacement_px,``         where in the measured image each pixel lies (2, rows, columns),
 ``  uncertainty_px, unregistered_db,``    its standard error, the image before, and the true
 ``  misregistration_px``                  displacement of a synthetic one; where it was applied
+``levels`` attributes                     ``normalisation``, ``offset_db``, ``offset_error_db``, ``scale``,
+                                          ``sentence``, ``doubtful``, ``unit`` of densities and pixels
 ``names``                                 material id k is ``names[k - 1]``
 ========================================  =====================================================
 """
@@ -39,7 +42,7 @@ from __future__ import annotations
 import csv
 import json
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -54,7 +57,7 @@ from radcal.config import Case, Stop
 from radcal.errors import StoreError
 from radcal.files import atomic, write_hdf5
 from radcal.measurement.registration import Registered
-from radcal.measurement.target import Target
+from radcal.measurement.target import Targets
 from radcal.radar.geometry import Geometry
 from radcal.radar.laws import LAWS
 from radcal.store import Record, RunStore
@@ -73,7 +76,7 @@ def write_archive(
     history: History,
     geometry: Geometry,
     registered: Registered,
-    targets: Mapping[str, Target],
+    targets: Targets,
     runs: str | Path,
     final: Sequence[Record],
 ) -> None:
@@ -131,11 +134,16 @@ def write_archive(
             for key, values in fields.items():
                 if values is not None:
                     group.create_dataset(key, data=values, compression="gzip", compression_opts=1)
+        group = file.create_group("levels")
+        for key in ("normalisation", "offset_db", "offset_error_db", "scale", "sentence", "doubtful", "unit"):
+            group.attrs[key] = getattr(targets.levels, key)
+        # pictures compare whole images in dB, at the level that was taken as theirs
+        level = 0.0 if targets.levels.normalisation == "none" else targets.levels.offset_db
         file["names"] = list(geometry.names)
         for key in ("kind", "index", "key", "seconds"):
             file[f"runs/{key}"] = [getattr(run, key) for run in history.runs]
         images: dict[str, Any] = {
-            "measured_db": measurement.image_db,
+            "measured_db": measurement.image_db - np.float32(level),
             "reference_db": reference.image_db,
             "calibrated_db": fresh.image_db,
             "material": geometry.material,
@@ -158,6 +166,7 @@ def write_archive(
             group.attrs["at_boundary"] = target.at_boundary
             group.attrs["rms_sampling"] = target.rms_sampling
             group.attrs["effective"] = target.effective
+            group.attrs["left_out"] = json.dumps(target.left_out)
             for key in ("ks", "ks_p", "ad", "ad_p"):
                 group.attrs[f"fit_{key}"] = getattr(target.goodness, key)
             group.attrs["best"] = history.runs.index(history.best(name))
@@ -174,7 +183,8 @@ def write_archive(
             group["incidence_deg"] = target.incidence_deg
             group["measured_db"] = target.values_db
             for key, record in (("start", reference), ("calibrated", calibrated), ("fresh", fresh)):
-                group[f"{key}_db"] = record.pixels_db[name][target.order]
+                mapping = targets.levels.simulated(record.pixels_db)
+                group[f"{key}_db"] = targets.levels.apply(record.pixels_db[name][target.order], mapping)
             group["final_dp"] = skewnormal.fit(group["calibrated_db"][()]).dp
             group["fresh_dp"] = skewnormal.fit(group["fresh_db"][()]).dp
             proposals = [run.proposals[name] for run in history.infill]

@@ -83,6 +83,7 @@ def _material(group: h5py.Group, counted: NDArray[np.bool_], tolerance: float) -
         "rms_fresh": skewnormal.density_rms(group["fresh_dp"][()], target),
         "rms_sampling": float(group.attrs["rms_sampling"]),
         "effective_pixels": float(group.attrs["effective"]),
+        "left_out": json.loads(group.attrs["left_out"]),
         "target_error": dict(zip(("mean", "sd", "skewness"), map(float, group["target_cp_error"][()]), strict=True)),
         # the measured pixels against the density fitted to them
         "fit": {key: float(group.attrs[f"fit_{key}"]) for key in ("ks", "ks_p", "ad", "ad_p")},
@@ -113,6 +114,17 @@ def _registration(group: h5py.Group) -> dict[str, Any]:
         if "misregistration_px" in group:
             summary["error_px"] = float(np.hypot(*(field - group["misregistration_px"][()])).mean())
     return summary
+
+
+def _levels(group: h5py.Group) -> dict[str, Any]:
+    """Which level was assumed, and the offset it implies [dB]."""
+    return {
+        "normalisation": str(group.attrs["normalisation"]),
+        **{key: float(group.attrs[key]) for key in ("offset_db", "offset_error_db", "scale")},
+        "sentence": str(group.attrs["sentence"]),
+        "doubtful": bool(group.attrs["doubtful"]),
+        "unit": str(group.attrs["unit"]),
+    }
 
 
 def _finite(value: Any) -> Any:
@@ -153,6 +165,7 @@ def summarise(archive: str | Path, seconds: Mapping[str, float] | None = None) -
             "iterations": runs["infill"],
             "measurement": str(file.attrs["measurement"]),
             "registration": _registration(file["registration"]),
+            "levels": _levels(file["levels"]),
             "wall_seconds": dict(seconds or {}),
             "versions": json.loads(str(file.attrs["versions"])),
             "materials": {

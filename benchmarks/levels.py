@@ -1,0 +1,120 @@
+"""What the levels of target.normalisation are worth: a level error of the measurement, and wrong laws of others.
+
+    python benchmarks/levels.py [--quick]
+
+The default case, in place. First the measurement is lifted by 3 dB: the shape of the law found (the law less
+its mean over the incidence seen, 5-95 %) must stay. Then the six other materials' laws are wrong by 3 dB
+(standard deviation, each by its own): the largest difference in shape between the law found and the hidden one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from radcal.calibration.loop import calibrate
+from radcal.calibration.steps import noise_seed, reference_parameters
+from radcal.config import Case, case_from
+from radcal.measurement.registration import register
+from radcal.measurement.sources import make_measurement
+from radcal.measurement.target import make_targets
+from radcal.radar.geometry import make_geometry
+from radcal.radar.laws import LAWS
+from radcal.scene.sources import make_scene
+from radcal.simulators.builtin import BuiltinSimulator
+from radcal.store import Runner, RunStore
+
+TRUTH = {"dyke": [6.1, 14.2, 21.5, 3.3]}
+WRONG_DB = 3.0
+
+
+def shape_db(parameters: Sequence[float], phi_rad: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Law less its mean [dB]."""
+    values = LAWS["mangia"](phi_rad, parameters)
+    return values - values.mean()
+
+
+class Bench:
+    """The default scene behind one run store."""
+
+    def __init__(self, folder: Path) -> None:
+        self.default = Case()
+        scene = make_scene(self.default.scene, list(self.default.materials))
+        self.geometry = make_geometry(scene, self.default.radar)
+        laws = {name: material.law for name, material in self.default.materials.items()}
+        self.simulator = BuiltinSimulator(self.geometry, self.default.radar, laws)
+        self.runner = Runner(RunStore(folder), self.simulator, self.geometry, scene.identity, self.default)
+        dyke = self.geometry.incidence_deg.ravel()[self.geometry.pixels("dyke", 1)]
+        self.phi = np.radians(np.linspace(*np.percentile(dyke, [5.0, 95.0]), 201))
+
+    def found(
+        self, normalisation: str, seed: int, offset_db: float, hidden: Mapping[str, list[float]]
+    ) -> tuple[list[float], str, float]:
+        """X of the dyke, why the loop ended, the level taken out [dB]."""
+        case = case_from(
+            {
+                "measurement": {
+                    "synthetic": {"parameters": dict(hidden), "seed": seed, "offset_db": offset_db, "warp_px": 0.0}
+                },
+                "registration": {"method": "none"},
+                "target": {"normalisation": normalisation},
+            }
+        )
+        measurement = make_measurement(case, self.geometry, self.simulator)
+        reference = self.runner.run(reference_parameters(case), noise_seed(case), image=True).image_db
+        assert reference is not None  # asked for
+        registered = register(reference, measurement, case.registration)
+        targets = make_targets(case, self.geometry, registered, reference)
+        history, decision = calibrate(case, self.runner, targets)
+        return list(history.best("dyke").parameters["dyke"]), str(decision.reason), targets.levels.offset_db
+
+
+def main() -> None:
+    """Print both tables and, last, the summary as JSON."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="2 draws of wrong laws in place of 10")
+    seeds = range(1, 3 if parser.parse_args().quick else 11)
+    lifted, wrong = {}, {}
+    with tempfile.TemporaryDirectory() as folder, threadpool_limits(1):
+        bench = Bench(Path(folder))
+        print("the measurement lifted by 3 dB")
+        for normalisation in ("offset", "image"):
+            one, other = (bench.found(normalisation, 2, offset, TRUTH) for offset in (0.0, 3.0))
+            lifted[normalisation] = float(np.abs(shape_db(one[0], bench.phi) - shape_db(other[0], bench.phi)).max())
+            print(
+                f"{normalisation:>8}: level {one[2]:.3f} and {other[2]:.3f} dB, ended {one[1]}, {other[1]}; "
+                f"shape differs by {lifted[normalisation]:.1e} dB",
+                flush=True,
+            )
+        print(f"other laws wrong by {WRONG_DB:g} dB (sd), draws {seeds[0]} to {seeds[-1]}")
+        for normalisation in ("none", "offset", "image"):
+            errors = []
+            for seed in seeds:
+                rng = np.random.default_rng(seed)
+                others = {
+                    name: [
+                        x + (rng.normal(0.0, WRONG_DB) if k == 0 else 0.0)
+                        for k, x in enumerate(material.start_parameters)
+                    ]
+                    for name, material in bench.default.materials.items()
+                    if name != "dyke"
+                }
+                x, reason, level = bench.found(normalisation, seed, 0.0, {**TRUTH, **others})
+                errors.append(float(np.abs(shape_db(x, bench.phi) - shape_db(TRUTH["dyke"], bench.phi)).max()))
+                line = f"{normalisation:>8}, draw {seed:2d}: {reason:12} level {level:6.2f} dB"
+                print(f"{line}, shape error {errors[-1]:.2f} dB", flush=True)
+            wrong[normalisation] = {"median": float(np.median(errors)), "worst": max(errors)}
+    for normalisation, error in wrong.items():
+        print(f"{normalisation:>8}: shape error median {error['median']:.2f}, worst {error['worst']:.2f} dB")
+    print(json.dumps({"lifted_db": lifted, "wrong_laws_db": wrong}))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,204 @@
+"""Levels: what is taken out of the measured image and of every run before they are compared."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["Levels", "image_levels", "median_and_range", "offset_levels", "pooled_offset"]
+
+_NOTABLE_DB = 0.5
+
+
+@dataclass(frozen=True)
+class Levels:
+    """How the values of both images are mapped before densities are fitted.
+
+    Attributes
+    ----------
+    normalisation : {'none', 'offset', 'image'}
+        None: as they are. Offset: one level is taken from the measured image. Image: each image
+        is mapped to zero median and unit interquartile range.
+    offset_db : float
+        Level of the measured image above the simulated one: that of the reference materials, or
+        for ``image`` the difference of the medians; NaN where nothing says it [dB].
+    offset_error_db : float
+        Its standard error, NaN where there is none [dB].
+    scale : float
+        Spread of the measured image over that of the reference run (``image``), else 1.
+    references : tuple of str
+        Materials of a fixed law that the offset comes from.
+    measured : (float, float)
+        What is taken from the measured values, and what they are then divided by [dB].
+    others_db : ndarray of float32
+        For ``image``: the reference run's valid pixels of all materials that are not calibrated;
+        they are the same in every run but for what reaches them from their neighbours [dB].
+    valid : mapping
+        For ``image``: places of each calibrated material's valid pixels in a record.
+    """
+
+    normalisation: str = "none"
+    offset_db: float = float("nan")
+    offset_error_db: float = float("nan")
+    scale: float = 1.0
+    references: tuple[str, ...] = ()
+    measured: tuple[float, float] = (0.0, 1.0)
+    others_db: NDArray[np.float32] = field(default_factory=lambda: np.empty(0, dtype=np.float32))
+    valid: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
+
+    @property
+    def unit(self) -> str:
+        """Unit of the mapped values."""
+        return "dB" if self.normalisation != "image" else "interquartile ranges"
+
+    @property
+    def sentence(self) -> str:
+        """Which level is assumed, what that implies, and what it cannot tell."""
+        if self.normalisation == "image":
+            text = (
+                "each image is mapped to zero median and unit interquartile range; the measured one lies "
+                f"{self.offset_db:+.2f} dB from the reference run and spreads {self.scale:.2f} times as much. Wrong "
+                "laws of other materials shift and stretch what is found"
+            )
+            if not self.others_db.size:
+                text += "; all materials are calibrated, so that a level common to all laws (X1) is not identified"
+            return f"{text}."
+        if not self.references:
+            return "the measured image is taken at its own level; no material of a fixed law checks it."
+        found = (
+            f"the measured image lies {self.offset_db:+.2f} +- {self.offset_error_db:.2f} dB from the reference run on "
+            f"{', '.join(self.references)}"
+        )
+        if self.normalisation == "offset":
+            return f"{found}; that is taken out, as far as those materials' laws are right."
+        if self.doubtful:
+            return f"the measured image is taken at its own level, but {found}: see target.normalisation: offset."
+        return f"the measured image is taken at its own level; {found}."
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether an offset that is not taken out is larger than chance and fixed laws explain."""
+        return self.normalisation == "none" and abs(self.offset_db) > max(3.0 * self.offset_error_db, _NOTABLE_DB)
+
+    def simulated(self, pixels_db: Mapping[str, NDArray[np.float32]]) -> tuple[float, float]:
+        """What is taken from a run's values, and what they are divided by.
+
+        Parameters
+        ----------
+        pixels_db : mapping
+            The run's visible pixels by calibrated material [dB].
+
+        Returns
+        -------
+        (float, float)
+            Shift and scale [dB].
+        """
+        if self.normalisation != "image":
+            return 0.0, 1.0
+        parts = [pixels_db[name][places] for name, places in self.valid.items()]
+        return median_and_range(np.concatenate([self.others_db, *parts]))
+
+    @staticmethod
+    def apply(values_db: ArrayLike, mapping: tuple[float, float]) -> NDArray[np.float64]:
+        """Map values [dB] by a shift and a scale."""
+        shift, scale = mapping
+        return (np.asarray(values_db, dtype=np.float64) - shift) / scale
+
+
+def median_and_range(values_db: ArrayLike) -> tuple[float, float]:
+    """Median and interquartile range [dB]."""
+    low, middle, high = np.percentile(np.asarray(values_db, dtype=np.float64), [25.0, 50.0, 75.0])
+    return float(middle), float(high - low)
+
+
+def pooled_offset(differences_db: ArrayLike, errors_db: ArrayLike) -> tuple[float, float]:
+    """One offset from several materials, whose laws may be wrong by more than sampling explains.
+
+    Parameters
+    ----------
+    differences_db : array_like, shape (k,)
+        Measured minus simulated mean of each material [dB].
+    errors_db : array_like, shape (k,)
+        Standard errors from sampling [dB].
+
+    Returns
+    -------
+    (float, float)
+        Offset and its standard error [dB].
+
+    References
+    ----------
+    DerSimonian and Laird, "Meta-analysis in clinical trials", Controlled Clinical Trials 7
+    (1986): the variance between materials from the moments, then inverse-variance weights.
+    """
+    found = np.asarray(differences_db, dtype=np.float64)
+    weight = 1.0 / np.square(np.asarray(errors_db, dtype=np.float64))
+    mean = np.average(found, weights=weight)
+    between = 0.0
+    if found.size > 1:
+        excess = np.sum(weight * (found - mean) ** 2) - (found.size - 1)
+        between = max(0.0, excess / (weight.sum() - np.sum(weight**2) / weight.sum()))
+    weight = 1.0 / (1.0 / weight + between)
+    return float(np.average(found, weights=weight)), float(1.0 / np.sqrt(weight.sum()))
+
+
+def offset_levels(normalisation: str, differences: Mapping[str, tuple[float, float]]) -> Levels:
+    """Levels from the materials whose law is fixed.
+
+    Parameters
+    ----------
+    normalisation : {'none', 'offset'}
+        Whether the offset is taken out or only known.
+    differences : mapping
+        Measured minus simulated mean and its standard error by material [dB].
+    """
+    if not differences:
+        return Levels(normalisation)
+    offset, error = pooled_offset(*zip(*differences.values(), strict=True))
+    return Levels(
+        normalisation,
+        offset,
+        error,
+        references=tuple(differences),
+        measured=(offset if normalisation == "offset" else 0.0, 1.0),
+    )
+
+
+def image_levels(
+    measured_db: NDArray[np.float32],
+    reference_db: NDArray[np.float32],
+    material: NDArray[np.uint8],
+    calibrated: Mapping[str, int],
+) -> Levels:
+    """Levels of whole images.
+
+    Parameters
+    ----------
+    measured_db, reference_db : ndarray, shape (rows, columns)
+        Registered measurement and reference run [dB].
+    material : ndarray of uint8, shape (rows, columns)
+        Material id, 0 where there is none or several.
+    calibrated : mapping
+        Name to id of the calibrated materials.
+
+    Returns
+    -------
+    Levels
+        Over the pixels that hold one material and have a measured value, in both images.
+    """
+    valid = (material > 0) & np.isfinite(measured_db)
+    others = valid & ~np.isin(material, list(calibrated.values()))
+    places = {name: np.flatnonzero(valid[material == k]) for name, k in calibrated.items()}
+    measured = median_and_range(measured_db[valid])
+    simulated = median_and_range(reference_db[valid])
+    return Levels(
+        "image",
+        measured[0] - simulated[0],
+        scale=measured[1] / simulated[1],
+        measured=measured,
+        others_db=reference_db[others],
+        valid=places,
+    )

@@ -1,0 +1,201 @@
+"""Which pixels of a material may be compared: the same of the measurement and of every run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation, uniform_filter
+
+from radcal.config import Radar
+from radcal.config import Target as TargetConfig
+from radcal.errors import MeasurementError
+from radcal.measurement.model import Measurement
+from radcal.radar.geometry import Geometry
+
+__all__ = ["MINIMUM_PIXELS", "Eligible", "eligible_pixels", "noise_limited", "point_targets"]
+
+MINIMUM_PIXELS = 50
+_LEVEL_PX = 9  # window of the local level
+_GUARD_PX, _REACH_PX = 3, 10  # half-widths: pixels next to a point target, and those that it is compared with
+_FALSE_ALARMS = 1e-8
+_IQR_OF_NORMAL = 1.349
+
+
+@dataclass(frozen=True)
+class Eligible:
+    """Pixels of a material that may be drawn.
+
+    Attributes
+    ----------
+    pixels : ndarray of int64
+        Flat image indices, ascending.
+    left_out : mapping
+        Number of the material's other visible pixels by reason, in the order in which the
+        reasons are tried: each pixel counts once.
+    """
+
+    pixels: NDArray[np.int64]
+    left_out: Mapping[str, int]
+
+
+def _local_power(power: NDArray[np.float64], size: tuple[int, int]) -> NDArray[np.float64]:
+    """Mean over a window around each pixel, of the pixels that are finite; NaN where there is none."""
+    there = np.isfinite(power)
+    share = uniform_filter(there.astype(np.float64), size, mode="constant")
+    total = uniform_filter(np.where(there, power, 0.0), size, mode="constant")
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.where(share > 1e-9, total / share, np.nan))
+
+
+def noise_limited(image_db: NDArray[np.float32], nesz_db: float, snr_db: float) -> NDArray[np.bool_]:
+    """Pixels whose surroundings hardly rise above the thermal noise.
+
+    Parameters
+    ----------
+    image_db : ndarray, shape (rows, columns)
+        Backscatter with noise [dB], NaN where there is none.
+    nesz_db : float
+        Noise-equivalent sigma0 at the image's level [dB].
+    snr_db : float
+        Signal-to-noise ratio that is asked for [dB].
+
+    Returns
+    -------
+    ndarray of bool
+        True where the mean power of the 9 x 9 pixels around is below
+        nesz (1 + 10^(snr_db / 10)): signal and noise add in power.
+    """
+    level = _local_power(10.0 ** (image_db.astype(np.float64) / 10.0), (_LEVEL_PX, _LEVEL_PX))
+    return np.asarray(level < 10.0 ** (nesz_db / 10.0) * (1.0 + 10.0 ** (snr_db / 10.0)))
+
+
+def point_targets(image_db: NDArray[np.float32], material: NDArray[np.uint8], radar: Radar) -> NDArray[np.bool_]:
+    """Pixels that hold a point target, and those that it spills into.
+
+    A pixel is compared with the greatest of the mean powers of four blocks around it, so that
+    the edge of a field is none. How far speckle reaches follows from the spread of that
+    ratio within the pixel's material: texture widens it, and is no point target.
+
+    Parameters
+    ----------
+    image_db : ndarray, shape (rows, columns)
+        Backscatter [dB], NaN where there is none.
+    material : ndarray of uint8, shape (rows, columns)
+        Material id, 0 where there is none or several.
+    radar : Radar
+        Looks, resolutions and pixel spacings.
+
+    Returns
+    -------
+    ndarray of bool
+
+    References
+    ----------
+    Hansen and Sawyers, "Detectability loss due to greatest of selection in a cell-averaging
+    CFAR", IEEE TAES 16 (1980); gamma clutter at a false alarm rate of 1e-8 a pixel: texture has longer tails.
+    """
+    from scipy.special import gammainccinv
+
+    power = 10.0 ** (image_db.astype(np.float64) / 10.0)
+    wide, depth = 2 * _REACH_PX + 1, _REACH_PX - _GUARD_PX
+    away = _GUARD_PX + 1 + depth // 2
+    rows, columns = image_db.shape
+    around = np.full(image_db.shape, -np.inf)
+    for size, directions in (((depth, wide), ((away, 0), (-away, 0))), ((wide, depth), ((0, away), (0, -away)))):
+        level = np.pad(_local_power(power, size), away, constant_values=np.nan)
+        for down, right in directions:
+            around = np.fmax(around, level[away + down :, away + right :][:rows, :columns])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio_db = image_db - 10.0 * np.log10(around)
+    bright = np.zeros(image_db.shape, dtype=np.bool_)
+    for k in np.unique(material[material > 0]):
+        inside = (material == k) & np.isfinite(ratio_db)
+        if np.count_nonzero(inside) < MINIMUM_PIXELS:
+            continue
+        low, middle, high = np.percentile(ratio_db[inside], [25.0, 50.0, 75.0])
+        looks = min(float(radar.looks), _looks_of_spread(float(high - low)))
+        # the ratio's median stands for speckle's: the greatest of four means lies above the mean
+        reach = 10.0 * np.log10(gammainccinv(looks, _FALSE_ALARMS) / gammainccinv(looks, 0.5))
+        bright |= inside & (ratio_db > middle + reach)
+    spill = [
+        int(np.ceil(resolution / spacing))
+        for resolution, spacing in (
+            (radar.range_resolution_m, radar.range_spacing_m),
+            (radar.azimuth_resolution_m, radar.azimuth_spacing_m),
+        )
+    ]
+    return np.asarray(binary_dilation(bright, np.ones([2 * n + 1 for n in spill], dtype=bool)))
+
+
+def _looks_of_spread(iqr_db: float) -> float:
+    """Looks of gamma speckle from the interquartile range of its dB values [dB]."""
+    from radcal.measurement.looks import looks_of_log_variance
+
+    return looks_of_log_variance((max(iqr_db, 1e-3) / _IQR_OF_NORMAL) ** 2)
+
+
+def eligible_pixels(
+    name: str,
+    geometry: Geometry,
+    measurement: Measurement,
+    config: TargetConfig,
+    uncertainty_px: NDArray[np.float32] | None = None,
+    flags: Mapping[str, NDArray[np.bool_]] | None = None,
+) -> Eligible:
+    """Pixels of a material that may be drawn.
+
+    Parameters
+    ----------
+    name : str
+        Material.
+    geometry : Geometry
+        Material masks, layover, shadow.
+    measurement : Measurement
+        Registered image.
+    config : Target
+        Margin to other materials.
+    uncertainty_px : ndarray, shape (rows, columns), optional
+        Standard error of the registration [pixels], 0 where there was none: two of them, and
+        the half pixel that nearest neighbours may be off, widen the margin.
+    flags : mapping of str to ndarray of bool, optional
+        Pixels left out for further reasons, such as point targets.
+
+    Raises
+    ------
+    MeasurementError
+        The material has no finite pixel or fewer than 50.
+    """
+    margin: int | NDArray[np.int64] = config.margin_px
+    if uncertainty_px is not None:
+        margin = margin + np.where(uncertainty_px > 0, np.ceil(2.0 * uncertainty_px + 0.5), 0).astype(np.int64)
+    visible = geometry.pixels(name)
+    interior = np.zeros(geometry.shape[0] * geometry.shape[1], dtype=np.bool_)
+    interior[geometry.pixels(name, margin)] = True
+    reasons = {
+        "layover": geometry.layover,
+        "shadow": geometry.shadow,
+        "without data": ~np.isfinite(measurement.image_db),
+        "near other ground": ~interior,
+        **(flags or {}),
+    }
+    left, left_out = visible, {}
+    for reason, flag in reasons.items():
+        out = flag.ravel()[left]
+        left_out[reason] = int(np.count_nonzero(out))
+        left = left[~out]
+    if visible.size >= MINIMUM_PIXELS and left_out["without data"] == visible.size:
+        raise MeasurementError(
+            f"materials.{name}: all {visible.size} of its pixels in the measured image ({measurement.source}) are NaN."
+        )
+    if left.size < MINIMUM_PIXELS:
+        why = ", ".join(f"{count} {reason}" for reason, count in left_out.items() if count)
+        raise MeasurementError(
+            f"materials.{name}: {left.size} usable pixels, expected at least {MINIMUM_PIXELS}; in "
+            f"{measurement.source} it has {visible.size} visible pixels{f', left out are {why}' if why else ''} "
+            f"(target.margin_px is {config.margin_px}"
+            f"{', and the registration has an uncertainty' if uncertainty_px is not None else ''})."
+        )
+    return Eligible(left, left_out)
