@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from radcal.config import FileMeasurement
 from radcal.errors import MeasurementError
-from radcal.measurement.readers import is_raster, read_raster
+from radcal.measurement.readers import is_raster, open_raster, read_raster
 from radcal.scene.crs import crs_of
 
 if TYPE_CHECKING:
@@ -53,20 +53,12 @@ def is_georeferenced(path: Path) -> bool:
     path : path
         Any measured image.
     """
-    import warnings
-
-    import rasterio
-    from pyproj.exceptions import ProjError
-    from rasterio.errors import NotGeoreferencedWarning, RasterioError
-
     if not is_raster(path):
         return False
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", NotGeoreferencedWarning)
-            with rasterio.open(path) as raster:
-                return not raster.transform.is_identity and crs_of(raster) is not None
-    except (RasterioError, ProjError):
+        with open_raster(path) as raster:
+            return not raster.transform.is_identity and crs_of(raster) is not None
+    except Exception:  # what the libraries raise on damaged files has no common base
         return False
 
 

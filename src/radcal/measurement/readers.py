@@ -15,7 +15,7 @@ from radcal.config import FileMeasurement
 from radcal.errors import MeasurementError
 from radcal.scene.crs import crs_of, horizontal
 
-__all__ = ["image_db", "is_raster", "read_image_db", "read_raster", "read_values", "to_db"]
+__all__ = ["image_db", "is_raster", "open_raster", "read_image_db", "read_raster", "read_values", "to_db"]
 
 Values = NDArray[Any]
 _Read = TypeVar("_Read")
@@ -185,18 +185,29 @@ def _read(reader: Callable[[Path, FileMeasurement], _Read], path: Path, config: 
 
 
 def _raster(path: Path, config: FileMeasurement) -> Values:
-    with _opened(path) as raster:
+    with open_raster(path) as raster:
         return _band(raster, path, config)
 
 
 def _raster_and_place(path: Path, config: FileMeasurement) -> tuple[Values, Any, Any]:
-    with _opened(path) as raster:
+    with open_raster(path) as raster:
         crs = crs_of(raster)
         return _band(raster, path, config), raster.transform, horizontal(crs) if crs is not None else None
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[Any]:
+def open_raster(path: Path) -> Iterator[Any]:
+    """Open a raster, without a warning where it has no place on the map.
+
+    Parameters
+    ----------
+    path : path
+        Any raster that GDAL reads.
+
+    Yields
+    ------
+    rasterio.DatasetReader
+    """
     import rasterio
     from rasterio.errors import NotGeoreferencedWarning
 

@@ -113,8 +113,7 @@ def opened(key: str, text: str) -> Iterator[Source]:
         The file cannot be read, has several bands, no CRS, or no transform along its axes.
     """
     import rasterio
-    from pyproj.exceptions import ProjError
-    from rasterio.errors import NotGeoreferencedWarning, RasterioError
+    from rasterio.errors import NotGeoreferencedWarning
 
     path = expand_path(text, key)
     with ExitStack() as stack:
@@ -124,7 +123,7 @@ def opened(key: str, text: str) -> Iterator[Source]:
                 warnings.simplefilter("ignore", NotGeoreferencedWarning)
                 raster = stack.enter_context(rasterio.open(path))
                 crs, transform = crs_of(raster), raster.transform
-        except (RasterioError, ProjError) as error:
+        except Exception as error:  # what the libraries raise on damaged files has no common base
             raise SceneError(f"{key}: {path} cannot be read as a raster ({error}).") from None
         if raster.count != 1:
             raise SceneError(f"{key}: {path} has {raster.count} bands, expected one.")

@@ -189,8 +189,9 @@ def _warped(
             f"expected at most {LARGEST_CELLS:.0e}: give smaller scene.bounds or a coarser raster."
         )
     west, _, _, north = grid.box
-    # a WarpedVRT, which needs a file: rasterio.warp.reproject() does not heed a tolerance
-    with MemoryFile() as memory:
+    # Env tells GDAL where PROJ's database is: without it, datums would be taken as equal. A WarpedVRT, which
+    # needs a file: rasterio.warp.reproject() does not heed a tolerance
+    with rasterio.Env(), MemoryFile() as memory:
         with memory.open(
             driver="GTiff",
             height=values.shape[0],
@@ -241,7 +242,8 @@ def _heights(elevation: Source, grid: Grid) -> tuple[NDArray[np.float64], NDArra
             "no-data value, declare it with gdal_edit -a_nodata."
         )
     parts = subdivision(elevation, grid)
-    # GDAL's own averages are off by up to a pixel's part on slopes: means are taken of interpolated parts
+    # GDAL's own averages of a plane are off by some hundredths of a pixel times its slope: half a degree of
+    # incidence; means of interpolated parts are not
     fine = _warped(elevation, scaled, transform, grid.cut(parts), "cubic", np.nan)
     blocks = _blocks(fine, parts)
     known = np.isfinite(blocks).sum(axis=-1)
@@ -271,7 +273,7 @@ def _ids(materials: Source, grid: Grid) -> tuple[NDArray[np.uint8], str]:
         )
     missing = -1
     parts = subdivision(materials, grid)
-    codes = np.where(np.ma.getmaskarray(values), missing, values.data).astype(np.int16)
+    codes = np.where(np.ma.getmaskarray(values), missing, values.data.astype(np.int16))
     blocks = _blocks(_warped(materials, codes, transform, grid.cut(parts), "nearest", missing), parts)
     present = np.unique(blocks)
     most = np.zeros(blocks.shape[:2], dtype=np.int64)
