@@ -76,7 +76,7 @@ def raster_scene(config: RasterScene) -> Scene:
         ids, how_ids = _ids(materials, grid)
         names = read_names(names_path, (int(k) for k in np.unique(ids)), materials.path)
         notes = [
-            f"{grid.columns} x {grid.rows} cells of {grid.cell_m:g} m in {grid.crs.name}",
+            f"cells of {grid.cell_m:g} m in {grid.crs.name}",
             f"elevation {how_heights}, materials {how_ids}",
             f"vertical datum {datum} ({origin})",
         ]
