@@ -13,6 +13,7 @@ from radcal.config import (
     BuiltinScene,
     Case,
     FileMeasurement,
+    RasterScene,
     SlantRangeScene,
     SyntheticMeasurement,
     case_from,
@@ -34,6 +35,11 @@ def dyke(**keys: Any) -> dict[str, Any]:
 def flat(**keys: Any) -> dict[str, Any]:
     both = {"labels": "a.tif", "names": "a.json", "near_incidence_deg": 20, "far_incidence_deg": 40}
     return {"scene": {"source": "slant_range", **both, **keys}}
+
+
+def mapped(**keys: Any) -> dict[str, Any]:
+    files = {"elevation": "a.tif", "materials": "b.tif", "names": "a.json"}
+    return {"scene": {"source": "raster", **files, **keys}}
 
 
 def measured(**keys: Any) -> dict[str, Any]:
@@ -106,6 +112,7 @@ def test_module_writes_the_default_yaml() -> None:
         ({"stop": {"max_run": 20}}, "stop.max_run", "max_runs"),
         ({"scene": {"source": "builtin", "sed": 1}}, "scene.sed", "seed"),
         (flat(near_incidence=20), "scene.near_incidence", "near_incidence_deg"),
+        (mapped(vertical_dtum="EGM96"), "scene.vertical_dtum", "vertical_datum"),
         (measured(radiometri="x"), "measurement.radiometri", "radiometry"),
         (synthetic(offset=1.0), "measurement.synthetic.offset", "offset_db"),
         (dyke(bound=[]), "materials.dyke.bound", "bounds"),
@@ -169,6 +176,12 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     (flat(near_incidence_deg=50), ["scene", "near_incidence_deg (50)", "far_incidence_deg (40)"]),
     (flat(labels=7), ["scene.labels is 7"]),
     ({"scene": {"source": "slant_range"}}, ["scene.labels is missing"]),
+    ({"scene": {"source": "raster"}}, ["scene.elevation is missing"]),
+    (mapped(cell_m=0), ["scene.cell_m is 0", "greater than 0"]),
+    (mapped(crs=32631), ["scene.crs is 32631"]),
+    (mapped(bounds=[0, 1, 2]), ["scene.bounds.3 is missing"]),
+    (mapped(bounds=[0, 2, 1, 1]), ["scene", "bounds are [0, 2, 1, 1]", "south < north"]),
+    (mapped(bounds=[0, 0, 1, float("nan")]), ["scene.bounds.3 is nan"]),
     # materials
     ({"materials": {}}, ["materials"]),
     ({"materials": None}, ["materials is None"]),
@@ -234,6 +247,9 @@ def test_more_than_one_mistake_is_counted() -> None:
 def test_each_union_member_is_read() -> None:
     assert case_from(flat()).scene == SlantRangeScene(
         source="slant_range", labels="a.tif", names="a.json", near_incidence_deg=20, far_incidence_deg=40
+    )
+    assert case_from(mapped(bounds=[0, 1, 2, 3])).scene == RasterScene(
+        source="raster", elevation="a.tif", materials="b.tif", names="a.json", bounds=(0, 1, 2, 3)
     )
     assert case_from(measured()).measurement == FileMeasurement(source="file", path="a.tif", scale="db")
 
@@ -387,6 +403,8 @@ def test_input_files_are_those_that_the_case_reads(tmp_path: Path) -> None:
         "scene.names": paths["names.json"],
         "measurement.path": paths["image.tif"],
     }
+    files = {"elevation": image, "materials": labels, "names": names}
+    assert input_files(case_from(mapped(**files))) == {f"scene.{key}": Path(path) for key, path in files.items()}
 
 
 def test_sections_rebuild_a_case_without_the_rest() -> None:

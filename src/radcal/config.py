@@ -41,6 +41,7 @@ __all__ = [
     "Measurement",
     "Optimiser",
     "Radar",
+    "RasterScene",
     "Registration",
     "Scene",
     "Simulator",
@@ -102,7 +103,37 @@ class SlantRangeScene(_Strict):
         return self
 
 
-Scene = Annotated[BuiltinScene | SlantRangeScene, Field(discriminator="source")]
+class RasterScene(_Strict):
+    """Elevation and materials from georeferenced rasters, resampled to one grid."""
+
+    source: Literal["raster"] = "raster"
+    elevation: str = Field(description="GeoTIFF or other raster of heights [m]")
+    materials: str = Field(description="raster of material ids in any CRS, 0 = no material")
+    names: str = Field(description="JSON file: material id -> name")
+    crs: str | None = Field(
+        None,
+        description="projected CRS of the scene, such as EPSG:32631; the elevation's if that is in metres, else UTM",
+    )
+    cell_m: Positive | None = Field(None, description="cell size [m]; the elevation's own if missing")
+    bounds: tuple[Finite, Finite, Finite, Finite] | None = Field(
+        None, description="[west, south, east, north] in the scene's CRS [m]; where both rasters are if missing"
+    )
+    vertical_datum: str | None = Field(
+        None, description="what heights refer to, such as EGM96; needed where the elevation's CRS does not say"
+    )
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.bounds is not None:
+            west, south, east, north = self.bounds
+            if not (west < east and south < north):
+                raise ValueError(
+                    f"bounds are [{west:g}, {south:g}, {east:g}, {north:g}], expected west < east and south < north"
+                )
+        return self
+
+
+Scene = Annotated[BuiltinScene | SlantRangeScene | RasterScene, Field(discriminator="source")]
 
 
 class Radar(_Strict):
@@ -469,9 +500,13 @@ def input_files(case: Case) -> dict[str, Path]:
         A file is missing.
     """
     files: dict[str, Path] = {}
+    keys: tuple[str, ...] = ()
     if isinstance(case.scene, SlantRangeScene):
-        files["scene.labels"] = expand_path(case.scene.labels, "scene.labels")
-        files["scene.names"] = expand_path(case.scene.names, "scene.names")
+        keys = ("labels", "names")
+    elif isinstance(case.scene, RasterScene):
+        keys = ("elevation", "materials", "names")
+    for key in keys:
+        files[f"scene.{key}"] = expand_path(getattr(case.scene, key), f"scene.{key}")
     if isinstance(case.measurement, FileMeasurement):
         files["measurement.path"] = expand_path(case.measurement.path, "measurement.path")
     return files

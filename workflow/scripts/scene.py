@@ -10,3 +10,5 @@ with logged(snakemake.log[0]):
     scene = make_scene(case.scene, list(case.materials))
     write_scene(snakemake.output.scene, scene)
     progress(f"scene: {scene.material.shape[0]} x {scene.material.shape[1]} cells, {len(case.materials)} materials")
+    for note in scene.notes:
+        progress(f"scene: {note}")

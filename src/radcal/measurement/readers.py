@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config import FileMeasurement
 from radcal.errors import MeasurementError
+from radcal.scene.crs import crs_of, horizontal
 
-__all__ = ["read_image_db", "read_values", "to_db"]
+__all__ = ["image_db", "is_raster", "open_raster", "read_image_db", "read_raster", "read_values", "to_db"]
 
 Values = NDArray[Any]
+_Read = TypeVar("_Read")
 _NEGATIVE_SHARE = 0.01  # of a power image: noise subtraction leaves a few
 
 
@@ -41,7 +44,31 @@ def read_image_db(path: Path, config: FileMeasurement, shape: tuple[int, int] | 
     MeasurementError
         The file cannot be read, holds something else, or its numbers contradict the scale.
     """
-    values = read_values(path, config)
+    return image_db(read_values(path, config), path, config, shape)
+
+
+def image_db(
+    values: Values, path: Path, config: FileMeasurement, shape: tuple[int, int] | None = None
+) -> NDArray[np.float32]:
+    """Check the numbers of an image and bring them to dB.
+
+    Parameters
+    ----------
+    values : ndarray
+        As read.
+    path, config, shape
+        As for :func:`read_image_db`; the path for messages.
+
+    Returns
+    -------
+    ndarray of float32, shape (rows, columns)
+        Backscatter [dB], NaN where there is none.
+
+    Raises
+    ------
+    MeasurementError
+        The numbers are no image of this shape or contradict the scale.
+    """
     if values.ndim != 2:
         raise MeasurementError(f"measurement.path: {path} holds an array of shape {values.shape}, expected an image.")
     if shape is not None and values.shape != shape:
@@ -113,7 +140,42 @@ def read_values(path: Path, config: FileMeasurement) -> Values:
     MeasurementError
         The file cannot be read or does not hold the dataset or band.
     """
-    reader = _READERS.get(path.suffix.lower(), _raster)
+    return _read(_READERS.get(path.suffix.lower(), _raster), path, config)
+
+
+def is_raster(path: Path) -> bool:
+    """Whether a file is read as a raster, by its ending."""
+    return path.suffix.lower() not in _READERS
+
+
+def read_raster(path: Path, config: FileMeasurement) -> tuple[Values, Any, Any]:
+    """Numbers of a raster with where they lie.
+
+    Parameters
+    ----------
+    path : path
+        GeoTIFF or any other raster that GDAL reads.
+    config : FileMeasurement
+        Band.
+
+    Returns
+    -------
+    values : ndarray, shape (rows, columns)
+        As :func:`read_values` gives them.
+    transform : affine.Affine
+        From (column, row) of pixel corners to coordinates; identity where the file has none.
+    crs : pyproj.CRS or None
+        Horizontal CRS of the coordinates.
+
+    Raises
+    ------
+    MeasurementError
+        The file cannot be read or does not hold the band.
+    """
+    return _read(_raster_and_place, path, config)
+
+
+def _read(reader: Callable[[Path, FileMeasurement], _Read], path: Path, config: FileMeasurement) -> _Read:
     try:
         return reader(path, config)
     except MeasurementError:
@@ -123,23 +185,49 @@ def read_values(path: Path, config: FileMeasurement) -> Values:
 
 
 def _raster(path: Path, config: FileMeasurement) -> Values:
+    with open_raster(path) as raster:
+        return _band(raster, path, config)
+
+
+def _raster_and_place(path: Path, config: FileMeasurement) -> tuple[Values, Any, Any]:
+    with open_raster(path) as raster:
+        crs = crs_of(raster)
+        return _band(raster, path, config), raster.transform, horizontal(crs) if crs is not None else None
+
+
+@contextmanager
+def open_raster(path: Path) -> Iterator[Any]:
+    """Open a raster, without a warning where it has no place on the map.
+
+    Parameters
+    ----------
+    path : path
+        Any raster that GDAL reads.
+
+    Yields
+    ------
+    rasterio.DatasetReader
+    """
     import rasterio
     from rasterio.errors import NotGeoreferencedWarning
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
         with rasterio.open(path) as raster:
-            band = config.band
-            if band is None:
-                if raster.count != 1:
-                    raise MeasurementError(
-                        f"measurement.path: {path} has {raster.count} bands, expected one: say which with "
-                        "measurement.band."
-                    )
-                band = 1
-            if band > raster.count:
-                raise MeasurementError(f"measurement.band is {band}, {path} has {raster.count}.")
-            values = raster.read(band, masked=True)
+            yield raster
+
+
+def _band(raster: Any, path: Path, config: FileMeasurement) -> Values:
+    band = config.band
+    if band is None:
+        if raster.count != 1:
+            raise MeasurementError(
+                f"measurement.path: {path} has {raster.count} bands, expected one: say which with measurement.band."
+            )
+        band = 1
+    if band > raster.count:
+        raise MeasurementError(f"measurement.band is {band}, {path} has {raster.count}.")
+    values = raster.read(band, masked=True)
     if values.dtype.kind not in "fiuc":
         raise MeasurementError(f"measurement.path: {path} holds {values.dtype}, expected real or complex numbers.")
     return np.asarray(values.astype(np.complex128 if values.dtype.kind == "c" else np.float64).filled(np.nan))
@@ -193,8 +281,9 @@ def _mat(path: Path, config: FileMeasurement) -> Values:
 
 _Reader = Callable[[Path, FileMeasurement], Values]
 _READERS: dict[str, _Reader] = {".npy": _npy, ".npz": _npz, ".mat": _mat, ".h5": _hdf5, ".hdf5": _hdf5}
-_KINDS: dict[_Reader, str] = {
+_KINDS: dict[Callable[[Path, FileMeasurement], Any], str] = {
     _raster: "a raster",
+    _raster_and_place: "a raster",
     _npy: "a numpy array",
     _npz: "numpy arrays",
     _mat: "a MATLAB file",

@@ -34,6 +34,15 @@ class Scene:
         Cell size [m].
     incidence_deg : ndarray of float64, shape (ny,), or None
         Local incidence angle of each row of a slant-range scene [deg].
+    crs : str or None
+        Projected coordinate reference system of a georeferenced scene, as EPSG code or WKT.
+    transform : tuple of 6 float, or None
+        Affine a, b, c, d, e, f from (column, row) of cell *corners* to x = a column + b row + c,
+        y = d column + e row + f in the CRS [m]; row 0 is in the south, so e > 0.
+    vertical_datum : str or None
+        What the elevation refers to.
+    notes : tuple of str
+        What was done to the sources: resampling, datum, gaps.
     """
 
     identity: str
@@ -42,6 +51,10 @@ class Scene:
     elevation_m: NDArray[np.float64] | None
     cell_m: float
     incidence_deg: NDArray[np.float64] | None = None
+    crs: str | None = None
+    transform: tuple[float, ...] | None = None
+    vertical_datum: str | None = None
+    notes: tuple[str, ...] = ()
 
     def require(self, materials: list[str]) -> None:
         """Check that configuration and scene name the same materials.
@@ -75,6 +88,11 @@ def write_scene(path: str | Path, scene: Scene) -> None:
         for name in ("elevation_m", "incidence_deg"):
             if (array := getattr(scene, name)) is not None:
                 file.create_dataset(name, data=array, compression="gzip")
+        for name in ("crs", "transform", "vertical_datum"):
+            if (value := getattr(scene, name)) is not None:
+                file.attrs[name] = value
+        # a dataset: HDF5 bounds the size of attributes
+        file.create_dataset("notes", data=list(scene.notes), dtype=h5py.string_dtype())
 
 
 def read_scene(path: str | Path) -> Scene:
@@ -87,4 +105,9 @@ def read_scene(path: str | Path) -> Scene:
             elevation_m=file["elevation_m"][()] if "elevation_m" in file else None,
             cell_m=float(file.attrs["cell_m"]),
             incidence_deg=file["incidence_deg"][()] if "incidence_deg" in file else None,
+            # files of earlier versions lack these
+            crs=str(file.attrs["crs"]) if "crs" in file.attrs else None,
+            transform=tuple(float(v) for v in file.attrs["transform"]) if "transform" in file.attrs else None,
+            vertical_datum=str(file.attrs["vertical_datum"]) if "vertical_datum" in file.attrs else None,
+            notes=tuple(file["notes"].asstr()[()]) if "notes" in file else (),
         )

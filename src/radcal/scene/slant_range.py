@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import warnings
-from collections import Counter
-from pathlib import Path
 
 import numpy as np
 import rasterio
@@ -17,6 +14,7 @@ from radcal.config import SlantRangeScene, expand_path
 from radcal.errors import SceneError
 from radcal.files import digest
 from radcal.scene.model import Scene
+from radcal.scene.names import by_id, read_names
 
 __all__ = ["flat_incidence_deg", "slant_range_scene"]
 
@@ -71,11 +69,7 @@ def slant_range_scene(config: SlantRangeScene) -> Scene:
             f"scene.labels: {labels_path} holds {labels.dtype} from {labels.min()} to {labels.max()}, "
             "expected whole material ids from 0 to 255."
         )
-    names = _names(names_path)
-    missing = sorted({int(k) for k in np.unique(labels)} - {0, *names})
-    if missing:
-        raise SceneError(f"scene.names: {names_path} has no name for material id {missing[0]} of {labels_path}.")
-    highest = max(names)
+    names = read_names(names_path, (int(k) for k in np.unique(labels)), labels_path)
     return Scene(
         identity=digest(
             {
@@ -86,24 +80,9 @@ def slant_range_scene(config: SlantRangeScene) -> Scene:
                 "version": 1,
             }
         ),
-        names=tuple(names.get(k, f"id {k}") for k in range(1, highest + 1)),
+        names=by_id(names),
         material=labels.astype(np.uint8),
         elevation_m=None,
         cell_m=1.0,
         incidence_deg=flat_incidence_deg(config.near_incidence_deg, config.far_incidence_deg, labels.shape[0]),
     )
-
-
-def _names(path: Path) -> dict[int, str]:
-    try:
-        names = {int(k): str(v) for k, v in json.loads(path.read_text(encoding="utf-8")).items() if int(k) > 0}
-    except (OSError, ValueError, AttributeError, TypeError):
-        raise SceneError(
-            f'scene.names: {path} is not a JSON object of id and name, such as {{"1": "grass"}}.'
-        ) from None
-    if not names:
-        raise SceneError(f"scene.names: {path} names no material.")
-    twice = [name for name, times in Counter(names.values()).items() if times > 1]
-    if twice:
-        raise SceneError(f"scene.names: {path} gives the name {twice[0]!r} to more than one material id.")
-    return names

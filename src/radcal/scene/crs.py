@@ -1,0 +1,209 @@
+"""Coordinate reference systems: what a raster's says about places and about heights.
+
+Coordinates are always (x, y) = (east, north) or (longitude, latitude), as in rasters,
+whatever the order of axes in the definition of the CRS.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+import warnings
+from typing import TYPE_CHECKING, Any
+
+from radcal.errors import SceneError
+
+if TYPE_CHECKING:
+    from pyproj import CRS
+
+__all__ = [
+    "METRES",
+    "crs_of",
+    "horizontal",
+    "label",
+    "named_datum",
+    "same_datum",
+    "same_place",
+    "transformation_note",
+    "utm",
+    "vertical_datum",
+    "vertical_unit",
+]
+
+METRES = ("m", "metre", "metres", "meter", "meters")
+_UNNAMED = ("unknown", "unnamed", "undefined", "")
+
+
+def crs_of(raster: Any) -> CRS | None:
+    """CRS of an open rasterio dataset, None where it has none on Earth's surface.
+
+    Parameters
+    ----------
+    raster : rasterio.DatasetReader
+        An open raster.
+
+    Returns
+    -------
+    pyproj.CRS or None
+        Geographic, projected or compound.
+    """
+    from pyproj import CRS
+    from rasterio.enums import WktVersion
+
+    if not raster.crs:
+        return None
+    # WKT 1 has no three-dimensional CRS
+    crs = CRS.from_wkt(raster.crs.to_wkt(version=WktVersion.WKT2_2019))
+    plane = horizontal(crs)
+    return crs if plane.is_geographic or plane.is_projected else None
+
+
+def horizontal(crs: CRS) -> CRS:
+    """Part of a CRS that places points on the map."""
+    if crs.is_compound:
+        return crs.sub_crs_list[0]
+    return crs.to_2d() if len(crs.axis_info) == 3 else crs
+
+
+def same_place(one: CRS, other: CRS) -> bool:
+    """Whether two horizontal CRSs give the same coordinates, the order of axes aside."""
+    return one.equals(other, ignore_axis_order=True)
+
+
+def label(crs: CRS) -> str:
+    """Short text that :class:`pyproj.CRS` reads back: the authority's code, else WKT."""
+    authority = crs.to_authority(min_confidence=100)
+    return ":".join(authority) if authority else crs.to_wkt()
+
+
+def utm(longitude_deg: float, latitude_deg: float) -> CRS | None:
+    """UTM zone (WGS 84) of a place, None near the poles.
+
+    Parameters
+    ----------
+    longitude_deg, latitude_deg : float
+        The place [deg].
+    """
+    from pyproj import CRS
+    from pyproj.aoi import AreaOfInterest
+    from pyproj.database import query_utm_crs_info
+
+    place = AreaOfInterest(longitude_deg, latitude_deg, longitude_deg, latitude_deg)
+    found = query_utm_crs_info("WGS 84", place)
+    return CRS.from_authority(found[0].auth_name, found[0].code) if found else None
+
+
+def vertical_unit(crs: CRS) -> str | None:
+    """Unit of heights in a CRS, None where it has no vertical axis."""
+    axes = crs.axis_info if not crs.is_bound or crs.source_crs is None else crs.source_crs.axis_info
+    return next((axis.unit_name for axis in axes if axis.direction.lower() in ("up", "down")), None)
+
+
+def vertical_datum(crs: CRS) -> str | None:
+    """What heights refer to according to a CRS, None where it does not say.
+
+    Parameters
+    ----------
+    crs : pyproj.CRS
+        As the file has it.
+
+    Returns
+    -------
+    str or None
+        Name of the vertical CRS of a compound one, such as ``EGM96 height``; the ellipsoid of
+        a three-dimensional one, such as ``WGS 84 ellipsoid``.
+    """
+    if crs.is_compound:
+        vertical = crs.sub_crs_list[-1]
+        names = (vertical.name, vertical.datum.name if vertical.datum is not None else "")
+        # GeoTIFFs may name a unit of heights and no datum: libraries call that "unknown"
+        return next((name for name in names if name.lower() not in _UNNAMED), None)
+    if len(crs.axis_info) == 3:
+        return f"{crs.ellipsoid.name if crs.ellipsoid is not None else crs.name} ellipsoid"
+    return None
+
+
+def named_datum(text: str) -> str:
+    """Vertical datum that a person means.
+
+    Parameters
+    ----------
+    text : str
+        A name in the EPSG database with or without "height" (EGM96, EGM2008, NAP), its code
+        (EPSG:5773), an ellipsoid (WGS84 ellipsoid), or ``local``.
+
+    Returns
+    -------
+    str
+        The database's name; ellipsoids and ``local`` as they are.
+
+    Raises
+    ------
+    SceneError
+        There is no such datum.
+    """
+    from pyproj import CRS
+    from pyproj.database import query_crs_info
+    from pyproj.enums import PJType
+    from pyproj.exceptions import CRSError
+
+    if re.fullmatch(r"[A-Za-z]+:\d+", text.strip()):
+        try:
+            crs = CRS.from_user_input(text.strip())
+        except CRSError:
+            raise SceneError(f"scene.vertical_datum is {text!r}, which is no known CRS.") from None
+        name = crs.name if crs.type_name == "Vertical CRS" else vertical_datum(crs)
+        if name is None:
+            raise SceneError(f"scene.vertical_datum is {text!r} ({crs.name}), which says nothing about heights.")
+        return name
+    if "ellips" in text.lower() or _key(text) == "local":
+        return text.strip()
+    known: dict[str, str] = {}
+    # the shortest first: without the unit that others add
+    for name in sorted((info.name for info in query_crs_info("EPSG", PJType.VERTICAL_CRS)), key=len):
+        known.setdefault(_key(name), name)
+    if _key(text) not in known:
+        near = difflib.get_close_matches(_key(text), known, n=1, cutoff=0.6)
+        meant = f" (did you mean {known[near[0]]!r}?)" if near else ""
+        raise SceneError(
+            f"scene.vertical_datum is {text!r}{meant}, expected a vertical datum of the EPSG database such as EGM96, "
+            "EGM2008 or NAP, WGS84 ellipsoid, or local."
+        )
+    return known[_key(text)]
+
+
+def same_datum(one: str, other: str) -> bool:
+    """Whether two names mean one vertical datum, as far as the names tell."""
+    keys = {_key(one), _key(other)}
+    return len(keys) == 1 or ("ellipsoid" in keys and all("ellipsoid" in key for key in keys))
+
+
+def _key(name: str) -> str:
+    """Name without what is often left out of it: "EGM96 height" and "EGM96_Geoid" are the same."""
+    text = re.sub(r"\(.*?\)|height|geoid(?!al)|vertical|datum", "", name.lower()).replace("ellipsoidal", "ellipsoid")
+    return re.sub(r"[^a-z0-9]", "", text)
+
+
+def transformation_note(source: CRS, target: CRS, name: str) -> str | None:
+    """Sentence for when a grid of datum shifts is missing and places are less accurate for it.
+
+    Parameters
+    ----------
+    source, target : pyproj.CRS
+        Horizontal CRSs.
+    name : str
+        What is transformed.
+    """
+    from pyproj.transformer import TransformerGroup
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the sentence below says the same
+        group = TransformerGroup(source, target, always_xy=True)
+    if group.best_available or not group.transformers:
+        return None
+    accuracy = group.transformers[0].accuracy
+    known = f"is accurate to {accuracy:g} m" if accuracy >= 0 else "has no known accuracy"
+    return (
+        f"{name}: the best transformation from {source.name} to {target.name} needs a grid that is not installed; "
+        f"the one used {known}."
+    )

@@ -1,0 +1,339 @@
+"""Where the cells of a scene lie: open rasters, their common area, and a grid of square cells on it."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from radcal.config import RasterScene, expand_path
+from radcal.errors import SceneError
+from radcal.scene.crs import METRES, crs_of, horizontal, same_place, utm
+
+if TYPE_CHECKING:
+    from pyproj import CRS
+
+__all__ = ["LARGEST_CELLS", "Grid", "Source", "box_in", "opened", "scene_grid", "subdivision"]
+
+LARGEST_CELLS = 100_000_000  # of the grid, and of what is read of a raster
+_SMALLEST_SIDE = 8  # cells
+_SCALE_ERROR = 0.01  # of lengths on the map, beyond which cells are not what they say
+
+Box = tuple[float, float, float, float]  # west, south, east, north
+
+
+@dataclass(frozen=True)
+class Source:
+    """An open raster of one band with a CRS and a transform along its axes.
+
+    Attributes
+    ----------
+    key : str
+        Configuration key.
+    path : path
+        The file.
+    raster : rasterio.DatasetReader
+        Open.
+    crs : pyproj.CRS
+        As the file has it.
+    plane : pyproj.CRS
+        Its horizontal part.
+    """
+
+    key: str
+    path: Path
+    raster: Any
+    crs: CRS
+    plane: CRS
+
+    @property
+    def box(self) -> Box:
+        """West, south, east and north in the raster's horizontal CRS."""
+        # the first row may be in the south and the first column in the east
+        left, bottom, right, top = self.raster.bounds
+        return min(left, right), min(bottom, top), max(left, right), max(bottom, top)
+
+    def error(self, text: str) -> SceneError:
+        """Return the error that says something about this file."""
+        return SceneError(f"{self.key}: {self.path} {text}")
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Square cells in a projected CRS.
+
+    Attributes
+    ----------
+    crs : pyproj.CRS
+        In metres.
+    west, south : float
+        The grid's corner [m].
+    cell_m : float
+        Cell size [m].
+    rows, columns : int
+        Cells to the north and to the east.
+    """
+
+    crs: CRS
+    west: float
+    south: float
+    cell_m: float
+    rows: int
+    columns: int
+
+    @property
+    def box(self) -> Box:
+        """West, south, east and north [m]."""
+        return self.west, self.south, self.west + self.columns * self.cell_m, self.south + self.rows * self.cell_m
+
+    def cut(self, parts: int) -> Grid:
+        """Return the grid whose cells are this one's, each side cut into so many parts."""
+        return Grid(self.crs, self.west, self.south, self.cell_m / parts, self.rows * parts, self.columns * parts)
+
+
+@contextmanager
+def opened(key: str, text: str) -> Iterator[Source]:
+    """Open a configured raster.
+
+    Parameters
+    ----------
+    key : str
+        Configuration key, for messages.
+    text : str
+        Path as configured.
+
+    Raises
+    ------
+    SceneError
+        The file cannot be read, has several bands, no CRS, or no transform along its axes.
+    """
+    import rasterio
+    from rasterio.errors import NotGeoreferencedWarning
+
+    path = expand_path(text, key)
+    with ExitStack() as stack:
+        try:
+            # GDAL drops the vertical part of the CRS of GeoTIFF 1.0 unless told otherwise
+            with warnings.catch_warnings(), rasterio.Env(GTIFF_REPORT_COMPD_CS="YES"):
+                warnings.simplefilter("ignore", NotGeoreferencedWarning)
+                raster = stack.enter_context(rasterio.open(path))
+                crs, transform = crs_of(raster), raster.transform
+        except Exception as error:  # what the libraries raise on damaged files has no common base
+            raise SceneError(f"{key}: {path} cannot be read as a raster ({error}).") from None
+        if raster.count != 1:
+            raise SceneError(f"{key}: {path} has {raster.count} bands, expected one.")
+        if crs is None:
+            raise SceneError(
+                f"{key}: {path} has no coordinate reference system, expected a geographic or projected one: "
+                "give it one with gdal_edit -a_srs."
+            )
+        if transform.is_identity:
+            raise SceneError(
+                f"{key}: {path} has a coordinate reference system and no transform from pixels to it: "
+                "warp it with gdalwarp."
+            )
+        if transform.b != 0 or transform.d != 0:
+            raise SceneError(f"{key}: {path} is rotated against its coordinate axes: warp it with gdalwarp.")
+        yield Source(key, path, raster, crs, horizontal(crs))
+
+
+def box_in(box: Box, source: CRS, target: CRS) -> Box:
+    """Bounding box of a box in another CRS.
+
+    Parameters
+    ----------
+    box : (float, float, float, float)
+        West, south, east and north.
+    source, target : pyproj.CRS
+        Its CRS and the other one.
+
+    Raises
+    ------
+    SceneError
+        The other CRS does not reach there.
+    """
+    from pyproj import Transformer
+
+    if same_place(source, target):
+        return box
+    west, south, east, north = Transformer.from_crs(source, target, always_xy=True).transform_bounds(*box)
+    if not np.isfinite([west, south, east, north]).all():
+        raise SceneError(
+            f"scene: the area {[float(f'{v:.6g}') for v in box]} in {source.name} cannot be expressed in "
+            f"{target.name}: give another scene.crs, or rasters of a smaller area."
+        )
+    return west, south, east, north
+
+
+def _common(one: Box, other: Box) -> Box:
+    return max(one[0], other[0]), max(one[1], other[1]), min(one[2], other[2]), min(one[3], other[3])
+
+
+def _empty(box: Box) -> bool:
+    return not (box[0] < box[2] and box[1] < box[3])
+
+
+def _overlap(elevation: Source, materials: Source) -> tuple[Box, Box]:
+    """Parts of the two rasters that cover each other, each in its own CRS."""
+    from pyproj import CRS
+
+    globe = CRS.from_user_input("OGC:CRS84")
+
+    def area(source: Source) -> float:
+        west, south, east, north = box_in(source.box, source.plane, globe)
+        return (east - west) * (north - south)
+
+    # the smaller one first: the box of a continent in the other's projection may be nonsense
+    small, large = sorted((elevation, materials), key=area)
+    of_large = _common(large.box, box_in(small.box, small.plane, large.plane))
+    of_small = of_large if _empty(of_large) else _common(small.box, box_in(of_large, large.plane, small.plane))
+    if _empty(of_large) or _empty(of_small):
+        raise SceneError(
+            f"scene.materials: {materials.path} ({_degrees(materials)}) and scene.elevation: {elevation.path} "
+            f"({_degrees(elevation)}) do not overlap."
+        )
+    return (of_small, of_large) if small is elevation else (of_large, of_small)
+
+
+def _degrees(source: Source) -> str:
+    from pyproj import CRS
+
+    west, south, east, north = box_in(source.box, source.plane, CRS.from_user_input("OGC:CRS84"))
+    return f"longitude {west:.4g} to {east:.4g}, latitude {south:.4g} to {north:.4g}"
+
+
+def _middle(box: Box) -> tuple[float, float]:
+    return 0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])
+
+
+def scene_grid(elevation: Source, materials: Source, config: RasterScene) -> Grid:
+    """Cells of the area that both rasters cover, or of the configured bounds.
+
+    Where the scene has the elevation's CRS, the cells' corners are on those of its pixels.
+
+    Parameters
+    ----------
+    elevation, materials : Source
+        The rasters.
+    config : RasterScene
+        CRS, cell size and bounds, each optional.
+
+    Raises
+    ------
+    SceneError
+        The rasters or bounds do not overlap, the CRS has no true metres, or there would be
+        too few or too many cells.
+
+    References
+    ----------
+    Snyder, "Map projections: a working manual", USGS Professional Paper 1395 (1987), p. 20:
+    Tissot's indicatrix, whose axes are a map's largest and smallest scale.
+    """
+    boxes = _overlap(elevation, materials)
+    crs = _target(elevation, boxes[0], config)
+    box = _common(box_in(boxes[0], elevation.plane, crs), box_in(boxes[1], materials.plane, crs))
+    same = same_place(elevation.plane, crs)
+    west, south = (elevation.box[:2]) if same else (0.0, 0.0)
+    if config.bounds is not None:
+        if _empty(_common(box, config.bounds)):
+            raise SceneError(
+                f"scene.bounds are {list(config.bounds)}, expected inside "
+                f"{[round(float(v), 1) for v in box]} ({crs.name}), which both rasters cover."
+            )
+        box = config.bounds
+        west, south = (west, south) if same else box[:2]
+    pixel = float(np.sqrt(np.prod(_pixel_m(elevation, crs, box))))
+    # three digits say enough about the size of a pixel seen through a projection
+    cell = config.cell_m or (pixel if same else float(f"{pixel:.3g}"))
+    # whole cells inside the box, on the lattice that has a corner at (west, south)
+    west += np.ceil((box[0] - west) / cell - 1e-6) * cell
+    south += np.ceil((box[1] - south) / cell - 1e-6) * cell
+    columns, rows = (int((high - low) / cell + 1e-6) for low, high in ((west, box[2]), (south, box[3])))
+    if min(rows, columns) < _SMALLEST_SIDE:
+        raise SceneError(
+            f"scene.cell_m is {cell:g}, which makes {max(columns, 0)} x {max(rows, 0)} cells of the area that both "
+            f"rasters and scene.bounds share, expected at least {_SMALLEST_SIDE} x {_SMALLEST_SIDE}."
+        )
+    if rows * columns > LARGEST_CELLS:
+        raise SceneError(
+            f"scene.cell_m is {cell:g}, which makes {columns} x {rows} cells, expected at most {LARGEST_CELLS:.0e}: "
+            "give smaller scene.bounds or a larger scene.cell_m."
+        )
+    return Grid(crs, float(west), float(south), float(cell), rows, columns)
+
+
+def _target(elevation: Source, box: Box, config: RasterScene) -> CRS:
+    """The scene's CRS: projected, in metres that are metres on the ground."""
+    from pyproj import CRS
+    from pyproj.exceptions import CRSError
+
+    longitude, latitude = _middle(box_in(box, elevation.plane, CRS.from_user_input("OGC:CRS84")))
+    if config.crs is None:
+        if _unfit(elevation.plane, longitude, latitude) is None:
+            return elevation.plane
+        found = utm(longitude, latitude)
+        if found is None:
+            raise SceneError(
+                f"scene.crs is missing and {elevation.path} lies at latitude {latitude:.4g}, outside the UTM zones: "
+                "give a projected CRS."
+            )
+        return found
+    try:
+        crs = CRS.from_user_input(config.crs)
+    except CRSError:
+        raise SceneError(f"scene.crs is {config.crs!r}, expected a projected CRS such as EPSG:32631.") from None
+    if crs.is_compound or len(crs.axis_info) == 3:
+        raise SceneError(
+            f"scene.crs is {config.crs!r}, which has a vertical axis: heights are not transformed; name the horizontal "
+            "CRS alone."
+        )
+    if (unfit := _unfit(crs, longitude, latitude)) is not None:
+        raise SceneError(f"scene.crs is {config.crs!r} ({crs.name}), {unfit}.")
+    return crs
+
+
+def _unfit(crs: CRS, longitude: float, latitude: float) -> str | None:
+    """Why a CRS is none for a grid of square cells in metres, None where it is one."""
+    from pyproj import Proj
+
+    if not crs.is_projected:
+        return "expected a projected CRS such as EPSG:32631"
+    axes = crs.source_crs.axis_info if crs.is_bound and crs.source_crs is not None else crs.axis_info
+    if any(axis.unit_name not in METRES for axis in axes):
+        return f"whose unit is {axes[0].unit_name}, expected metres"
+    if any(axis.direction.lower() == "west" for axis in axes):
+        return "whose coordinates grow to the west, expected to the east and north"
+    factors = Proj(crs).get_factors(longitude, latitude)
+    # the semi-axes of Tissot's indicatrix: the largest and the smallest scale in any direction
+    scales = (factors.tissot_semimajor, factors.tissot_semiminor)
+    worst = max(scales, key=lambda scale: abs(scale - 1.0))
+    if not abs(worst - 1.0) <= _SCALE_ERROR:  # NaN outside the projection's domain
+        return (
+            f"whose metre is {worst:.4g} times one at longitude {longitude:.4g}, latitude {latitude:.4g}, expected "
+            f"within {_SCALE_ERROR:.0%}, as in a UTM zone of the place"
+        )
+    return None
+
+
+def _pixel_m(source: Source, crs: CRS, box: Box) -> tuple[float, float]:
+    """Sides of a raster's pixel in the middle of a box of another CRS in metres [m]."""
+    from pyproj import Transformer
+
+    right, up = 0.5 * abs(source.raster.transform.a), 0.5 * abs(source.raster.transform.e)
+    if same_place(source.plane, crs):
+        return 2.0 * right, 2.0 * up
+    x, y = Transformer.from_crs(crs, source.plane, always_xy=True).transform(*_middle(box))
+    to_target = Transformer.from_crs(source.plane, crs, always_xy=True)
+    xs, ys = to_target.transform([x - right, x + right, x, x], [y, y, y - up, y + up])
+    return float(np.hypot(xs[1] - xs[0], ys[1] - ys[0])), float(np.hypot(xs[3] - xs[2], ys[3] - ys[2]))
+
+
+def subdivision(source: Source, grid: Grid) -> int:
+    """Into how many parts a cell's side must be cut for parts no larger than a raster's pixels."""
+    # a cell that differs from the pixel by rounding is none that must be cut
+    return max(1, int(np.ceil(grid.cell_m / min(_pixel_m(source, grid.crs, grid.box)) - 1e-3)))

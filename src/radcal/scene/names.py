@@ -1,0 +1,56 @@
+"""Names of material ids, from a JSON file."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from radcal.errors import SceneError
+
+__all__ = ["by_id", "read_names"]
+
+
+def read_names(path: Path, present: Iterable[int], raster: Path) -> dict[int, str]:
+    """Read the names of material ids and check that those of a raster are among them.
+
+    Parameters
+    ----------
+    path : path
+        JSON object of id and name.
+    present : iterable of int
+        Ids that the raster holds; 0 needs no name.
+    raster : path
+        The raster, for messages.
+
+    Returns
+    -------
+    dict
+        Name by id.
+
+    Raises
+    ------
+    SceneError
+        The file is no such object, gives a name twice, or lacks an id of the raster.
+    """
+    try:
+        names = {int(k): str(v) for k, v in json.loads(path.read_text(encoding="utf-8")).items() if int(k) > 0}
+    except (OSError, ValueError, AttributeError, TypeError):
+        raise SceneError(
+            f'scene.names: {path} is not a JSON object of id and name, such as {{"1": "grass"}}.'
+        ) from None
+    if not names:
+        raise SceneError(f"scene.names: {path} names no material.")
+    twice = [name for name, times in Counter(names.values()).items() if times > 1]
+    if twice:
+        raise SceneError(f"scene.names: {path} gives the name {twice[0]!r} to more than one material id.")
+    missing = sorted(set(present) - {0, *names})
+    if missing:
+        raise SceneError(f"scene.names: {path} has no name for material id {missing[0]} of {raster}.")
+    return names
+
+
+def by_id(names: Mapping[int, str]) -> tuple[str, ...]:
+    """Return names as a scene holds them: that of id k at k - 1, ids without one as ``id k``."""
+    return tuple(names.get(k, f"id {k}") for k in range(1, max(names) + 1))

@@ -1,0 +1,288 @@
+"""Scenes from GIS rasters: elevation and material ids, resampled to one grid."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.config import RasterScene, expand_path
+from radcal.errors import SceneError
+from radcal.files import digest
+from radcal.scene.crs import (
+    METRES,
+    label,
+    named_datum,
+    same_datum,
+    same_place,
+    transformation_note,
+    vertical_datum,
+    vertical_unit,
+)
+from radcal.scene.grid import LARGEST_CELLS, Grid, Source, box_in, opened, scene_grid, subdivision
+from radcal.scene.model import Scene
+from radcal.scene.names import by_id, read_names
+
+__all__ = ["raster_scene"]
+
+_LOWEST_M, _HIGHEST_M = -1000.0, 9000.0  # of land, with room for mines and ellipsoidal heights
+_MISSING_SHARE = 0.5
+_NEAR_CELLS = 100  # gaps are interpolated over this distance; beyond, the nearest height is taken
+# of GDAL's interpolated transformation [pixels]; it takes 1/8 otherwise, a metre of height on a slope of SRTM
+_TOLERANCE_PX = 0.001
+_MARGIN_PX = 3  # margin read around the scene: cubic convolution reaches 2 pixels
+
+
+def raster_scene(config: RasterScene) -> Scene:
+    """Read elevation and materials and bring both to one grid.
+
+    Elevation is interpolated by cubic convolution, materials are those of the nearest pixel;
+    cells coarser than pixels are cut into parts that are not, and take the mean elevation and
+    the most frequent material of their parts.
+    Cells without elevation take it from around them and have no material.
+
+    Parameters
+    ----------
+    config : RasterScene
+        Files, CRS, cell size, bounds and vertical datum.
+
+    Returns
+    -------
+    Scene
+        With ``crs``, ``transform``, ``vertical_datum`` and ``notes``. The identity depends on
+        materials, elevation and cell size, which determine runs, and not on where they lie.
+
+    Raises
+    ------
+    SceneError
+        A file cannot be read or is no such raster, the two do not overlap, the CRS has no true
+        metres, or the vertical datum is not given or contradicted.
+
+    References
+    ----------
+    Keys, "Cubic convolution interpolation for digital image processing", IEEE TASSP 29 (1981).
+    """
+    names_path = expand_path(config.names, "scene.names")
+    with (
+        opened("scene.elevation", config.elevation) as elevation,
+        opened("scene.materials", config.materials) as materials,
+    ):
+        _check_heights(elevation)
+        datum, origin = _datum(elevation, config)
+        grid = scene_grid(elevation, materials, config)
+        heights, filled, how_heights = _heights(elevation, grid)
+        ids, how_ids = _ids(materials, grid)
+        names = read_names(names_path, (int(k) for k in np.unique(ids)), materials.path)
+        notes = [
+            f"cells of {grid.cell_m:g} m in {grid.crs.name}",
+            f"elevation {how_heights}, materials {how_ids}",
+            f"vertical datum {datum} ({origin})",
+        ]
+        notes += [
+            note
+            for source in (elevation, materials)
+            if not same_place(source.plane, grid.crs)
+            and (note := transformation_note(source.plane, grid.crs, source.key))
+        ]
+    ids[filled] = 0
+    if not ids.any():
+        raise materials.error("has no material where the elevation is.")
+    if filled.any():
+        notes.append(
+            f"{np.count_nonzero(filled)} of {filled.size} cells have no elevation: filled from around them, no material"
+        )
+    if bare := np.count_nonzero(ids == 0):
+        notes.append(f"{bare} of {ids.size} cells have no material")
+    return Scene(
+        identity=digest(
+            {
+                "source": config.source,
+                "shape": list(ids.shape),
+                "cell_m": grid.cell_m,
+                "elevation": hashlib.sha256(heights.tobytes()).hexdigest(),
+                "material": hashlib.sha256(ids.tobytes()).hexdigest(),
+                "names": {str(k): v for k, v in names.items()},
+                "version": 1,
+            }
+        ),
+        names=by_id(names),
+        material=ids,
+        elevation_m=heights,
+        cell_m=grid.cell_m,
+        crs=label(grid.crs),
+        transform=(grid.cell_m, 0.0, grid.west, 0.0, grid.cell_m, grid.south),
+        vertical_datum=datum,
+        notes=tuple(notes),
+    )
+
+
+def _check_heights(elevation: Source) -> None:
+    """Refuse what cannot be heights in metres."""
+    dtype = np.dtype(elevation.raster.dtypes[0])
+    if dtype.kind not in "fiu":
+        raise elevation.error(f"holds {dtype}, expected heights as real numbers.")
+    units = (vertical_unit(elevation.crs), elevation.raster.units[0])
+    other = [unit for unit in units if unit and unit.lower() not in METRES]
+    if other:
+        raise elevation.error(f"has heights in {other[0]}, expected metres: convert it, for example with gdal_calc.")
+
+
+def _datum(elevation: Source, config: RasterScene) -> tuple[str, str]:
+    """Vertical datum and who says so."""
+    of_file = vertical_datum(elevation.crs)
+    given = named_datum(config.vertical_datum) if config.vertical_datum is not None else None
+    if of_file is not None and given is not None and not same_datum(of_file, given):
+        raise SceneError(
+            f"scene.vertical_datum is {given!r} and the CRS of scene.elevation ({elevation.path}) says {of_file!r}: "
+            "leave the key out, or correct the file with gdal_edit -a_srs."
+        )
+    if of_file is not None:
+        return of_file, "from the CRS of the elevation"
+    if given is not None:
+        return given, "from scene.vertical_datum"
+    raise SceneError(
+        f"scene.vertical_datum is missing and the CRS of scene.elevation ({elevation.path}, {elevation.crs.name}) does "
+        "not say what heights refer to: give it, for example vertical_datum: EGM96, EGM2008 or WGS84 ellipsoid."
+    )
+
+
+def _window(source: Source, grid: Grid) -> tuple[np.ma.MaskedArray[Any, Any], Any]:
+    """Masked values around a grid and their transform."""
+    from rasterio.errors import RasterioError
+    from rasterio.windows import Window
+    from rasterio.windows import transform as of_window
+
+    west, south, east, north = box_in(grid.box, grid.crs, source.plane)
+    t = source.raster.transform
+    left, right = sorted([(west - t.c) / t.a, (east - t.c) / t.a])
+    top, bottom = sorted([(south - t.f) / t.e, (north - t.f) / t.e])  # e > 0 where the first row is in the south
+    left, top = (max(0, int(np.floor(v)) - _MARGIN_PX) for v in (left, top))
+    right = min(source.raster.width, int(np.ceil(right)) + _MARGIN_PX)
+    bottom = min(source.raster.height, int(np.ceil(bottom)) + _MARGIN_PX)
+    if (right - left) * (bottom - top) > LARGEST_CELLS:
+        raise source.error(
+            f"has {right - left} x {bottom - top} pixels in the scene's area, expected at most {LARGEST_CELLS:.0e}: "
+            "give smaller scene.bounds or a coarser raster."
+        )
+    window = Window(left, top, right - left, bottom - top)
+    try:
+        return source.raster.read(1, window=window, masked=True), of_window(window, t)
+    except RasterioError as error:
+        raise source.error(f"cannot be read as a raster ({error}).") from None
+
+
+def _warped(
+    source: Source, values: NDArray[Any], transform: Any, grid: Grid, method: str, empty: float
+) -> NDArray[Any]:
+    """Values on the grid, row 0 in the south; ``empty`` where the raster has none."""
+    import rasterio.crs
+    from rasterio.enums import Resampling
+    from rasterio.io import MemoryFile
+    from rasterio.transform import from_origin
+    from rasterio.vrt import WarpedVRT
+
+    if grid.rows * grid.columns > LARGEST_CELLS:
+        raise source.error(
+            f"has pixels so much smaller than scene.cell_m that the scene takes {grid.columns} x {grid.rows} of them, "
+            f"expected at most {LARGEST_CELLS:.0e}: give smaller scene.bounds or a coarser raster."
+        )
+    west, _, _, north = grid.box
+    # Env tells GDAL where PROJ's database is: without it, datums would be taken as equal. A WarpedVRT, which
+    # needs a file: rasterio.warp.reproject() does not heed a tolerance
+    with rasterio.Env(), MemoryFile() as memory:
+        with memory.open(
+            driver="GTiff",
+            height=values.shape[0],
+            width=values.shape[1],
+            count=1,
+            dtype=values.dtype,
+            crs=rasterio.crs.CRS.from_wkt(source.plane.to_wkt()),
+            transform=transform,
+        ) as raster:
+            raster.write(values, 1)
+        with (
+            memory.open() as raster,
+            WarpedVRT(
+                raster,
+                crs=rasterio.crs.CRS.from_wkt(grid.crs.to_wkt()),
+                transform=from_origin(west, north, grid.cell_m, grid.cell_m),
+                height=grid.rows,
+                width=grid.columns,
+                resampling=Resampling[method],
+                tolerance=_TOLERANCE_PX,
+                nodata=empty,
+                src_nodata=empty,
+            ) as warped,
+        ):
+            return np.asarray(warped.read(1))[::-1]
+
+
+def _blocks(fine: NDArray[Any], parts: int) -> NDArray[Any]:
+    """Cells' parts along the last axis."""
+    rows, columns = fine.shape[0] // parts, fine.shape[1] // parts
+    return fine.reshape(rows, parts, columns, parts).swapaxes(1, 2).reshape(rows, columns, parts**2)
+
+
+def _heights(elevation: Source, grid: Grid) -> tuple[NDArray[np.float64], NDArray[np.bool_], str]:
+    """Elevation without gaps, where it had some, and how it was resampled."""
+    from rasterio.fill import fillnodata
+    from scipy.ndimage import distance_transform_edt
+
+    values, transform = _window(elevation, grid)
+    scaled = (values.astype(np.float64) * elevation.raster.scales[0] + elevation.raster.offsets[0]).filled(np.nan)
+    scaled[~np.isfinite(scaled)] = np.nan
+    if np.isnan(scaled).all():
+        raise elevation.error("holds no elevation in the scene's area, only no-data.")
+    low, high = np.nanmin(scaled), np.nanmax(scaled)
+    if low < _LOWEST_M or high > _HIGHEST_M:
+        raise elevation.error(
+            f"holds heights from {low:g} to {high:g} m, expected {_LOWEST_M:g} to {_HIGHEST_M:g}: if that is its "
+            "no-data value, declare it with gdal_edit -a_nodata."
+        )
+    parts = subdivision(elevation, grid)
+    # GDAL's own averages of a plane are off by some hundredths of a pixel times its slope: half a degree of
+    # incidence; means of interpolated parts are not
+    fine = _warped(elevation, scaled, transform, grid.cut(parts), "cubic", np.nan)
+    blocks = _blocks(fine, parts)
+    known = np.isfinite(blocks).sum(axis=-1)
+    gaps = known < 0.5 * parts**2
+    heights = np.where(gaps, np.nan, np.nansum(blocks, axis=-1) / np.maximum(known, 1))
+    if np.mean(gaps) > _MISSING_SHARE:
+        raise elevation.error(
+            f"has no elevation in {np.count_nonzero(gaps)} of {gaps.size} cells, expected in at most half."
+        )
+    if gaps.any():
+        # fillnodata() computes in single precision: only the gaps are taken from it
+        heights = np.where(gaps, fillnodata(heights.copy(), mask=~gaps, max_search_distance=_NEAR_CELLS), heights)
+        nearest = distance_transform_edt(np.isnan(heights), return_distances=False, return_indices=True)
+        heights = heights[tuple(nearest)]
+    return np.ascontiguousarray(heights), gaps, "interpolated" if parts == 1 else "averaged"
+
+
+def _ids(materials: Source, grid: Grid) -> tuple[NDArray[np.uint8], str]:
+    """Material ids and how they were resampled."""
+    values, transform = _window(materials, grid)
+    held = values.compressed()
+    if held.size == 0:
+        raise materials.error("holds no material in the scene's area, only no-data.")
+    if held.dtype.kind not in "ui" or held.min() < 0 or held.max() > 255:
+        raise materials.error(
+            f"holds {held.dtype} from {held.min()} to {held.max()}, expected whole material ids from 0 to 255."
+        )
+    missing = -1
+    parts = subdivision(materials, grid)
+    codes = np.where(np.ma.getmaskarray(values), missing, values.data.astype(np.int16))
+    blocks = _blocks(_warped(materials, codes, transform, grid.cut(parts), "nearest", missing), parts)
+    present = np.unique(blocks)
+    most = np.zeros(blocks.shape[:2], dtype=np.int64)
+    found = np.full(blocks.shape[:2], missing, dtype=np.int16)
+    for code in present:
+        count = np.count_nonzero(blocks == code, axis=-1)
+        found[count > most] = code
+        most = np.maximum(most, count)
+    without = np.count_nonzero(found == missing)
+    if without > _MISSING_SHARE * found.size:
+        raise materials.error(f"covers {found.size - without} of {found.size} cells, expected at least half.")
+    return np.maximum(found, 0).astype(np.uint8), "of the nearest pixel" if parts == 1 else "of the majority of pixels"

@@ -1,0 +1,572 @@
+"""Scenes from rasters against planes and maps whose values at any place are known."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+import rasterio
+from affine import Affine
+from pyproj import CRS, Transformer
+from scipy.ndimage import binary_erosion
+
+from radcal.config import Radar, RasterScene
+from radcal.errors import ConfigError, SceneError
+from radcal.radar.geometry import make_geometry
+from radcal.scene.crs import named_datum, same_datum, transformation_note, vertical_datum
+from radcal.scene.model import Scene, read_scene, write_scene
+from radcal.scene.raster import raster_scene
+from radcal.scene.sources import make_scene
+
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning"),
+    pytest.mark.filterwarnings("ignore:Use `@` matmul:PendingDeprecationWarning"),  # of rasterio about affine
+]
+
+UTM, EGM96 = "EPSG:32631", "EPSG:32631+5773"
+WEST, SOUTH = 600_000.0, 5_780_000.0  # in Flevoland
+NAMES = {"1": "grass", "2": "water", "3": "dyke"}
+
+
+def plane(x: Any, y: Any) -> Any:
+    """Height [m] of a place in UTM."""
+    return 100.0 + 0.2 * (np.asarray(x) - WEST) - 0.1 * (np.asarray(y) - SOUTH)
+
+
+def centres(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Coordinates of all cell centres, by the documented meaning of the transform."""
+    a, b, c, d, e, f = scene.transform
+    row, column = np.indices(scene.material.shape) + 0.5
+    return a * column + b * row + c, d * column + e * row + f
+
+
+def write_raster(path: Path, values: np.ndarray, crs: str | None, transform: Affine, **profile: Any) -> str:
+    units = profile.pop("units", None)
+    bands = values if values.ndim == 3 else values[None]
+    with rasterio.open(
+        path, "w", driver="GTiff", count=len(bands), height=bands.shape[1], width=bands.shape[2], dtype=values.dtype,
+        crs=crs, transform=transform, **profile,
+    ) as raster:  # fmt: skip
+        raster.write(bands)
+        if units is not None:
+            raster.units = (units,)
+    return str(path)
+
+
+def grid(transform: Affine, shape: tuple[int, int], crs: str) -> tuple[np.ndarray, np.ndarray]:
+    """UTM coordinates of a raster's pixel centres."""
+    row, column = np.indices(shape) + 0.5
+    x = transform.a * column + transform.b * row + transform.c
+    y = transform.d * column + transform.e * row + transform.f
+    to_utm = Transformer.from_crs(CRS.from_user_input(crs), UTM, always_xy=True)
+    return to_utm.transform(x, y)
+
+
+Build = Callable[..., RasterScene]
+
+HEIGHTS = Affine(10.0, 0.0, WEST, 0.0, -10.0, SOUTH + 500.0)  # 50 x 60 pixels, north up
+SHAPE = (50, 60)
+
+
+@pytest.fixture
+def build(tmp_path: Path) -> Build:
+    """Write both rasters, by default in UTM with EGM96 heights, and return the configuration."""
+
+    def build(
+        heights: np.ndarray | None = None,
+        ids: np.ndarray | None = None,
+        *,
+        crs: str | None = EGM96,
+        transform: Affine = HEIGHTS,
+        ids_crs: str | None = UTM,
+        ids_transform: Affine = HEIGHTS,
+        profile: dict[str, Any] | None = None,
+        ids_profile: dict[str, Any] | None = None,
+        names: Any = NAMES,
+        **keys: Any,
+    ) -> RasterScene:
+        if heights is None:
+            heights = plane(*grid(transform, SHAPE, crs or UTM))
+        if ids is None:
+            ids = np.ones(SHAPE, dtype=np.uint8)
+        (tmp_path / "names.json").write_text(json.dumps(names))
+        return RasterScene(
+            elevation=write_raster(tmp_path / "heights.tif", heights, crs, transform, **(profile or {})),
+            materials=write_raster(tmp_path / "ids.tif", ids, ids_crs, ids_transform, **(ids_profile or {})),
+            names=str(tmp_path / "names.json"),
+            **keys,
+        )
+
+    return build
+
+
+def test_a_raster_on_the_scenes_own_grid_is_taken_as_it_lies(build: Build) -> None:
+    heights = np.random.default_rng(1).normal(50.0, 5.0, SHAPE)
+    ids = np.random.default_rng(2).integers(1, 4, SHAPE, dtype=np.uint8)
+    scene = raster_scene(build(heights, ids))
+    # row 0 of the scene is in the south, of the file in the north
+    np.testing.assert_allclose(scene.elevation_m, heights[::-1], rtol=1e-12)
+    np.testing.assert_array_equal(scene.material, ids[::-1])
+    assert scene.transform == (10.0, 0.0, WEST, 0.0, 10.0, SOUTH)
+    assert scene.crs == UTM
+    assert scene.cell_m == 10.0
+    assert scene.names == ("grass", "water", "dyke")
+    assert scene.elevation_m.dtype == np.float64
+    assert scene.material.dtype == np.uint8
+    assert not any("no material" in note for note in scene.notes)
+
+
+@pytest.mark.parametrize("up", ["north", "south", "west"])
+def test_the_order_of_rows_and_columns_does_not_matter(build: Build, up: str) -> None:
+    values = np.random.default_rng(1).normal(50.0, 5.0, SHAPE)
+    ids = np.random.default_rng(2).integers(1, 4, SHAPE, dtype=np.uint8)
+    expected = raster_scene(build(values, ids, cell_m=7.0))
+    if up == "south":
+        flipped = Affine(10.0, 0.0, WEST, 0.0, 10.0, SOUTH)
+        values, ids = values[::-1], ids[::-1]
+    elif up == "west":  # columns from east to west
+        flipped = Affine(-10.0, 0.0, WEST + 600.0, 0.0, -10.0, SOUTH + 500.0)
+        values, ids = values[:, ::-1], ids[:, ::-1]
+    else:
+        flipped = HEIGHTS
+    scene = raster_scene(build(values, ids, transform=flipped, ids_transform=flipped, cell_m=7.0))
+    np.testing.assert_allclose(scene.elevation_m, expected.elevation_m, atol=1e-9)
+    # between two pixels, either is the nearest
+    assert (scene.material == expected.material).mean() > 0.999
+    assert scene.transform == expected.transform
+
+
+SECOND = 1.0 / 3600.0
+GEOGRAPHIC = Affine(SECOND, 0.0, 4.45, 0.0, -SECOND, 52.17)  # 31 m by 19 m
+
+
+@pytest.mark.parametrize(
+    ("cell_m", "error_m"), [(None, 0.01), (5.0, 0.005), (19.0, 0.005), (30.0, 0.01), (50.0, 0.01), (95.0, 0.02)]
+)
+def test_a_plane_in_degrees_has_its_heights_in_utm(build: Build, cell_m: float | None, error_m: float) -> None:
+    shape = (60, 100)
+    heights = plane(*grid(GEOGRAPHIC, shape, "EPSG:4326"))
+    config = build(
+        heights, np.ones(shape, dtype=np.uint8), crs="EPSG:4326", transform=GEOGRAPHIC, ids_crs="EPSG:4326",
+        ids_transform=GEOGRAPHIC, vertical_datum="EGM2008", cell_m=cell_m,
+    )  # fmt: skip
+    scene = raster_scene(config)
+    assert scene.crs == UTM
+    if cell_m is None:
+        # a pixel at this latitude: 30.9 m of meridian by 30.9 cos(latitude) m, and a cell of the same area
+        assert scene.cell_m == pytest.approx(30.9 * np.sqrt(np.cos(np.radians(52.16))), rel=0.01)
+    else:
+        assert scene.cell_m == cell_m
+    inside = scene.material > 0
+    assert inside.mean() > 0.9
+    # next to the rasters' border the kernel of 2 pixels is one-sided
+    reach_px = int(np.ceil(2 * 31.0 / scene.cell_m)) + 1
+    inside = binary_erosion(inside, iterations=reach_px)
+    error = (scene.elevation_m - plane(*centres(scene)))[inside]
+    assert np.abs(error).max() < error_m
+    # slopes are what incidence angles are made of
+    north, east = np.gradient(scene.elevation_m, scene.cell_m)
+    np.testing.assert_allclose(np.median(east[inside]), 0.2, atol=1e-4)
+    np.testing.assert_allclose(np.median(north[inside]), -0.1, atol=1e-4)
+
+
+def test_materials_in_another_crs_land_where_they_are(build: Build) -> None:
+    degrees = Affine(0.2 * SECOND, 0.0, 4.4616, 0.0, -0.2 * SECOND, 52.1664)  # about 4 m by 6 m
+    shape = (100, 180)
+    x, y = grid(degrees, shape, "EPSG:4326")
+
+    def kind(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Three fields with borders along and across the grid."""
+        return np.where(x - WEST > 200.0, 1, np.where(y - SOUTH > 250.0, 2, 3))
+
+    scene = raster_scene(build(ids=kind(x, y).astype(np.uint8), ids_crs="EPSG:4326", ids_transform=degrees))
+    east, north = centres(scene)
+    # further from the borders than half a cell and half a pixel
+    certain = (np.abs(east - WEST - 200.0) > 9) & (np.abs(north - SOUTH - 250.0) > 9) & (scene.material > 0)
+    assert certain.mean() > 0.9
+    np.testing.assert_array_equal(scene.material[certain], kind(east, north)[certain])
+    assert set(np.unique(scene.material[certain])) == {1, 2, 3}
+
+
+def test_coarse_cells_take_the_mean_height_and_the_most_frequent_material(build: Build) -> None:
+    rng = np.random.default_rng(3)
+    heights, ids = rng.normal(50.0, 5.0, SHAPE), rng.integers(1, 4, SHAPE, dtype=np.uint8)
+    scene = raster_scene(build(heights, ids, cell_m=50.0))
+    blocks = heights[::-1].reshape(10, 5, 12, 5).swapaxes(1, 2).reshape(10, 12, 25)
+    np.testing.assert_allclose(scene.elevation_m, blocks.mean(axis=-1), rtol=1e-9)
+    counts = np.stack(
+        [(ids[::-1] == k).reshape(10, 5, 12, 5).swapaxes(1, 2).reshape(10, 12, 25).sum(axis=-1) for k in (1, 2, 3)]
+    )
+    most = np.sort(counts, axis=0)
+    clear = most[-1] > most[-2]
+    np.testing.assert_array_equal(scene.material[clear], counts.argmax(axis=0)[clear] + 1)
+    assert any("averaged" in note and "majority" in note for note in scene.notes)
+
+
+def test_bounds_cut_the_scene(build: Build) -> None:
+    bounds = [WEST + 100.0, SOUTH + 50.0, WEST + 305.0, SOUTH + 250.0]
+    scene = raster_scene(build(bounds=bounds))
+    assert scene.transform == (10.0, 0.0, WEST + 100.0, 0.0, 10.0, SOUTH + 50.0)
+    assert scene.material.shape == (20, 20)  # whole cells inside the bounds
+    np.testing.assert_allclose(scene.elevation_m, plane(*centres(scene)), atol=1e-6)
+    with pytest.raises(SceneError, match=r"scene\.bounds are \[.*expected inside \[600000\.0, .*UTM zone 31N"):
+        raster_scene(build(bounds=[0.0, 0.0, 10.0, 10.0]))
+    with pytest.raises(ValueError, match="expected west < east and south < north"):
+        build(bounds=[10.0, 0.0, 0.0, 10.0])
+
+
+def test_a_small_scene_is_cut_from_rasters_of_the_world(build: Build) -> None:
+    """The extent of a global raster in UTM is nonsense; that of what they share is not."""
+    world = Affine(1.0, 0.0, -180.0, 0.0, -1.0, 90.0)
+    ids = np.full((180, 360), 2, dtype=np.uint8)
+    scene = raster_scene(build(ids=ids, ids_crs="EPSG:4326", ids_transform=world))
+    assert scene.material.shape == SHAPE
+    assert (scene.material == 2).all()
+    fields = np.ones(SHAPE, dtype=np.uint8)
+    scene = raster_scene(build(np.full((180, 360), 7.0), fields, crs="EPSG:4326+5773", transform=world, cell_m=20.0))
+    np.testing.assert_allclose(scene.elevation_m, 7.0)
+    assert scene.crs == UTM
+    assert abs(scene.material.shape[0] - 25) <= 1
+    assert abs(scene.material.shape[1] - 30) <= 1
+
+
+def test_web_mercator_is_no_grid_in_metres(build: Build) -> None:
+    mercator = CRS.from_epsg(3857)
+    x, y = Transformer.from_crs(UTM, mercator, always_xy=True).transform(WEST, SOUTH + 500.0)
+    transform = Affine(16.0, 0.0, x, 0.0, -16.0, y)
+    heights = plane(*grid(transform, SHAPE, "EPSG:3857"))
+    config = build(heights, crs="EPSG:3857", transform=transform, vertical_datum="EGM96")
+    scene = raster_scene(config)
+    assert scene.crs == UTM
+    # the map's metre is 1 / cos(latitude) of one
+    assert scene.cell_m == pytest.approx(16.0 * np.cos(np.radians(52.16)), rel=0.01)
+    with pytest.raises(SceneError, match=r"scene\.crs is 'EPSG:3857' \(.*\), whose metre is 1\.6\d* times one at lon"):
+        raster_scene(config.model_copy(update={"crs": "EPSG:3857"}))
+
+
+@pytest.mark.parametrize(
+    ("crs", "words"),
+    [
+        ("EPSG:4326", "expected a projected CRS such as EPSG:32631"),
+        ("nonsense", "expected a projected CRS such as EPSG:32631"),
+        ("EPSG:2263", "whose unit is US survey foot, expected metres"),
+        ("EPSG:2048", "whose coordinates grow to the west"),
+        ("EPSG:32631+5773", "has a vertical axis: heights are not transformed"),
+        ("EPSG:32621", "whose metre is"),
+    ],
+)
+def test_crs_that_give_no_grid_in_metres(build: Build, crs: str, words: str) -> None:
+    with pytest.raises(SceneError, match=rf"^scene\.crs is '{crs.replace('+', '.')}'.*{words}"):
+        raster_scene(build().model_copy(update={"crs": crs}))
+
+
+def test_another_crs_may_be_asked_for(build: Build) -> None:
+    dutch = raster_scene(build().model_copy(update={"crs": "EPSG:28992"}))
+    assert dutch.crs == "EPSG:28992"
+    x, y = Transformer.from_crs("EPSG:28992", UTM, always_xy=True).transform(*centres(dutch))
+    inside = dutch.material > 0
+    inside = binary_erosion(inside, iterations=3)
+    np.testing.assert_allclose(dutch.elevation_m[inside], plane(x, y)[inside], atol=0.02)
+
+
+def test_gaps_are_filled_and_counted(build: Build) -> None:
+    heights = np.round(plane(*grid(HEIGHTS, SHAPE, UTM)), 3)
+    gaps = np.zeros(SHAPE, dtype=bool)
+    gaps[20:24, 30:35] = True
+    heights[gaps] = -9999.0
+    ids = np.ones(SHAPE, dtype=np.uint8)
+    ids[:3, :4] = 0
+    scene = raster_scene(build(heights, ids, profile={"nodata": -9999.0}))
+    np.testing.assert_array_equal(scene.material == 0, (gaps | (ids == 0))[::-1])
+    np.testing.assert_allclose(scene.elevation_m[~gaps[::-1]], heights[::-1][~gaps[::-1]], atol=1e-9)
+    np.testing.assert_allclose(scene.elevation_m, plane(*centres(scene)), atol=5.0)  # 25 m of a slope of 0.2
+    assert "20 of 3000 cells have no elevation: filled from around them, no material" in scene.notes
+    assert "32 of 3000 cells have no material" in scene.notes
+
+
+def test_nan_and_integer_nodata_are_gaps(build: Build) -> None:
+    for dtype, value in (("float32", np.nan), ("int16", -32768)):
+        heights = np.full(SHAPE, 40, dtype=dtype)
+        heights[5, 5] = value
+        scene = raster_scene(build(heights, profile={"nodata": value}))
+        assert scene.material[SHAPE[0] - 6, 5] == 0
+        np.testing.assert_allclose(scene.elevation_m, 40.0)
+
+
+def test_wide_gaps_take_the_nearest_height(build: Build) -> None:
+    heights = np.full((20, 400), np.nan)
+    heights[:, :220] = 30.0
+    config = build(heights, np.ones((20, 400), dtype=np.uint8))
+    np.testing.assert_array_equal(raster_scene(config).elevation_m, 30.0)  # 180 cells: further than is interpolated
+
+
+def test_materials_beyond_their_raster_are_none(build: Build) -> None:
+    ids = np.ones(SHAPE, dtype=np.uint8)
+    ids[:, :10] = 255
+    shifted = Affine(10.0, 0.0, WEST, 0.0, -10.0, SOUTH + 400.0)
+    bounds = [WEST, SOUTH, WEST + 600.0, SOUTH + 500.0]
+    scene = raster_scene(build(ids=ids, ids_transform=shifted, ids_profile={"nodata": 255}, bounds=bounds))
+    assert (scene.material[-10:] == 0).all()
+    assert (scene.material[:, :10] == 0).all()
+    assert (scene.material[:-10, 10:] == 1).all()
+
+
+@pytest.mark.parametrize(
+    ("crs", "key", "expected"),
+    [
+        (EGM96, None, "EGM96 height"),
+        (EGM96, "EGM96", "EGM96 height"),
+        (EGM96, "egm96 geoid", "EGM96 height"),
+        ("EPSG:32631+3855", "EPSG:3855", "EGM2008 height"),
+        (UTM, "EGM2008", "EGM2008 height"),
+        (UTM, "EPSG:5709", "NAP height"),
+        (UTM, "NAP", "NAP height"),
+        (UTM, "WGS84 ellipsoid", "WGS84 ellipsoid"),
+        (UTM, "EPSG:4979", "WGS 84 ellipsoid"),
+        (UTM, "local", "local"),
+    ],
+)
+def test_the_vertical_datum_is_read_or_given(build: Build, crs: str, key: str | None, expected: str) -> None:
+    scene = raster_scene(build(crs=crs, vertical_datum=key))
+    assert scene.vertical_datum == expected
+    origin = "from scene.vertical_datum" if crs == UTM else "from the CRS of the elevation"
+    assert f"vertical datum {expected} ({origin})" in scene.notes
+    assert scene.crs == UTM
+
+
+def test_ellipsoidal_heights_are_read_from_a_three_dimensional_crs(build: Build) -> None:
+    heights = np.full((60, 100), 45.0)
+    keys = {"crs": "EPSG:4979", "transform": GEOGRAPHIC}
+    assert raster_scene(build(heights, **keys)).vertical_datum == "WGS 84 ellipsoid"
+    assert raster_scene(build(heights, **keys, vertical_datum="WGS84 ellipsoid")).vertical_datum == "WGS 84 ellipsoid"
+    with pytest.raises(SceneError, match="EGM96"):
+        raster_scene(build(heights, **keys, vertical_datum="EGM96"))
+
+
+def test_a_missing_vertical_datum_is_asked_for(build: Build) -> None:
+    with pytest.raises(SceneError, match=r"^scene\.vertical_datum is missing and .*heights\.tif, .*zone 31N\).*EGM96"):
+        raster_scene(build(crs=UTM))
+
+
+def test_a_contradicted_vertical_datum_is_told(build: Build) -> None:
+    with pytest.raises(SceneError, match=r"scene\.vertical_datum is 'EGM2008 height' .*heights\.tif\) says 'EGM96"):
+        raster_scene(build(vertical_datum="EGM2008"))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("EGM69", r"did you mean 'EGM96 height'\?"),
+        ("sea", "expected a vertical datum of the EPSG database"),
+        ("EPSG:32631", "says nothing about heights"),
+        ("EPSG:1", "no known CRS"),
+    ],
+)
+def test_unknown_vertical_datums(text: str, words: str) -> None:
+    with pytest.raises(SceneError, match=rf"^scene\.vertical_datum is '{text}'.*{words}"):
+        named_datum(text)
+
+
+def test_names_of_datums_that_are_the_same() -> None:
+    assert same_datum("EGM96 height", "EGM96_Geoid")
+    assert same_datum("WGS84 ellipsoid", "WGS 84 ellipsoidal height")
+    assert same_datum("ellipsoid", "WGS 84 ellipsoid")
+    assert not same_datum("GRS 1980 ellipsoid", "WGS 84 ellipsoid")
+    assert not same_datum("EGM96 height", "EGM2008 height")
+    # libraries write "unknown" where a file names a unit of heights and nothing else
+    unknown = (
+        'COMPOUNDCRS["x",'
+        + CRS(UTM).to_wkt()
+        + (',VERTCRS["unknown",VDATUM["unknown"],CS[vertical,1],AXIS["up (H)",up,LENGTHUNIT["metre",1]]]]')
+    )
+    assert vertical_datum(CRS.from_wkt(unknown)) is None
+
+
+def test_a_missing_grid_of_shifts_is_told() -> None:
+    assert transformation_note(CRS(4326), CRS(UTM), "it") is None
+    # OSGB36: the grid is not part of PROJ's own data
+    note = transformation_note(CRS(27700), CRS(32630), "it")
+    assert note is None or "needs a grid that is not installed" in note
+
+
+@pytest.mark.parametrize("key", ["elevation", "materials"])
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"crs": None}, "has no coordinate reference system"),
+        ({"transform": Affine(9.0, 2.0, WEST, 2.0, -9.0, SOUTH + 500)}, "is rotated against its coordinate axes"),
+        ({"transform": Affine.identity()}, "has a coordinate reference system and no transform"),
+        ({"bands": 2}, "has 2 bands, expected one"),
+        ({"kind": "complex64"}, "holds complex64"),
+        ({"all": True}, "holds no .* in the scene's area, only no-data"),
+        ({"text": True}, "cannot be read as a raster"),
+        ({"cut": True}, "cannot be read as a raster"),
+    ],
+)
+def test_bad_rasters_end_in_a_sentence(
+    build: Build, tmp_path: Path, key: str, change: dict[str, Any], words: str
+) -> None:
+    values = np.ones(SHAPE, dtype=change.get("kind", "uint8"))
+    if "bands" in change:
+        values = np.stack([values, values])
+    if "crs" in change or "transform" in change:
+        place = {"crs": change.get("crs", EGM96), "transform": change.get("transform", HEIGHTS)}
+    else:
+        place = {"crs": EGM96, "transform": HEIGHTS}
+    profile = {"nodata": 1} if "all" in change else {}
+    if key == "elevation":
+        config = build(values, profile=profile, **place)
+    else:
+        config = build(ids=values, ids_profile=profile, ids_crs=place["crs"], ids_transform=place["transform"])
+    path = Path(getattr(config, key))
+    if "text" in change:
+        path.write_text("no raster")
+    if "cut" in change:
+        path.write_bytes(path.read_bytes()[:600])
+    with pytest.raises(SceneError, match=rf"^scene\.{key}: .*{path.name} {words}"):
+        raster_scene(config)
+
+
+def test_heights_in_feet_are_refused(build: Build) -> None:
+    with pytest.raises(
+        SceneError, match=r"scene\.elevation: .*heights\.tif has heights in US survey foot, expected met"
+    ):
+        raster_scene(build(crs="EPSG:32631+6360"))
+    with pytest.raises(SceneError, match=r"has heights in ft, expected metres"):
+        raster_scene(build(crs=UTM, profile={"units": "ft"}, vertical_datum="EGM96"))
+    assert raster_scene(build(crs=UTM, profile={"units": "m"}, vertical_datum="EGM96")).cell_m == 10.0
+
+
+def test_heights_that_no_place_has_are_refused(build: Build) -> None:
+    heights = np.full(SHAPE, 30.0)
+    heights[3, 3] = -9999.0
+    with pytest.raises(
+        SceneError, match=r"holds heights from -9999 to 30 m, expected -1000 to 9000.*gdal_edit -a_nodata"
+    ):
+        raster_scene(build(heights))
+
+
+def test_scaled_heights_are_unscaled(build: Build) -> None:
+    config = build(np.full(SHAPE, 400, dtype=np.int16), crs=UTM, vertical_datum="NAP")
+    with rasterio.open(config.elevation, "r+") as raster:
+        raster.scales, raster.offsets = (0.1,), (5.0,)
+    np.testing.assert_allclose(raster_scene(config).elevation_m, 45.0)
+
+
+def test_more_gaps_than_elevation_are_refused(build: Build) -> None:
+    heights = np.full(SHAPE, np.nan)
+    heights[:, :20] = 30.0
+    with pytest.raises(
+        SceneError, match=r"scene\.elevation: .* has no elevation in 2000 of 3000 cells, expected in at"
+    ):
+        raster_scene(build(heights))
+    ids = np.ones(SHAPE, dtype=np.uint8)
+    ids[:, :31] = 9
+    with pytest.raises(SceneError, match=r"scene\.materials: .* covers 1450 of 3000 cells, expected at least half"):
+        raster_scene(build(ids=ids, ids_profile={"nodata": 9}))
+
+
+@pytest.mark.parametrize(
+    ("ids", "words"),
+    [
+        (np.full(SHAPE, 300, dtype=np.uint16), "holds uint16 from 300 to 300, expected whole material ids"),
+        (np.full(SHAPE, -1, dtype=np.int16), "holds int16 from -1 to -1"),
+        (np.full(SHAPE, 1.0, dtype=np.float32), "holds float32 from 1.0 to 1.0"),
+        (np.zeros(SHAPE, dtype=np.uint8), "has no material where the elevation is"),
+    ],
+)
+def test_rasters_that_are_no_materials(build: Build, ids: np.ndarray, words: str) -> None:
+    with pytest.raises(SceneError, match=rf"^scene\.materials: .*ids\.tif {words}"):
+        raster_scene(build(ids=ids))
+
+
+def test_names_must_cover_the_ids_of_the_scene(build: Build) -> None:
+    ids = np.ones(SHAPE, dtype=np.uint8)
+    ids[10] = 7
+    with pytest.raises(SceneError, match=r"names\.json has no name for material id 7 of .*ids\.tif"):
+        raster_scene(build(ids=ids))
+    # what lies outside the bounds needs none
+    config = build(ids=ids, bounds=[WEST, SOUTH, WEST + 600.0, SOUTH + 300.0])
+    assert raster_scene(config).material.max() == 1
+    with pytest.raises(SceneError, match="not a JSON object of id and name"):
+        raster_scene(build(names=[1, 2]))
+
+
+def test_rasters_of_different_places(build: Build) -> None:
+    elsewhere = Affine(10.0, 0.0, WEST + 50_000.0, 0.0, -10.0, SOUTH)
+    with pytest.raises(
+        SceneError, match=r"scene\.materials: .* \(longitude 5.*\) and scene\.elevation: .*do not overl"
+    ):
+        raster_scene(build(ids_transform=elsewhere))
+    with pytest.raises(SceneError, match="do not overlap"):
+        raster_scene(build(ids_crs="EPSG:4326", ids_transform=Affine(0.1, 0, 100.0, 0, -0.1, -30.0)))
+
+
+def test_too_few_and_too_many_cells(build: Build) -> None:
+    with pytest.raises(SceneError, match=r"scene\.cell_m is 80, which makes 7 x 6 cells .*expected at least 8 x 8"):
+        raster_scene(build(cell_m=80.0))
+    with pytest.raises(
+        SceneError, match=r"scene\.cell_m is 0.01, which makes 60000 x 50000 cells, expected at most 1e"
+    ):
+        raster_scene(build(cell_m=0.01))
+
+
+@pytest.mark.parametrize("key", ["elevation", "materials", "names"])
+def test_missing_files(build: Build, key: str) -> None:
+    with pytest.raises(ConfigError, match=rf"^scene\.{key}: the file /nowhere does not exist"):
+        raster_scene(build().model_copy(update={key: "/nowhere"}))
+
+
+def test_identity_follows_what_the_simulator_sees(build: Build, tmp_path: Path) -> None:
+    heights = plane(*grid(HEIGHTS, SHAPE, UTM))
+    identity = raster_scene(build()).identity
+    moved = build()
+    Path(moved.elevation).rename(tmp_path / "moved.tif")
+    moved = moved.model_copy(update={"elevation": str(tmp_path / "moved.tif")})
+    assert raster_scene(moved).identity == identity
+    assert raster_scene(build(crs=UTM, vertical_datum="NAP")).identity == identity  # the same heights
+    assert raster_scene(build(heights + 1e-3)).identity != identity
+    assert raster_scene(build(ids=np.full(SHAPE, 2, dtype=np.uint8))).identity != identity
+    assert raster_scene(build(cell_m=20.0)).identity != identity
+    assert raster_scene(build(names=NAMES | {"1": "reed"})).identity != identity
+
+
+def test_place_and_notes_survive_the_file(build: Build, tmp_path: Path) -> None:
+    scene = raster_scene(build())
+    write_scene(tmp_path / "scene.h5", scene)
+    back = read_scene(tmp_path / "scene.h5")
+    for name in ("crs", "transform", "vertical_datum", "notes", "identity", "names", "cell_m"):
+        assert getattr(back, name) == getattr(scene, name), name
+    np.testing.assert_array_equal(back.elevation_m, scene.elevation_m)
+
+
+def test_files_without_a_place_are_read(scene: Scene, tmp_path: Path) -> None:
+    write_scene(tmp_path / "scene.h5", scene)
+    with h5py.File(tmp_path / "scene.h5", "r+") as file:
+        del file["notes"]  # as earlier versions wrote it
+    back = read_scene(tmp_path / "scene.h5")
+    assert (back.crs, back.transform, back.vertical_datum, back.notes) == (None, None, None, ())
+
+
+def test_a_raster_scene_is_seen_by_the_radar(build: Build) -> None:
+    """A plane that rises away from the track is seen at the depression's complement minus its slope."""
+    ids = np.ones(SHAPE, dtype=np.uint8)
+    ids[:, 30:] = 2
+    heights = 10.0 + 0.2 * (grid(HEIGHTS, SHAPE, UTM)[0] - WEST)
+    scene = make_scene(build(heights, ids), ["grass", "water"])
+    radar = Radar(altitude_m=4000.0, depression_deg=45.0, look_side="right")
+    geometry = make_geometry(scene, radar)
+    grass, water = geometry.pixels("grass", 1), geometry.pixels("water", 1)
+    assert grass.size > 1000
+    assert water.size > 1000
+    # the west is nearer
+    assert grass.max() // geometry.shape[1] <= water.min() // geometry.shape[1] + 1
+    incidence = geometry.incidence_deg.ravel()[np.concatenate([grass, water])]
+    assert np.median(incidence) == pytest.approx(45.0 - np.degrees(np.arctan(0.2)), abs=0.5)
+    left = make_geometry(scene, radar.model_copy(update={"look_side": "left"}))
+    assert np.nanmedian(left.incidence_deg) == pytest.approx(45.0 + np.degrees(np.arctan(0.2)), abs=0.5)
