@@ -19,6 +19,7 @@ from radcal.measurement.registration import Registered, register
 from radcal.measurement.target import Target, Targets
 from radcal.radar.geometry import Geometry
 from radcal.report.archive import write_archive
+from radcal.scene.model import Scene
 from radcal.store import Record, RunStore
 
 HIDDEN = [6.1, 14.2, 21.5, 3.3]
@@ -41,6 +42,7 @@ class Made:
     final: tuple[Record, Record]
     registered: Registered
     geometry: Geometry
+    scene: Scene
 
 
 def make_archive(
@@ -176,6 +178,7 @@ def make_archive(
         )
     RunStore(folder / "runs").put(record(runs[0].key), {})
     final = (record(runs[-1].key), record("fresh"))
+    scene = Scene("made up", geometry.names, material, np.hypot(*np.indices(shape)), 5.0)
     path = folder / "calibration.h5"
     write_archive(
         path,
@@ -183,12 +186,13 @@ def make_archive(
         stop=stop,
         history=history,
         geometry=geometry,
+        scene=scene,
         registered=registered,
         targets=targets,
         runs=folder / "runs",
         final=final,
     )
-    return Made(path, case, stop, history, targets, final, registered, geometry)
+    return Made(path, case, stop, history, targets, final, registered, geometry, scene)
 
 
 @pytest.fixture(scope="session")

@@ -74,6 +74,7 @@ def test_missing_reference_run_is_a_sentence(made, tmp_path):
             case=made.case,
             stop=made.stop,
             history=made.history,
+            scene=made.scene,
             geometry=made.geometry,
             registered=made.registered,
             targets=made.targets,

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from radcal.report import figures as module
+from radcal.report import map_figures
 from radcal.report.figures import write_figures
 
 MANY = [f"material {n}" for n in range(13)] + ["a_name_" * 12, "two words", "two_words"]
@@ -46,9 +47,9 @@ def drawn(canvas):
 
 def test_every_figure_as_png_and_pdf(figures):
     names = [figure.name for figure in figures]
-    kinds = ("densities", "law", "cost", "histogram")
-    assert names[:3] == ["images", "residual", "overview"]
-    assert names[3:] == [f"{kind}_{m}" for m in ("dyke", "stem_beans") for kind in kinds]
+    kinds = ("densities", "law", "cost", "histogram", "quality")
+    assert names[:5] == ["scene", "incidence", "images", "residual", "overview"]
+    assert names[5:] == [f"{kind}_{m}" for m in ("dyke", "stem_beans") for kind in kinds]
     folder = figures[0].png.parent
     assert sorted(p.name for p in folder.iterdir()) == sorted(
         f"{name}.{ending}" for name in names for ending in ("png", "pdf")
@@ -76,10 +77,10 @@ def test_captions_say_what_is_seen(figures):
 
 
 def test_registration_is_shown_where_the_image_was_moved(build_archive, tmp_path, made):
-    assert module._registration(module._read(made.path)) is None
+    assert module.registration(module.read_case(made.path)) is None
     archive = build_archive(tmp_path, moved=True, nan=True).path
     figures = {figure.name: figure for figure in write_figures(archive, tmp_path / "figures")}
-    assert list(figures)[:3] == ["images", "registration", "residual"]
+    assert list(figures)[2:5] == ["images", "registration", "residual"]
     # 0.5 pixels off in both directions
     assert "the mean error is 0.71 pixels" in figures["registration"].caption
     assert "the longest arrow stands for 2.1 pixels" in figures["registration"].caption
@@ -98,16 +99,19 @@ def test_edges_of_one_material(build_archive, tmp_path):
         nan=True,
         omega=0.02,
     )
-    case = module._read(made.path)
+    case = module.read_case(made.path)
     material = case.materials[0]
-    with mpl.rc_context(module._STYLE):
+    with mpl.rc_context(module.STYLE):
         figures = {
-            "images": module._images(case),
-            "residual": module._residual(case),
-            "densities": module._densities(case, material),
-            "law": module._law(case, material),
-            "cost": module._cost(case, material),
-            "histogram": module._histogram(case, material),
+            "images": module.images(case),
+            "residual": module.residual(case),
+            "densities": module.densities(case, material),
+            "law": module.law(case, material),
+            "cost": module.cost(case, material),
+            "histogram": module.histogram(case, material),
+            "quality": module.quality(case, material),
+            "scene": module.scene(case),
+            "incidence": module.incidence(case),
         }
         for canvas, _, _ in figures.values():
             assert drawn(canvas) == []
@@ -117,9 +121,9 @@ def test_edges_of_one_material(build_archive, tmp_path):
 
 
 def test_same_archive_gives_same_bytes(made, figures, tmp_path):
-    case = module._read(made.path)
-    with mpl.rc_context(module._STYLE):
-        canvas, _, _ = module._cost(case, case.materials[0])
+    case = module.read_case(made.path)
+    with mpl.rc_context(module.STYLE):
+        canvas, _, _ = module.cost(case, case.materials[0])
         for ending in ("png", "pdf"):
             again = module._save(canvas, tmp_path / f"again.{ending}")
             assert again.read_bytes() == (figures[0].png.parent / f"cost_dyke.{ending}").read_bytes()
@@ -135,17 +139,22 @@ def test_many_materials(build_archive, tmp_path):
         floors={MANY[13]: [None, 0.05]},
         shape=(34, 340),
     )
-    case = module._read(made.path)
+    case = module.read_case(made.path)
     slugs = [material.slug for material in case.materials]
     assert len({slug.lower() for slug in slugs}) == len(MANY)
     assert {"two_words", "two_words_2"} <= set(slugs)
     longest = next(material for material in case.materials if material.name == MANY[13])
-    with mpl.rc_context(module._STYLE):
+    with mpl.rc_context(module.STYLE):
         for canvas, caption, alt in (
-            module._overview(case),
-            module._images(case),
-            module._residual(case),
-            *(draw(case, longest) for draw in (module._densities, module._law, module._cost, module._histogram)),
+            module.overview(case),
+            module.images(case),
+            module.residual(case),
+            module.scene(case),
+            module.incidence(case),
+            *(
+                draw(case, longest)
+                for draw in (module.densities, module.law, module.cost, module.histogram, module.quality)
+            ),
         ):
             assert drawn(canvas) == []
             assert caption
@@ -157,24 +166,24 @@ def test_images_without_a_value_or_missing(made, tmp_path):
     with h5py.File(path, "r+") as file:
         file["images/measured_db"][...] = np.nan
         del file["images/reference_db"]
-    case = module._read(path)
-    with mpl.rc_context(module._STYLE):
-        for canvas, _, _ in (module._images(case), module._residual(case)):
+    case = module.read_case(path)
+    with mpl.rc_context(module.STYLE):
+        for canvas, _, _ in (module.images(case), module.residual(case)):
             assert drawn(canvas) == []
     with h5py.File(path, "r+") as file:
         for name in list(file["images"]):
             del file[f"images/{name}"]
-    case = module._read(path)
-    assert module._images(case) is None
-    assert module._residual(case) is None
+    case = module.read_case(path)
+    assert module.images(case) is None
+    assert module.residual(case) is None
 
 
 def test_large_images_are_averaged_in_power(monkeypatch):
-    monkeypatch.setattr(module, "_LARGEST", 4)
+    monkeypatch.setattr(map_figures, "_LARGEST", 4)
     image = np.full((8, 7), 10.0)
     image[:2, :2] = [[0.0, np.nan], [np.nan, np.nan]]
     image[2:4, :2] = np.nan
-    shown = module._shown(image)
+    shown = map_figures._shown(image)
     assert shown.shape == (4, 3)
     assert shown[0, 0] == pytest.approx(0.0)
     assert np.isnan(shown[1, 0])
@@ -184,8 +193,8 @@ def test_large_images_are_averaged_in_power(monkeypatch):
 def test_label_points_lie_inside():
     inside = np.zeros((50, 90), dtype=bool)
     inside[20:30] = True
-    row, column = module._middle(inside)
+    row, column = map_figures._middle(inside)
     assert inside[row, column]
-    other = module._middle(inside, [(row, column)])
+    other = map_figures._middle(inside, [(row, column)])
     assert inside[other]
     assert abs(other[1] - column) > 4

@@ -29,6 +29,7 @@ rule final_runs:
 
 rule archive:
     input:
+        scene=rules.scene.output.scene,
         geometry=rules.geometry.output.geometry,
         registered=rules.registration.output.registered,
         target=rules.target.output.target,

@@ -8,6 +8,7 @@ from radcal.measurement.registration import read_registered
 from radcal.measurement.target import read_targets
 from radcal.radar.geometry import read_geometry
 from radcal.report.archive import write_archive, write_table
+from radcal.scene.model import read_scene
 
 with logged(snakemake.log[0]):
     case = Case.of_sections(snakemake.params.case)
@@ -19,6 +20,7 @@ with logged(snakemake.log[0]):
         case=case,
         stop=stop,
         history=history,
+        scene=read_scene(snakemake.input.scene),
         geometry=read_geometry(snakemake.input.geometry),
         registered=read_registered(snakemake.input.registered),
         targets=read_targets(snakemake.input.target),

@@ -51,8 +51,8 @@ class Levels:
 
     @property
     def unit(self) -> str:
-        """Unit of the mapped values."""
-        return "dB" if self.normalisation != "image" else "interquartile ranges"
+        """Unit of the mapped values: dB, or the image's interquartile range."""
+        return "dB" if self.normalisation != "image" else "IQR"
 
     @property
     def sentence(self) -> str:

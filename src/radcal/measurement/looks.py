@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config import Radar
+from radcal.errors import MeasurementError
 
-__all__ = ["Looks", "estimate_looks", "looks_of_log_variance"]
+__all__ = ["Looks", "check_looks", "estimate_looks", "looks_of_log_variance"]
 
 _SIDE = 8  # independent pixels on a side of a window
 _INDEPENDENT = 1.5  # resolution widths between pixels taken as independent
@@ -17,6 +18,8 @@ _WINDOWS = 20  # fewer say nothing
 _BANDWIDTH = 0.5  # of the density of log variances, in units of a window's own error
 _DRAWS = 100
 _DB = 10.0 / np.log(10.0)
+_TOO_MANY, _TOO_FEW = 2.0, 0.35  # times the configured looks: no sensor's own, and texture does not explain it
+_ALIKE = (0.6, 1.3)  # times the configured looks
 
 
 @dataclass(frozen=True)
@@ -144,3 +147,67 @@ def _mode(variances: NDArray[np.float64]) -> float:
     reach = np.arange(-40, 41) / 10.0
     density = np.convolve(counts, np.exp(-0.5 * reach**2), mode="same")
     return float(np.exp(grid[int(np.argmax(density))]))
+
+
+def check_looks(found: Looks, looks: int, scale: str, source: str) -> str:
+    """Compare the looks found with the configured ones.
+
+    Amplitude read as power halves every dB value, which quarters the variance of speckle, and
+    power read as amplitude does the opposite: looks some three times too many or too few. A dB
+    image read as power has next to no speckle left.
+
+    Parameters
+    ----------
+    found : Looks
+        Of the image.
+    looks : int
+        Configured looks.
+    scale : {'db', 'power', 'amplitude', 'complex'}
+        What the file's numbers were taken for.
+    source : str
+        Name of the image.
+
+    Returns
+    -------
+    str
+        What was found, in a sentence.
+
+    Raises
+    ------
+    MeasurementError
+        So many or so few looks that the scale, or ``radar.looks``, is wrong.
+    """
+    seen = f"the speckle of {source} is that of {found.looks:.3g} looks in its most homogeneous areas"
+    said = f"{seen} (95 %: {found.low:.3g} to {found.high:.3g}); radar.looks is {looks}"
+    variance = _log_variance(found.looks)
+    if found.looks > _TOO_MANY * looks:
+        other = {"power": "amplitude", "db": "db of amplitude"}.get(scale)
+        if found.looks > 30.0 * looks and scale != "db":
+            guess = "as if its numbers were dB: check measurement.scale"
+        elif other == "amplitude":
+            guess = (
+                f"it would be that of {looks_of_log_variance(4.0 * variance):.3g} if its numbers are amplitude: set "
+                "measurement.scale: amplitude"
+            )
+        else:
+            guess = "10 log10 of amplitude instead of power would do that: check what the file holds"
+        raise MeasurementError(
+            f"measurement.scale is {scale}, but {said}; {guess}, or radar.looks if they are so many."
+        )
+    if found.looks < _TOO_FEW * looks:
+        guess = ""
+        if scale in ("amplitude", "db"):
+            guess = f"it would be that of {looks_of_log_variance(0.25 * variance):.3g} if its numbers are "
+            guess += "power: set measurement.scale: power" if scale == "amplitude" else "20 log10 of power"
+            guess += ", or "
+        raise MeasurementError(f"measurement.scale is {scale}, but {said}; {guess}set radar.looks to what it has.")
+    if not _ALIKE[0] * looks <= found.looks <= _ALIKE[1] * looks:
+        return f"{said}: the simulated densities will be {'wider' if found.looks > looks else 'narrower'} than those."
+    return f"{said}."
+
+
+def _log_variance(looks: float) -> float:
+    """Variance of the dB values of gamma speckle [dB^2]."""
+    from scipy.special import polygamma
+
+    return float(_DB**2 * polygamma(1, looks))

@@ -4,7 +4,7 @@ Layout of the archive (schema 1); backscatter in dB, angles in degrees:
 
 ========================================  =====================================================
 ``/`` attributes                          ``case``, ``config`` (JSON), ``reason``, ``converged``,
-                                          ``tolerance``, ``max_runs``, ``measurement``, ``looks``,
+                                          ``tolerance``, ``max_runs``, ``measurement``, ``notes``, ``looks``,
                                           ``sentences``, ``versions`` (JSON), ``final_runs``
 ``runs/kind, index, key, seconds``        one entry per run: reference, design, infill
 ``materials/<m>`` attributes              ``law``, ``parameter_names``, ``parameter_units``,
@@ -27,6 +27,10 @@ Layout of the archive (schema 1); backscatter in dB, angles in degrees:
 ``images/measured_db, reference_db,``     whole images (rows: slant range, columns: azimuth);
 ``  calibrated_db, material,``            the calibrated one has fresh random numbers
 ``  incidence_deg``
+``scene/material, elevation_m``           materials and elevation [m] of the scene, row 0 in the south, every
+                                          ``step``-th cell (attribute; ``cell_m`` [m] is that of the scene)
+``laws/<m>``                              parameters of every material's law in the final runs; the law's
+                                          name is an attribute of ``laws``
 ``registration`` attributes               ``method``, ``applied``, ``verdict``
 ``registration/displacement_px,``         where in the measured image each pixel lies (2, rows, columns),
 ``  uncertainty_px, unregistered_db,``    its standard error, the image before, and the true
@@ -60,11 +64,13 @@ from radcal.measurement.registration import Registered
 from radcal.measurement.target import Targets
 from radcal.radar.geometry import Geometry
 from radcal.radar.laws import LAWS
+from radcal.scene.model import Scene
 from radcal.store import Record, RunStore
 
 __all__ = ["write_archive", "write_table"]
 
 _REGISTRATION = ("unregistered_db", "displacement_px", "uncertainty_px")
+_LARGEST_SCENE = 1200  # cells per side
 _PACKAGES = ("radcal", "numpy", "scipy", "smt", "platypus-opt", "h5py", "snakemake")
 
 
@@ -74,6 +80,7 @@ def write_archive(
     case: Case,
     stop: Stop,
     history: History,
+    scene: Scene,
     geometry: Geometry,
     registered: Registered,
     targets: Targets,
@@ -90,7 +97,7 @@ def write_archive(
         Configuration.
     history : History
         Reference, design and verified proposals.
-    geometry, registered, targets
+    scene, geometry, registered, targets
         What the runs are compared with.
     runs : path
         Folder of the run store.
@@ -122,6 +129,7 @@ def write_archive(
         file.attrs["max_runs"] = stop.max_runs
         file.attrs["looks"] = case.radar.looks
         file.attrs["measurement"] = measurement.source
+        file.attrs["notes"] = list(measurement.notes)
         file.attrs["sentences"] = [decision.materials[name].sentence for name in targets]
         file.attrs["versions"] = json.dumps(_versions())
         file.attrs["final_runs"] = len({record.key for record in final} - known)
@@ -134,6 +142,12 @@ def write_archive(
             for key, values in fields.items():
                 if values is not None:
                     group.create_dataset(key, data=values, compression="gzip", compression_opts=1)
+        _put_scene(file.create_group("scene"), scene)
+        laws = file.create_group("laws", track_order=True)
+        best = {name: history.best(name).parameters[name] for name in targets}
+        for name, material in case.materials.items():
+            laws.attrs[name] = material.law
+            laws[name] = best.get(name, material.start_parameters)
         group = file.create_group("levels")
         for key in ("normalisation", "offset_db", "offset_error_db", "scale", "sentence", "doubtful", "unit"):
             group.attrs[key] = getattr(targets.levels, key)
@@ -191,6 +205,17 @@ def write_archive(
             for key in ("predicted_rms", "floor_rms"):
                 group[key] = np.array([getattr(p, key) for p in proposals], dtype=np.float64)
             group["mode"] = np.array([p.mode for p in proposals], dtype=h5py.string_dtype())
+
+
+def _put_scene(group: h5py.Group, scene: Scene) -> None:
+    """As much of the scene as pictures need."""
+    step = -(-max(scene.material.shape) // _LARGEST_SCENE)
+    group.attrs["step"] = step
+    group.attrs["cell_m"] = scene.cell_m
+    for name in ("material", "elevation_m"):
+        if (values := getattr(scene, name)) is not None:
+            values = values[::step, ::step].astype(np.uint8 if name == "material" else np.float32)
+            group.create_dataset(name, data=values, compression="gzip", compression_opts=1)
 
 
 def _versions() -> dict[str, str]:

@@ -120,7 +120,7 @@ def _material(name: str, summary: Mapping[str, Any], group: h5py.Group) -> dict[
 
 def _verdict(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) -> str:
     """How it ended, in one sentence."""
-    tolerance = f"the tolerance of {_number(summary['tolerance'], 2)} 1/dB"
+    tolerance = f"the tolerance of {_number(summary['tolerance'], 2)} 1/{summary['levels']['unit']}"
     count = summary["runs"]["design"] + summary["runs"]["infill"]
     runs = "one run" if count == 1 else f"{count} runs"
     if len(materials) == 1:
@@ -190,6 +190,7 @@ def write_report(page: str | Path, archive: str | Path, figures: Sequence[Figure
         unknown=[m for m in materials if not m["known"]],
         overall=[figure for figure in figures if figure.material is None],
         figures={m["name"]: [figure for figure in figures if figure.material == m["name"]] for m in materials},
+        reasons=list(dict.fromkeys(reason for m in materials for reason in m["left_out"])),
         looks=int(attributes["looks"]),
         max_runs=int(attributes["max_runs"]),
         margin_px=config.get("target", {}).get("margin_px"),

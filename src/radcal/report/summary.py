@@ -164,6 +164,7 @@ def summarise(archive: str | Path, seconds: Mapping[str, float] | None = None) -
             "runs": {**runs, "total": sum(runs.values())},
             "iterations": runs["infill"],
             "measurement": str(file.attrs["measurement"]),
+            "notes": [str(note) for note in file.attrs["notes"]],
             "registration": _registration(file["registration"]),
             "levels": _levels(file["levels"]),
             "wall_seconds": dict(seconds or {}),

@@ -1,0 +1,228 @@
+"""Densities of the backscatter: the target, the design, before and after."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from radcal import skewnormal
+from radcal.report.drawing import (
+    DESIGN,
+    FOUND,
+    PALE,
+    REASONS,
+    START,
+    TARGET,
+    Array,
+    CaseData,
+    MaterialData,
+    add_legend,
+    new_canvas,
+    short,
+    shortened,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
+
+__all__ = ["densities", "histogram", "overview", "quality"]
+
+_SEED = 4  # of the ten design runs shown
+
+
+def _reach(dp: Array) -> tuple[float, float]:
+    mean, sd, _ = skewnormal.centred(dp)
+    return float(mean), float(sd)
+
+
+class _Densities:
+    """An axis of densities: the target in its middle, others as far as they can be shown."""
+
+    def __init__(self, axes: Axes, material: MaterialData) -> None:
+        self._axes = axes
+        self._dp = material.target_dp
+        mean, sd = _reach(self._dp)
+        values = material.measured_db[np.isfinite(material.measured_db)]
+        self._low, self._high = mean - 4.0 * sd, mean + 4.0 * sd
+        self._limits = (mean - 14.0 * sd, mean + 14.0 * sd)
+        inside = values[(values > self._limits[0]) & (values < self._limits[1])]
+        self.outside = 0
+        self.clipped = 0
+        peak = float(skewnormal.density(self._grid(self._dp), self._dp).max())
+        if inside.size:
+            bins = int(np.clip(np.sqrt(inside.size), 8, 36))
+            heights, edges = np.histogram(inside, bins=bins, density=True)
+            axes.stairs(heights, edges, fill=True, color=PALE, label="measured pixels")
+            peak = max(peak, float(heights.max()))
+            self._low, self._high = min(self._low, inside.min()), max(self._high, inside.max())
+        self._cap = 2.2 * peak
+        self._tops = [peak]
+
+    @staticmethod
+    def _grid(dp: Array) -> Array:
+        mean, sd = _reach(dp)
+        return np.linspace(mean - 6.0 * sd, mean + 6.0 * sd, 601)
+
+    def draw(self, dp: Array, label: str | None, style: Mapping[str, Any]) -> None:
+        mean, sd = _reach(dp)
+        if mean + sd < self._limits[0] or mean - sd > self._limits[1]:
+            self.outside += 1
+            self._axes.plot([], [], label=label, **style)
+            return
+        self._low = max(self._limits[0], min(self._low, mean - 3.0 * sd))
+        self._high = min(self._limits[1], max(self._high, mean + 3.0 * sd))
+        grid = self._grid(dp)
+        values = skewnormal.density(grid, dp)
+        top = float(values.max())
+        grid, values = grid[values > 2e-4 * top], values[values > 2e-4 * top]
+        self.clipped += top > self._cap
+        self._tops.append(min(top, self._cap))
+        self._axes.plot(grid, values, label=label, **style)
+
+    def finish(self) -> None:
+        self._axes.set_xlim(self._low, self._high)
+        self._axes.set_ylim(0.0, 1.06 * max(self._tops))
+
+    def remark(self) -> str:
+        """Return a sentence on what the axes could not show."""
+        parts = []
+        if self.outside:
+            parts.append(f"{self.outside} lie outside the axis" if self.outside > 1 else "one lies outside the axis")
+        if self.clipped:
+            parts.append(
+                f"{self.clipped} are higher than the axis" if self.clipped > 1 else "one is higher than the axis"
+            )
+        return f" Of the curves, {' and '.join(parts)}." if parts else ""
+
+
+def histogram(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str]:
+    """Measured pixels, their density and some of the design."""
+    canvas = new_canvas(6.2, 4.2)
+    axes = canvas.subplots()
+    panel = _Densities(axes, material)
+    design = np.flatnonzero(case.kinds == "design")
+    chosen = np.random.default_rng(_SEED).choice(design, size=min(10, design.size), replace=False)
+    for n, run in enumerate(np.sort(chosen)):
+        label = f"{chosen.size} runs of the design" if n == 0 else None
+        panel.draw(material.dp[run], label, {"color": DESIGN, "linewidth": 1.1, "alpha": 0.9})
+    panel.draw(material.target_dp, "target: fitted skew normal", TARGET | {"linewidth": 3.2})
+    panel.finish()
+    axes.set_title(material.title())
+    axes.set_xlabel(f"backscatter [{case.unit}]")
+    axes.set_ylabel(f"density [1/{case.unit}]")
+    add_legend(canvas, axes.get_legend_handles_labels(), 3)
+    caption = (
+        f"Grey: the {material.measured_db.size:,} measured pixels of {material.name}. Black: the skew normal fitted to "
+        f"them, which is the target. Thin: the densities of {chosen.size} of the {design.size} runs of the design, "
+        f"drawn at random (seed {_SEED}).{panel.remark()}"
+    )
+    alt = f"Histogram of {material.name}'s measured backscatter, its fitted density and those of some runs."
+    return canvas, caption, alt
+
+
+def densities(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str]:
+    """Target, start and calibrated."""
+    canvas = new_canvas(6.2, 4.2)
+    axes = canvas.subplots()
+    panel = _before_after(axes, material)
+    axes.set_title(material.title(f"rms {short(material.rms[material.best])} 1/{case.unit}"))
+    axes.set_xlabel(f"backscatter [{case.unit}]")
+    axes.set_ylabel(f"density [1/{case.unit}]")
+    add_legend(canvas, axes.get_legend_handles_labels(), 4)
+    caption = (
+        "Density of the backscatter at the starting parameters (orange, dashed), after calibration (blue) and in the "
+        "measurement (black: fitted; grey: its pixels). Where blue lies on black the distributions agree."
+        + panel.remark()
+    )
+    alt = f"Densities of {material.name}'s backscatter: target, start and calibrated."
+    return canvas, caption, alt
+
+
+def _before_after(axes: Axes, material: MaterialData) -> _Densities:
+    panel = _Densities(axes, material)
+    panel.draw(material.target_dp, "target", TARGET | {"linewidth": 4.5})
+    panel.draw(material.dp[0], "start", START)
+    panel.draw(material.dp[material.best], "calibrated", FOUND)
+    panel.finish()
+    return panel
+
+
+def overview(case: CaseData) -> tuple[Canvas, str, str]:
+    """Small densities of all materials."""
+    n = len(case.materials)
+    columns = 2 if n <= 4 else 3 if n <= 9 else 4
+    rows = -(-n // columns)
+    canvas = new_canvas(9.5, 2.2 * rows + 1.0)
+    grid = canvas.subplots(rows, columns, squeeze=False).ravel()
+    outside = 0
+    for axes, material in zip(grid, case.materials, strict=False):
+        panel = _before_after(axes, material)
+        outside += bool(panel.outside or panel.clipped)
+        width = 88 // columns
+        lines = textwrap.wrap(shortened(material.name, 2 * width - 4), width)
+        axes.set_title(
+            "\n".join(line.replace("$", r"\$") for line in lines)
+            + f"\nrms {short(material.rms[material.best])}: {REASONS.get(material.reason, material.reason)}",
+            fontsize=10.0,
+        )
+        axes.tick_params(labelsize=9.5)
+    for axes in grid[n:]:
+        axes.set_axis_off()
+    for axes in grid[max(0, n - columns) : n]:
+        axes.set_xlabel(f"backscatter [{case.unit}]")
+    for axes in grid[:n:columns]:
+        axes.set_ylabel(f"density [1/{case.unit}]")
+    add_legend(canvas, grid[0].get_legend_handles_labels(), 4)
+    caption = (
+        "Density of each material at the starting parameters (orange, dashed), after calibration (blue) and in the "
+        f"measurement (black: fitted; grey: its pixels); rms in 1/{case.unit}."
+        + (f" In {outside} of them a curve leaves the axes." if outside else "")
+    )
+    return canvas, caption, f"Small densities of {n} materials: target, start and calibrated."
+
+
+def quality(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str]:
+    """Measured pixels against the skew normal fitted to them."""
+    from scipy.special import betaincinv
+
+    canvas = new_canvas(6.2, 4.4)
+    axes = canvas.subplots()
+    values = np.sort(material.measured_db)
+    n = values.size
+    dp = material.target_dp
+    mean, sd = _reach(dp)
+    grid = np.linspace(mean - 10.0 * sd, mean + 10.0 * sd, 8001)
+    below = skewnormal.cdf(grid, dp)
+    rising = np.concatenate([[True], np.diff(below) > 0.0])
+
+    def quantile(share: Array) -> Array:
+        return np.asarray(np.interp(share, below[rising], grid[rising]))
+
+    expected = quantile((np.arange(n) + 0.5) / n)
+    # order statistics of so many independent values (David and Nagaraja, "Order Statistics", section 2.1)
+    m = max(8, round(material.effective))
+    rank = np.arange(1, m + 1)
+    shares = np.stack([betaincinv(rank, m + 1 - rank, tail) for tail in (0.025, 0.975)])
+    axes.fill_between(
+        quantile((rank - 0.5) / m), *quantile(shares), color=DESIGN, alpha=0.35, linewidth=0, label="95 % of samples"
+    )
+    ends = np.array([expected[0], expected[-1]])
+    axes.plot(ends, ends, label="fitted skew normal", **TARGET | {"linewidth": 1.6})
+    axes.plot(
+        expected, values, color=FOUND["color"], marker=".", markersize=4, linestyle="none", label="measured pixels"
+    )
+    axes.set_title(material.title(f"distance {short(material.goodness['ks'])}, p = {short(material.goodness['ad_p'])}"))
+    axes.set_xlabel(f"quantile of the skew normal [{case.unit}]")
+    axes.set_ylabel(f"measured quantile [{case.unit}]")
+    add_legend(canvas, axes.get_legend_handles_labels(), 3)
+    caption = (
+        f"The {n:,} measured pixels in order against what the skew normal fitted to them expects; points on the line "
+        f"are described by it. Shaded: where 95 % of samples of the density lie at each place, as many as the pixels "
+        f"stand for ({m:,} independent ones). Distance: Kolmogorov-Smirnov; p: share of samples that lie further from "
+        "their own fit (Anderson-Darling)."
+    )
+    return canvas, caption, f"Quantiles of {material.name}'s measured backscatter against those of the fitted density."

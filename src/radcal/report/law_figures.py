@@ -1,0 +1,144 @@
+"""The law found, and what each run on the way to it cost."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.radar.laws import LAWS
+from radcal.report.drawing import (
+    DESIGN,
+    FOUND,
+    HIDDEN,
+    MUTED,
+    PALE,
+    SAMPLING,
+    START,
+    TOLERANCE,
+    Array,
+    CaseData,
+    MaterialData,
+    add_legend,
+    new_canvas,
+    short,
+)
+from radcal.report.summary import law_difference_db
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Canvas
+
+__all__ = ["cost", "law"]
+
+
+def cost(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str]:
+    """Difference of the densities, run by run."""
+    from matplotlib.ticker import MaxNLocator
+
+    canvas = new_canvas(6.2, 4.8)
+    axes = canvas.subplots()
+    rms = material.rms
+    runs = np.arange(rms.size)
+    positive = np.concatenate([rms[rms > 0], [case.tolerance, material.rms_sampling]])
+    positive = positive[np.isfinite(positive) & (positive > 0)]
+    # a cost of exactly 0 has no place on a logarithmic axis: it is drawn on its lower edge
+    bottom = float(positive.min()) / 3.0
+    shown = np.where(rms > 0, rms, bottom)
+
+    axes.step(runs, np.minimum.accumulate(shown), where="post", color="black", linewidth=1.6, label="best so far")
+    ended = np.zeros(rms.size, dtype=bool)
+    infill = np.flatnonzero(case.kinds == "infill")
+    ended[infill[[mode == "ended" for mode in material.mode]]] = True
+    markers: tuple[tuple[str, NDArray[np.bool_], dict[str, Any]], ...] = (
+        ("reference (start)", case.kinds == "reference", {"color": START["color"], "marker": "s", "s": 62}),
+        ("design", case.kinds == "design", {"color": DESIGN, "marker": "o", "s": 30}),
+        ("infill", (case.kinds == "infill") & ~ended, {"color": FOUND["color"], "marker": "^", "s": 40}),
+        ("infill after it ended", ended, {"color": PALE, "marker": "^", "s": 26}),
+    )
+    for label, which, style in markers:
+        if which.any():
+            axes.scatter(
+                runs[which], shown[which], label=label, edgecolors="black", linewidths=0.4, zorder=3, clip_on=False,
+                **style,
+            )  # fmt: skip
+    axes.axhline(case.tolerance, label=f"tolerance {short(case.tolerance)}", **TOLERANCE)
+    pixels = material.measured_db.size
+    if material.rms_sampling > 0:
+        axes.axhline(material.rms_sampling, label=f"what {pixels:,} pixels can tell", **SAMPLING)
+    floor = np.full(rms.size, np.nan)
+    floor[infill] = material.floor_rms
+    known = np.isfinite(floor) & (floor > 0)
+    if known.any():
+        axes.plot(runs[known], np.maximum(floor[known], bottom), color=MUTED, linestyle="none", marker="_",
+                  markersize=9, markeredgewidth=1.8, label="floor seen by the surrogate")  # fmt: skip
+    axes.set_yscale("log")
+    top = max(float(shown.max()), float(positive.max()))
+    axes.set_ylim(bottom, 2.0 * top)
+    axes.set_xlim(-0.5, max(rms.size - 0.5, 1.0))
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.set_title(material.title(f"best rms {short(rms[material.best])} 1/{case.unit} in run {material.best}"))
+    axes.set_xlabel("run (0: reference)")
+    axes.set_ylabel(f"difference of the densities, rms [1/{case.unit}]")
+    add_legend(canvas, axes.get_legend_handles_labels(), 3)
+    caption = (
+        "Root mean square difference between the simulated and the target density, run by run; the line is the best so "
+        f"far. Below the dotted line ({short(material.rms_sampling)} 1/{case.unit}) a smaller cost is numerical "
+        f"convergence: another sample of {pixels:,} pixels would move the target itself by about that much."
+    )
+    if known.any():
+        caption += " Short bars: the smallest cost that the surrogate, in favour, still holds possible."
+    if not np.all(rms > 0):
+        caption += " Runs on the lower edge have a cost of 0."
+    return canvas, caption, f"Cost of each run of {material.name} on a logarithmic axis, with the tolerance."
+
+
+def law(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str]:  # noqa: ARG001 - one shape for all
+    """Backscatter against incidence: start, found, truth."""
+    shares = (4.0, 1.0) if material.hidden is None else (4.0, 1.4, 1.0)
+    canvas = new_canvas(6.2, 4.2 + 0.4 * sum(shares[1:]))
+    panels = canvas.subplots(len(shares), 1, sharex=True, height_ratios=shares)
+    upper, lower = panels[0], panels[-1]
+    sigma0 = LAWS[material.law]
+    low, high = (float(v) for v in np.percentile(material.incidence_deg, [5.0, 95.0]))
+    phi, seen = np.linspace(0.0, 90.0, 361), np.linspace(low, high, 101)
+    found = material.parameters[material.best]
+    curves: list[tuple[str, Array, dict[str, Any]]] = [("start", material.start, START), ("calibrated", found, FOUND)]
+    if material.hidden is not None:
+        curves.append(("hidden truth", material.hidden, HIDDEN))
+    for axes in panels:
+        axes.axvspan(low, high, color="#EFEFEF", zorder=0, linewidth=0)
+    for label, parameters, style in curves:
+        upper.plot(phi, sigma0(np.radians(phi), parameters), **style | {"linewidth": 1.0})
+        upper.plot(seen, sigma0(np.radians(seen), parameters), label=label, **style | {"linewidth": 3.2})
+    upper.margins(x=0)
+    if material.hidden is None:
+        upper.set_title(material.title("no truth to compare with"))
+        remark = "The image alone cannot tell whether the law found is right."
+    else:
+        difference = law_difference_db(material.law, found, material.hidden, material.incidence_deg)
+        for angles, width in ((phi, 1.0), (seen, 3.2)):
+            gap = sigma0(np.radians(angles), found) - sigma0(np.radians(angles), material.hidden)
+            panels[1].plot(angles, gap, **FOUND | {"linewidth": width})
+        panels[1].axhline(0.0, **HIDDEN)
+        reach = 1.3 * max(difference, 0.05)
+        panels[1].set_ylim(-reach, reach)
+        panels[1].set_ylabel("found minus\ntruth [dB]")
+        upper.set_title(material.title(f"at most {difference:.2g} dB from the truth over the incidence seen"))
+        remark = (
+            f"Over the incidence seen the law found differs from the hidden truth (green, dotted; middle panel) by at "
+            f"most {difference:.2g} dB."
+        )
+    upper.set_ylabel("\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} [dB]")
+    lower.hist(material.incidence_deg, bins=np.arange(0.0, 90.5, 1.0).tolist(), color=MUTED)
+    lower.set_ylabel("pixels")
+    lower.set_xlabel("local incidence [deg]")
+    lower.set_xlim(0.0, 90.0)
+    lower.set_xticks(np.arange(0, 91, 15).tolist())
+    add_legend(canvas, upper.get_legend_handles_labels(), 3)
+    caption = (
+        "Backscatter against local incidence at the starting parameters (orange, dashed) and as found (blue). Shaded, "
+        f"thick: {low:.1f} to {high:.1f} deg, where 90 % of the material's pixels lie (histogram below); outside, the "
+        f"law is an extrapolation. {remark}"
+    )
+    return canvas, caption, f"Backscatter laws of {material.name} in dB against local incidence in degrees."

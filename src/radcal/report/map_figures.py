@@ -1,0 +1,265 @@
+"""Maps: the images, their registration, and what is left."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.report.drawing import FILLS, Array, CaseData, add_legend, label, new_canvas
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
+
+__all__ = ["axis_labels", "image_extent", "images", "panels_for", "registration", "residual"]
+
+Aspect = Literal["equal", "auto"]
+
+_BOXCAR = 9  # pixels, multilook of the residual
+_LARGEST = 1600  # pixels per side of an image shown; larger ones are averaged
+
+
+def _power(image_db: NDArray[Any]) -> tuple[Array, NDArray[np.bool_]]:
+    """Linear power, 0 where there is none, and where there is some."""
+    valid = np.isfinite(image_db)
+    return np.where(valid, 10.0 ** (np.where(valid, image_db, 0.0).astype(np.float64) / 10.0), 0.0), valid
+
+
+def _db(power: Array, valid: NDArray[np.bool_]) -> Array:
+    good = valid & (power > 0)
+    return np.where(good, 10.0 * np.log10(np.where(good, power, 1.0)), np.nan)
+
+
+def _blocks(values: NDArray[Any], k: int) -> NDArray[Any]:
+    """Sums over blocks of k x k; what is left over at the end is dropped."""
+    rows, columns = values.shape[0] // k, values.shape[1] // k
+    return np.asarray(values[: rows * k, : columns * k].reshape(rows, k, columns, k).sum(axis=(1, 3)))
+
+
+def _factor(shape: tuple[int, ...]) -> int:
+    k = -(-max(shape) // _LARGEST)
+    return k if min(shape) >= k else 1
+
+
+def _shown(image_db: NDArray[Any]) -> NDArray[Any]:
+    """Image for the page: large ones averaged in power."""
+    k = _factor(image_db.shape)
+    if k == 1:
+        return image_db
+    power, valid = _power(image_db)
+    count = _blocks(valid.astype(np.float64), k)
+    return _db(_blocks(power, k) / np.maximum(count, 1.0), count > 0)
+
+
+def panels_for(shape: tuple[int, ...], n: int, below: float = 0.0) -> tuple[Canvas, list[Axes], bool, Aspect]:
+    """Panels beside each other, or stacked if the image is wide; extreme images are stretched."""
+    ratio = shape[0] / shape[1]
+    aspect: Aspect = "equal" if 0.2 <= ratio <= 2.5 else "auto"
+    ratio = float(np.clip(ratio, 0.2, 2.5))
+    width = 9.5
+    if ratio < 0.6:
+        canvas = new_canvas(width, n * ((width - 1.9) * ratio + 0.55) + 0.45 + below, "compressed")
+        axes = canvas.subplots(n, 1, sharex=True, sharey=True, squeeze=False)
+    else:
+        canvas = new_canvas(width, (width - 1.9) / n * ratio + 0.85 + below, "compressed")
+        axes = canvas.subplots(1, n, sharex=True, sharey=True, squeeze=False)
+    for panel in axes.ravel():
+        panel.grid(False)
+        panel.set_facecolor("#F6E9D8")
+        for spine in panel.spines.values():
+            spine.set_visible(True)
+    return canvas, list(axes.ravel()), ratio < 0.6, aspect
+
+
+def axis_labels(panels: Sequence[Axes], stacked: bool) -> None:
+    """Name the axes of an image."""
+    for panel in panels if not stacked else panels[-1:]:
+        panel.set_xlabel("azimuth [pixel]")
+    for panel in panels if stacked else panels[:1]:
+        panel.set_ylabel("slant range [pixel]")
+    for panel in panels:
+        panel.locator_params(axis="x", nbins=4, integer=True)
+        panel.locator_params(axis="y", nbins=5, integer=True)
+
+
+def image_extent(shape: tuple[int, ...]) -> tuple[float, float, float, float]:
+    """Edges of an image whose pixel centres are whole numbers."""
+    return (-0.5, shape[1] - 0.5, shape[0] - 0.5, -0.5)
+
+
+def images(case: CaseData) -> tuple[Canvas, str, str] | None:
+    """Measured, start and calibrated image."""
+    titles = {"measured_db": "measured", "reference_db": "start", "calibrated_db": "calibrated"}
+    there = [key for key in titles if key in case.images]
+    if not there:
+        return None
+    first = case.images[there[0]]
+    finite = first[np.isfinite(first)]
+    low, high = (float(v) for v in np.percentile(finite, [1.0, 99.5])) if finite.size else (-30.0, 0.0)
+    high = max(high, low + 1.0)
+    canvas, panels, stacked, aspect = panels_for(first.shape, len(there))
+    shown = None
+    for panel, key in zip(panels, there, strict=True):
+        shown = panel.imshow(
+            _shown(case.images[key]), cmap="gray", vmin=low, vmax=high, aspect=aspect, extent=image_extent(first.shape)
+        )
+        panel.set_title(titles[key])
+    if shown is not None:
+        bar = canvas.colorbar(shown, ax=panels, extend="both", fraction=0.05, pad=0.02, aspect=30)
+        bar.set_label("backscatter [dB]")
+    axis_labels(panels, stacked)
+    k = _factor(first.shape)
+    caption = (
+        "The three images in one gray scale (1 to 99.5 % of the measured pixels), near range on top. "
+        "The calibrated image has speckle of its own: compare levels and textures, not pixels."
+    )
+    if finite.size < first.size:
+        caption += f" {first.size - finite.size:,} measured pixels have no value (pale)."
+    if k > 1:
+        caption += f" Shown as means over {k} x {k} pixels."
+    return canvas, caption, "Measured, starting and calibrated radar image side by side in the same gray scale."
+
+
+def registration(case: CaseData) -> tuple[Canvas, str, str] | None:
+    """Before and after registration, and the displacement."""
+    if not case.registration or "reference_db" not in case.images:
+        return None
+    simulated = case.images["reference_db"]
+    field = case.registration["displacement_px"].astype(np.float64)
+    canvas, panels, stacked, aspect = panels_for(simulated.shape, 3)
+    extent, k = image_extent(simulated.shape), _factor(simulated.shape)
+    # squares of one image between squares of the other: roads and borders must go on across them
+    rows, columns = np.indices(simulated.shape) // (max(simulated.shape) // 9)
+    squares = (rows + columns) % 2 == 0
+    levelled = _levelled(simulated)
+    measured = {"as measured": case.registration["unregistered_db"], "registered": case.images["measured_db"]}
+    for panel, (title, image) in zip(panels, measured.items(), strict=False):
+        both = np.where(squares, levelled, _levelled(image))
+        panel.imshow(both[::k, ::k], cmap="gray", vmin=-2.0, vmax=2.0, aspect=aspect, extent=extent)
+        panel.set_title(title)
+    length = np.hypot(*field)
+    largest = max(float(length.max()), 1e-6)
+    shown = panels[2].imshow(length[::k, ::k], cmap="viridis", vmin=0.0, aspect=aspect, extent=extent)
+    step = max(simulated.shape) // 14
+    y, x = np.mgrid[step // 2 : simulated.shape[0] : step, step // 2 : simulated.shape[1] : step]
+    arrows = {"color": "white", "angles": "xy", "scale_units": "xy", "scale": largest / step, "width": 0.005}
+    panels[2].quiver(x, y, field[1][y, x], field[0][y, x], **arrows)
+    panels[2].set_title("displacement")
+    bar = canvas.colorbar(shown, ax=panels, fraction=0.05, pad=0.02, aspect=30)
+    bar.set_label("displacement [pixel]")
+    axis_labels(panels, stacked)
+    caption = (
+        "Squares of the starting simulation between squares of the measured image, before and after registration, each "
+        "image in a gray scale of its own and averaged over 5 x 5 pixels: borders must go on across the squares. "
+        f"Right: where each pixel was fetched from; the longest arrow stands for {largest:.1f} pixels."
+    )
+    if "misregistration_px" in case.registration:
+        error = np.hypot(*(field - case.registration["misregistration_px"])).mean()
+        caption += f" The true displacement of this synthetic image is known: the mean error is {error:.2f} pixels."
+    alt = "Chequerboards of simulated and measured image before and after registration, and the displacement field."
+    return canvas, caption, alt
+
+
+def _levelled(image_db: NDArray[Any]) -> Array:
+    """Image averaged over 5 x 5 pixels, brought to zero median and unit spread."""
+    from scipy.ndimage import uniform_filter
+
+    power, valid = _power(image_db)
+    count = uniform_filter(valid.astype(np.float64), 5)
+    smooth = _db(uniform_filter(power, 5) / np.maximum(count, 1e-9), count > 0.02)
+    low, middle, high = np.nanpercentile(smooth, [16.0, 50.0, 84.0])
+    return np.asarray((smooth - middle) / max(0.5 * float(high - low), 1e-6))
+
+
+def residual(case: CaseData) -> tuple[Canvas, str, str] | None:
+    """Calibrated minus measured image beside the materials."""
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+    from matplotlib.patches import Patch
+    from scipy.ndimage import uniform_filter
+    from scipy.special import polygamma
+
+    if not {"measured_db", "calibrated_db", "material"} <= case.images.keys():
+        return None
+    pixels = case.images["calibrated_db"] - case.images["measured_db"]
+    # where no material is seen the simulation holds noise alone: nothing there was compared
+    valid = np.isfinite(pixels) & np.isfinite(case.images.get("incidence_deg", pixels))
+    share = uniform_filter(valid.astype(np.float32), _BOXCAR, mode="constant")
+    total = uniform_filter(np.where(valid, pixels, 0.0), _BOXCAR, mode="constant")
+    enough = valid & (share > 0.25)
+    difference = np.where(enough, total / np.where(enough, share, 1.0), np.nan)
+    k = _factor(difference.shape)
+    finite = difference[np.isfinite(difference)]
+    limit = float(np.clip(np.ceil(np.percentile(np.abs(finite), 98.0)), 1.0, 40.0)) if finite.size else 1.0
+
+    material = case.images["material"].astype(np.int64)
+    present = [number for number in np.unique(material) if 0 < number <= len(case.names)]
+    calibrated_names = {item.name for item in case.materials}
+    labels = [
+        f"{number}  {label(case.names[number - 1], 34)}" + (" *" if case.names[number - 1] in calibrated_names else "")
+        for number in present
+    ]
+    columns = max(1, min(4, int(105 / (max(map(len, labels), default=1) + 9))))
+    rows = -(-(len(labels) + 1) // columns)
+    canvas, panels, stacked, aspect = panels_for(difference.shape, 2, below=0.215 * rows)
+    extent = image_extent(difference.shape)
+    shown = panels[0].imshow(
+        difference[k // 2 :: k, k // 2 :: k], cmap="RdBu_r", vmin=-limit, vmax=limit, aspect=aspect, extent=extent
+    )
+    panels[0].set_title("calibrated minus measured")
+    bar = canvas.colorbar(shown, ax=panels[0], extend="both", fraction=0.05, pad=0.02, aspect=30)
+    bar.set_label("difference [dB]")
+
+    colours = ["#FFFFFF", *(FILLS[(number - 1) % len(FILLS)] for number in range(1, len(case.names) + 1))]
+    norm = BoundaryNorm((np.arange(len(colours) + 1) - 0.5).tolist(), len(colours))
+    panels[1].imshow(
+        material[k // 2 :: k, k // 2 :: k], cmap=ListedColormap(colours), norm=norm, aspect=aspect, extent=extent,
+        interpolation="nearest",
+    )  # fmt: skip
+    panels[1].set_title("materials")
+    places: list[tuple[int, int]] = []
+    for number in present:
+        places.append(_middle(material == number, places))
+        row, column = places[-1]
+        panels[1].text(
+            column, row, str(number), ha="center", va="center", fontsize=10.0, fontweight="bold",
+            bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "black", "linewidth": 0.6},
+        )  # fmt: skip
+    if not stacked:
+        canvas.set_layout_engine("compressed", wspace=0.05, h_pad=0.08)
+    handles = [Patch(facecolor=colours[number], edgecolor="black", linewidth=0.5) for number in present]
+    handles.append(Patch(facecolor="#FFFFFF", edgecolor="black", linewidth=0.5))
+    add_legend(canvas, (handles, [*labels, "mixed or unseen"]), columns)
+    axis_labels(panels, stacked)
+    # Oliver and Quegan 2004: variance of log intensity is trigamma(looks); neighbours are correlated, so at least
+    speckle = 10.0 / np.log(10.0) * np.sqrt(2.0 * float(polygamma(1, case.looks))) / _BOXCAR
+    caption = (
+        f"Left: calibrated minus measured image, mean of the dB values over {_BOXCAR} x {_BOXCAR} pixels; red: "
+        f"too bright, blue: too dark. With {case.looks} looks speckle alone leaves a standard deviation of at least "
+        f"{speckle:.2g} dB there. White: nothing of the scene, or no measurement. Right: the materials of the "
+        "scene; those marked * were calibrated, the others kept their laws."
+    )
+    if stacked:
+        caption = caption.replace("Left:", "Above:").replace("Right:", "Below:")
+    return canvas, caption, "Map of the difference between calibrated and measured image in dB, and the material map."
+
+
+def _middle(inside: NDArray[np.bool_], taken: Sequence[tuple[int, int]] = ()) -> tuple[int, int]:
+    """Row and column of a point well inside a region and away from points already taken."""
+    from scipy.ndimage import distance_transform_cdt
+
+    k = max(1, max(inside.shape) // 400)
+    coarse = inside[k // 2 :: k, k // 2 :: k]
+    if not coarse.any():
+        k, coarse = 1, inside
+    depth = distance_transform_cdt(np.pad(coarse, 1), metric="taxicab")[1:-1, 1:-1]
+    rows, columns = np.nonzero(depth >= 0.6 * depth.max())
+    merit = depth[rows, columns] / depth.max()
+    merit = merit - 0.2 * np.hypot((rows - rows.mean()) / coarse.shape[0], (columns - columns.mean()) / coarse.shape[1])
+    for row, column in taken:
+        gap = np.hypot((rows - row / k) / coarse.shape[0], (columns - column / k) / coarse.shape[1])
+        merit = merit - 2.0 * np.maximum(0.0, 1.0 - gap / 0.08)
+    best = int(np.argmax(merit))
+    return int(rows[best]) * k + k // 2, int(columns[best]) * k + k // 2

@@ -1,0 +1,149 @@
+"""The scene and the incidence it is seen at."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.radar.laws import LAWS
+from radcal.report.drawing import FILLS, Array, CaseData, add_legend, label, new_canvas
+from radcal.report.map_figures import axis_labels, image_extent, panels_for
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Canvas
+
+__all__ = ["incidence", "scene"]
+
+_SURFACE = 110  # cells per side of the view in three dimensions
+_LISTED = 8  # materials in the caption
+
+
+def _colours(case: CaseData) -> tuple[Any, Any]:
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+
+    colours = ["#FFFFFF", *(FILLS[k % len(FILLS)] for k in range(len(case.names)))]
+    return ListedColormap(colours), BoundaryNorm((np.arange(len(colours) + 1) - 0.5).tolist(), len(colours))
+
+
+def _material_legend(canvas: Canvas, case: CaseData, present: NDArray[Any]) -> None:
+    from matplotlib.patches import Patch
+
+    numbers = [int(k) for k in np.unique(present) if 0 < k <= len(case.names)]
+    handles = [Patch(facecolor=FILLS[(k - 1) % len(FILLS)], edgecolor="black", linewidth=0.5) for k in numbers]
+    add_legend(canvas, (handles, [label(case.names[k - 1], 30) for k in numbers]), 6)
+
+
+def scene(case: CaseData) -> tuple[Canvas, str, str] | None:
+    """Shaded relief, materials, elevation and a view in three dimensions."""
+    from matplotlib.colors import LightSource
+
+    if "elevation_m" not in case.scene:
+        return None
+    elevation = case.scene["elevation_m"].astype(np.float64)
+    material = case.scene["material"]
+    cell_m = case.cell_m
+    ny, nx = elevation.shape
+    sides = (0.0, nx * cell_m / 1000.0, 0.0, ny * cell_m / 1000.0)
+    light = LightSource(azdeg=315.0, altdeg=40.0)
+    canvas = new_canvas(9.5, 9.1)
+    cmap, norm = _colours(case)
+    flat = [canvas.add_subplot(2, 2, k) for k in (1, 2, 3)]
+    flat[0].imshow(light.hillshade(elevation, dx=cell_m, dy=cell_m), cmap="gray", origin="lower", extent=sides)
+    flat[0].set_title("shaded relief, light from north-west")
+    flat[1].imshow(material, cmap=cmap, norm=norm, origin="lower", extent=sides, interpolation="nearest")
+    flat[1].set_title("materials")
+    shown = flat[2].imshow(elevation, cmap="terrain", origin="lower", extent=sides)
+    flat[2].set_title("elevation")
+    bar = canvas.colorbar(shown, ax=flat[2], fraction=0.046, pad=0.03)
+    bar.set_label("elevation [m]")
+    for panel in flat:
+        panel.grid(False)
+        panel.set_xlabel("east [km]")
+        panel.set_ylabel("north [km]")
+        panel.locator_params(nbins=5)
+
+    solid = cast(Any, canvas.add_subplot(2, 2, 4, projection="3d"))
+    k = max(1, max(ny, nx) // _SURFACE)
+    y, x = (np.mgrid[:ny:k, :nx:k] + 0.5) * cell_m / 1000.0
+    low = elevation[::k, ::k]
+    rgb = cmap(norm(material[::k, ::k]))[..., :3]
+    shaded = light.shade_rgb(rgb, low, dx=k * cell_m, dy=k * cell_m, vert_exag=2.0, blend_mode="soft")
+    solid.plot_surface(x, y, low, facecolors=shaded, rstride=1, cstride=1, linewidth=0, antialiased=False, shade=False)
+    height = float(np.ptp(elevation))
+    span = max(sides[1], sides[3])
+    times = max(1, round(0.25 * span * 1000.0 / max(height, 1.0)))
+    solid.set_box_aspect((sides[1] / span, sides[3] / span, height / 1000.0 * times / span))
+    solid.view_init(elev=32.0, azim=-120.0)
+    solid.set_title(f"seen from south-west, heights {times} times" if times > 1 else "seen from south-west")
+    solid.set_xlabel("east [km]")
+    solid.set_ylabel("north [km]")
+    solid.locator_params(nbins=4)
+    solid.tick_params(axis="z", labelsize=8.5)
+    _material_legend(canvas, case, material)
+    caption = (
+        f"The scene: {nx * cell_m / 1000.0:.3g} by {ny * cell_m / 1000.0:.3g} km, heights from {elevation.min():.0f} "
+        f"to {elevation.max():.0f} m."
+    )
+    return canvas, caption, "Shaded relief, material map, elevation map and a view of the terrain."
+
+
+def _expected_db(case: CaseData) -> Array:
+    """The calibrated laws at every pixel's mean incidence, without speckle [dB]; NaN where there is none."""
+    angle = np.radians(case.images["incidence_deg"].astype(np.float64))
+    material = case.images["material"]
+    expected = np.full(angle.shape, np.nan)
+    for k, name in enumerate(case.names, start=1):
+        if name in case.laws:
+            law, parameters = case.laws[name]
+            inside = material == k
+            expected[inside] = LAWS[law](angle[inside], parameters)
+    return expected
+
+
+def incidence(case: CaseData) -> tuple[Canvas, str, str] | None:
+    """Local incidence, its spread by material, and what the laws make of it."""
+    if not {"incidence_deg", "material"} <= case.images.keys():
+        return None
+    angle = case.images["incidence_deg"]
+    finite = angle[np.isfinite(angle)]
+    if not finite.size:
+        return None
+    expected = _expected_db(case)
+    canvas, panels, stacked, aspect = panels_for(angle.shape, 2)
+    where = image_extent(angle.shape)
+    k = max(1, max(angle.shape) // 1600)
+    low, high = (float(v) for v in np.percentile(finite, [1.0, 99.0]))
+    first = panels[0].imshow(
+        angle[::k, ::k], cmap="viridis", vmin=low, vmax=max(high, low + 1.0), aspect=aspect, extent=where
+    )
+    panels[0].set_title("local incidence")
+    canvas.colorbar(first, ax=panels[0], extend="both", fraction=0.05, pad=0.02).set_label("incidence [deg]")
+    seen = expected[np.isfinite(expected)]
+    low, high = (float(v) for v in np.percentile(seen, [1.0, 99.0])) if seen.size else (-30.0, 0.0)
+    second = panels[1].imshow(
+        expected[::k, ::k], cmap="gray", vmin=low, vmax=max(high, low + 1.0), aspect=aspect, extent=where
+    )
+    panels[1].set_title("what the calibrated laws make of it")
+    bar = canvas.colorbar(second, ax=panels[1], extend="both", fraction=0.05, pad=0.02)
+    bar.set_label("\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} [dB]")
+    axis_labels(panels, stacked)
+    return canvas, *_incidence_words(case, expected)
+
+
+def _incidence_words(case: CaseData, expected: Array) -> tuple[str, str]:
+    material, angle = case.images["material"], case.images["incidence_deg"]
+    spans = []
+    for item in case.materials[:_LISTED]:
+        inside = (material == case.names.index(item.name) + 1) & np.isfinite(angle)
+        if inside.any():
+            a = np.percentile(angle[inside], [5.0, 95.0])
+            s = np.nanpercentile(expected[inside], [5.0, 95.0])
+            spans.append(f"{item.name} {a[0]:.0f} to {a[1]:.0f} deg, {s[0]:.1f} to {s[1]:.1f} dB")
+    more = f", and {len(case.materials) - _LISTED} more" if len(case.materials) > _LISTED else ""
+    caption = (
+        "Left: mean local incidence of each pixel's ground. Right: the calibrated (or fixed) law of its material at "
+        f"that incidence, without speckle, noise or resolution. From 5 to 95 %: {'; '.join(spans)}{more}."
+    )
+    return caption, "Maps of the local incidence angle and of the backscatter that the laws expect there."
