@@ -16,7 +16,7 @@ from scipy.io import savemat
 
 from radcal.config import FileMeasurement
 from radcal.errors import MeasurementError
-from radcal.measurement.readers import read_image_db
+from radcal.measurement.readers import read_image
 
 POWER = np.random.default_rng(1).gamma(4, 0.025, (40, 30))
 DB = 10.0 * np.log10(POWER)
@@ -64,7 +64,7 @@ WRITERS = {
 
 
 def read(path, scale="power", **keys):
-    return read_image_db(path, FileMeasurement(path=str(path), scale=scale, **keys))
+    return read_image(path, FileMeasurement(path=str(path), scale=scale, **keys)).image_db
 
 
 @pytest.mark.parametrize("scale", SCALES)

@@ -13,3 +13,5 @@ with logged(snakemake.log[0]):
     measurement = make_measurement(case, read_geometry(snakemake.input.geometry), simulator)
     write_measurement(snakemake.output.measurement, measurement)
     progress(f"measured image: {measurement.source}")
+    for note in measurement.notes:
+        progress(note)

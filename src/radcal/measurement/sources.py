@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from radcal import skewnormal
-from radcal.config import Case, FileMeasurement, Synthetic, expand_path
+from radcal.config import Case, FileMeasurement, Radar, Synthetic, expand_path
 from radcal.errors import FitError, MeasurementError
 from radcal.measurement.displacement import invert, warp
 from radcal.measurement.model import Measurement
-from radcal.measurement.readers import read_image_db
+from radcal.measurement.readers import ReadImage, read_image
 from radcal.measurement.target import eligible_pixels
+from radcal.radar.bands import LETTER_BANDS_GHZ, letter_band, within_band
 from radcal.radar.geometry import Geometry
 from radcal.seeds import derived_rng, derived_seed
 from radcal.simulators.protocol import Simulator
@@ -37,11 +40,11 @@ def make_measurement(case: Case, geometry: Geometry, simulator: Simulator) -> Me
     Raises
     ------
     MeasurementError
-        The file cannot be read, has another size or scale, or leaves a material without
-        enough pixels.
+        The file cannot be read, has another size, scale, polarisation or band, or leaves a
+        material without enough pixels.
     """
     if isinstance(case.measurement, FileMeasurement):
-        measurement = _from_file(case.measurement, geometry)
+        measurement = _from_file(case.measurement, case.radar, geometry)
     else:
         measurement = _synthetic(case, case.measurement.synthetic, simulator)
     for name in case.calibrated:
@@ -100,6 +103,31 @@ def _synthetic(case: Case, synthetic: Synthetic, simulator: Simulator) -> Measur
     )
 
 
-def _from_file(config: FileMeasurement, geometry: Geometry) -> Measurement:
+def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry) -> Measurement:
     path = expand_path(config.path, "measurement.path")
-    return Measurement(read_image_db(path, config, geometry.shape), path.name)
+    read = read_image(path, config, geometry.shape)
+    _check_pass(read, radar, path)
+    notes = [f"{path.name}: {read.counts}.", *read.notes]
+    if config.scale == "complex" and radar.looks != 1:
+        notes.append(f"{path.name}: complex pixels have a single look, radar.looks is {radar.looks}.")
+    if read.frequency_hz is not None and within_band(radar.band, read.frequency_hz) is None:
+        notes.append(
+            f"{path.name}: its carrier of {read.frequency_hz / 1e9:.4g} GHz is not compared with radar.band = "
+            f"{radar.band}, which is none of {', '.join(LETTER_BANDS_GHZ)}."
+        )
+    return Measurement(read.image_db, path.name, notes=tuple(notes))
+
+
+def _check_pass(read: ReadImage, radar: Radar, path: Path) -> None:
+    """Refuse an image that its file says to be of another polarisation or band than the radar's."""
+    if read.polarisation not in (None, radar.polarisation):
+        raise MeasurementError(
+            f"measurement.path: the polarisation of {path} is {read.polarisation}, radar.polarisation is "
+            f"{radar.polarisation}: polarisations are never mixed, set it to the image's."
+        )
+    if read.frequency_hz is not None and within_band(radar.band, read.frequency_hz) is False:
+        raise MeasurementError(
+            f"measurement.path: the carrier of {path} is {read.frequency_hz / 1e9:.4g} GHz (band "
+            f"{letter_band(read.frequency_hz) or 'without a letter'}), radar.band is {radar.band}: "
+            "bands are never mixed, set it to the image's."
+        )
