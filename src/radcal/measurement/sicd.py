@@ -110,6 +110,7 @@ def _read(path: Path) -> SicdImage:
         if pixel_type not in sicd.PIXEL_TYPES:
             raise ValueError(f"its pixel type is {pixel_type}, expected one of {', '.join(sicd.PIXEL_TYPES)}")
         _check_segments(reader, xml, sicd.PIXEL_TYPES[pixel_type]["bytes"])
+        backwards = _flown_backwards(xml)
         power = _power(reader.read_image(), pixel_type, _value(xml, "ImageData/AmpTable"))
     factor, notes = _level(xml, path.name)
     if factor is not None:
@@ -117,7 +118,7 @@ def _read(path: Path) -> SicdImage:
     plane = _needed(xml, "Grid/ImagePlane")
     if plane != "SLANT":
         notes += (f"{path.name}: its rows lie in the image plane {plane}, those of the scene's image in slant range.",)
-    if _flown_backwards(xml):
+    if backwards:
         power = power[:, ::-1]
     polarisation, frequency_hz = _polarisation(xml), _frequency_hz(xml)
     if polarisation is None:
