@@ -208,6 +208,9 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     (measured(scale=None), ["measurement.scale is None"]),
     ({"measurement": {"source": "file", "path": "a.tif"}}, ["measurement.scale is missing"]),
     ({"measurement": {"source": "file", "scale": "db"}}, ["measurement.path is missing"]),
+    (measured(polarisation="HH "), ["measurement.polarisation is 'HH '", "'HH', 'HV', 'VH' or 'VV'"]),
+    (measured(polarisation="HV"), ["measurement.polarisation is HV, radar.polarisation is HH", "never mixed"]),
+    (measured(carrier_band="C"), ["measurement.carrier_band is 'C', radar.band is 'X'", "never mixed"]),
     (synthetic(parameters={"dyke": [1, 2]}), ["measurement.synthetic.parameters.dyke", "2 numbers", "takes 4"]),
     (synthetic(parameters={"dyke": [1, 2, 3, "x"]}), ["measurement.synthetic.parameters.dyke.3 is 'x'"]),
     (synthetic(offset_db=float("nan")), ["measurement.synthetic.offset_db is nan"]),
@@ -252,6 +255,15 @@ def test_each_union_member_is_read() -> None:
         source="raster", elevation="a.tif", materials="b.tif", names="a.json", bounds=(0, 1, 2, 3)
     )
     assert case_from(measured()).measurement == FileMeasurement(source="file", path="a.tif", scale="db")
+
+
+def test_measurement_of_the_same_pass() -> None:
+    declared = case_from(
+        {"radar": {"polarisation": "VV", "band": "L"}} | measured(polarisation="VV", carrier_band="l-band")
+    )
+    assert isinstance(declared.measurement, FileMeasurement)
+    assert (declared.measurement.polarisation, declared.measurement.carrier_band) == ("VV", "l-band")
+    assert case_from(measured(band=2)).measurement == FileMeasurement(path="a.tif", scale="db", band=2)
 
 
 def test_start_is_the_middle_of_the_bounds_unless_given() -> None:

@@ -30,6 +30,7 @@ from pydantic import (
 )
 
 from radcal.errors import ConfigError
+from radcal.radar.bands import same_label
 from radcal.radar.laws import LAWS
 
 __all__ = [
@@ -248,11 +249,15 @@ class FileMeasurement(_Strict):
 
     source: Literal["file"] = "file"
     path: str = Field(
-        description="GeoTIFF or other raster, npy, npz, mat or HDF5; ${RADCAL_DATA} and other variables are expanded"
+        description="SICD, GeoTIFF or other raster, npy, npz, mat, HDF5; ${RADCAL_DATA} and the like are expanded"
     )
     scale: Literal["db", "power", "amplitude", "complex"] = Field(description="what the file's numbers are")
     band: Count | None = Field(None, description="band of a raster, from 1; needed where it has several")
     dataset: str | None = Field(None, description="name in npz, mat or HDF5; needed where they hold several")
+    polarisation: Literal["HH", "HV", "VH", "VV"] | None = Field(
+        None, description="transmitted and received; checked against radar.polarisation"
+    )
+    carrier_band: str | None = Field(None, description="label of the carrier's band; checked against radar.band")
     radiometry: Literal["sigma0_local"] = "sigma0_local"
 
 
@@ -422,11 +427,26 @@ class Case(_Strict):
                 "target.normalisation is offset, expected at least one material with fixed parameters "
                 "(calibrate: false) to say the level, found none"
             )
+        if isinstance(self.measurement, FileMeasurement):
+            self._check_pass(self.measurement)
         if self.stop.max_runs < self.design.size:
             raise ValueError(
                 f"stop.max_runs is {self.stop.max_runs}, expected at least design.size ({self.design.size})"
             )
         return self
+
+    def _check_pass(self, measurement: FileMeasurement) -> None:
+        """Refuse an image that is declared to be of another pass than the radar's."""
+        if measurement.polarisation not in (None, self.radar.polarisation):
+            raise ValueError(
+                f"measurement.polarisation is {measurement.polarisation}, radar.polarisation is "
+                f"{self.radar.polarisation}: polarisations are never mixed, set both to the image's"
+            )
+        if measurement.carrier_band is not None and not same_label(measurement.carrier_band, self.radar.band):
+            raise ValueError(
+                f"measurement.carrier_band is {measurement.carrier_band!r}, radar.band is {self.radar.band!r}: "
+                "bands are never mixed, set both to the image's"
+            )
 
     @property
     def calibrated(self) -> list[str]:

@@ -16,7 +16,7 @@ from scipy.io import savemat
 
 from radcal.config import FileMeasurement
 from radcal.errors import MeasurementError
-from radcal.measurement.readers import read_image_db
+from radcal.measurement.readers import Counts, read_image
 
 POWER = np.random.default_rng(1).gamma(4, 0.025, (40, 30))
 DB = 10.0 * np.log10(POWER)
@@ -64,7 +64,7 @@ WRITERS = {
 
 
 def read(path, scale="power", **keys):
-    return read_image_db(path, FileMeasurement(path=str(path), scale=scale, **keys))
+    return read_image(path, FileMeasurement(path=str(path), scale=scale, **keys)).image_db
 
 
 @pytest.mark.parametrize("scale", SCALES)
@@ -82,6 +82,44 @@ def test_zeros_negative_power_and_gaps_are_no_values(tmp_path):
     np.save(tmp_path / "a.npy", values)
     found = read(tmp_path / "a.npy")
     assert np.flatnonzero(np.isnan(found)).tolist() == [0, 1, 2]
+
+
+@pytest.mark.parametrize(
+    ("scale", "unusable", "counts"),
+    [
+        ("power", [0.0, -0.0, -0.01, np.nan, np.inf, -np.inf], (3, 2, 1)),
+        ("amplitude", [0.0, np.nan, np.inf], (2, 1, 0)),
+        ("complex", [0j, complex(np.nan, 1), complex(0, np.inf)], (2, 1, 0)),
+        ("db", [-np.inf, np.nan, np.inf, -np.inf], (2, 2, 0)),  # no power is minus infinity in dB
+    ],
+)
+def test_unusable_pixels_are_counted(tmp_path, scale, unusable, counts):
+    values = np.tile(SCALES[scale], (5, 5))
+    values[7, : len(unusable)] = unusable
+    np.save(tmp_path / "a.npy", values)
+    found = read_image(tmp_path / "a.npy", FileMeasurement(path="a.npy", scale=scale))
+    assert found.counts == Counts(values.size, *counts)
+    assert np.argwhere(np.isnan(found.image_db)).tolist() == [[7, k] for k in range(len(unusable))]
+    assert np.isfinite(found.image_db).sum() == values.size - len(unusable)
+    assert (found.notes, found.polarisation, found.frequency_hz) == ((), None, None)
+
+
+def test_masked_pixels_are_counted(tmp_path):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)
+        with rasterio.open(
+            tmp_path / "a.tif", "w", driver="GTiff", count=1, height=20, width=30, dtype="uint16", nodata=65535
+        ) as raster:
+            values = np.full((20, 30), 100, dtype=np.uint16)
+            values[2, 3:7], values[4, :2] = 65535, 0
+            raster.write(values, 1)
+    assert read_image(tmp_path / "a.tif", FileMeasurement(path="a.tif", scale="power")).counts == Counts(600, 4, 2, 0)
+
+
+def test_counts_in_words():
+    assert str(Counts(768000, 2915, 0, 1)) == (
+        "768,000 pixels, 2,915 without data, 0 zero, 1 negative: NaN in the image"
+    )
 
 
 def test_band_and_dataset_are_chosen_by_name(tmp_path):
@@ -108,6 +146,8 @@ def test_band_and_dataset_are_chosen_by_name(tmp_path):
         (SCALES["complex"], "power", "complex128, expected real numbers"),
         (np.full((4, 5), np.nan), "power", "no finite number"),
         (np.zeros((0, 5)), "power", "no finite number"),
+        (np.zeros((4, 5)), "power", "no power: 20 of its pixels are 0"),
+        (np.zeros((4, 5), dtype=complex), "complex", "no power: 20 of its pixels are 0"),
         (np.ones((2, 3, 4)), "power", r"shape \(2, 3, 4\), expected an image"),
     ],
 )

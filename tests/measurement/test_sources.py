@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 import rasterio
@@ -87,6 +88,18 @@ def test_nodata_is_nan(read: Read, image_db: np.ndarray) -> None:
     found = read(image_db, nodata=-9999.0).image_db
     assert np.isnan(found[3, 4:9]).all()
     assert np.count_nonzero(np.isnan(found)) == 5
+
+
+def test_notes_tell_what_is_unusable(read: Read, image_db: np.ndarray) -> None:
+    power = 10 ** (image_db / 10)
+    power[0, :6] = [0.0, 0.0, np.nan, -1e-9, np.nan, np.nan]
+    counts = f"measured.tif: {power.size:,} pixels, 3 without data, 2 zero, 1 negative: NaN in the image."
+    assert read(power, "power").notes == (counts,)
+    amplitude = np.sqrt(10 ** (image_db / 10)).astype(np.complex64)
+    assert read(amplitude, "complex").notes[1:] == (
+        "measured.tif: complex pixels have a single look, radar.looks is 4.",
+    )
+    assert len(read(amplitude, "complex", radar={"altitude_m": 1000.0, "looks": 1}).notes) == 1
 
 
 def test_image_of_another_size(read: Read, geometry: Geometry) -> None:
@@ -211,6 +224,7 @@ def test_synthetic_measurement_is_reproducible(synthetic: Callable[..., Measurem
     np.testing.assert_array_equal(a.image_db, b.image_db)
     assert np.nanmean(np.abs(a.image_db - other.image_db)) > 1.0
     assert "synthetic" in a.source
+    assert a.notes == ()
 
 
 def test_synthetic_measurement_hides_the_truth(synthetic: Callable[..., Measurement], geometry: Geometry) -> None:
@@ -285,3 +299,14 @@ def test_measurement_file_round_trip(tmp_path: Path, image_db: np.ndarray) -> No
     np.testing.assert_array_equal(back.image_db, image_db)
     assert back.source == measurement.source
     assert back.hidden == measurement.hidden
+    assert back.notes == ()
+
+
+def test_notes_round_trip(tmp_path: Path, image_db: np.ndarray) -> None:
+    notes = ("a.tif: 3 pixels.", "Niveaux relatifs, à 9,6 GHz.")
+    write_measurement(tmp_path / "m.h5", Measurement(image_db, "a.tif", notes=notes))
+    assert read_measurement(tmp_path / "m.h5").notes == notes
+    # a file of an earlier version has none
+    with h5py.File(tmp_path / "m.h5", "r+") as file:
+        del file.attrs["notes"]
+    assert read_measurement(tmp_path / "m.h5").notes == ()

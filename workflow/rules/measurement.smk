@@ -4,6 +4,7 @@
 rule measurement:
     input:
         [FILES[key] for key in FILES if key.startswith("measurement.")],
+        scene=rules.scene.output.scene,
         geometry=rules.geometry.output.geometry,
     output:
         measurement=update(f"{OUT}/measurement.h5"),

@@ -6,10 +6,14 @@ from radcal.jobs import logged, progress
 from radcal.measurement.model import write_measurement
 from radcal.measurement.sources import make_measurement
 from radcal.radar.geometry import read_geometry
+from radcal.scene.model import read_scene
 
 with logged(snakemake.log[0]):
     case = Case.of_sections(snakemake.params.case)
+    scene = read_scene(snakemake.input.scene)
     simulator = make_simulator(case, snakemake.input.geometry)
-    measurement = make_measurement(case, read_geometry(snakemake.input.geometry), simulator)
+    measurement = make_measurement(case, read_geometry(snakemake.input.geometry), simulator, scene)
     write_measurement(snakemake.output.measurement, measurement)
     progress(f"measured image: {measurement.source}")
+    for note in measurement.notes:
+        progress(note)

@@ -29,17 +29,22 @@ class Measurement:
         Parameters by material behind a synthetic measurement, else empty.
     misregistration_px : ndarray of float32, shape (2, rows, columns), or None
         Where in a synthetic measurement each pixel of the scene's image lies [pixels].
+    notes : tuple of str
+        Sentences about a file: what its levels are, how many of its pixels are unusable.
     """
 
     image_db: NDArray[np.float32]
     source: str
     hidden: Mapping[str, list[float]] = field(default_factory=dict)
     misregistration_px: NDArray[np.float32] | None = None
+    notes: tuple[str, ...] = ()
 
 
 def put_measurement(group: h5py.Group, measurement: Measurement) -> None:
     """Write a measurement into a group of an HDF5 file."""
     group.attrs["source"] = measurement.source
+    if measurement.notes:
+        group.attrs["notes"] = list(measurement.notes)
     group.create_dataset("image_db", data=measurement.image_db, compression="gzip", compression_opts=1)
     hidden = group.create_group("hidden")
     for name, parameters in measurement.hidden.items():
@@ -57,6 +62,7 @@ def get_measurement(group: h5py.Group) -> Measurement:
         source=str(group.attrs["source"]),
         hidden={name: [float(v) for v in values] for name, values in group["hidden"].attrs.items()},
         misregistration_px=group["misregistration_px"][()] if "misregistration_px" in group else None,
+        notes=tuple(str(note) for note in group.attrs.get("notes", ())),
     )
 
 

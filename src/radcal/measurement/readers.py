@@ -1,10 +1,11 @@
-"""Measured images from files: GeoTIFF and other rasters, numpy, MATLAB and HDF5 arrays, to dB."""
+"""Measured images from files: SICD, GeoTIFF and other rasters, numpy, MATLAB and HDF5 arrays, to dB."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -13,56 +14,118 @@ from numpy.typing import NDArray
 
 from radcal.config import FileMeasurement
 from radcal.errors import MeasurementError
+from radcal.measurement.sicd import is_sicd, read_sicd
 from radcal.scene.crs import crs_of, horizontal
 
-__all__ = ["image_db", "is_raster", "open_raster", "read_image_db", "read_raster", "read_values", "to_db"]
+__all__ = [
+    "Counts",
+    "ReadImage",
+    "image_of",
+    "is_raster",
+    "open_raster",
+    "read_image",
+    "read_raster",
+    "read_values",
+    "to_db",
+]
 
 Values = NDArray[Any]
 _Read = TypeVar("_Read")
+_SICD_ENDINGS = (".nitf", ".ntf", ".sicd")
 _NEGATIVE_SHARE = 0.01  # of a power image: noise subtraction leaves a few
 
 
-def read_image_db(path: Path, config: FileMeasurement, shape: tuple[int, int] | None = None) -> NDArray[np.float32]:
+@dataclass(frozen=True)
+class Counts:
+    """Pixels of an image, and those of them that have no level.
+
+    Attributes
+    ----------
+    pixels : int
+        All.
+    no_data : int
+        Not a number, infinite, or masked by the file.
+    zero : int
+        No power at all.
+    negative : int
+        Negative power, as the subtraction of noise leaves it.
+    """
+
+    pixels: int
+    no_data: int
+    zero: int
+    negative: int
+
+    def __str__(self) -> str:
+        return (
+            f"{self.pixels:,} pixels, {self.no_data:,} without data, {self.zero:,} zero, {self.negative:,} negative: "
+            "NaN in the image"
+        )
+
+
+@dataclass(frozen=True)
+class ReadImage:
+    """What a file holds.
+
+    Attributes
+    ----------
+    image_db : ndarray of float32, shape (rows, columns)
+        Backscatter [dB], NaN where there is none: no-data, zero or negative power.
+    counts : Counts
+        How many pixels are NaN, and why.
+    notes : tuple of str
+        What the file itself tells about its levels.
+    polarisation : str or None
+        Transmitted and received, such as "VV", where the file tells it.
+    frequency_hz : float or None
+        Carrier frequency [Hz], where the file tells it.
+    """
+
+    image_db: NDArray[np.float32]
+    counts: Counts
+    notes: tuple[str, ...] = ()
+    polarisation: str | None = None
+    frequency_hz: float | None = None
+
+
+def read_image(path: Path, config: FileMeasurement, shape: tuple[int, int] | None = None) -> ReadImage:
     """Read a measured image as backscatter in dB.
 
     Parameters
     ----------
     path : path
-        The file; its ending says how it is read.
+        The file; its ending, and for NITF its header, says how it is read.
     config : FileMeasurement
         Scale, and dataset or band.
     shape : (int, int), optional
         Size that the image must have.
-
-    Returns
-    -------
-    ndarray of float32, shape (rows, columns)
-        Backscatter [dB], NaN where there is none: no-data, zero or negative power.
 
     Raises
     ------
     MeasurementError
         The file cannot be read, holds something else, or its numbers contradict the scale.
     """
-    return image_db(read_values(path, config), path, config, shape)
+    if path.suffix.lower() in _SICD_ENDINGS and is_sicd(path):
+        sicd = read_sicd(path, config)
+        # complex pixels come back as power already, with the level that the file gives them
+        read = image_of(sicd.power, path, "power", shape)
+        return replace(read, notes=sicd.notes, polarisation=sicd.polarisation, frequency_hz=sicd.frequency_hz)
+    return image_of(read_values(path, config), path, config.scale, shape)
 
 
-def image_db(
-    values: Values, path: Path, config: FileMeasurement, shape: tuple[int, int] | None = None
-) -> NDArray[np.float32]:
+def image_of(values: Values, path: Path, scale: str, shape: tuple[int, int] | None = None) -> ReadImage:
     """Check the numbers of an image and bring them to dB.
 
     Parameters
     ----------
     values : ndarray
         As read.
-    path, config, shape
-        As for :func:`read_image_db`; the path for messages.
-
-    Returns
-    -------
-    ndarray of float32, shape (rows, columns)
-        Backscatter [dB], NaN where there is none.
+    path : path
+        For messages.
+    scale : {'db', 'power', 'amplitude', 'complex'}
+        What the numbers are.
+    shape : (int, int), optional
+        Size that the image must have.
 
     Raises
     ------
@@ -76,17 +139,15 @@ def image_db(
             f"measurement.path: {path} has {values.shape[0]} x {values.shape[1]} pixels, the scene's image "
             f"{shape[0]} x {shape[1]}: crop or resample it to the same grid."
         )
-    kinds, wanted = ("c", "complex numbers") if config.scale == "complex" else ("fiu", "real numbers")
+    kinds, wanted = ("c", "complex numbers") if scale == "complex" else ("fiu", "real numbers")
     if values.dtype.kind not in kinds:
         raise MeasurementError(
-            f"measurement.path: {path} holds {values.dtype}, expected {wanted} for measurement.scale: {config.scale}."
+            f"measurement.path: {path} holds {values.dtype}, expected {wanted} for measurement.scale: {scale}."
         )
-    if not np.isfinite(values).any():
-        raise MeasurementError(f"measurement.path: {path} holds no finite number.")
-    return to_db(values, config.scale, path)
+    return ReadImage(*to_db(values, scale, path))
 
 
-def to_db(values: Values, scale: str, path: Path) -> NDArray[np.float32]:
+def to_db(values: Values, scale: str, path: Path) -> tuple[NDArray[np.float32], Counts]:
     """Numbers of a declared scale to dB.
 
     Parameters
@@ -100,36 +161,53 @@ def to_db(values: Values, scale: str, path: Path) -> NDArray[np.float32]:
 
     Returns
     -------
-    ndarray of float32, shape (rows, columns)
-        10 log10 of the power [dB], NaN where it is not positive.
+    image_db : ndarray of float32, shape (rows, columns)
+        10 log10 of the power [dB], NaN where it is not positive and finite.
+    counts : Counts
+        How many pixels are NaN, and why.
 
     Raises
     ------
     MeasurementError
-        Too many negative numbers for power or amplitude, or none where dB must have some.
+        No number is finite or no power positive; too many negative numbers for power or
+        amplitude, or none where dB must have some.
     """
+    finite = np.isfinite(values)
+    if not finite.any():
+        raise MeasurementError(f"measurement.path: {path} holds no finite number.")
     if scale == "db":
-        image = values.astype(np.float64)
-        finite = image[np.isfinite(image)]
+        present = values[finite].astype(np.float64)
         # speckle spreads dB by 2 and more, so that an image with its median near 0 dB has negative values
-        if finite.min() >= 0 and np.median(finite) < 3.0:
+        if present.min() >= 0 and np.median(present) < 3.0:
             raise MeasurementError(
-                f"measurement.path: the values of {path} run from {finite.min():.3g} to {finite.max():.3g} with median "
-                f"{np.median(finite):.3g}, none negative, which looks like power: set measurement.scale: power."
+                f"measurement.path: the values of {path} run from {present.min():.3g} to {present.max():.3g} with "
+                f"median {np.median(present):.3g}, none negative, which looks like power: set measurement.scale: power."
             )
-        return image.astype(np.float32)
-    if scale != "complex":
-        finite = values[np.isfinite(values)]
-        negative = np.count_nonzero(finite < 0)
-        if negative > (_NEGATIVE_SHARE * finite.size if scale == "power" else 0):
+        zero, negative = values == -np.inf, 0  # the logarithm of no power
+        image = np.where(finite, values, np.nan).astype(np.float32)
+    else:
+        size = np.abs(values) if scale == "complex" else values
+        below = finite & (size < 0)
+        negative = int(np.count_nonzero(below))
+        if negative > (_NEGATIVE_SHARE * np.count_nonzero(finite) if scale == "power" else 0):
             raise MeasurementError(
-                f"measurement.path: {negative} of {finite.size} values of {path} are negative, which {scale} "
-                "cannot be: if the file is in dB, set measurement.scale: db."
+                f"measurement.path: {negative} of {np.count_nonzero(finite)} values of {path} are negative, which "
+                f"{scale} cannot be: if the file is in dB, set measurement.scale: db."
             )
-    factor = 10.0 if scale == "power" else 20.0
-    size = np.abs(values) if scale == "complex" else values
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(size > 0, factor * np.log10(size, dtype=np.float64), np.nan).astype(np.float32)
+        zero = size == 0
+        factor = 10.0 if scale == "power" else 20.0
+        with np.errstate(divide="ignore", invalid="ignore"):
+            level = factor * np.log10(size, dtype=np.float64)
+        image = np.where(finite & (size > 0), level, np.nan).astype(np.float32)
+    counts = Counts(
+        pixels=values.size,
+        no_data=int(np.count_nonzero(~finite & ~zero)),
+        zero=int(np.count_nonzero(zero)),
+        negative=negative,
+    )
+    if not np.isfinite(image).any():
+        raise MeasurementError(f"measurement.path: {path} holds no power: {counts.zero:,} of its pixels are 0.")
+    return image, counts
 
 
 def read_values(path: Path, config: FileMeasurement) -> Values:

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from radcal import skewnormal
-from radcal.config import Case, FileMeasurement, Synthetic, expand_path
+from radcal.config import Case, FileMeasurement, Radar, Synthetic, expand_path
 from radcal.errors import FitError, MeasurementError
 from radcal.measurement.displacement import invert, warp
+from radcal.measurement.georeference import is_georeferenced, read_georeferenced, values_at_ground
+from radcal.measurement.looks import check_looks, estimate_looks
 from radcal.measurement.model import Measurement
 from radcal.measurement.pixels import eligible_pixels
-from radcal.measurement.readers import read_image_db
+from radcal.measurement.readers import ReadImage, image_of, read_image
+from radcal.radar.bands import LETTER_BANDS_GHZ, letter_band, within_band
 from radcal.radar.geometry import Geometry
+from radcal.scene.model import Scene
 from radcal.seeds import derived_rng, derived_seed
 from radcal.simulators.protocol import Simulator
 
@@ -22,7 +28,7 @@ __all__ = ["make_measurement", "smooth_warp"]
 _WARP_SIGMA_PX = 60.0  # smoothing of a synthetic displacement field
 
 
-def make_measurement(case: Case, geometry: Geometry, simulator: Simulator) -> Measurement:
+def make_measurement(case: Case, geometry: Geometry, simulator: Simulator, scene: Scene | None = None) -> Measurement:
     """Read or make the measurement and check that every calibrated material can be fitted.
 
     Parameters
@@ -33,15 +39,18 @@ def make_measurement(case: Case, geometry: Geometry, simulator: Simulator) -> Me
         Image grid and material masks.
     simulator : Simulator
         Makes a synthetic measurement; not called for a file.
+    scene : Scene, optional
+        Where a georeferenced image is looked up, if the scene lies on a map; without it every
+        image is taken to lie in slant range.
 
     Raises
     ------
     MeasurementError
-        The file cannot be read, has another size or scale, or leaves a material without
-        enough pixels.
+        The file cannot be read, has another size, scale, polarisation or band, or leaves a
+        material without enough pixels.
     """
     if isinstance(case.measurement, FileMeasurement):
-        measurement = _from_file(case.measurement, geometry)
+        measurement = _from_file(case.measurement, case.radar, geometry, scene)
     else:
         measurement = _synthetic(case, case.measurement.synthetic, simulator)
     for name in case.calibrated:
@@ -100,6 +109,39 @@ def _synthetic(case: Case, synthetic: Synthetic, simulator: Simulator) -> Measur
     )
 
 
-def _from_file(config: FileMeasurement, geometry: Geometry) -> Measurement:
+def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene: Scene | None) -> Measurement:
     path = expand_path(config.path, "measurement.path")
-    return Measurement(read_image_db(path, config, geometry.shape), path.name)
+    if scene is not None and scene.crs is not None and scene.transform is not None and is_georeferenced(path):
+        georeferenced = read_georeferenced(path, config)
+        values = values_at_ground(georeferenced, scene.crs, scene.transform, geometry.ground)
+        read = image_of(values, path, config.scale, geometry.shape)
+    else:
+        read = read_image(path, config, geometry.shape)
+    _check_pass(read, radar, path)
+    notes = [f"{path.name}: {read.counts}.", *read.notes]
+    looks = estimate_looks(read.image_db, geometry.material, radar)
+    if looks is not None:
+        notes.append(check_looks(looks, radar.looks, config.scale, path.name))
+    elif config.scale == "complex" and radar.looks != 1:
+        notes.append(f"{path.name}: complex pixels have a single look, radar.looks is {radar.looks}.")
+    if read.frequency_hz is not None and within_band(radar.band, read.frequency_hz) is None:
+        notes.append(
+            f"{path.name}: its carrier of {read.frequency_hz / 1e9:.4g} GHz is not compared with radar.band = "
+            f"{radar.band}, which is none of {', '.join(LETTER_BANDS_GHZ)}."
+        )
+    return Measurement(read.image_db, path.name, notes=tuple(notes))
+
+
+def _check_pass(read: ReadImage, radar: Radar, path: Path) -> None:
+    """Refuse an image that its file says to be of another polarisation or band than the radar's."""
+    if read.polarisation not in (None, radar.polarisation):
+        raise MeasurementError(
+            f"measurement.path: the polarisation of {path} is {read.polarisation}, radar.polarisation is "
+            f"{radar.polarisation}: polarisations are never mixed, set it to the image's."
+        )
+    if read.frequency_hz is not None and within_band(radar.band, read.frequency_hz) is False:
+        raise MeasurementError(
+            f"measurement.path: the carrier of {path} is {read.frequency_hz / 1e9:.4g} GHz (band "
+            f"{letter_band(read.frequency_hz) or 'without a letter'}), radar.band is {radar.band}: "
+            "bands are never mixed, set it to the image's."
+        )

@@ -1,0 +1,239 @@
+"""Measured images in SICD, NGA's format of complex SAR images, to sigma0.
+
+SICD's image is a view from above with shadows down: rows grow away from the radar, and the normal
+Row x Col points away from the earth. With the radar looking right, columns then grow along the
+flight direction, and against it with the radar looking left.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.polynomial.polynomial import polygrid2d
+from numpy.typing import NDArray
+
+from radcal.config import FileMeasurement
+from radcal.errors import MeasurementError
+
+__all__ = ["SicdImage", "is_sicd", "read_sicd"]
+
+_HEADER_BYTES = 1_000_000  # a NITF header tells its length in six digits
+_LINEAR = frozenset("HV")
+
+
+@dataclass(frozen=True)
+class SicdImage:
+    """A SICD image as radcal orients images.
+
+    Attributes
+    ----------
+    power : ndarray of float64, shape (slant range, azimuth)
+        sigma0, or relative power if ``notes`` say so; row 0 nearest, columns along the flight.
+    notes : tuple of str
+        What the levels are, and what else the reader of a report must know.
+    polarisation : str or None
+        Transmitted and received, such as "VV", where the file knows both.
+    frequency_hz : float or None
+        Centre of the processed band [Hz], where the file tells it.
+    """
+
+    power: NDArray[np.float64]
+    notes: tuple[str, ...]
+    polarisation: str | None
+    frequency_hz: float | None
+
+
+def is_sicd(path: Path) -> bool:
+    """Whether a file's first NITF image segment calls itself SICD, even if the file is damaged behind it."""
+    try:
+        with path.open("rb") as file:
+            # the first image subheader, "IM" and its identifier IID1, follows the file header
+            # (SICD Volume 2, table of image subheader fields)
+            return b"IMSICD" in file.read(_HEADER_BYTES)
+    except OSError:
+        return False
+
+
+def read_sicd(path: Path, config: FileMeasurement) -> SicdImage:
+    """Read a SICD image as sigma0.
+
+    Pixel power times the polynomial SigmaZeroSFPoly of the file, in row and column distance [m]
+    from the scene centre point; without it from BetaZeroSFPoly or GammaZeroSFPoly by one factor
+    for the whole image; without these as relative power.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    config : FileMeasurement
+        Its scale must be complex.
+
+    Raises
+    ------
+    MeasurementError
+        The file is damaged, contradicts itself, or another scale or band is configured.
+
+    References
+    ----------
+    NGA.STND.0024-1, "Sensor Independent Complex Data (SICD), Volume 1, Design & Implementation
+    Description Document", version 1.3.0 (2021), parameters ImageData, Grid, SCPCOA, Radiometric.
+    Ulander, "Radiometric slope correction of synthetic-aperture radar images", IEEE TGRS 34
+    (1996): sigma0 = beta0 cos(angle between the normals of ground and image plane).
+    """
+    if config.scale != "complex":
+        raise MeasurementError(
+            f"measurement.scale is {config.scale}, {path} is SICD, whose pixels are complex: "
+            "set measurement.scale: complex."
+        )
+    if config.band not in (None, 1):
+        raise MeasurementError(f"measurement.band is {config.band}, {path} has 1.")
+    try:
+        return _read(path)
+    except Exception as error:  # what the libraries raise on damaged files has no common base
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise MeasurementError(f"measurement.path: {path} cannot be read as SICD ({reason}).") from None
+
+
+def _read(path: Path) -> SicdImage:
+    from sarkit import sicd
+
+    with path.open("rb") as file, sicd.NitfReader(file) as reader:
+        tree = reader.metadata.xmltree
+        version = str(tree.getroot().tag)[1:].partition("}")[0]
+        if version not in sicd.VERSION_INFO:
+            raise ValueError(f"its version is {version}, expected one of {', '.join(sicd.VERSION_INFO)}")
+        xml = sicd.XmlHelper(tree)
+        pixel_type = _needed(xml, "ImageData/PixelType")
+        if pixel_type not in sicd.PIXEL_TYPES:
+            raise ValueError(f"its pixel type is {pixel_type}, expected one of {', '.join(sicd.PIXEL_TYPES)}")
+        _check_segments(reader, xml, sicd.PIXEL_TYPES[pixel_type]["bytes"])
+        backwards = _flown_backwards(xml)
+        power = _power(reader.read_image(), pixel_type, _value(xml, "ImageData/AmpTable"))
+    factor, notes = _level(xml, path.name)
+    if factor is not None:
+        power *= factor
+    plane = _needed(xml, "Grid/ImagePlane")
+    if plane != "SLANT":
+        notes += (f"{path.name}: its rows lie in the image plane {plane}, those of the scene's image in slant range.",)
+    if backwards:
+        power = power[:, ::-1]
+    polarisation, frequency_hz = _polarisation(xml), _frequency_hz(xml)
+    if polarisation is None:
+        notes += (f"{path.name}: its polarisation is unknown, it is taken for radar.polarisation.",)
+    if frequency_hz is None:
+        notes += (f"{path.name}: its carrier frequency is unknown, it is taken for one of radar.band.",)
+    return SicdImage(np.ascontiguousarray(power), notes, polarisation, frequency_hz)
+
+
+def _value(xml: Any, name: str) -> Any:
+    """A parameter of the XML, None where it is missing."""
+    return xml.load("./" + "/".join("{*}" + part for part in name.split("/")))
+
+
+def _needed(xml: Any, name: str) -> Any:
+    """A parameter that every SICD has."""
+    value = _value(xml, name)
+    if value is None:
+        raise ValueError(f"its XML has no {name}")
+    return value
+
+
+def _check_segments(reader: Any, xml: Any, pixel_bytes: int) -> None:
+    """Compare XML and NITF: the library leaves pixels that no segment holds as they lay in memory."""
+    rows, columns = (_needed(xml, f"ImageData/{name}") for name in ("NumRows", "NumCols"))
+    segments = [s for s in reader.jbp["ImageSegments"] if s["subheader"]["IID1"].value.startswith("SICD")]
+    sizes = [(s["subheader"]["NROWS"].value, s["subheader"]["NCOLS"].value) for s in segments]
+    if sum(n for n, _ in sizes) != rows or any(n != columns for _, n in sizes):
+        held = ", ".join(f"{n} x {m}" for n, m in sizes) or "none"
+        raise ValueError(f"its XML tells of {rows} x {columns} pixels, its image segments hold {held}")
+    for segment, (n, m) in zip(segments, sizes, strict=True):
+        if segment["Data"].size != n * m * pixel_bytes:
+            raise ValueError(
+                f"an image segment of {n} x {m} pixels has {segment['Data'].size} bytes, expected {n * m * pixel_bytes}"
+            )
+
+
+def _power(pixels: NDArray[Any], pixel_type: str, amplitudes: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    """Squared modulus of stored pixels."""
+    if pixel_type == "AMP8I_PHS8I":
+        # without a table the stored number is the amplitude
+        table = np.arange(256.0) if amplitudes is None else np.asarray(amplitudes, dtype=np.float64)
+        if table.shape != (256,):
+            raise ValueError(f"its AmpTable has {table.size} amplitudes, expected 256")
+        return np.asarray((table**2)[pixels["amp"]])
+    parts = (pixels.real, pixels.imag) if pixel_type == "RE32F_IM32F" else (pixels["real"], pixels["imag"])
+    real, imaginary = (part.astype(np.float64) for part in parts)
+    return np.asarray(real**2 + imaginary**2)
+
+
+def _level(xml: Any, name: str) -> tuple[NDArray[np.float64] | None, tuple[str, ...]]:
+    """Factor from pixel power to sigma0, shape (rows, columns), and what to say of it."""
+    for polynomial, quantity, angle in (
+        ("SigmaZeroSFPoly", "sigma0", None),
+        ("BetaZeroSFPoly", "beta0", "SlopeAng"),
+        ("GammaZeroSFPoly", "gamma0", "IncidenceAng"),
+    ):
+        coefficients = _value(xml, f"Radiometric/{polynomial}")
+        if coefficients is None:
+            continue
+        # rows and columns count from the full image's corner, of which a chip's first are not 0
+        along_row, along_column = (
+            (np.arange(_needed(xml, f"ImageData/Num{axis}s")) + _needed(xml, f"ImageData/First{axis}") - centre)
+            * _needed(xml, f"Grid/{axis}/SS")
+            for axis, centre in zip(("Row", "Col"), _needed(xml, "ImageData/SCPPixel"), strict=True)
+        )
+        factor = polygrid2d(along_row, along_column, coefficients)
+        bad = np.count_nonzero(~((factor > 0) & np.isfinite(factor)))
+        if bad:
+            raise ValueError(f"its {polynomial} is not positive in {bad} of {factor.size} pixels")
+        if angle is None:
+            return factor, (f"{name}: {quantity} by its {polynomial}, for level ground.",)
+        degrees = _needed(xml, f"SCPCOA/{angle}")
+        cosine = float(np.cos(np.radians(degrees)))
+        if not 0 < cosine <= 1:
+            raise ValueError(f"its SCPCOA/{angle} is {degrees:g}, expected 0 to 90 degrees")
+        return factor * cosine, (
+            f"{name}: it has no SigmaZeroSFPoly: sigma0 is {quantity} by its {polynomial}, times the cosine of "
+            f"{angle} = {degrees:.2f} deg ({10 * np.log10(cosine):.2f} dB) in the whole image, which is exact for "
+            "level ground at the scene centre point.",
+        )
+    return None, (
+        f"{name}: it has none of SigmaZeroSFPoly, BetaZeroSFPoly and GammaZeroSFPoly: levels are relative: "
+        "use target.normalisation: offset or image.",
+    )
+
+
+def _flown_backwards(xml: Any) -> bool:
+    """Whether columns grow against the flight direction; contradictions are refused, for they mirror the image."""
+    row, column = (_needed(xml, f"Grid/{axis}/UVectECF") for axis in ("Row", "Col"))
+    position, velocity = _needed(xml, "SCPCOA/ARPPos"), _needed(xml, "SCPCOA/ARPVel")
+    side = _needed(xml, "SCPCOA/SideOfTrack")
+    if side not in ("L", "R"):
+        raise ValueError(f"its SideOfTrack is {side}, expected L or R")
+    if not np.dot(row, _needed(xml, "GeoData/SCP/ECF") - position) > 0:
+        raise ValueError("its rows do not grow away from the radar")
+    along = float(np.dot(column, velocity))
+    if not (along < 0 if side == "L" else along > 0):
+        raise ValueError(f"its columns grow {'along' if along > 0 else 'against'} the flight, SideOfTrack is {side}")
+    return along < 0
+
+
+def _polarisation(xml: Any) -> str | None:
+    """Transmitted and received polarisation; None where the file says UNKNOWN or OTHER."""
+    text = _value(xml, "ImageFormation/TxRcvPolarizationProc")
+    if text is None or "UNKNOWN" in text or "OTHER" in text:
+        return None
+    pair = text.split(":")
+    return "".join(pair) if len(pair) == 2 and _LINEAR.issuperset(pair) else str(text)
+
+
+def _frequency_hz(xml: Any) -> float | None:
+    """Centre of the processed band; None where it is missing or told from an undisclosed reference frequency."""
+    low, high = (_value(xml, f"ImageFormation/TxFrequencyProc/{name}") for name in ("MinProc", "MaxProc"))
+    if low is None or high is None or _value(xml, "RadarCollection/RefFreqIndex"):
+        return None
+    centre = 0.5 * (float(low) + float(high))
+    return centre if np.isfinite(centre) and centre > 0 else None

@@ -1,0 +1,73 @@
+"""Letters of radar frequency bands."""
+
+from __future__ import annotations
+
+__all__ = ["LETTER_BANDS_GHZ", "letter_band", "same_label", "within_band"]
+
+# IEEE Std 521-2019, table 1; P is no letter of that standard but what SAR calls the part of UHF it uses
+# (Moreira et al., "A tutorial on synthetic aperture radar", IEEE GRSM 1 (2013), table 1)
+LETTER_BANDS_GHZ = {
+    "VHF": (0.03, 0.3),
+    "UHF": (0.3, 1.0),
+    "L": (1.0, 2.0),
+    "S": (2.0, 4.0),
+    "C": (4.0, 8.0),
+    "X": (8.0, 12.0),
+    "Ku": (12.0, 18.0),
+    "K": (18.0, 27.0),
+    "Ka": (27.0, 40.0),
+    "V": (40.0, 75.0),
+    "W": (75.0, 110.0),
+    "P": (0.25, 0.5),
+}
+
+
+def _bare(label: str) -> str:
+    return label.strip().casefold().removesuffix("band").rstrip(" -_")
+
+
+def same_label(first: str, second: str) -> bool:
+    """Whether two labels name the same band: "X", "x" and "X-band" do."""
+    return _bare(first) == _bare(second)
+
+
+def letter_band(frequency_hz: float) -> str | None:
+    """Letter of the band that holds a frequency.
+
+    Parameters
+    ----------
+    frequency_hz : float
+        Carrier frequency [Hz].
+
+    Returns
+    -------
+    str or None
+        None outside of 30 MHz to 110 GHz.
+
+    References
+    ----------
+    IEEE Std 521-2019, "IEEE standard letter designations for radar-frequency bands", table 1.
+    """
+    ghz = frequency_hz / 1e9
+    return next((label for label, (low, high) in LETTER_BANDS_GHZ.items() if low <= ghz < high), None)
+
+
+def within_band(label: str, frequency_hz: float) -> bool | None:
+    """Whether a frequency lies in the band that a label names.
+
+    Parameters
+    ----------
+    label : str
+        Such as "X" or "X-band"; "P" is 0.25 to 0.5 GHz.
+    frequency_hz : float
+        Carrier frequency [Hz].
+
+    Returns
+    -------
+    bool or None
+        None where the label is no known letter.
+    """
+    for known, (low, high) in LETTER_BANDS_GHZ.items():
+        if same_label(label, known):
+            return low <= frequency_hz / 1e9 < high
+    return None
