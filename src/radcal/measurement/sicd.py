@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.polynomial.polynomial import polygrid2d
@@ -100,7 +100,9 @@ def read_sicd(path: Path, config: FileMeasurement) -> SicdImage:
 def _read(path: Path) -> SicdImage:
     from sarkit import sicd
 
-    with path.open("rb") as file, sicd.NitfReader(file) as reader:
+    with path.open("rb") as file:
+        _check_header(file)
+        reader = sicd.NitfReader(file)
         tree = reader.metadata.xmltree
         version = str(tree.getroot().tag)[1:].partition("}")[0]
         if version not in sicd.VERSION_INFO:
@@ -126,6 +128,40 @@ def _read(path: Path) -> SicdImage:
     if frequency_hz is None:
         notes += (f"{path.name}: its carrier frequency is unknown, it is taken for one of radar.band.",)
     return SicdImage(np.ascontiguousarray(power), notes, polarisation, frequency_hz)
+
+
+def _check_header(file: BinaryIO) -> None:
+    """Refuse a file header that contradicts its length, and image subheaders that are not SICD's.
+
+    The library believes whatever count a damaged header holds, of up to 99,999 bands, and takes
+    minutes and more to lay out so many.
+    """
+    header = file.read(_HEADER_BYTES)
+    at, images = 360, []
+    # lengths of subheader and data: images, graphics, nothing, texts, data and reserved extensions
+    # (MIL-STD-2500C, table A-1)
+    for kind, (subheader, data) in enumerate(((6, 10), (4, 6), (0, 0), (4, 5), (4, 9), (4, 7))):
+        count, at = int(header[at : at + 3]), at + 3
+        for _ in range(count):
+            if kind == 0:
+                images.append((int(header[at : at + 6]), int(header[at + 6 : at + 16])))
+            at += subheader + data
+    for _ in range(2):  # user-defined and extended header data
+        at += 5 + int(header[at : at + 5])
+    length = int(header[354:360])
+    if length != at:
+        raise ValueError(f"its header tells of a length of {length} bytes and of contents of {at}")
+    for number, (subheader, data) in enumerate(images, start=1):
+        file.seek(at)
+        fields = file.read(subheader)
+        # comments follow corner coordinates, if there are any (table A-3), compression and bands the comments
+        comments = 432 if fields[371:372] != b" " else 372
+        compression = comments + 1 + 80 * int(fields[comments : comments + 1])
+        found = fields[compression : compression + 3]
+        if found != b"NC2":  # not compressed, two bands
+            raise ValueError(f"the compression and bands of image segment {number} are {found!r}, expected NC and 2")
+        at += subheader + data
+    file.seek(0)
 
 
 def _value(xml: Any, name: str) -> Any:
