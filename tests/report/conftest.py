@@ -107,7 +107,7 @@ def make_archive(
         measured[rng.random(shape) < 0.02] = np.nan
     measurement = Measurement(measured, source, dict.fromkeys(hidden, HIDDEN))
 
-    targets = Targets({})
+    targets = Targets({}, looks=3.1)
     for name in shifts:
         visible = geometry.pixels(name)
         eligible = visible[np.isfinite(measured.ravel()[visible])]
@@ -124,6 +124,7 @@ def make_archive(
             effective=100.0,
             rms_sampling=0.004,
             cp_error=np.array([0.2, 0.1, 0.15]) * (1.0 if name != "stem beans" else np.nan),
+            looks=1.2 if name == "stem beans" else 3.0,
             left_out={"near other ground": 12, "without data": 3},
             goodness=Goodness(0.04, 0.4, 0.5, 0.01 if name == "stem beans" else 0.3),
         )

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from radcal.config import Radar
 from radcal.errors import MeasurementError
 
-__all__ = ["Looks", "check_looks", "estimate_looks", "looks_of_log_variance"]
+__all__ = ["Looks", "check_looks", "estimate_looks", "local_looks", "looks_of_log_variance"]
 
 _SIDE = 8  # independent pixels on a side of a window
 _INDEPENDENT = 1.5  # resolution widths between pixels taken as independent
@@ -92,14 +92,7 @@ def estimate_looks(image_db: NDArray[np.float32], material: NDArray[np.uint8], r
     polarimetric synthetic aperture radar imagery", IEEE TGRS 47 (2009): the mode of many
     windows' estimates.
     """
-    steps = [
-        max(1, int(np.ceil(_INDEPENDENT * resolution / spacing)))
-        for resolution, spacing in (
-            (radar.range_resolution_m, radar.range_spacing_m),
-            (radar.azimuth_resolution_m, radar.azimuth_spacing_m),
-        )
-    ]
-    variances = _window_variances(image_db, material, steps[0], steps[1])
+    variances = _window_variances(image_db, material, *_steps(radar))
     if variances.size < _WINDOWS:
         return None
     rng = np.random.default_rng(0)  # of the bootstrap; the estimate itself draws nothing
@@ -111,6 +104,47 @@ def estimate_looks(image_db: NDArray[np.float32], material: NDArray[np.uint8], r
         looks_of_log_variance(float(high)),
         looks_of_log_variance(float(low)),
         int(variances.size),
+    )
+
+
+def local_looks(image_db: NDArray[np.float32], pixels: NDArray[np.int64], radar: Radar) -> float:
+    """Equivalent number of looks among neighbours of a material.
+
+    Parameters
+    ----------
+    image_db : ndarray, shape (rows, columns)
+        Backscatter [dB].
+    pixels : ndarray of int
+        Flat indices of the material's finite pixels.
+    radar : Radar
+        Resolutions and pixel spacings.
+
+    Returns
+    -------
+    float
+        From the semivariance of pairs just too far apart to share speckle: change of level
+        over longer distances, as incidence and fields bring, does not count. NaN without pairs.
+
+    References
+    ----------
+    Matheron, "Principles of geostatistics", Economic Geology 58 (1963): semivariance.
+    """
+    values = np.full(image_db.shape, np.nan)
+    values.flat[pixels] = image_db.flat[pixels]
+    down, across = _steps(radar)
+    pairs = np.concatenate(
+        [(values[down:] - values[:-down]).ravel(), (values[:, across:] - values[:, :-across]).ravel()]
+    )
+    pairs = pairs[np.isfinite(pairs)]
+    semivariance = float(0.5 * np.mean(pairs**2)) if pairs.size else 0.0
+    return looks_of_log_variance(semivariance) if semivariance > 0.0 else float("nan")
+
+
+def _steps(radar: Radar) -> tuple[int, int]:
+    """Rows and columns between independent pixels."""
+    return (
+        max(1, int(np.ceil(_INDEPENDENT * radar.range_resolution_m / radar.range_spacing_m))),
+        max(1, int(np.ceil(_INDEPENDENT * radar.azimuth_resolution_m / radar.azimuth_spacing_m))),
     )
 
 

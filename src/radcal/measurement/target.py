@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal import skewnormal
-from radcal.config import Case
+from radcal.config import Case, Radar
 from radcal.config import Target as TargetConfig
 from radcal.errors import MeasurementError, StoreError
 from radcal.files import write_hdf5
 from radcal.measurement.goodness import Goodness, effective_sample_size, goodness_of_fit
 from radcal.measurement.levels import Levels, image_levels, offset_levels
+from radcal.measurement.looks import estimate_looks, local_looks
 from radcal.measurement.model import Measurement
 from radcal.measurement.pixels import eligible_pixels, noise_limited, point_targets
 from radcal.measurement.registration import Registered
@@ -39,6 +40,8 @@ _SCHEMA = 2
 # parameters are kept to this share of the standard deviation, a thousandth of what 1,000 pixels tell: what
 # changes them by rounding only, such as another level of the same image, does not change the calibration
 _SETTLED = 1e-5
+_UNLIKELY = 0.01  # the smallest share that so many bootstrap samples can show
+_TEXTURED = 0.7  # times the looks of homogeneous areas
 _LEVEL_PIXELS = 1000  # of each reference material
 
 
@@ -72,6 +75,8 @@ class Target:
         How well the density describes the pixels.
     left_out : mapping
         The material's other visible pixels by reason.
+    looks : float
+        Equivalent number of looks among neighbouring pixels; NaN where not known.
     """
 
     pixels: NDArray[np.int64]
@@ -86,6 +91,7 @@ class Target:
     cp_error: NDArray[np.float64]
     goodness: Goodness
     left_out: Mapping[str, int] = field(default_factory=dict)
+    looks: float = float("nan")
 
     @property
     def cp(self) -> NDArray[np.float64]:
@@ -124,11 +130,20 @@ class Targets(dict[str, Target]):
         Target by material.
     levels : Levels
         What is taken out of both images.
+    looks : float
+        Equivalent number of looks of the measured image's homogeneous areas; NaN where not known.
     """
 
-    def __init__(self, targets: Mapping[str, Target], levels: Levels | None = None) -> None:
+    def __init__(
+        self, targets: Mapping[str, Target], levels: Levels | None = None, looks: float = float("nan")
+    ) -> None:
         super().__init__(targets)
         self.levels = levels or Levels()
+        self.looks = looks
+
+    def textured(self, name: str) -> bool:
+        """Whether a material has far fewer looks than the image's homogeneous areas: no surface with speckle alone."""
+        return self[name].looks < _TEXTURED * self.looks
 
     def score(self, pixels_db: Mapping[str, NDArray[np.float32]]) -> dict[str, tuple[NDArray[np.float64], float]]:
         """Direct parameters and rms [1/dB] of every material in a run, from its visible pixels [dB]."""
@@ -143,6 +158,23 @@ class Targets(dict[str, Target]):
             mean, sd, skewness = target.cp
             size = f"target of {name}: {len(target.pixels)} pixels"
             lines.append(f"{size}, {mean:.2f} +- {sd:.2f} {levels.unit}, skewness {skewness:.2f}")
+        return [*lines, *self.warnings()]
+
+    def warnings(self) -> list[str]:
+        """Materials that a skew normal, or any law of a surface, does not describe."""
+        lines = []
+        for name, target in self.items():
+            if target.goodness.ad_p <= _UNLIKELY:
+                lines.append(
+                    f"target of {name}: a skew normal describes its pixels only roughly (Kolmogorov-Smirnov distance "
+                    f"{target.goodness.ks:.3f}, p {target.goodness.ad_p:.2g}): mixed ground, or incidence?"
+                )
+            if self.textured(name):
+                lines.append(
+                    f"target of {name}: its neighbours have the speckle of {target.looks:.1f} looks, the image's "
+                    f"homogeneous areas {self.looks:.1f}: texture, buildings or point targets, which no law of a "
+                    "surface describes."
+                )
         return lines
 
 
@@ -187,6 +219,7 @@ def make_target(
     *,
     levels: Levels | None = None,
     flags: Mapping[str, NDArray[np.bool_]] | None = None,
+    radar: Radar | None = None,
 ) -> Target:
     """Draw a material's pixels without replacement and fit their density.
 
@@ -198,6 +231,8 @@ def make_target(
         Of the draw.
     levels : Levels, optional
         What is taken out of the measured values.
+    radar : Radar, optional
+        Resolutions and pixel spacings, for the looks.
 
     Raises
     ------
@@ -225,6 +260,7 @@ def make_target(
         cp_error=np.sqrt(np.diagonal(skewnormal.covariance(values, fit, effective))),
         goodness=goodness_of_fit(values, fit.dp, rng, effective),
         left_out=eligible.left_out,
+        looks=local_looks(measurement.image_db, eligible.pixels, radar) if radar is not None else float("nan"),
     )
 
 
@@ -253,6 +289,7 @@ def make_targets(case: Case, geometry: Geometry, registered: Registered, referen
     levels = make_levels(case, geometry, registered, reference_db)
     level = 0.0 if config.normalisation == "none" else levels.offset_db
     flags = {"in the noise": noise_limited(measurement.image_db, case.radar.nesz_db + level, config.snr_db)}
+    looks = estimate_looks(measurement.image_db, geometry.material, case.radar)
     if config.leave_out_point_targets:
         flags["point targets"] = point_targets(measurement.image_db, geometry.material, case.radar)
     return Targets(
@@ -266,10 +303,12 @@ def make_targets(case: Case, geometry: Geometry, registered: Registered, referen
                 registered.uncertainty_px,
                 levels=levels,
                 flags=flags,
+                radar=case.radar,
             )
             for name in case.calibrated
         },
         levels,
+        looks.looks if looks is not None else float("nan"),
     )
 
 
@@ -307,7 +346,7 @@ def make_levels(case: Case, geometry: Geometry, registered: Registered, referenc
 
 
 _ARRAYS = ("pixels", "order", "values_db", "incidence_deg", "dp", "cp_error")
-_SCALARS = ("eligible", "at_boundary", "effective", "rms_sampling")
+_SCALARS = ("eligible", "at_boundary", "effective", "rms_sampling", "looks")
 _GOODNESS = ("ks", "ks_p", "ad", "ad_p")
 _LEVELS = ("normalisation", "offset_db", "offset_error_db", "scale", "measured")
 
@@ -316,6 +355,7 @@ def write_targets(path: str | Path, targets: Targets) -> None:
     """Write the targets of all materials, and the levels, to HDF5, atomically."""
     with write_hdf5(path, track_order=True) as file:
         file.attrs["schema"] = _SCHEMA
+        file.attrs["looks"] = targets.looks
         materials = file.create_group("materials", track_order=True)
         for name, target in targets.items():
             group = materials.create_group(name)
@@ -358,6 +398,7 @@ def read_targets(path: str | Path) -> Targets:
                 rms_sampling=float(group.attrs["rms_sampling"]),
                 goodness=Goodness(**{key: float(group.attrs[key]) for key in _GOODNESS}),
                 left_out=json.loads(group.attrs["left_out"]),
+                looks=float(group.attrs["looks"]),
             )
             for name, group in file["materials"].items()
         }
@@ -373,4 +414,4 @@ def read_targets(path: str | Path) -> Targets:
             others_db=group["others_db"][()],
             valid={name: item[()] for name, item in group["valid"].items()} if "valid" in group else {},
         )
-        return Targets(targets, levels)
+        return Targets(targets, levels, float(file.attrs["looks"]))

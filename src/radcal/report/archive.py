@@ -5,12 +5,14 @@ Layout of the archive (schema 1); backscatter in dB, angles in degrees:
 ========================================  =====================================================
 ``/`` attributes                          ``case``, ``config`` (JSON), ``reason``, ``converged``,
                                           ``tolerance``, ``max_runs``, ``measurement``, ``notes``, ``looks``,
+                                          ``measured_looks`` (homogeneous areas),
                                           ``sentences``, ``versions`` (JSON), ``final_runs``
 ``runs/kind, index, key, seconds``        one entry per run: reference, design, infill
 ``materials/<m>`` attributes              ``law``, ``parameter_names``, ``parameter_units``,
                                           ``reason``, ``sentence``, ``eligible``, ``at_boundary``,
                                           ``rms_sampling``, ``effective`` (independent pixels),
-                                          ``left_out`` (JSON: visible pixels by reason),
+                                          ``left_out`` (JSON: visible pixels by reason), ``looks``
+                                          (among neighbours), ``textured``,
                                           ``fit_ks, fit_ks_p, fit_ad, fit_ad_p`` (pixels against
                                           their density), ``best`` (index into ``runs``)
 ``materials/<m>/parameters, dp, rms``     per run: X (n, d), (xi, omega, alpha) (n, 3), rms (n,)
@@ -128,6 +130,7 @@ def write_archive(
         file.attrs["tolerance"] = stop.rms
         file.attrs["max_runs"] = stop.max_runs
         file.attrs["looks"] = case.radar.looks
+        file.attrs["measured_looks"] = targets.looks
         file.attrs["measurement"] = measurement.source
         file.attrs["notes"] = list(measurement.notes)
         file.attrs["sentences"] = [decision.materials[name].sentence for name in targets]
@@ -180,6 +183,8 @@ def write_archive(
             group.attrs["at_boundary"] = target.at_boundary
             group.attrs["rms_sampling"] = target.rms_sampling
             group.attrs["effective"] = target.effective
+            group.attrs["looks"] = target.looks
+            group.attrs["textured"] = targets.textured(name)
             group.attrs["left_out"] = json.dumps(target.left_out)
             for key in ("ks", "ks_p", "ad", "ad_p"):
                 group.attrs[f"fit_{key}"] = getattr(target.goodness, key)

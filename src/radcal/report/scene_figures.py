@@ -70,7 +70,10 @@ def scene(case: CaseData) -> tuple[Canvas, str, str] | None:
     low = elevation[::k, ::k]
     rgb = cmap(norm(material[::k, ::k]))[..., :3]
     shaded = light.shade_rgb(rgb, low, dx=k * cell_m, dy=k * cell_m, vert_exag=2.0, blend_mode="soft")
-    solid.plot_surface(x, y, low, facecolors=shaded, rstride=1, cstride=1, linewidth=0, antialiased=False, shade=False)
+    surface = solid.plot_surface(
+        x, y, low, facecolors=shaded, rstride=1, cstride=1, linewidth=0, antialiased=False, shade=False
+    )
+    surface.set_rasterized(True)  # thousands of faces are slow and large as vectors
     height = float(np.ptp(elevation))
     span = max(sides[1], sides[3])
     times = max(1, round(0.25 * span * 1000.0 / max(height, 1.0)))

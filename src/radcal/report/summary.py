@@ -84,6 +84,8 @@ def _material(group: h5py.Group, counted: NDArray[np.bool_], tolerance: float) -
         "rms_sampling": float(group.attrs["rms_sampling"]),
         "effective_pixels": float(group.attrs["effective"]),
         "left_out": json.loads(group.attrs["left_out"]),
+        "measured_looks": float(group.attrs["looks"]),
+        "textured": bool(group.attrs["textured"]),
         "target_error": dict(zip(("mean", "sd", "skewness"), map(float, group["target_cp_error"][()]), strict=True)),
         # the measured pixels against the density fitted to them
         "fit": {key: float(group.attrs[f"fit_{key}"]) for key in ("ks", "ks_p", "ad", "ad_p")},
@@ -164,6 +166,7 @@ def summarise(archive: str | Path, seconds: Mapping[str, float] | None = None) -
             "runs": {**runs, "total": sum(runs.values())},
             "iterations": runs["infill"],
             "measurement": str(file.attrs["measurement"]),
+            "looks": {"simulated": int(file.attrs["looks"]), "measured": float(file.attrs["measured_looks"])},
             "notes": [str(note) for note in file.attrs["notes"]],
             "registration": _registration(file["registration"]),
             "levels": _levels(file["levels"]),

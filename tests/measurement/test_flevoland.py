@@ -1,0 +1,96 @@
+"""The measured image of Flevoland against the table that comes with it."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from radcal.config import Case, FileMeasurement, load
+from radcal.measurement.looks import estimate_looks
+from radcal.measurement.model import Measurement
+from radcal.measurement.pixels import point_targets
+from radcal.measurement.readers import read_image
+from radcal.measurement.registration import register
+from radcal.measurement.target import Targets, make_target, make_targets
+from radcal.radar.geometry import Geometry, make_geometry
+from radcal.scene.sources import make_scene
+
+pytestmark = pytest.mark.skipif("RADCAL_DATA" not in os.environ, reason="RADCAL_DATA is not set: no measured data")
+
+ROOT = Path(__file__).resolve().parents[2]
+SURFACES = 14
+
+
+class Parts(NamedTuple):
+    case: Case
+    geometry: Geometry
+    measurement: Measurement
+
+
+def table() -> dict[str, tuple[int, float, float, float]]:
+    """Pixels, mean, standard deviation and skewness by class, from the data's own description."""
+    rows = {}
+    for line in (Path(os.environ["RADCAL_DATA"]) / "README.md").read_text().splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if len(cells) == 7 and cells[0].isdigit():
+            rows[cells[1]] = (int(cells[2].replace(",", "")), *(float(cell) for cell in cells[4:]))
+    return rows
+
+
+@pytest.fixture(scope="module")
+def parts() -> Parts:
+    case = load([ROOT / "config" / "flevoland.yaml"])
+    geometry = make_geometry(make_scene(case.scene, list(case.materials)), case.radar)
+    assert isinstance(case.measurement, FileMeasurement)
+    path = Path(os.environ["RADCAL_DATA"]) / "flevoland" / "sigma0_hh.tif"
+    return Parts(case, geometry, Measurement(read_image(path, case.measurement, geometry.shape).image_db, path.name))
+
+
+def test_classes_have_the_moments_of_the_table(parts: Parts) -> None:
+    expected = table()
+    assert len(expected) == 15
+    assert list(expected) == list(parts.geometry.names)
+    for name, (pixels, *moments) in expected.items():
+        values = parts.measurement.image_db.ravel()[parts.geometry.pixels(name)].astype(float)
+        assert values.size == pixels
+        found = [values.mean(), values.std(), stats.skew(values)]
+        np.testing.assert_allclose(found, moments, atol=0.0051, err_msg=name)
+
+
+def test_looks_are_those_of_the_literature_less_what_processing_takes(parts: Parts) -> None:
+    looks = estimate_looks(parts.measurement.image_db, parts.geometry.material, parts.case.radar)
+    assert looks is not None
+    assert 2.5 < looks.low < looks.looks < looks.high < 3.5
+
+
+def test_buildings_are_flagged_and_surfaces_are_not(parts: Parts) -> None:
+    case, geometry, measurement = parts
+    flags = {"point targets": point_targets(measurement.image_db, geometry.material, case.radar)}
+    found = estimate_looks(measurement.image_db, geometry.material, case.radar)
+    assert found is not None
+    targets = Targets(
+        {
+            name: make_target(name, geometry, measurement, case.target, 1, flags=flags, radar=case.radar)
+            for name in geometry.names
+        },
+        looks=found.looks,
+    )
+    assert [name for name in targets if targets.textured(name)] == ["buildings"]
+    assert "buildings" in targets.warnings()[-1]
+    # most surfaces are described by a skew normal, as far as a thousand pixels tell
+    assert sum(target.goodness.ad_p > 0.05 for target in targets.values()) >= 10
+
+
+def test_pixels_are_counted(parts: Parts) -> None:
+    case, geometry, measurement = parts
+    registered = register(measurement.image_db, measurement, case.registration)
+    targets = make_targets(case, geometry, registered, measurement.image_db)
+    assert list(targets) == case.calibrated
+    assert len(targets) == SURFACES
+    for name, target in targets.items():
+        assert target.eligible + sum(target.left_out.values()) == geometry.pixels(name).size
