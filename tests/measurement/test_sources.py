@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,11 +11,13 @@ import numpy as np
 import pytest
 import rasterio
 
-from radcal.config import Case
+from radcal.config import Case, Radar
 from radcal.errors import ConfigError, MeasurementError
 from radcal.measurement.model import Measurement, read_measurement, write_measurement
 from radcal.measurement.sources import make_measurement, smooth_warp
-from radcal.radar.geometry import Geometry
+from radcal.radar.geometry import Geometry, make_geometry
+from radcal.radar.image import ImageFormation
+from radcal.scene.model import Scene
 from radcal.simulators.builtin import BuiltinSimulator
 
 pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
@@ -310,3 +314,81 @@ def test_notes_round_trip(tmp_path: Path, image_db: np.ndarray) -> None:
     with h5py.File(tmp_path / "m.h5", "r+") as file:
         del file.attrs["notes"]
     assert read_measurement(tmp_path / "m.h5").notes == ()
+
+
+@pytest.mark.parametrize("look_side", ["right", "left"])
+def test_an_image_on_the_map_is_seen_where_its_ground_lies(
+    tmp_path: Path, scene: Scene, radar: Radar, build_case: Build, look_side: str
+) -> None:
+    on_map = replace(scene, crs="EPSG:32631", transform=(5.0, 0.0, 600_000.0, 0.0, 5.0, 5_780_000.0))
+    seen = radar.model_copy(update={"look_side": look_side})
+    geometry = make_geometry(on_map, seen)
+    # a level that says where it is: 1 dB every 10 m to the east, and 0.1 dB every 10 m to the north
+    rows, columns = np.indices((220, 220))
+    east, north = columns + 0.5 - 10.0, 220 - rows - 0.5 - 10.0
+    path = tmp_path / "map.tif"
+    with rasterio.open(
+        path, "w", driver="GTiff", count=1, height=220, width=220, dtype="float32", crs="EPSG:32631",
+        transform=rasterio.Affine(1.0, 0.0, 600_000.0 - 10.0, 0.0, -1.0, 5_780_000.0 + 210.0),
+    ) as raster:  # fmt: skip
+        raster.write((-20.0 + 0.1 * east + 0.01 * north).astype(np.float32), 1)
+    case = build_case(
+        measurement={"source": "file", "path": str(path), "scale": "db"},
+        radar={"altitude_m": 1000.0, "look_side": look_side},
+    )
+    measurement = make_measurement(case, geometry, NoSimulator(), on_map)
+    # mean row and column of the facets that fall into each pixel, from the geometry of a plane far enough away
+    expected = -20.0 + 0.1 * 5.0 * (geometry.ground[1] + 0.5) + 0.01 * 5.0 * (geometry.ground[0] + 0.5)
+    known = np.isfinite(expected)
+    np.testing.assert_allclose(measurement.image_db[known], expected[known], atol=0.06)
+    level = measurement.image_db[:, geometry.shape[1] // 2]
+    nearest, furthest = np.nanmean(level[:10]), np.nanmean(level[-10:])
+    assert (furthest - nearest > 10) if look_side == "right" else (nearest - furthest > 10)
+
+
+@pytest.fixture(scope="module")
+def speckle() -> tuple[Geometry, np.ndarray]:
+    """Power of a large field of four looks."""
+    shape = (240, 240)
+    scene = Scene("x", ("dyke", "grass"), np.ones(shape, dtype=np.uint8), None, 1.0, np.linspace(30.0, 45.0, shape[0]))
+    scene.material[:, 200:] = 2
+    geometry = make_geometry(scene, Radar())
+    return geometry, 10 ** (ImageFormation(Radar(), shape).intensity_db(np.full(shape, 3.0, np.float32), 1) / 10)
+
+
+@pytest.mark.parametrize(
+    ("declared", "held", "words"),
+    [
+        ("power", "amplitude", r"that of 1\d(\.\d)? looks .*radar.looks is 4; .* set measurement.scale: amplitude"),
+        ("power", "db", "as if its numbers were dB: check measurement.scale"),
+        ("amplitude", "power", r"radar.looks is 4; it would be that of [34](\.\d+)? .*set measurement.scale: power"),
+        ("db", "power", "looks like power: set measurement.scale: power"),
+        ("power", "negative db", "negative, which power cannot be: .*set measurement.scale: db"),
+    ],
+)
+def test_a_wrong_scale_is_told(
+    speckle: tuple[Geometry, np.ndarray], tmp_path: Path, build_case: Build, declared: str, held: str, words: str
+) -> None:
+    geometry, power = speckle
+    values = {
+        "power": power / 3.0,
+        "amplitude": np.sqrt(power),
+        "db": 20.0 + 10 * np.log10(power),
+        "negative db": 10 * np.log10(power) - 20,
+    }[held]
+    write(tmp_path / "a.tif", values.astype(np.float32))
+    case = build_case(measurement={"source": "file", "path": str(tmp_path / "a.tif"), "scale": declared})
+    with pytest.raises(MeasurementError, match=words):
+        make_measurement(case, geometry, NoSimulator())
+
+
+def test_the_right_scale_says_the_looks(
+    speckle: tuple[Geometry, np.ndarray], tmp_path: Path, build_case: Build
+) -> None:
+    geometry, power = speckle
+    write(tmp_path / "a.tif", power.astype(np.float32))
+    file = {"source": "file", "path": str(tmp_path / "a.tif"), "scale": "power"}
+    (_, note) = make_measurement(build_case(measurement=file), geometry, NoSimulator()).notes
+    assert re.search(r"speckle of a.tif is that of [34]\.?\d* looks .*radar.looks is 4\.$", note)
+    other = build_case(measurement=file, radar={"looks": 8})
+    assert "densities will be narrower" in make_measurement(other, geometry, NoSimulator()).notes[1]

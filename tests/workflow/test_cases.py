@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
+import rasterio
 import yaml
 from workflow_project import ROOT
 
@@ -62,3 +64,37 @@ def test_a_measured_image_from_the_raw_files_to_the_report(project):
     assert -27.5 < target["xi"] + target["omega"] * 0.798 * target["alpha"] / (1 + target["alpha"] ** 2) ** 0.5 < -23.5
     assert "hidden" not in summary["materials"]["water"]
     assert "wheat 2" in (project.out("measured") / "report.html").read_text()
+
+
+def test_a_scene_from_gis_rasters_to_the_report(project):
+    """Elevation and materials on the map, and the level taken from the material of a fixed law."""
+    north, east = np.mgrid[0:80, 0:80] * 5.0
+    profile = {"driver": "GTiff", "count": 1, "height": 80, "width": 80, "crs": "EPSG:32631",
+               "transform": rasterio.Affine(5.0, 0.0, 600_000.0, 0.0, -5.0, 5_780_000.0)}  # fmt: skip
+    heights = (20.0 + 2.0 * np.sin(east / 25.0) * np.cos(north / 30.0)).astype(np.float32)
+    with rasterio.open(project.folder / "elevation.tif", "w", dtype="float32", **profile) as raster:
+        raster.write(heights, 1)
+    with rasterio.open(project.folder / "cover.tif", "w", dtype="uint8", **profile) as raster:
+        raster.write(np.where(east < 250, 1, 2).astype(np.uint8), 1)
+    scene = {"source": "raster", "elevation": "elevation.tif", "materials": "cover.tif", "names": "names.json"}
+    level = {"pixels": 400, "normalisation": "offset"}
+    hidden = {"parameters": {"field": [6.1, 14.2, 21.5, 3.3]}, "seed": 1, "warp_px": 0, "offset_db": 3.0}
+    changes = {
+        "case": "gis", "radar": {"altitude_m": 1000.0}, "target": level, "stop": {"rms": 3e-3, "max_runs": 16},
+        "measurement": {"synthetic": hidden},
+    }  # fmt: skip
+    project.write("asked.yaml", scene=scene, **changes)
+    done = project.run("--configfile", "asked.yaml")
+    assert done.returncode != 0
+    assert "scene.vertical_datum" in done.stdout
+    assert not list((project.out("gis") / "runs").glob("*.h5"))
+    project.write("gis.yaml", scene=scene | {"vertical_datum": "EGM2008"}, **changes)
+    done = project.run("--configfile", "gis.yaml")
+    assert done.returncode == 0, done.stdout
+    summary = project.summary("gis")
+    assert summary["levels"]["normalisation"] == "offset"
+    assert summary["levels"]["offset_db"] == pytest.approx(3.0, abs=0.3)
+    assert "lake" in summary["levels"]["sentence"]
+    page = (project.out("gis") / "report.html").read_text()
+    assert "shaded relief" in page.lower()
+    assert summary["levels"]["sentence"][:40] in page

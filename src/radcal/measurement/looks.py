@@ -215,16 +215,15 @@ def check_looks(found: Looks, looks: int, scale: str, source: str) -> str:
     said = f"{seen} (95 %: {found.low:.3g} to {found.high:.3g}); radar.looks is {looks}"
     variance = _log_variance(found.looks)
     if found.looks > _TOO_MANY * looks:
-        other = {"power": "amplitude", "db": "db of amplitude"}.get(scale)
-        if found.looks > 30.0 * looks and scale != "db":
-            guess = "as if its numbers were dB: check measurement.scale"
-        elif other == "amplitude":
-            guess = (
-                f"it would be that of {looks_of_log_variance(4.0 * variance):.3g} if its numbers are amplitude: set "
-                "measurement.scale: amplitude"
-            )
-        else:
+        as_amplitude = looks_of_log_variance(4.0 * variance)
+        if scale == "db":
             guess = "10 log10 of amplitude instead of power would do that: check what the file holds"
+        elif as_amplitude > _TOO_MANY * looks:
+            guess = "as if its numbers were dB: check measurement.scale"
+        else:
+            guess = (
+                f"it would be that of {as_amplitude:.3g} if its numbers are amplitude: set measurement.scale: amplitude"
+            )
         raise MeasurementError(
             f"measurement.scale is {scale}, but {said}; {guess}, or radar.looks if they are so many."
         )
