@@ -249,6 +249,10 @@ class Target(_Strict):
     margin_px: Annotated[int, Field(ge=0, le=100)] = Field(
         1, description="pixels this near to another material are left out"
     )
+    fit: Literal["likelihood", "penalised"] = Field(
+        "likelihood",
+        description="likelihood, or penalised likelihood, whose alpha is finite; of runs too",
+    )
     normalisation: Literal["none"] = Field("none", description="none: levels are compared as they are")
     incidence_classes: Literal[1] = Field(1, description="targets per material")
 

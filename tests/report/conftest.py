@@ -119,6 +119,7 @@ def make_archive(
             effective=100.0,
             rms_sampling=0.004,
             cp_error=np.array([0.2, 0.1, 0.15]) * (1.0 if name != "stem beans" else np.nan),
+            cp_interval=np.add.outer(skewnormal.centred(fit.dp), [-0.3, 0.3]),
             goodness=Goodness(0.04, 0.4, 0.5, 0.01 if name == "stem beans" else 0.3),
         )
 

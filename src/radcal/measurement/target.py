@@ -58,8 +58,13 @@ class Target:
         Density rms [1/dB] that so many stand for.
     cp_error : ndarray, shape (3,)
         Standard errors of mean [dB], standard deviation [dB] and skewness; NaN at the boundary.
+    cp_interval : ndarray, shape (3, 2)
+        95 % confidence intervals of mean [dB], standard deviation [dB] and skewness, at the
+        effective sample size.
     goodness : Goodness
         How well the density describes the pixels.
+    penalised : bool
+        The density, and that of every run, is the penalised likelihood's.
     """
 
     pixels: NDArray[np.int64]
@@ -72,7 +77,9 @@ class Target:
     effective: float
     rms_sampling: float
     cp_error: NDArray[np.float64]
+    cp_interval: NDArray[np.float64]
     goodness: Goodness
+    penalised: bool = False
 
     @property
     def cp(self) -> NDArray[np.float64]:
@@ -94,7 +101,7 @@ class Target:
         rms : float
             Its difference from the target [1/dB].
         """
-        dp = skewnormal.fit(pixels_db[self.order]).dp
+        dp = skewnormal.fit(pixels_db[self.order], self.penalised).dp
         return dp, skewnormal.density_rms(dp, self.dp)
 
 
@@ -145,7 +152,9 @@ def eligible_pixels(
     return finite
 
 
-def sampling_rms(dp: NDArray[np.float64], n: int, rng: np.random.Generator, draws: int = 40) -> float:
+def sampling_rms(
+    dp: NDArray[np.float64], n: int, rng: np.random.Generator, draws: int = 40, penalised: bool = False
+) -> float:
     """Density rms between a skew normal and the fit to a sample of it.
 
     Parameters
@@ -158,14 +167,16 @@ def sampling_rms(dp: NDArray[np.float64], n: int, rng: np.random.Generator, draw
         Source of the samples.
     draws : int
         Number of samples.
+    penalised : bool
+        Whether they are fitted by penalised likelihood.
 
     Returns
     -------
     float
         Median over the samples [1/dB]: parametric bootstrap (Efron and Tibshirani 1993, section 6.5).
     """
-    found = [skewnormal.density_rms(skewnormal.fit(skewnormal.sample(dp, n, rng)).dp, dp) for _ in range(draws)]
-    return float(np.median(found))
+    fits = (skewnormal.fit(skewnormal.sample(dp, n, rng), penalised) for _ in range(draws))
+    return float(np.median([skewnormal.density_rms(found.dp, dp) for found in fits]))
 
 
 def make_target(
@@ -196,7 +207,8 @@ def make_target(
     rng = derived_rng(seed, "target", name)
     drawn = np.sort(rng.choice(eligible, size=min(config.pixels, eligible.size), replace=False))
     values = measurement.image_db.ravel()[drawn]
-    fit = skewnormal.fit(values)
+    penalised = config.fit == "penalised"
+    fit = skewnormal.fit(values, penalised)
     effective = effective_sample_size(measurement.image_db, eligible, drawn)
     return Target(
         pixels=drawn,
@@ -207,14 +219,16 @@ def make_target(
         eligible=int(eligible.size),
         at_boundary=fit.at_boundary,
         effective=effective,
-        rms_sampling=sampling_rms(fit.dp, max(8, round(effective)), rng),
+        rms_sampling=sampling_rms(fit.dp, max(8, round(effective)), rng, penalised=penalised),
         cp_error=np.sqrt(np.diagonal(skewnormal.covariance(values, fit, effective))),
-        goodness=goodness_of_fit(values, fit.dp, rng, effective),
+        cp_interval=skewnormal.intervals(values, fit, effective=effective),
+        goodness=goodness_of_fit(values, fit.dp, rng, effective, penalised=penalised),
+        penalised=penalised,
     )
 
 
-_ARRAYS = ("pixels", "order", "values_db", "incidence_deg", "dp", "cp_error")
-_SCALARS = ("eligible", "at_boundary", "effective", "rms_sampling")
+_ARRAYS = ("pixels", "order", "values_db", "incidence_deg", "dp", "cp_error", "cp_interval")
+_SCALARS = ("eligible", "at_boundary", "effective", "rms_sampling", "penalised")
 _GOODNESS = ("ks", "ks_p", "ad", "ad_p")
 
 
@@ -242,6 +256,7 @@ def read_targets(path: str | Path) -> dict[str, Target]:
                 at_boundary=bool(group.attrs["at_boundary"]),
                 effective=float(group.attrs["effective"]),
                 rms_sampling=float(group.attrs["rms_sampling"]),
+                penalised=bool(group.attrs["penalised"]),
                 goodness=Goodness(**{key: float(group.attrs[key]) for key in _GOODNESS}),
             )
             for name, group in file.items()

@@ -47,7 +47,6 @@ from typing import Any
 import h5py
 import numpy as np
 
-from radcal import skewnormal
 from radcal.calibration.history import History
 from radcal.calibration.stopping import decide
 from radcal.config import Case, Stop
@@ -175,8 +174,8 @@ def write_archive(
             group["measured_db"] = target.values_db
             for key, record in (("start", reference), ("calibrated", calibrated), ("fresh", fresh)):
                 group[f"{key}_db"] = record.pixels_db[name][target.order]
-            group["final_dp"] = skewnormal.fit(group["calibrated_db"][()]).dp
-            group["fresh_dp"] = skewnormal.fit(group["fresh_db"][()]).dp
+            for key, record in (("final", calibrated), ("fresh", fresh)):
+                group[f"{key}_dp"] = target.score(record.pixels_db[name])[0]
             proposals = [run.proposals[name] for run in history.infill]
             for key in ("predicted_rms", "floor_rms"):
                 group[key] = np.array([getattr(p, key) for p in proposals], dtype=np.float64)
