@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy import integrate, stats
+from scipy import integrate, optimize, stats
 
 from radcal import skewnormal
 from radcal.errors import FitError
@@ -324,3 +324,244 @@ def test_covariance_of_a_normal_sample_is_the_textbook_one() -> None:
 def test_covariance_at_the_boundary_is_not_a_number() -> None:
     x = np.abs(np.random.default_rng(5).standard_normal(60))
     assert np.isnan(skewnormal.covariance(x, skewnormal.fit(x))).all()
+
+
+# --- penalised likelihood
+
+
+def slope_of_penalty(alpha: float) -> float:
+    """Minus the expected modified score (alpha / 2) a4 / a2, a_k the mean of z^k (N/Phi)^2(alpha z), by quadrature."""
+
+    def moment(k: int) -> float:
+        def integrand(z: float) -> float:
+            return float(z**k * 2 * np.exp(2 * stats.norm.logpdf(alpha * z) - stats.norm.logcdf(alpha * z) - z**2 / 2))
+
+        return integrate.quad(integrand, -12 / max(1, alpha), 12 / max(1, alpha), limit=400, epsabs=0, epsrel=1e-8)[0]
+
+    return alpha / 2 * moment(4) / moment(2)
+
+
+@pytest.mark.parametrize(("alpha", "tolerance"), [(1e-3, 1e-3), (1.0, 0.03), (4.0, 0.03), (100.0, 1e-3)])
+def test_penalty_stands_for_the_modified_score(alpha: float, tolerance: float) -> None:
+    c1, c2 = skewnormal._C1, skewnormal._C2
+    assert 2 * c1 * c2 * alpha / (1 + c2 * alpha**2) == pytest.approx(slope_of_penalty(alpha), rel=tolerance)
+
+
+@pytest.mark.parametrize("kind", ["skewed", "half-normal"])
+def test_penalised_fit_is_a_maximum_of_the_penalised_likelihood(kind: str) -> None:
+    if kind == "skewed":
+        x = stats.skewnorm.rvs(3.0, -5.0, 2.0, size=150, random_state=3)
+    else:
+        x = stats.halfnorm.rvs(-5.0, 2.0, size=150, random_state=3)
+
+    def objective(dp: np.ndarray) -> float:
+        return float(stats.skewnorm.logpdf(x, dp[2], dp[0], dp[1]).sum() - 0.87591 * np.log1p(0.85625 * dp[2] ** 2))
+
+    dp = skewnormal.fit(x, penalised=True).dp
+    scale = np.array([1.0 / abs(dp[2]), 1.0, abs(dp[2])]) * 1e-3
+    for step in np.diag(scale):
+        up, down = objective(dp + step), objective(dp - step)
+        assert abs(up - down) / 2 < 1e-3 * (2 * objective(dp) - up - down) + 1e-7
+    rng = np.random.default_rng(1)
+    assert all(objective(dp + 30 * scale * rng.standard_normal(3)) < objective(dp) for _ in range(200))
+
+
+@pytest.mark.parametrize("n", [8, 50, 1000, 30_000])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_penalised_fit_of_a_half_normal_sample_is_inside(n: int, sign: float) -> None:
+    x = sign * stats.halfnorm.rvs(size=n, random_state=n)
+    found = skewnormal.fit(x, penalised=True)
+    assert found.penalised
+    assert not found.at_boundary
+    assert 0.0 <= sign * found.dp[2] < 1e5
+    assert np.isfinite(found.cp).all()
+
+
+def test_penalised_fit_differs_by_the_inverse_of_the_size() -> None:
+    biases = []
+    for n in (200, 800, 3200):
+        x = stats.skewnorm.ppf((np.arange(n) + 0.5) / n, 3.0)
+        biases.append(n * (skewnormal.fit(x).dp[2] - skewnormal.fit(x, penalised=True).dp[2]))
+    assert min(biases) > 0.0
+    np.testing.assert_allclose(biases, biases[-1], rtol=0.25)
+
+
+def test_penalised_fit_of_a_nearly_symmetric_sample_is_normal() -> None:
+    x = stats.norm.ppf((np.arange(500) + 0.5) / 500, 3.0, 2.0)
+    found = skewnormal.fit(x, penalised=True)
+    np.testing.assert_allclose(found.dp, [x.mean(), x.std(), 0.0], atol=1e-12)
+
+
+# --- the search
+
+
+@pytest.mark.parametrize("penalty", [0.0, 0.02])
+@pytest.mark.parametrize("v", [-6.0, -0.6, 0.02, 0.3, 1.5, 4.0])
+def test_gradient_and_hessian_of_the_search_anywhere(v: float, penalty: float) -> None:
+    x = stats.skewnorm.rvs(3.0, -1.0, 1.5, size=60, random_state=3)
+    u = np.array([0.2, 0.4, v])
+    _, gradient, hessian = skewnormal._objective(u, x, penalty)
+    steps = 1e-6 * np.eye(3)
+    pairs = [(skewnormal._objective(u + s, x, penalty), skewnormal._objective(u - s, x, penalty)) for s in steps]
+    np.testing.assert_allclose([(a[0] - b[0]) / 2e-6 for a, b in pairs], gradient, rtol=1e-6, atol=1e-7)
+    numeric = np.array([(a[1] - b[1]) / 2e-6 for a, b in pairs])
+    np.testing.assert_allclose(hessian, numeric, rtol=1e-5, atol=1e-6 * np.abs(hessian).max())
+
+
+def test_fit_finds_the_highest_of_several_maxima() -> None:
+    rng = np.random.default_rng(5)
+    several = 0
+    for _ in range(60):
+        x = skewnormal.sample(skewnormal.direct([0.0, 1.0, rng.choice([0.0, 0.8, 0.95])]), 50, rng)
+        y = (x - x.mean()) / x.std()
+        ends = [skewnormal._search(np.array([0.0, 0.0, v]), y) for v in (-1.5, 0.2, 0.8, 1.4, 2.0, 3.0)]
+        tops = [value for u, value in ends if np.abs(skewnormal._objective(u, y)[1]).max() < 1e-6]
+        several += len(tops) > 1 and np.ptp(tops) > 1e-4
+        assert -skewnormal.log_likelihood(y, skewnormal.fit(y).dp) / y.size < min(value for _, value in ends) + 1e-8
+    assert several
+
+
+# --- intervals
+
+
+@pytest.mark.parametrize("skewness", [-0.5, 0.0, 0.3, 0.9, 0.99])
+def test_likelihood_ratio_of_a_skewness_by_a_general_optimiser(skewness: float) -> None:
+    x = stats.skewnorm.rvs(3.0, -5.0, 2.0, size=80, random_state=1)
+    alpha = skewnormal.direct([0.0, 1.0, skewness])[2]
+
+    def objective(p: np.ndarray) -> float:
+        return float(-stats.skewnorm.logpdf(x, alpha, p[0], np.exp(p[1])).sum())
+
+    constrained = optimize.minimize(objective, [x.mean(), np.log(x.std())], method="Nelder-Mead", tol=1e-9).fun
+    xi, omega, top = skewnormal.fit(x).dp
+    free = -stats.skewnorm.logpdf(x, top, xi, omega).sum()
+    assert skewnormal.likelihood_ratio(x, skewness) == pytest.approx(2 * (constrained - free), rel=1e-4, abs=1e-4)
+
+
+def test_likelihood_ratio_of_the_limit_is_that_of_the_half_normal() -> None:
+    x = stats.skewnorm.rvs(3.0, -5.0, 2.0, size=80, random_state=1)
+    xi, omega, alpha = skewnormal.fit(x).dp
+    for sign in (-1.0, 1.0):
+        limit = stats.halfnorm.logpdf(sign * x, *stats.halfnorm.fit(sign * x)).sum()
+        expected = 2 * (stats.skewnorm.logpdf(x, alpha, xi, omega).sum() - limit)
+        assert skewnormal.likelihood_ratio(x, sign) == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["skewed", "half-normal"])
+def test_profile_intervals_end_where_the_likelihood_ratio_says(kind: str) -> None:
+    """Mean and sd fixed at the end of their interval, the rest by a general optimiser."""
+    n = 60
+    if kind == "skewed":
+        x = stats.skewnorm.rvs(2.0, -5.0, 2.0, size=n, random_state=2)
+    else:
+        x = stats.halfnorm.rvs(-5.0, 2.0, size=n, random_state=5)
+    found = skewnormal.fit(x)
+    assert found.at_boundary == (kind == "half-normal")
+    least = -skewnormal.log_likelihood(x, found.dp)
+    intervals = skewnormal.intervals(x, found)
+    for k in (0, 1):
+        for end in intervals[k]:
+
+            def objective(p: np.ndarray, k: int = k, end: float = end) -> float:
+                cp = np.array([p[0], p[0], skewnormal.MAX_SKEWNESS * np.tanh(min(p[1], 10.0))])
+                cp[1 - k] = np.exp(p[0]) if k == 0 else p[0]
+                cp[k] = end
+                xi, omega, alpha = skewnormal.direct(cp)
+                return float(-stats.skewnorm.logpdf(x, alpha, xi, omega).sum())
+
+            first = np.log(x.std()) if k == 0 else x.mean()
+            lowest = min(
+                optimize.minimize(objective, [first, v], method="Nelder-Mead", options={"maxiter": 4000}).fun
+                for v in (0.3, 1.0, 2.0)
+            )
+            assert 2 * (lowest - least) == pytest.approx(stats.t.ppf(0.975, n - 3) ** 2, abs=0.05)
+    low, high = intervals[2]
+    ratio = skewnormal.likelihood_ratio(x, low)
+    assert ratio == pytest.approx(skewnormal._critical(n, np.arctanh(low / skewnormal.MAX_SKEWNESS), 0.95), rel=1e-2)
+    assert (high == skewnormal.MAX_SKEWNESS) == (kind == "half-normal")
+
+
+@settings(max_examples=10, deadline=None)
+@given(
+    shift=st.floats(-100, 100),
+    scale=st.floats(0.01, 100),
+    sign=st.sampled_from([-1.0, 1.0]),
+    sample=st.sampled_from([(100, 2.0), (60, 1e6), (1200, 1.0)]),
+)
+def test_intervals_move_with_shift_scale_and_reflection(
+    shift: float, scale: float, sign: float, sample: tuple[int, float]
+) -> None:
+    x = stats.skewnorm.rvs(sample[1], 0.0, 1.0, size=sample[0], random_state=4)
+    expected = skewnormal.intervals(x, skewnormal.fit(x))
+    y = shift + sign * scale * x
+    found = (skewnormal.intervals(y, skewnormal.fit(y)) - [[shift], [0], [0]]) / [[scale], [scale], [1]]
+    if sign < 0:
+        expected = np.array([-expected[0][::-1], expected[1], -expected[2][::-1]])
+    np.testing.assert_allclose(found, expected, atol=1e-3)
+
+
+@pytest.mark.parametrize(("n", "skewness"), [(60, 0.3), (100, -0.9), (1000, 0.5)])
+def test_intervals_hold_the_truth_as_often_as_they_say(n: int, skewness: float) -> None:
+    truth, rng, draws = np.array([-12.0, 3.0, skewness]), np.random.default_rng(12), 80
+    inside = np.zeros(3)
+    for _ in range(draws):
+        x = skewnormal.sample(skewnormal.direct(truth), n, rng)
+        low, high = skewnormal.intervals(x, skewnormal.fit(x)).T
+        inside += (low <= truth) & (truth <= high)
+    # three standard errors of a binomial beyond 90 to 98 %
+    assert np.all(inside / draws > 0.90 - 3 * np.sqrt(0.9 * 0.1 / draws)), inside
+    assert np.all(inside / draws < 0.98 + 3 * np.sqrt(0.98 * 0.02 / draws)), inside
+
+
+def test_large_samples_have_walds_intervals() -> None:
+    x = stats.skewnorm.rvs(1.5, size=3000, random_state=1)
+    found = skewnormal.fit(x)
+    error = np.sqrt(np.diagonal(skewnormal.covariance(x, found)))
+    for level, z in ((0.95, 1.959964), (0.68, 0.994458)):
+        expected = np.stack([found.cp - z * error, found.cp + z * error], axis=1)
+        np.testing.assert_allclose(skewnormal.intervals(x, found, level), expected, atol=1e-6)
+    # the two kinds agree where both hold
+    profile = skewnormal.intervals(x, found, effective=999.0)
+    wald = skewnormal.intervals(x, found, effective=1001.0)
+    assert np.all(np.abs(profile - wald) < 0.1 * np.ptp(wald, axis=1)[:, None])
+
+
+@pytest.mark.parametrize("sample", [stats.skewnorm(2.0), stats.halfnorm()], ids=["skewed", "half-normal"])
+def test_fewer_independent_values_and_a_higher_level_widen_the_intervals(sample: object) -> None:
+    x = sample.rvs(size=400, random_state=2)
+    found = skewnormal.fit(x)
+    one = skewnormal.intervals(x, found)
+    for wider in (skewnormal.intervals(x, found, effective=80.0), skewnormal.intervals(x, found, level=0.999)):
+        assert np.all(wider[:, 0] < one[:, 0])
+        assert np.all(wider[:, 1] > one[:, 1] - 1e-12)
+        assert np.ptp(wider, axis=1)[0] > 1.3 * np.ptp(one, axis=1)[0]
+    # no fewer than eight
+    np.testing.assert_array_equal(
+        skewnormal.intervals(x, found, effective=1.0), skewnormal.intervals(x, found, effective=8.0)
+    )
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_at_the_boundary_the_interval_of_the_skewness_is_one_sided(sign: float) -> None:
+    x = sign * np.abs(np.random.default_rng(5).standard_normal(60))
+    found = skewnormal.fit(x)
+    assert found.at_boundary
+    low, high = sorted(sign * skewnormal.intervals(x, found)[2])
+    assert high == skewnormal.MAX_SKEWNESS
+    assert low < 0.995
+    ratio = skewnormal.likelihood_ratio(x, sign * low)
+    assert ratio == pytest.approx(skewnormal._critical(60, np.arctanh(low / high), 0.95), rel=1e-2)
+
+
+def test_intervals_do_not_depend_on_the_penalty() -> None:
+    x = stats.skewnorm.rvs(3.0, size=100, random_state=1)
+    np.testing.assert_array_equal(
+        skewnormal.intervals(x, skewnormal.fit(x)), skewnormal.intervals(x, skewnormal.fit(x, penalised=True))
+    )
+
+
+@pytest.mark.parametrize("level", [0.0, 1.0, 95.0])
+def test_a_level_is_a_probability(level: float) -> None:
+    x = stats.norm.rvs(size=100, random_state=1)
+    with pytest.raises(ValueError, match="level between 0 and 1"):
+        skewnormal.intervals(x, skewnormal.fit(x), level)

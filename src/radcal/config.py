@@ -285,6 +285,10 @@ class Target(_Strict):
     margin_px: Annotated[int, Field(ge=0, le=100)] = Field(
         1, description="pixels this near to another material are left out"
     )
+    fit: Literal["likelihood", "penalised"] = Field(
+        "likelihood",
+        description="likelihood, or penalised likelihood, whose alpha is finite; of runs too",
+    )
     snr_db: Finite = Field(0.0, description="pixels whose surroundings rise less above radar.nesz_db are left out [dB]")
     leave_out_point_targets: bool = Field(True, description="pixels far above what speckle allows are left out")
     normalisation: Literal["none", "offset", "image"] = Field(

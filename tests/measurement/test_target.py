@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.ndimage import uniform_filter
 
 from radcal import skewnormal
 from radcal.config import Target as TargetConfig
@@ -65,6 +66,33 @@ def test_target_is_the_fit_of_its_values(geometry: Geometry, measurement: Measur
     assert target.cp[0] == pytest.approx(mean, abs=4 * np.sqrt(variance / 500))
 
 
+def test_target_and_runs_are_fitted_alike(geometry: Geometry, measurement: Measurement) -> None:
+    target = make_target("dyke", geometry, measurement, CONFIG.model_copy(update={"fit": "penalised"}), 1)
+    likelihood = make_target("dyke", geometry, measurement, CONFIG, 1)
+    assert target.penalised
+    np.testing.assert_allclose(target.cp, skewnormal.fit(target.values_db, penalised=True).cp, atol=3e-5)
+    assert skewnormal.density_rms(target.dp, likelihood.dp) > 1e-5
+    record = measurement.image_db.ravel()[geometry.pixels("dyke")]
+    assert target.score(record)[1] < 1e-6
+    # the samples behind the sampling error are of the same density but for the fit
+    assert target.rms_sampling == pytest.approx(likelihood.rms_sampling, rel=0.5)
+
+
+def test_intervals_hold_the_estimate_and_widen_with_correlation(geometry: Geometry) -> None:
+    noise = np.random.default_rng(3).normal(size=geometry.shape)
+    smooth = uniform_filter(noise, 3) * 3.0
+    white, correlated = (
+        make_target("dyke", geometry, Measurement(image.astype(np.float32), "test"), CONFIG, 1)
+        for image in (noise, smooth)
+    )
+    for target in (white, correlated):
+        assert np.all(target.cp_interval[:, 0] < target.cp)
+        assert np.all(target.cp < target.cp_interval[:, 1])
+    assert correlated.effective < 0.7 * white.effective
+    relative = [np.ptp(target.cp_interval[0]) / target.cp[1] for target in (white, correlated)]
+    assert relative[1] > 1.2 * relative[0]
+
+
 def test_draw_depends_on_seed_and_material_only(geometry: Geometry, measurement: Measurement) -> None:
     target = make_target("dyke", geometry, measurement, CONFIG, 1)
     again = make_target("dyke", geometry, Measurement(measurement.image_db + 3, "other"), CONFIG, 1)
@@ -104,18 +132,25 @@ def test_constant_image_cannot_be_fitted(geometry: Geometry) -> None:
 
 
 def test_round_trip_is_exact(geometry: Geometry, measurement: Measurement, tmp_path: Path) -> None:
+    penalised = CONFIG.model_copy(update={"fit": "penalised"})
     levels = Levels("offset", 1.5, 0.25, references=("grass",), measured=(1.5, 1.0))
-    targets = Targets({name: make_target(name, geometry, measurement, CONFIG, 1) for name in ("dyke", "grass")}, levels)
+    targets = Targets(
+        {
+            "dyke": make_target("dyke", geometry, measurement, CONFIG, 1),
+            "grass": make_target("grass", geometry, measurement, penalised, 1),
+        },
+        levels,
+    )
     write_targets(tmp_path / "targets.h5", targets)
     back = read_targets(tmp_path / "targets.h5")
     assert list(back) == list(targets)
     for key in ("normalisation", "offset_db", "offset_error_db", "scale", "references", "measured"):
         assert getattr(back.levels, key) == getattr(levels, key)
     for name, target in targets.items():
-        for key in ("pixels", "order", "values_db", "incidence_deg", "dp"):
+        for key in ("pixels", "order", "values_db", "incidence_deg", "dp", "cp_error", "cp_interval"):
             assert getattr(back[name], key).dtype == getattr(target, key).dtype
             np.testing.assert_array_equal(getattr(back[name], key), getattr(target, key))
-        for key in ("eligible", "at_boundary", "rms_sampling", "left_out"):
+        for key in ("eligible", "at_boundary", "rms_sampling", "left_out", "penalised"):
             assert getattr(back[name], key) == getattr(target, key)
             assert type(getattr(back[name], key)) is type(getattr(target, key))
 

@@ -51,7 +51,12 @@ def _distances(values: NDArray[np.float64], dp: ArrayLike) -> tuple[float, float
 
 
 def goodness_of_fit(
-    sample: ArrayLike, dp: ArrayLike, rng: np.random.Generator, effective: float | None = None, draws: int = _DRAWS
+    sample: ArrayLike,
+    dp: ArrayLike,
+    rng: np.random.Generator,
+    effective: float | None = None,
+    draws: int = _DRAWS,
+    penalised: bool = False,
 ) -> Goodness:
     """Compare a sample with the skew normal fitted to it, by parametric bootstrap.
 
@@ -71,6 +76,8 @@ def goodness_of_fit(
         that many, and their Anderson-Darling statistics are compared per value.
     draws : int
         Bootstrap samples.
+    penalised : bool
+        The parameters are a penalised fit's: the bootstrap samples are fitted so too.
 
     Returns
     -------
@@ -88,7 +95,7 @@ def goodness_of_fit(
     for _ in range(draws):
         drawn = np.sort(skewnormal.sample(dp, n, rng))
         try:
-            distances = _distances(drawn, skewnormal.fit(drawn).dp)
+            distances = _distances(drawn, skewnormal.fit(drawn, penalised).dp)
         except FitError:  # all values equal, next to impossible
             continue
         further += np.array(distances) >= (ks, ad * n / values.size)

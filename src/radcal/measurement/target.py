@@ -71,12 +71,17 @@ class Target:
         Density rms [1/dB] that so many stand for.
     cp_error : ndarray, shape (3,)
         Standard errors of mean [dB], standard deviation [dB] and skewness; NaN at the boundary.
+    cp_interval : ndarray, shape (3, 2)
+        95 % confidence intervals of mean [dB], standard deviation [dB] and skewness, at the
+        effective sample size.
     goodness : Goodness
         How well the density describes the pixels.
     left_out : mapping
         The material's other visible pixels by reason.
     looks : float
         Equivalent number of looks among neighbouring pixels; NaN where not known.
+    penalised : bool
+        The density, and that of every run, is the penalised likelihood's.
     """
 
     pixels: NDArray[np.int64]
@@ -89,9 +94,11 @@ class Target:
     effective: float
     rms_sampling: float
     cp_error: NDArray[np.float64]
+    cp_interval: NDArray[np.float64]
     goodness: Goodness
     left_out: Mapping[str, int] = field(default_factory=dict)
     looks: float = float("nan")
+    penalised: bool = False
 
     @property
     def cp(self) -> NDArray[np.float64]:
@@ -117,7 +124,7 @@ class Target:
         rms : float
             Its difference from the target [1/dB].
         """
-        dp = skewnormal.fit(Levels.apply(pixels_db[self.order], mapping)).dp
+        dp = skewnormal.fit(Levels.apply(pixels_db[self.order], mapping), self.penalised).dp
         return dp, skewnormal.density_rms(dp, self.dp)
 
 
@@ -178,7 +185,9 @@ class Targets(dict[str, Target]):
         return lines
 
 
-def sampling_rms(dp: NDArray[np.float64], n: int, rng: np.random.Generator, draws: int = 40) -> float:
+def sampling_rms(
+    dp: NDArray[np.float64], n: int, rng: np.random.Generator, draws: int = 40, penalised: bool = False
+) -> float:
     """Density rms between a skew normal and the fit to a sample of it.
 
     Parameters
@@ -191,14 +200,16 @@ def sampling_rms(dp: NDArray[np.float64], n: int, rng: np.random.Generator, draw
         Source of the samples.
     draws : int
         Number of samples.
+    penalised : bool
+        Whether they are fitted by penalised likelihood.
 
     Returns
     -------
     float
         Median over the samples [1/dB]: parametric bootstrap (Efron and Tibshirani 1993, section 6.5).
     """
-    found = [skewnormal.density_rms(skewnormal.fit(skewnormal.sample(dp, n, rng)).dp, dp) for _ in range(draws)]
-    return float(np.median(found))
+    fits = (skewnormal.fit(skewnormal.sample(dp, n, rng), penalised) for _ in range(draws))
+    return float(np.median([skewnormal.density_rms(found.dp, dp) for found in fits]))
 
 
 def _settled(dp: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -245,7 +256,8 @@ def make_target(
     rng = derived_rng(seed, "target", name)
     drawn = np.sort(rng.choice(eligible.pixels, size=min(config.pixels, eligible.pixels.size), replace=False))
     values = Levels.apply(measurement.image_db.ravel()[drawn], (levels or Levels()).measured)
-    fit = skewnormal.fit(values)
+    penalised = config.fit == "penalised"
+    fit = skewnormal.fit(values, penalised)
     effective = effective_sample_size(measurement.image_db, eligible.pixels, drawn)
     return Target(
         pixels=drawn,
@@ -256,9 +268,11 @@ def make_target(
         eligible=int(eligible.pixels.size),
         at_boundary=fit.at_boundary,
         effective=effective,
-        rms_sampling=sampling_rms(fit.dp, max(8, round(effective)), rng),
+        rms_sampling=sampling_rms(fit.dp, max(8, round(effective)), rng, penalised=penalised),
         cp_error=np.sqrt(np.diagonal(skewnormal.covariance(values, fit, effective))),
-        goodness=goodness_of_fit(values, fit.dp, rng, effective),
+        cp_interval=skewnormal.intervals(values, fit, effective=effective),
+        goodness=goodness_of_fit(values, fit.dp, rng, effective, penalised=penalised),
+        penalised=penalised,
         left_out=eligible.left_out,
         looks=local_looks(measurement.image_db, eligible.pixels, radar) if radar is not None else float("nan"),
     )
@@ -345,8 +359,8 @@ def make_levels(case: Case, geometry: Geometry, registered: Registered, referenc
     return offset_levels(config.normalisation, differences)
 
 
-_ARRAYS = ("pixels", "order", "values_db", "incidence_deg", "dp", "cp_error")
-_SCALARS = ("eligible", "at_boundary", "effective", "rms_sampling", "looks")
+_ARRAYS = ("pixels", "order", "values_db", "incidence_deg", "dp", "cp_error", "cp_interval")
+_SCALARS = ("eligible", "at_boundary", "effective", "rms_sampling", "looks", "penalised")
 _GOODNESS = ("ks", "ks_p", "ad", "ad_p")
 _LEVELS = ("normalisation", "offset_db", "offset_error_db", "scale", "measured")
 
@@ -396,6 +410,7 @@ def read_targets(path: str | Path) -> Targets:
                 at_boundary=bool(group.attrs["at_boundary"]),
                 effective=float(group.attrs["effective"]),
                 rms_sampling=float(group.attrs["rms_sampling"]),
+                penalised=bool(group.attrs["penalised"]),
                 goodness=Goodness(**{key: float(group.attrs[key]) for key in _GOODNESS}),
                 left_out=json.loads(group.attrs["left_out"]),
                 looks=float(group.attrs["looks"]),

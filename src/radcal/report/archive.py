@@ -18,8 +18,9 @@ Layout of the archive (schema 1); backscatter in dB, angles in degrees:
 ``materials/<m>/parameters, dp, rms``     per run: X (n, d), (xi, omega, alpha) (n, 3), rms (n,)
 ``materials/<m>/bounds, start``           search box (d, 2), starting X (d,)
 ``materials/<m>/hidden``                  truth of a synthetic measurement (d,), where there is one
-``materials/<m>/target_dp,``              (3,); standard errors of mean [dB], sd [dB], skewness (3,)
-``  target_cp_error``
+``materials/<m>/target_dp,``              (3,); standard errors of mean [dB], sd [dB], skewness (3,),
+                                          and their 95 % intervals (3, 2)
+``  target_cp_error, target_cp_interval``
 ``materials/<m>/pixels``                  flat image index of the target's pixels (p,)
 ``materials/<m>/incidence_deg``           their local incidence (p,)
 ``materials/<m>/measured_db, start_db,``  the same pixels at their levels, in the measurement, the reference run,
@@ -56,7 +57,6 @@ from typing import Any
 import h5py
 import numpy as np
 
-from radcal import skewnormal
 from radcal.calibration.history import History
 from radcal.calibration.stopping import decide
 from radcal.config import Case, Stop
@@ -121,6 +121,7 @@ def write_archive(
         )
     calibrated, fresh = final
     known = {run.key for run in history.runs}
+    final_scores = {key: targets.score(record.pixels_db) for key, record in zip(("final", "fresh"), final, strict=True)}
     with write_hdf5(path) as file:
         file.attrs["schema"] = 1
         file.attrs["case"] = case.case
@@ -198,14 +199,15 @@ def write_archive(
                 group["hidden"] = measurement.hidden[name]
             group["target_dp"] = target.dp
             group["target_cp_error"] = target.cp_error
+            group["target_cp_interval"] = target.cp_interval
             group["pixels"] = target.pixels
             group["incidence_deg"] = target.incidence_deg
             group["measured_db"] = target.values_db
             for key, record in (("start", reference), ("calibrated", calibrated), ("fresh", fresh)):
                 mapping = targets.levels.simulated(record.pixels_db)
                 group[f"{key}_db"] = targets.levels.apply(record.pixels_db[name][target.order], mapping)
-            group["final_dp"] = skewnormal.fit(group["calibrated_db"][()]).dp
-            group["fresh_dp"] = skewnormal.fit(group["fresh_db"][()]).dp
+            for key, scores in final_scores.items():
+                group[f"{key}_dp"] = scores[name][0]
             proposals = [run.proposals[name] for run in history.infill]
             for key in ("predicted_rms", "floor_rms"):
                 group[key] = np.array([getattr(p, key) for p in proposals], dtype=np.float64)

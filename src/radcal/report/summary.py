@@ -87,6 +87,7 @@ def _material(group: h5py.Group, counted: NDArray[np.bool_], tolerance: float) -
         "measured_looks": float(group.attrs["looks"]),
         "textured": bool(group.attrs["textured"]),
         "target_error": dict(zip(("mean", "sd", "skewness"), map(float, group["target_cp_error"][()]), strict=True)),
+        "target_interval": dict(zip(("mean", "sd", "skewness"), group["target_cp_interval"][()].tolist(), strict=True)),
         # the measured pixels against the density fitted to them
         "fit": {key: float(group.attrs[f"fit_{key}"]) for key in ("ks", "ks_p", "ad", "ad_p")},
         "hellinger": skewnormal.hellinger(dp, target),
