@@ -19,8 +19,7 @@ Layout of the archive (schema 1); backscatter in dB, angles in degrees:
 ``materials/<m>/bounds, start``           search box (d, 2), starting X (d,)
 ``materials/<m>/hidden``                  truth of a synthetic measurement (d,), where there is one
 ``materials/<m>/target_dp,``              (3,); standard errors of mean [dB], sd [dB], skewness (3,),
-                                          and their 95 % intervals (3, 2)
-``  target_cp_error, target_cp_interval``
+``  target_cp_error, target_cp_interval`` and their 95 % intervals (3, 2)
 ``materials/<m>/pixels``                  flat image index of the target's pixels (p,)
 ``materials/<m>/incidence_deg``           their local incidence (p,)
 ``materials/<m>/measured_db, start_db,``  the same pixels at their levels, in the measurement, the reference run,
