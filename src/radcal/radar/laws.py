@@ -342,8 +342,8 @@ LAWS: dict[str, Law] = {
         remark="Bare soil. sqrt(p) = 1 - (2 phi / pi)^(1 / (3 G0)) exp(-ks), q = 0.23 sqrt(G0) (1 - exp(-ks)), G the "
         "Fresnel reflectivities, k the wavenumber, s the rms height. Behind it: ks of 0.1 to 6, kl of 2.6 to 19.7 "
         "(l the correlation length, on which it does not depend), volumetric moisture of 0.09 to 0.31 (a permittivity "
-        "of 5 to 18 by Topp et al., 1980), 1.5 to 9.5 GHz. In moist soil the imaginary part hardly matters: do not read "
-        "it as known.",
+        "of 5 to 18 by Topp et al., 1980), 1.5 to 9.5 GHz. In moist soil the imaginary part hardly matters: do not "
+        "read it as known.",
     ),
     "constant_gamma": Law(
         constant_gamma,
