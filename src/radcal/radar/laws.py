@@ -363,7 +363,8 @@ LAWS: dict[str, Law] = {
         formula="curve through sigma0 at the angles of the material's angles_deg",
         source="Fritsch and Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300-304 (PCHIP)",
         remark="As many parameters as angles, each sigma0 in dB at that angle; no overshoot between two of them, "
-        "constant beyond the first and the last. No default bounds.",
+        "constant beyond the first and the last. No default bounds: where the target is one density of all angles, a "
+        "rising curve can give the same density as the falling truth, and only the bounds tell them apart.",
     ),
 }
 
