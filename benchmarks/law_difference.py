@@ -21,6 +21,7 @@ from radcal.config import Case, load
 from radcal.measurement.sources import make_measurement
 from radcal.measurement.target import Targets, make_target
 from radcal.radar.geometry import make_geometry
+from radcal.radar.laws import LAWS
 from radcal.report.summary import law_difference_db
 from radcal.scene.sources import make_scene
 from radcal.simulators.builtin import BuiltinSimulator
@@ -51,7 +52,7 @@ def main() -> None:
             history, decision = calibrate(case, runner, Targets({"dyke": target}))
             best = history.best("dyke")
             hidden = measurement.hidden["dyke"]
-            differences.append(law_difference_db("mangia", best.parameters["dyke"], hidden, target.incidence_deg))
+            differences.append(law_difference_db(LAWS["mangia"], best.parameters["dyke"], hidden, target.incidence_deg))
             runs = history.count("design") + history.count("infill")
             print(
                 f"{seed:16d} {decision.reason:12} {runs:5d} {best.rms['dyke']:9.1e} {differences[-1]:12.2f} dB",

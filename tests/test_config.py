@@ -137,7 +137,50 @@ def test_keys_of_another_source_are_not_known() -> None:
     assert "unknown key measurement.synthetic" in message(measured(synthetic={}))
 
 
+def truth(x: list[float], law: dict[str, Any], **radar: Any) -> dict[str, Any]:
+    """A calibrated dyke of some law with a hidden truth."""
+    return {**dyke(**law), **synthetic(parameters={"dyke": x}), "radar": radar}
+
+
+GAMMA = {"law": "constant_gamma", "bounds": [[-30, 0]]}
+TABLE = {"law": "tabulated", "angles_deg": [20, 40, 60], "bounds": [[-30, 0]] * 3}
+OH = {"law": "oh1992"}
+
 BAD: list[tuple[dict[str, Any], list[str]]] = [
+    # laws
+    (truth([-1, -2], GAMMA), ["measurement.synthetic.parameters.dyke has 2 numbers, law 'constant_gamma' takes 1"]),
+    (dyke(**GAMMA), ["measurement.synthetic.parameters.dyke is missing", "'mangia'", "is 'constant_gamma'"]),
+    (truth([-1], {"law": "constant_gamma"}), ["materials.dyke: bounds is missing", "no default", "gamma"]),
+    (truth(X + X[:2], {"law": "ulaby_dobson"}), ["materials.dyke: bounds is missing", "P1, P2, P3, P4, P5, P6"]),
+    (dyke(law="ulaby_dobson", bounds=[[0, 1]] * 2 + [[0, 101]] + [[0, 1]] * 3), ["P3", "is 101", "-100 to 100"]),
+    ({"materials": {"dyke": {"law": "ulaby_dobson"}}}, ["materials.dyke", "6 numbers", "'P6'"]),
+    (dyke(law="tabulated", bounds=[[-30, 0]] * 3), ["materials.dyke: angles_deg is missing", "'tabulated'"]),
+    (dyke(**{**TABLE, "angles_deg": [20, 20, 60]}), ["materials.dyke: angles_deg is [20.0, 20.0, 60.0]", "increasing"]),
+    (dyke(**{**TABLE, "angles_deg": [20]}), ["materials.dyke.angles_deg is [20]", "at least 2"]),
+    (dyke(**{**TABLE, "angles_deg": [20, 40, 91]}), ["materials.dyke.angles_deg.2 is 91"]),
+    (dyke(**{**TABLE, "bounds": [[-30, 0]] * 2}), ["materials.dyke: bounds has 2 intervals, law 'tabulated' takes 3"]),
+    (dyke(angles_deg=[20, 40]), ["materials.dyke: angles_deg is given, law 'mangia' has no knots"]),
+    (truth([8, 1, 1], OH), ["radar.frequency_ghz is missing: law 'oh1992' of materials.dyke depends on it"]),
+    (truth([8, 1, 0], OH, frequency_ghz=9.6), ["rms_height of law 'oh1992' is 0, expected 0.01 to 100"]),
+    (truth([8, 1, 1], {**OH, "bounds": [[5, 9], [-1, 1], [1, 2]]}, frequency_ghz=9.6), ["bounds", "permittivity_imag"]),
+    ({"radar": {"frequency_ghz": 5.4}}, ["radar: frequency_ghz is 5.4, which is not in band 'X'"]),
+    ({"radar": {"frequency_ghz": -1}}, ["radar.frequency_ghz is -1"]),
+    # starts of another law
+    (dyke(start={"law": "constant_gamma"}), ["materials.dyke.start.parameters is missing"]),
+    (dyke(start={"law": "constant_gamma", "parameters": [1, 2]}), ["materials.dyke.start", "2 numbers", "takes 1"]),
+    (dyke(start={"law": "gamma", "parameters": [1]}), ["materials.dyke.start: law is 'gamma', expected one of"]),
+    (dyke(start={"low": "mangia", "parameters": X}), ["materials.dyke.start.low", "did you mean 'law'?"]),
+    (dyke(start={"law": "mangia", "parameters": [60, 1, 1, 1]}), ["materials.dyke", "X1 is 60", "inside its bounds"]),
+    (
+        {**dyke(start={"law": "oh1992", "parameters": [8, 1, 1]}), **synthetic(parameters={"dyke": X})},
+        ["radar.frequency_ghz is missing", "materials.dyke.start depends"],
+    ),
+    (
+        {**dyke(start={"law": "constant_gamma", "parameters": [-9]}), **synthetic(parameters={})},
+        ["measurement.synthetic.parameters.dyke is missing", "materials.dyke.start is of another law"],
+    ),
+    (dyke(start=5), ["materials.dyke.start is 5"]),
+    (dyke(start=[1, 2, 3, "x"]), ["materials.dyke.start.3 is 'x'"]),
     # top level
     ({"case": "a b"}, ["case", "'a b'", "a letter"]),
     ({"case": "../up"}, ["case", "'../up'"]),
@@ -443,3 +486,42 @@ def test_the_default_truth_does_not_bind_other_materials() -> None:
     with pytest.raises(ConfigError, match="no such material"):
         written = {"synthetic": {"parameters": {"dyke": [1, 2, 3, 4]}}}
         case_from({"materials": {"grass": {"calibrate": True}}, "measurement": written})
+
+
+def test_a_start_of_another_law_is_only_the_reference_runs() -> None:
+    start = {"law": "tabulated", "angles_deg": [20, 50], "parameters": [-3.0, -9.0]}
+    case = case_from({**dyke(start=start), **synthetic(parameters={"dyke": X})})
+    assert case == case_from(case.model_dump(mode="json"))
+    assert case == case_from(yaml.safe_load(yaml.safe_dump(case.model_dump(mode="json"))))
+    assert case.start_with_another_law == ["dyke"]
+    assert case.materials["dyke"].start_parameters == [-3.0, -9.0]
+    assert case.laws["dyke"].names == ("X1", "X2", "X3", "X4")
+    reference = case.at_start
+    assert reference.materials["dyke"].law == "tabulated"
+    assert reference.materials["dyke"].start_parameters == [-3.0, -9.0]
+    assert reference.laws["dyke"].valid_deg == (20.0, 50.0)
+    assert reference.calibrated == ["dyke"]
+    assert reference.at_start == reference
+
+
+@pytest.mark.parametrize("start", [X, {"law": "mangia", "parameters": X}])
+def test_a_start_of_the_same_law_is_a_start(start: object) -> None:
+    case = case_from(dyke(start=start))
+    assert case.start_with_another_law == []
+    assert case.materials["dyke"].start_parameters == X
+    assert case.at_start == case
+
+
+def test_start_by_law_survives_a_rules_params() -> None:
+    case = case_from(
+        {**dyke(start={"law": "constant_gamma", "parameters": [-9.0]}), **synthetic(parameters={"dyke": X})}
+    )
+    again = Case.of_sections(case.sections("materials", "radar"))
+    assert again.start_with_another_law == ["dyke"]
+    assert again.at_start.laws["dyke"].names == ("gamma",)
+
+
+def test_laws_know_the_pass() -> None:
+    case = case_from(truth([8, 1, 1], OH, frequency_ghz=5.4, band="C", polarisation="VV"))
+    higher = case_from(truth([8, 1, 1], OH, frequency_ghz=9.6, polarisation="HH"))
+    assert float(case.laws["dyke"](0.6, [8, 1, 1])) != float(higher.laws["dyke"](0.6, [8, 1, 1]))

@@ -13,6 +13,7 @@ import pytest
 
 from radcal.config import Case
 from radcal.errors import SimulatorError, StoreError
+from radcal.files import digest
 from radcal.radar.geometry import Geometry
 from radcal.radar.laws import LAWS, Law
 from radcal.store import Record, Runner, RunStore
@@ -103,6 +104,46 @@ def test_key_changes_with_all_that_changes_the_numbers(
     changes.append({"materials": {"dyke": {"calibrate": True, "law": "other"}, "grass": grass}})
     keys += [Runner(store, simulator, geometry, "scene", build_case(**change)).run(X, 7).key for change in changes]
     assert len(set(keys)) == len(keys) == 13
+
+
+def test_key_of_a_run_is_that_of_earlier_versions(store: RunStore, geometry: Geometry, case: Case) -> None:
+    # finished runs are found under this name in every results folder there is
+    description = Runner(store, Counting(geometry.shape), geometry, "scene", case).description(X, 7)
+    assert digest(description) == "785489fb591a27106056"
+    assert "frequency_ghz" not in description["pass"]
+
+
+def test_key_knows_frequency_and_knots(store: RunStore, geometry: Geometry, build_case: Callable[..., Case]) -> None:
+    def key(angles: list[float], **radar: float) -> str:
+        table = {"calibrate": True, "law": "tabulated", "angles_deg": angles, "bounds": [[-30, 0]] * 2}
+        case = build_case(
+            materials={"dyke": table, "grass": {"parameters": X["grass"]}},
+            measurement={"synthetic": {"parameters": {"dyke": [-9, -12]}}},
+            radar={"altitude_m": 1000.0, **radar},
+        )
+        runner = Runner(store, Counting(geometry.shape), geometry, "scene", case)
+        return digest(runner.description({"dyke": [-9.0, -12.0], "grass": X["grass"]}, 7))
+
+    keys = [key([20, 40]), key([20, 41]), key([20, 40], frequency_ghz=9.6), key([20, 40], frequency_ghz=9.65)]
+    assert len(set(keys)) == 4
+
+
+def test_a_reference_run_of_another_law_is_another_run(
+    store: RunStore, geometry: Geometry, build_case: Callable[..., Case]
+) -> None:
+    grass = {"parameters": X["grass"]}
+    start = {"law": "constant_gamma", "parameters": [-9.0]}
+    listed = build_case(materials={"dyke": {"calibrate": True, "start": X["dyke"]}, "grass": grass})
+    named = build_case(materials={"dyke": {"calibrate": True, "start": start}, "grass": grass})
+    simulator = Counting(geometry.shape)
+    keys = [
+        digest(Runner(store, simulator, geometry, "scene", case).description(X, 7))
+        for case in (listed, listed.at_start, named)
+    ]
+    assert set(keys) == {"785489fb591a27106056"}
+    parameters = {**X, "dyke": [-9.0]}
+    description = Runner(store, simulator, geometry, "scene", named.at_start).description(parameters, 7)
+    assert description["materials"]["dyke"] == {"law": "constant_gamma", "parameters": [-9.0]}
 
 
 def test_key_does_not_change_with_how_runs_are_used(

@@ -8,6 +8,7 @@ Unknown keys are refused. All models are frozen.
 from __future__ import annotations
 
 import difflib
+import itertools
 import os
 import re
 import types
@@ -21,7 +22,9 @@ from pydantic import (
     BaseModel,
     BeforeValidator,
     ConfigDict,
+    Discriminator,
     Field,
+    Tag,
     TypeAdapter,
     ValidationError,
     ValidationInfo,
@@ -30,8 +33,8 @@ from pydantic import (
 )
 
 from radcal.errors import ConfigError
-from radcal.radar.bands import same_label
-from radcal.radar.laws import LAWS
+from radcal.radar.bands import same_label, within_band
+from radcal.radar.laws import LAWS, Law, law_for
 
 __all__ = [
     "BuiltinScene",
@@ -47,6 +50,7 @@ __all__ = [
     "Scene",
     "Simulator",
     "SlantRangeScene",
+    "Start",
     "Stop",
     "Surrogate",
     "Synthetic",
@@ -65,6 +69,7 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 Count = Annotated[int, Field(ge=1)]
 
 
+_DEFAULT_LAW = "mangia"
 _LARGEST = 1000.0  # of any parameter: powers beyond 10^100 are a unit mix-up, and no single-precision image holds them
 
 
@@ -148,6 +153,7 @@ class Radar(_Strict):
         "right", description="the track heads north: right looks east, left looks west"
     )
     band: str = Field("X", description="label of the carrier's band")
+    frequency_ghz: Positive | None = Field(None, description="carrier frequency [GHz], for laws that depend on it")
     polarisation: Literal["HH", "HV", "VH", "VV"] = "HH"
     range_resolution_m: Positive = Field(2.0, description="-3 dB width in slant range [m]")
     azimuth_resolution_m: Positive = Field(3.5, description="-3 dB width in azimuth [m]")
@@ -159,6 +165,12 @@ class Radar(_Strict):
         "sigma0_local", description="what a pixel holds: sigma0 of the local incidence, no area term"
     )
 
+    @model_validator(mode="after")
+    def _one_band(self) -> Self:
+        if self.frequency_ghz is not None and within_band(self.band, self.frequency_ghz * 1e9) is False:
+            raise ValueError(f"frequency_ghz is {self.frequency_ghz:g}, which is not in band {self.band!r}: mend one")
+        return self
+
 
 class Simulator(_Strict):
     """Which simulator is run."""
@@ -167,29 +179,80 @@ class Simulator(_Strict):
     keep_images: bool = Field(False, description="keep the whole image in every run record")
 
 
+Knots = Annotated[list[Annotated[float, Field(ge=0, le=90)]], Field(min_length=2)]
+_START_AS_LIST, _START_AS_LAW = "a list", "a law"  # of pydantic's union; people never wrote them
+
+
+def _law_of(name: str, angles_deg: Sequence[float] | None) -> Law:
+    """The law that a material names, its knots bound: names and units of its parameters are known."""
+    if name not in LAWS:
+        raise ValueError(f"law is {name!r}, expected one of {sorted(LAWS)}")
+    if "angles_deg" not in LAWS[name].needs:
+        if angles_deg is not None:
+            raise ValueError(f"angles_deg is given, law {name!r} has no knots")
+    elif angles_deg is None:
+        raise ValueError(f"angles_deg is missing, law {name!r} needs the incidence angles of its knots [deg]")
+    elif any(second <= first for first, second in itertools.pairwise(angles_deg)):
+        raise ValueError(f"angles_deg is {angles_deg}, expected increasing angles")
+    return LAWS[name].bound(angles_deg=angles_deg)
+
+
+def _check_parameters(key: str, values: Sequence[float], law: Law, name: str) -> None:
+    """Refuse parameters of the wrong number, or that the law has no value for."""
+    if len(values) != len(law.names):
+        raise ValueError(f"{key} has {len(values)} numbers, law {name!r} takes {len(law.names)}")
+    for parameter, x, (low, high) in zip(law.names, values, law.limits or (), strict=law.limits is not None):
+        if not low <= x <= high:
+            raise ValueError(f"{key}: {parameter} of law {name!r} is {x:g}, expected {low:g} to {high:g}")
+
+
+class Start(_Strict):
+    """A start with another law than the one that is calibrated: the reference run is made with it."""
+
+    law: str = Field(description="law of the reference run")
+    angles_deg: Knots | None = Field(None, description="knots of a tabulated law [deg]")
+    parameters: list[Finite] = Field(description="its parameters")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        _check_parameters("parameters", self.parameters, _law_of(self.law, self.angles_deg), self.law)
+        return self
+
+
 class Material(_Strict):
     """A surface material: its law, and either fixed parameters or a box to search."""
 
     calibrate: bool = False
-    law: str = "mangia"
+    law: str = _DEFAULT_LAW
+    angles_deg: Knots | None = Field(None, description="incidence angles of a tabulated law's knots [deg]")
     parameters: list[Finite] | None = Field(None, description="fixed parameters (calibrate: false)")
     bounds: list[tuple[Finite, Finite]] | None = Field(None, description="[lower, upper] of each parameter")
-    start: list[Finite] | None = Field(None, description="starting parameters; the middle of the bounds if missing")
+    start: (
+        Annotated[
+            Annotated[list[Finite], Tag(_START_AS_LIST)] | Annotated[Start, Tag(_START_AS_LAW)],
+            Discriminator(lambda value: _START_AS_LAW if isinstance(value, dict | Start) else _START_AS_LIST),
+        ]
+        | None
+    ) = Field(
+        None, description="starting parameters, or {law, parameters}; the middle of the bounds if missing"
+    )  # fmt: skip
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        if self.law not in LAWS:
-            raise ValueError(f"law is {self.law!r}, expected one of {sorted(LAWS)}")
-        law = LAWS[self.law]
+        law = _law_of(self.law, self.angles_deg)
         d = len(law.names)
         if not self.calibrate:
             if self.parameters is None:
                 raise ValueError(f"a material that is not calibrated needs parameters: {d} numbers {list(law.names)}")
-            if len(self.parameters) != d:
-                raise ValueError(f"parameters has {len(self.parameters)} numbers, law {self.law!r} takes {d}")
+            _check_parameters("parameters", self.parameters, law, self.law)
             return self
         if self.parameters is not None:
             raise ValueError("a calibrated material takes start and bounds, not parameters")
+        if self.bounds is None and law.bounds is None:
+            raise ValueError(
+                f"bounds is missing, law {self.law!r} has no default: expected [lower, upper] for each of "
+                f"{', '.join(law.names)}"
+            )
         if len(self.box) != d:
             raise ValueError(f"bounds has {len(self.box)} intervals, law {self.law!r} takes {d}")
         for name, (low, high) in zip(law.names, self.box, strict=True):
@@ -197,6 +260,10 @@ class Material(_Strict):
                 raise ValueError(f"bounds of {name} are [{low:g}, {high:g}], expected lower < upper")
             if max(abs(low), abs(high)) > _LARGEST:
                 raise ValueError(f"bounds of {name} are [{low:g}, {high:g}], expected within +-{_LARGEST:g}")
+        for values in zip(*self.box, strict=True):
+            _check_parameters("bounds", values, law, self.law)
+        if self.starts_with_another_law:
+            return self
         if len(self.start_parameters) != d:
             raise ValueError(f"start has {len(self.start_parameters)} numbers, law {self.law!r} takes {d}")
         for name, x, (low, high) in zip(law.names, self.start_parameters, self.box, strict=True):
@@ -207,16 +274,36 @@ class Material(_Strict):
     @property
     def box(self) -> list[tuple[float, float]]:
         """Bounds of each parameter, the law's own where none are configured."""
-        return list(self.bounds) if self.bounds is not None else list(LAWS[self.law].bounds)
+        return list(self.bounds if self.bounds is not None else LAWS[self.law].bounds or ())
 
     @property
     def start_parameters(self) -> list[float]:
-        """Parameters of the reference run."""
+        """Parameters of the reference run; of the start's law, if it names one."""
         if self.parameters is not None:
             return list(self.parameters)
+        if isinstance(self.start, Start):
+            return list(self.start.parameters)
         if self.start is not None:
             return list(self.start)
         return [0.5 * (low + high) for low, high in self.box]
+
+    @property
+    def starts_with_another_law(self) -> bool:
+        """Whether the reference run is made with another law than the one that is calibrated."""
+        return (
+            self.calibrate
+            and isinstance(self.start, Start)
+            and (self.start.law, self.start.angles_deg) != (self.law, self.angles_deg)
+        )
+
+    @property
+    def at_start(self) -> Material:
+        """The material as the reference run sees it: of the start's law."""
+        if not (self.starts_with_another_law and isinstance(self.start, Start)):
+            return self
+        # not checked again: bounds are the calibrated law's, and nothing of a reference run asks for them
+        start = {"law": self.start.law, "angles_deg": self.start.angles_deg, "start": list(self.start.parameters)}
+        return self.model_copy(update={**start, "bounds": None})
 
 
 class Synthetic(_Strict):
@@ -413,12 +500,9 @@ class Case(_Strict):
                     raise ValueError(
                         f"measurement.synthetic.parameters.{name}: no such material{_nearest(name, self.materials)}"
                     )
-                d = len(LAWS[self.materials[name].law].names)
-                if len(x) != d:
-                    raise ValueError(
-                        f"measurement.synthetic.parameters.{name} has {len(x)} numbers, "
-                        f"law {self.materials[name].law!r} takes {d}"
-                    )
+                material = self.materials[name]
+                law = _law_of(material.law, material.angles_deg)
+                _check_parameters(f"measurement.synthetic.parameters.{name}", x, law, material.law)
         for name in self.target.reference_materials or []:
             if name not in self.materials:
                 raise ValueError(f"target.reference_materials: no material {name!r}{_nearest(name, self.materials)}")
@@ -431,6 +515,9 @@ class Case(_Strict):
                 "target.normalisation is offset, expected at least one material with fixed parameters "
                 "(calibrate: false) to say the level, found none"
             )
+        if isinstance(self.measurement, SyntheticMeasurement):
+            self._check_truth(self.measurement.synthetic)
+        self._check_laws()
         if isinstance(self.measurement, FileMeasurement):
             self._check_pass(self.measurement)
         if self.stop.max_runs < self.design.size:
@@ -438,6 +525,30 @@ class Case(_Strict):
                 f"stop.max_runs is {self.stop.max_runs}, expected at least design.size ({self.design.size})"
             )
         return self
+
+    def _check_truth(self, synthetic: Synthetic) -> None:
+        """Refuse a synthetic measurement without a truth in the law that is calibrated."""
+        for name, material in self.materials.items():
+            key = f"measurement.synthetic.parameters.{name}"
+            if name in synthetic.parameters and (synthetic.is_written or material.law == _DEFAULT_LAW):
+                continue
+            if name in synthetic.parameters:
+                raise ValueError(
+                    f"{key} is missing: its default is for law {_DEFAULT_LAW!r}, materials.{name}.law is "
+                    f"{material.law!r}"
+                )
+            if material.starts_with_another_law:
+                raise ValueError(
+                    f"{key} is missing: the hidden truth is of law {material.law!r}, and materials.{name}.start is of "
+                    "another law"
+                )
+
+    def _check_laws(self) -> None:
+        """Refuse laws that depend on what the radar does not say."""
+        for name, material in self.materials.items():
+            for key, law in ((name, material.law), (f"{name}.start", material.at_start.law)):
+                if "frequency_ghz" in LAWS[law].needs and self.radar.frequency_ghz is None:
+                    raise ValueError(f"radar.frequency_ghz is missing: law {law!r} of materials.{key} depends on it")
 
     def _check_pass(self, measurement: FileMeasurement) -> None:
         """Refuse an image that is declared to be of another pass than the radar's."""
@@ -456,6 +567,31 @@ class Case(_Strict):
     def calibrated(self) -> list[str]:
         """Names of the materials to calibrate, in the order of the file."""
         return [name for name, material in self.materials.items() if material.calibrate]
+
+    @property
+    def laws(self) -> dict[str, Law]:
+        """Every material's law, ready to be evaluated for this pass."""
+        return {
+            name: law_for(
+                material.law,
+                frequency_ghz=self.radar.frequency_ghz,
+                polarisation=self.radar.polarisation,
+                angles_deg=material.angles_deg,
+            )
+            for name, material in self.materials.items()
+        }
+
+    @property
+    def at_start(self) -> Case:
+        """The case as the reference run sees it: materials have the law of their start."""
+        return self.model_copy(
+            update={"materials": {name: material.at_start for name, material in self.materials.items()}}
+        )
+
+    @property
+    def start_with_another_law(self) -> list[str]:
+        """Names of the calibrated materials whose reference run is made with another law."""
+        return [name for name, material in self.materials.items() if material.starts_with_another_law]
 
     @property
     def reference_materials(self) -> list[str]:
@@ -570,6 +706,7 @@ def _sentence(error: ValidationError, origin: str) -> str:
     location = list(first["loc"])
     if location[:1] in (["scene"], ["measurement"]) and len(location) > 1:
         location.pop(1)  # the tag that pydantic puts there; people never wrote it
+    location = [part for part in location if part not in (_START_AS_LIST, _START_AS_LAW)]
     key = ".".join(str(part) for part in location) or "the configuration"
     found = first["input"]
     match first["type"]:

@@ -185,19 +185,23 @@ class Runner:
         self._geometry = geometry
         self._scene_identity = scene_identity
         self._radar: Radar = case.radar
-        self._laws = {name: material.law for name, material in case.materials.items()}
+        self._laws: dict[str, dict[str, Any]] = {
+            # knots only where there are any: runs of other laws keep the keys they had before there were knots
+            name: {"law": material.law, **({"angles_deg": material.angles_deg} if material.angles_deg else {})}
+            for name, material in case.materials.items()
+        }
         self._recorded = case.calibrated
         self._keep_images = case.simulator.keep_images
 
     def description(self, parameters: Parameters, noise_seed: int) -> dict[str, Any]:
         """All that determines a run's numbers, as plain data."""
+        unknown = {"frequency_ghz"} if self._radar.frequency_ghz is None else None  # keys as before there was one
         return {
             "simulator": dict(self._simulator.identity),
             "scene": self._scene_identity,
-            "pass": self._radar.model_dump(mode="json"),
+            "pass": self._radar.model_dump(mode="json", exclude=unknown),
             "materials": {
-                name: {"law": law, "parameters": [float(x) for x in parameters[name]]}
-                for name, law in self._laws.items()
+                name: {**law, "parameters": [float(x) for x in parameters[name]]} for name, law in self._laws.items()
             },
             "noise_seed": noise_seed,
         }

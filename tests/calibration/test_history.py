@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,6 +17,8 @@ from radcal.calibration.history import (
     write_proposals,
     write_runs,
 )
+from radcal.calibration.stopping import decide
+from radcal.config import Stop
 from radcal.errors import StoreError
 from radcal.files import write_json
 from radcal.measurement.target import Targets
@@ -60,10 +63,20 @@ def test_training_holds_each_point_once():
     assert dp.shape == (4, 3)
 
 
+def test_a_reference_run_of_another_law_counts_for_nothing():
+    reference = replace(RUNS[0], parameters={"dyke": [-9.0]}, rms={"dyke": 0.01}, other_law=["dyke"])
+    history = History([reference, *RUNS[1:]])
+    assert history.best("dyke") is RUNS[3]
+    np.testing.assert_array_equal(history.training("dyke")[0], [[0.2, 0.2], [0.3, 0.3], [0.4, 0.4]])
+    assert decide(History([reference, *RUNS[1:3]]), ["dyke"], Stop(rms=0.05)).reason is None
+    assert decide(History([*RUNS[1:3]]), ["dyke"], Stop(rms=0.25)).reason == "rms"
+
+
 def test_files_round_trip_to_the_last_bit(tmp_path):
     proposal = Proposal([0.1 + 0.2, 1e-300], "explore", 1e-5, None, 0.3)
     runs = [
-        *RUNS[:3],
+        replace(RUNS[0], other_law=["dyke"]),
+        *RUNS[1:3],
         Run("infill", 0, "k", 0.1, {"dyke": [0.1 + 0.2]}, {"dyke": [1, 2, 3]}, {"dyke": 0.1}, {"dyke": proposal}),
     ]
     write_runs(tmp_path / "a.json", runs[:2])

@@ -1,13 +1,39 @@
 from __future__ import annotations
 
+import cmath
 import math
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from radcal.radar.laws import LAWS, mangia
+from radcal.errors import ConfigError
+from radcal.radar.laws import LAWS, Law, constant_gamma, law_for, laws_table, mangia, tabulated, ulaby_dobson
 
 X = (6.1, 14.2, 21.5, 3.3)
+FREQUENCY_GHZ = 9.5
+KNOTS = [20.0, 35.0, 60.0]
+# one set of parameters inside of what each law was made for
+ORDINARY = {
+    "mangia": list(X),
+    "ulaby_dobson": [-20.0, 15.0, 2.5, 3.0, 2.0, -1.0],
+    "oh1992": [6.28, 1.53, 0.302],
+    "constant_gamma": [-12.0],
+    "tabulated": [-3.0, -9.0, -11.0],
+}
+
+
+def ready(name: str, polarisation: str = "VV", frequency_ghz: float = FREQUENCY_GHZ) -> Law:
+    knots = KNOTS if name == "tabulated" else None
+    return law_for(name, frequency_ghz=frequency_ghz, polarisation=polarisation, angles_deg=knots)
+
+
+def at(law: Law, degrees: float, x: list[float]) -> float:
+    return float(law(math.radians(degrees), x))
 
 
 @pytest.mark.parametrize("degrees", [0.0, 10.0, 17.0, 45.0, 60.0, 90.0])
@@ -21,23 +47,202 @@ def test_mangia_at_nadir_is_the_sum_of_its_levels() -> None:
     assert float(mangia(0.0, X)) == pytest.approx(X[0] + X[1] + X[2])
 
 
-def test_mangia_keeps_the_shape_and_takes_single_precision() -> None:
-    phi = np.linspace(0, 1, 6, dtype=np.float32).reshape(2, 3)
-    values = mangia(phi, list(X))
-    assert values.shape == (2, 3)
-    assert values.dtype == np.float64
+def test_mangia_keeps_its_default_box() -> None:
+    assert LAWS["mangia"].bounds == ((0.0, 50.0),) * 4
+
+
+def test_ulaby_dobson_term_by_term() -> None:
+    # at nadir the exponential is 1, ln 2 / P3 from there a half; at 45 deg P5 phi + P6 = 0 for P5 = 2, P6 = -pi/2
+    assert float(ulaby_dobson(0.0, [-20.0, 12.0, 3.0, 5.0, 2.0, 0.0])) == pytest.approx(-20.0 + 12.0 + 5.0)
+    assert float(ulaby_dobson(math.pi / 4, [-20.0, 0.0, 3.0, 5.0, 2.0, -math.pi / 2])) == pytest.approx(-15.0)
+    assert float(ulaby_dobson(math.log(2.0) / 3.0, [-20.0, 12.0, 3.0, 0.0, 2.0, 0.0])) == pytest.approx(-14.0)
+    assert float(ulaby_dobson(math.radians(30), [-20, 0, 3, 4, 0, math.pi / 3])) == pytest.approx(-18.0)
+
+
+def test_constant_gamma_falls_with_the_cosine() -> None:
+    assert float(constant_gamma(0.0, [-12.0])) == pytest.approx(-12.0)
+    assert float(constant_gamma(math.radians(60.0), [-12.0])) == pytest.approx(-12.0 - 10.0 * math.log10(2.0))
+
+
+def test_constant_gamma_at_grazing_stops_at_a_cosine_of_1e_6() -> None:
+    # the cosine of pi/2 in single precision is negative
+    assert float(constant_gamma(np.float32(np.pi / 2), [-12.0])) == pytest.approx(-72.0)
+
+
+def test_tabulated_goes_through_its_knots_and_is_constant_beyond() -> None:
+    values = [-3.0, -9.0, -11.0]
+    law = ready("tabulated")
+    np.testing.assert_allclose(law(np.radians(KNOTS), values), values, atol=1e-12)
+    assert at(law, 0.0, values) == at(law, 20.0, values) == pytest.approx(-3.0)
+    assert at(law, 90.0, values) == pytest.approx(-11.0)
+    assert law.names == ("sigma0_20deg", "sigma0_35deg", "sigma0_60deg")
+    assert law.valid_deg == (20.0, 60.0)
+
+
+def test_tabulated_with_two_knots_is_a_straight_line_in_degrees() -> None:
+    assert float(tabulated(math.radians(27.5), [-4.0, -12.0], angles_deg=[20.0, 50.0])) == pytest.approx(-6.0)
+
+
+def test_tabulated_between_knots_by_hand() -> None:
+    # Fritsch and Butland's slope at the middle knot: weighted harmonic mean of the secants
+    h, secants = (15.0, 25.0), (-6.0 / 15.0, -2.0 / 25.0)
+    w = (2 * h[1] + h[0], h[1] + 2 * h[0])
+    slope = (w[0] + w[1]) / (w[0] / secants[0] + w[1] / secants[1])
+    law, step = ready("tabulated"), 1e-4
+    found = (at(law, 35.0 + step, [-3, -9, -11]) - at(law, 35.0 - step, [-3, -9, -11])) / (2 * step)
+    assert found == pytest.approx(slope, rel=1e-4)
+
+
+@given(st.lists(st.floats(-60.0, 20.0), min_size=3, max_size=3), st.floats(0.0, 90.0))
+def test_tabulated_never_overshoots(values: list[float], degrees: float) -> None:
+    k = int(np.clip(np.searchsorted(KNOTS, degrees), 1, 2))
+    low, high = sorted(values[k - 1 : k + 1])
+    assert low - 1e-9 <= at(ready("tabulated"), degrees, values) <= high + 1e-9
+
+
+@pytest.mark.parametrize(
+    ("degrees", "vv", "hh", "hv"),
+    # example of code 10.5 (PRISM-1) of Ulaby and Long, "Microwave Radar and Radiometric Remote Sensing":
+    # eps = 6.28 - j 1.53, s = 3.02 mm, 9.5 GHz; it takes the speed of light as 0.3 m GHz
+    [
+        (10.0, -12.2325, -12.3403, -25.6389),
+        (40.0, -14.8225, -16.0839, -28.2289),
+        (70.0, -22.4980, -26.3105, -35.9044),
+    ],
+)
+def test_oh1992_is_the_authors_prism_1(degrees: float, vv: float, hh: float, hv: float) -> None:
+    for polarisation, expected in {"VV": vv, "HH": hh, "HV": hv, "VH": hv}.items():
+        assert at(ready("oh1992", polarisation), degrees, ORDINARY["oh1992"]) == pytest.approx(expected, abs=0.01)
+
+
+def fresnel(permittivity: complex, phi: float) -> tuple[float, float]:
+    """Reflectivities (h, v) by Snell's law and the refracted angle."""
+    refracted = cmath.asin(math.sin(phi) / cmath.sqrt(permittivity))
+    n, cos_i, cos_t = cmath.sqrt(permittivity), math.cos(phi), cmath.cos(refracted)
+    h = (cos_i - n * cos_t) / (cos_i + n * cos_t)
+    v = (cos_t - n * cos_i) / (cos_t + n * cos_i)
+    return abs(h) ** 2, abs(v) ** 2
+
+
+@given(
+    st.floats(5.0, 18.0), st.floats(0.0, 6.0), st.floats(0.1, 6.0), st.floats(1.0, 12.0), st.floats(0.0, 85.0),
+    st.sampled_from(["HH", "HV", "VV"]),
+)  # fmt: skip
+def test_oh1992_against_scalar_arithmetic(
+    real: float, imaginary: float, ks: float, frequency_ghz: float, degrees: float, polarisation: str
+) -> None:
+    height_cm = ks / (2 * math.pi * frequency_ghz * 1e9 / 299_792_458.0) * 100.0
+    permittivity, phi = complex(real, -imaginary), math.radians(degrees)
+    gamma_0 = fresnel(permittivity, 0.0)[0]
+    root_p = 1.0 - (phi / (math.pi / 2)) ** (1.0 / 3.0 / gamma_0) * math.exp(-ks)
+    sigma = 0.7 * (1 - math.exp(-0.65 * ks**1.8)) * math.cos(phi) ** 3 / root_p * sum(fresnel(permittivity, phi))
+    sigma *= {"VV": 1.0, "HH": root_p**2, "HV": 0.23 * math.sqrt(gamma_0) * (1 - math.exp(-ks))}[polarisation]
+    law = ready("oh1992", polarisation, frequency_ghz)
+    assert at(law, degrees, [real, imaginary, height_cm]) == pytest.approx(10 * math.log10(sigma), abs=1e-8)
+
+
+def test_oh1992_ratios_where_they_are_simple() -> None:
+    # Gamma0 = 1/3 makes the exponent of p one
+    n = (1 + 3**-0.5) / (1 - 3**-0.5)
+    x = [n**2, 0.0, 29.9792458 / (2 * math.pi * FREQUENCY_GHZ)]  # ks = 1
+    hh, hv, vv = (at(ready("oh1992", polarisation), 45.0, x) for polarisation in ("HH", "HV", "VV"))
+    assert hh - vv == pytest.approx(20 * math.log10(1 - 0.5 * math.exp(-1)))
+    assert hv - vv == pytest.approx(10 * math.log10(0.23 * 3**-0.5 * (1 - math.exp(-1))))
+
+
+def test_oh1992_at_nadir_does_not_tell_hh_from_vv() -> None:
+    x = ORDINARY["oh1992"]
+    assert at(ready("oh1992", "HH"), 0.0, x) == pytest.approx(at(ready("oh1992", "VV"), 0.0, x), abs=1e-12)
+
+
+def test_oh1992_says_where_its_parameters_are_doubtful() -> None:
+    law = ready("oh1992")
+    assert law.doubt is not None
+    assert law.doubt(ORDINARY["oh1992"]) is None
+    for frequency_ghz, height_cm in ((1.5, 0.32), (9.5, 3.02)):  # the smoothest and roughest surface measured
+        edge = ready("oh1992", frequency_ghz=frequency_ghz).doubt
+        assert edge is not None
+        assert edge([10.0, 2.0, height_cm]) is None
+        assert "ks is" in str(edge([10.0, 2.0, height_cm * (1.1 if height_cm > 1 else 0.9)]))
+    assert "ks is 8" in str(law.doubt([6.0, 1.0, 4.02]))
+    assert "permittivity is 25" in str(law.doubt([25.0, 1.0, 0.3]))
 
 
 @pytest.mark.parametrize("name", sorted(LAWS))
-def test_every_law_names_its_parameters_and_is_finite_in_its_box(name: str) -> None:
-    law = LAWS[name]
-    assert len(law.names) == len(law.units) == len(law.bounds) == len(set(law.names))
-    low, high = np.array(law.bounds).T
-    assert (low < high).all()
-    rng = np.random.default_rng(0)
-    for x in [low, high, *rng.uniform(low, high, (20, len(low)))]:
-        assert np.isfinite(law(np.linspace(0, np.pi / 2, 20), x)).all()
+def test_every_law_keeps_the_shape_and_takes_single_precision(name: str) -> None:
+    phi = np.linspace(0.0, np.pi / 2, 12, dtype=np.float32)
+    law = ready(name)
+    values = law(phi.reshape(3, 4), ORDINARY[name])
+    assert values.shape == (3, 4)
+    assert values.dtype == np.float64
+    np.testing.assert_array_equal(values.ravel(), [float(law(p, ORDINARY[name])) for p in phi])
+    assert law(0.5, ORDINARY[name]).shape == ()
 
 
-def test_mangia_default_box_is_the_papers() -> None:
-    assert LAWS["mangia"].bounds == ((0.0, 50.0),) * 4
+@pytest.mark.parametrize("name", sorted(LAWS))
+def test_every_law_is_described(name: str) -> None:
+    law = ready(name)
+    assert len(law.names) == len(law.units) == len(set(law.names)) == len(ORDINARY[name])
+    assert law.needs == ()
+    assert law.source
+    low, high = law.valid_deg
+    assert 0 <= low < high <= 90
+    for intervals in (law.bounds, law.limits):
+        if intervals is not None:
+            assert len(intervals) == len(law.names)
+            assert all(low < high for low, high in intervals)
+    if law.bounds is not None and law.limits is not None:
+        assert all(a <= x < y <= b for (x, y), (a, b) in zip(law.bounds, law.limits, strict=True))
+
+
+def box_of(name: str) -> list[tuple[float, float]]:
+    law = ready(name)
+    default = [(-1000.0, 1000.0)] * len(law.names)
+    return list(law.limits or law.bounds or default)
+
+
+@pytest.mark.parametrize("name", sorted(LAWS))
+@given(data=st.data(), degrees=st.floats(0.0, 90.0))
+def test_every_law_is_finite_within_its_limits(name: str, data: st.DataObject, degrees: float) -> None:
+    x = [data.draw(st.one_of(st.sampled_from(interval), st.floats(*interval))) for interval in box_of(name)]
+    polarisation = data.draw(st.sampled_from(["HH", "HV", "VH", "VV"]))
+    law = ready(name, polarisation, data.draw(st.floats(0.03, 110.0)))
+    phi = np.array([math.radians(degrees), 0.0, np.pi / 2, np.float32(np.pi / 2)])
+    with np.errstate(all="raise", under="ignore"):
+        assert np.isfinite(law(phi, x)).all()
+
+
+def test_bounds_of_a_law_are_those_of_the_surfaces_it_was_made_for() -> None:
+    law = ready("oh1992")
+    assert law.bounds is not None
+    # Topp, Davis and Annan (1980), eq. 6: permittivity of a volumetric moisture of 0.09 and of 0.31
+    topp = [3.03 + 9.3 * m + 146.0 * m**2 - 76.7 * m**3 for m in (0.09, 0.31)]
+    np.testing.assert_allclose(law.bounds[0], topp, atol=0.5)
+
+
+def test_outside_counts_the_angles_that_are_there() -> None:
+    law = LAWS["oh1992"]
+    assert law.outside([9.9, 10.0, 70.0, 70.1, np.nan]) == 0.5
+    assert law.outside([np.nan]) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("name", "known", "words"),
+    [
+        ("oh1992", {"polarisation": "VV"}, "radar.frequency_ghz is missing: law 'oh1992' depends on it."),
+        ("oh1992", {"frequency_ghz": 5.0}, "radar.polarisation is missing: law 'oh1992' depends on it."),
+        ("tabulated", {"frequency_ghz": 5.0}, "angles_deg of the material is missing: law 'tabulated' depends on it."),
+        ("oh1993", {}, "law is 'oh1993', expected one of ['constant_gamma', 'mangia',"),
+    ],
+)
+def test_a_law_that_cannot_be_evaluated_is_a_sentence(name: str, known: dict, words: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        law_for(name, **known)
+    assert str(caught.value).startswith(words)
+
+
+def test_the_documentation_has_the_table_of_the_code() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "laws.md").read_text(encoding="utf-8")
+    assert laws_table() in page
+    done = subprocess.run([sys.executable, "-m", "radcal.radar.laws"], capture_output=True, text=True, check=True)
+    assert done.stdout == laws_table()

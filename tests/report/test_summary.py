@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
+from radcal.radar.laws import LAWS
 from radcal.report.summary import law_difference_db, sentences, summarise, wall_seconds
 
 INCIDENCE = np.linspace(30.0, 50.0, 1001)  # 5 to 95 %: 31 to 49 deg
@@ -69,10 +70,10 @@ def test_distances_of_two_normals(copy):
 
 def test_law_difference_counts_the_incidence_seen_only():
     law = [6.0, 14.0, 21.0, 3.0]
-    assert law_difference_db("mangia", law, law, INCIDENCE) == 0.0
-    assert law_difference_db("mangia", [7.5, 14.0, 21.0, 3.0], law, INCIDENCE) == pytest.approx(1.5)
+    assert law_difference_db(LAWS["mangia"], law, law, INCIDENCE) == 0.0
+    assert law_difference_db(LAWS["mangia"], [7.5, 14.0, 21.0, 3.0], law, INCIDENCE) == pytest.approx(1.5)
     by_hand = 2.0 * np.cos(np.radians(31.0))
-    assert law_difference_db("mangia", [6.0, 12.0, 21.0, 3.0], law, INCIDENCE) == pytest.approx(by_hand, rel=1e-6)
+    assert law_difference_db(LAWS["mangia"], [6.0, 12.0, 21.0, 3.0], law, INCIDENCE) == pytest.approx(by_hand, rel=1e-6)
 
 
 def test_law_difference_of_the_archive(copy):

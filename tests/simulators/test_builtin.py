@@ -6,6 +6,7 @@ import pytest
 from radcal.config import Radar
 from radcal.errors import ConfigError
 from radcal.radar.geometry import Geometry
+from radcal.radar.laws import law_for
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.protocol import Simulator
 
@@ -34,6 +35,19 @@ def test_level_of_a_material_is_that_of_its_law(simulator: Simulator, geometry: 
         # pixels overlap: about one in three is independent
         ratio = 10 ** (image[pixels].astype(float) / 10) / law
         assert ratio.mean() == pytest.approx(1.0, abs=3 / np.sqrt(4 * pixels.size / 3))
+
+
+def test_laws_by_name_know_the_pass(geometry: Geometry) -> None:
+    soil = {"dyke": [8.0, 1.5, 1.0], "grass": X["grass"]}
+    levels = []
+    for frequency_ghz in (1.5, 9.5):
+        pass_ = Radar(altitude_m=1000.0, band="-", frequency_ghz=frequency_ghz, polarisation="VV")
+        image = BuiltinSimulator(geometry, pass_, {"dyke": "oh1992", "grass": "mangia"}).run(soil, 1)
+        levels.append(image.ravel()[geometry.pixels("dyke", 2)].mean())
+        bound = law_for("oh1992", frequency_ghz=frequency_ghz, polarisation="VV")
+        again = BuiltinSimulator(geometry, pass_, {"dyke": bound, "grass": "mangia"}).run(soil, 1)
+        np.testing.assert_array_equal(again, image)
+    assert levels[1] > levels[0] + 3.0  # the same soil is rough at X band and smooth at L band
 
 
 def test_runs_are_deterministic_and_depend_on_the_seed(simulator: Simulator, geometry: Geometry, radar: Radar) -> None:

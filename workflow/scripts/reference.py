@@ -7,7 +7,7 @@ from radcal.jobs import logged, progress
 
 with logged(snakemake.log[0]):
     case = Case.of_sections(snakemake.params.case)
-    runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
+    runner = make_runner(case.at_start, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     parameters = reference_parameters(case)
     record = runner.run(parameters, noise_seed(case), image=True)
     write_json(snakemake.output.index, [{"key": record.key, "parameters": parameters}])

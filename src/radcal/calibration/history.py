@@ -74,6 +74,9 @@ class Run:
         X; xi [dB], omega [dB], alpha of the simulated density; its rms [1/dB].
     proposals : mapping by material
         What was promised, for infill runs.
+    other_law : list of str
+        Materials that this run gave another law than the one that is calibrated: its X is none of
+        theirs, and it counts for nothing but the score at the start.
     """
 
     kind: Kind
@@ -84,6 +87,7 @@ class Run:
     dp: Mapping[str, list[float]]
     rms: Mapping[str, float]
     proposals: Mapping[str, Proposal] = field(default_factory=dict)
+    other_law: list[str] = field(default_factory=list)
 
 
 def score(
@@ -93,6 +97,7 @@ def score(
     parameters: Parameters,
     targets: Targets,
     proposals: Mapping[str, Proposal] | None = None,
+    other_law: Sequence[str] = (),
 ) -> Run:
     """Score a record against the targets."""
     scored = targets.score(record.pixels_db)
@@ -105,6 +110,7 @@ def score(
         dp={name: [float(v) for v in dp] for name, (dp, _) in scored.items()},
         rms={name: rms for name, (_, rms) in scored.items()},
         proposals=proposals or {},
+        other_law=list(other_law),
     )
 
 
@@ -134,8 +140,8 @@ class History:
         return History(run for run in self.runs if run.kind != "infill" or run.index < infill)
 
     def best(self, material: str) -> Run:
-        """Return the run with the material's smallest rms, the earliest of equals."""
-        return min(self.runs, key=lambda run: run.rms[material])
+        """Return the run with the material's smallest rms, the earliest of equals, made with its law."""
+        return min((run for run in self.runs if material not in run.other_law), key=lambda run: run.rms[material])
 
     def failures(self, material: str) -> int:
         """Return the number of verified proposals since the best one (or since the design)."""
@@ -156,6 +162,8 @@ class History:
         # rounding with its neighbours' laws, and kriging wants each point once
         seen: dict[tuple[float, ...], list[float]] = {}
         for run in self.runs:
+            if material in run.other_law:
+                continue
             seen.setdefault(tuple(run.parameters[material]), list(run.dp[material]))
         return np.array(list(seen)), np.array(list(seen.values()))
 

@@ -24,6 +24,7 @@ def calibrate(
     runner: Runner,
     targets: Targets,
     report: Callable[[History], None] = lambda _: None,
+    reference: Runner | None = None,
 ) -> tuple[History, Decision]:
     """Run reference, design and infill until every material has ended.
 
@@ -37,6 +38,8 @@ def calibrate(
         Target by calibrated material.
     report : callable, optional
         Called with the history after the design and after every verified proposal.
+    reference : Runner, optional
+        Makes the reference run, of ``case.at_start``; needed where a start names another law.
 
     Returns
     -------
@@ -44,10 +47,19 @@ def calibrate(
         All runs, scored.
     decision : Decision
         Why it ended.
+
+    Raises
+    ------
+    ValueError
+        A start names another law and there is no ``reference``.
     """
     seed = noise_seed(case)
     start = reference_parameters(case)
-    runs = [score("reference", 0, runner.run(start, seed, image=True), start, targets)]
+    others = case.start_with_another_law
+    if others and reference is None:
+        raise ValueError(f"materials {others} start with another law: expected a reference runner")
+    record = (reference or runner).run(start, seed, image=True)
+    runs = [score("reference", 0, record, start, targets, other_law=others)]
     for k, parameters in enumerate(design_points(case)):
         runs.append(score("design", k, runner.run(parameters, seed), parameters, targets))
     history, surrogates, k = History(runs), None, 0

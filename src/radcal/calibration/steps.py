@@ -51,8 +51,7 @@ def noise_seed(case: Case, fresh: bool = False) -> int:
 
 def make_simulator(case: Case, geometry_path: str | Path) -> Simulator:
     """The configured simulator on a geometry file."""
-    laws = {name: material.law for name, material in case.materials.items()}
-    return BuiltinSimulator(read_geometry(geometry_path), case.radar, laws)
+    return BuiltinSimulator(read_geometry(geometry_path), case.radar, case.laws)
 
 
 def make_runner(case: Case, scene_path: str | Path, geometry_path: str | Path, runs: str | Path) -> Runner:
@@ -67,7 +66,7 @@ def make_runner(case: Case, scene_path: str | Path, geometry_path: str | Path, r
 
 
 def reference_parameters(case: Case) -> dict[str, list[float]]:
-    """Parameters of the reference run: every material at its start."""
+    """Parameters of the reference run: every material at its start, for the laws of ``Case.at_start``."""
     return {name: material.start_parameters for name, material in case.materials.items()}
 
 

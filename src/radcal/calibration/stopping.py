@@ -94,7 +94,7 @@ def _kept(proposal: Proposal, rms: float) -> bool:
 def _judge(history: History, name: str, stop: Stop) -> Verdict:
     """Walk a material through its runs until something ends it."""
     design = history.count("design")
-    best = min(run.rms[name] for run in history.runs if run.kind != "infill")
+    best = min(run.rms[name] for run in history.runs if run.kind != "infill" and name not in run.other_law)
     idle = 0
     if best <= stop.rms:
         return Verdict("rms", f"{name}: rms {best:.2g} within the tolerance {stop.rms:.2g} before any infill.")

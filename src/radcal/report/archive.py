@@ -6,7 +6,7 @@ Layout of the archive (schema 1); backscatter in dB, angles in degrees:
 ``/`` attributes                          ``case``, ``config`` (JSON), ``reason``, ``converged``,
                                           ``tolerance``, ``max_runs``, ``measurement``, ``notes``, ``looks``,
                                           ``measured_looks`` (homogeneous areas),
-                                          ``sentences``, ``versions`` (JSON), ``final_runs``
+                                          ``sentences``, ``law_notes``, ``versions`` (JSON), ``final_runs``
 ``runs/kind, index, key, seconds``        one entry per run: reference, design, infill
 ``materials/<m>`` attributes              ``law``, ``parameter_names``, ``parameter_units``,
                                           ``reason``, ``sentence``, ``eligible``, ``at_boundary``,
@@ -16,7 +16,8 @@ Layout of the archive (schema 1); backscatter in dB, angles in degrees:
                                           ``fit_ks, fit_ks_p, fit_ad, fit_ad_p`` (pixels against
                                           their density), ``best`` (index into ``runs``)
 ``materials/<m>/parameters, dp, rms``     per run: X (n, d), (xi, omega, alpha) (n, 3), rms (n,)
-``materials/<m>/bounds, start``           search box (d, 2), starting X (d,)
+``materials/<m>/bounds, start``           search box (d, 2), starting X (d,); where ``start`` is of another law,
+                                          ``parameters`` of the reference run are NaN
 ``materials/<m>/hidden``                  truth of a synthetic measurement (d,), where there is one
 ``materials/<m>/target_dp,``              (3,); standard errors of mean [dB], sd [dB], skewness (3,),
 ``  target_cp_error, target_cp_interval`` and their 95 % intervals (3, 2)
@@ -33,6 +34,8 @@ Layout of the archive (schema 1); backscatter in dB, angles in degrees:
                                           ``step``-th cell (attribute; ``cell_m`` [m] is that of the scene)
 ``laws/<m>``                              parameters of every material's law in the final runs; the law's
                                           name is an attribute of ``laws``
+``laws/<m>``, ``materials/<m>/start``     what evaluating their law takes: ``law``, ``polarisation``, and
+``  parameters`` attributes               ``frequency_ghz`` and ``angles_deg`` where there are any
 ``registration`` attributes               ``method``, ``applied``, ``verdict``
 ``registration/displacement_px,``         where in the measured image each pixel lies (2, rows, columns),
 ``  uncertainty_px, unregistered_db,``    its standard error, the image before, and the true
@@ -58,17 +61,18 @@ import numpy as np
 
 from radcal.calibration.history import History
 from radcal.calibration.stopping import decide
-from radcal.config import Case, Stop
+from radcal.config import Case, Material, Radar, Stop
 from radcal.errors import StoreError
 from radcal.files import atomic, write_hdf5
 from radcal.measurement.registration import Registered
 from radcal.measurement.target import Targets
 from radcal.radar.geometry import Geometry
-from radcal.radar.laws import LAWS
+from radcal.radar.laws import Law, law_for
+from radcal.report.law_notes import law_notes
 from radcal.scene.model import Scene
 from radcal.store import Record, RunStore
 
-__all__ = ["write_archive", "write_table"]
+__all__ = ["read_law", "write_archive", "write_table"]
 
 _REGISTRATION = ("unregistered_db", "displacement_px", "uncertainty_px")
 _LARGEST_SCENE = 1200  # cells per side
@@ -148,9 +152,14 @@ def write_archive(
         _put_scene(file.create_group("scene"), scene)
         laws = file.create_group("laws", track_order=True)
         best = {name: history.best(name).parameters[name] for name in targets}
+        final_parameters = {
+            name: best.get(name, material.start_parameters) for name, material in case.materials.items()
+        }
         for name, material in case.materials.items():
             laws.attrs[name] = material.law
-            laws[name] = best.get(name, material.start_parameters)
+            laws[name] = final_parameters[name]
+            _put_law(laws[name], material, case.radar)
+        file.attrs["law_notes"] = law_notes(case, geometry, final_parameters)
         group = file.create_group("levels")
         for key in ("normalisation", "offset_db", "offset_error_db", "scale", "sentence", "doubtful", "unit"):
             group.attrs[key] = getattr(targets.levels, key)
@@ -173,7 +182,7 @@ def write_archive(
         for name, target in targets.items():
             group = materials.create_group(name)
             material = case.materials[name]
-            law = LAWS[material.law]
+            law = case.laws[name]
             group.attrs["law"] = material.law
             group.attrs["parameter_names"] = law.names
             group.attrs["parameter_units"] = law.units
@@ -189,11 +198,14 @@ def write_archive(
             for key in ("ks", "ks_p", "ad", "ad_p"):
                 group.attrs[f"fit_{key}"] = getattr(target.goodness, key)
             group.attrs["best"] = history.runs.index(history.best(name))
-            group["parameters"] = [run.parameters[name] for run in history.runs]
+            unknown = [np.nan] * len(law.names)
+            group["parameters"] = [unknown if name in run.other_law else run.parameters[name] for run in history.runs]
+            _put_law(group["parameters"], material, case.radar)
             group["dp"] = [run.dp[name] for run in history.runs]
             group["rms"] = [run.rms[name] for run in history.runs]
             group["bounds"] = material.box
             group["start"] = material.start_parameters
+            _put_law(group["start"], material.at_start, case.radar)
             if name in measurement.hidden:
                 group["hidden"] = measurement.hidden[name]
             group["target_dp"] = target.dp
@@ -211,6 +223,27 @@ def write_archive(
             for key in ("predicted_rms", "floor_rms"):
                 group[key] = np.array([getattr(p, key) for p in proposals], dtype=np.float64)
             group["mode"] = np.array([p.mode for p in proposals], dtype=h5py.string_dtype())
+
+
+def _put_law(parameters: h5py.Dataset, material: Material, radar: Radar) -> None:
+    """What it takes to evaluate a law, beside its parameters."""
+    parameters.attrs["law"] = material.law
+    parameters.attrs["polarisation"] = radar.polarisation
+    if radar.frequency_ghz is not None:
+        parameters.attrs["frequency_ghz"] = radar.frequency_ghz
+    if material.angles_deg is not None:
+        parameters.attrs["angles_deg"] = material.angles_deg
+
+
+def read_law(parameters: h5py.Dataset) -> Law:
+    """The law of the parameters in ``laws/<m>``, ``materials/<m>/parameters`` or ``materials/<m>/start``."""
+    known = parameters.attrs
+    return law_for(
+        str(known["law"]),
+        polarisation=str(known["polarisation"]),
+        frequency_ghz=float(known["frequency_ghz"]) if "frequency_ghz" in known else None,
+        angles_deg=[float(angle) for angle in known["angles_deg"]] if "angles_deg" in known else None,
+    )
 
 
 def _put_scene(group: h5py.Group, scene: Scene) -> None:
@@ -232,7 +265,10 @@ def write_table(path: str | Path, archive: str | Path) -> None:
     """Write ``runs.csv``: one line per run and material."""
     with h5py.File(archive, "r") as file:
         names = list(file["materials"])
-        widest = max((list(file[f"materials/{name}"].attrs["parameter_names"]) for name in names), key=len)
+        headings = [list(file[f"materials/{name}"].attrs["parameter_names"]) for name in names]
+        widest = max(headings, key=len)
+        if any(heading != widest[: len(heading)] for heading in headings):  # materials of different laws
+            widest = [f"X{k}" for k in range(1, len(widest) + 1)]
         runs = {key: file[f"runs/{key}"] for key in ("kind", "index", "key", "seconds")}
         with atomic(path) as partial, partial.open("w", newline="", encoding="utf-8") as handle:
             table = csv.writer(handle)
@@ -243,6 +279,6 @@ def write_table(path: str | Path, archive: str | Path) -> None:
                 row = [n, kind, int(runs["index"][n]), runs["key"].asstr()[n], f"{runs['seconds'][n]:.3f}"]
                 for name in names:
                     group = file[f"materials/{name}"]
-                    x = [repr(float(v)) for v in group["parameters"][n]]
+                    x = ["" if np.isnan(v) else repr(float(v)) for v in group["parameters"][n]]
                     dp = [repr(float(v)) for v in group["dp"][n]]
                     table.writerow([*row, name, *x, *[""] * (len(widest) - len(x)), *dp, repr(float(group["rms"][n]))])

@@ -17,6 +17,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.radar.laws import Law
+from radcal.report.archive import read_law
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
@@ -61,11 +64,16 @@ STYLE: Any = {
 
 @dataclass(frozen=True)
 class MaterialData:
-    """A calibrated material as the archive has it; arrays as documented there."""
+    """A calibrated material as the archive has it; arrays as documented there.
+
+    ``start_law_name`` is None where the start is of the law that is calibrated.
+    """
 
     name: str
     slug: str
-    law: str
+    law: Law
+    start_law: Law
+    start_law_name: str | None
     reason: str
     best: int
     rms_sampling: float
@@ -105,7 +113,7 @@ class CaseData:
     registration: Mapping[str, NDArray[Any]]
     scene: Mapping[str, NDArray[Any]]
     cell_m: float
-    laws: Mapping[str, tuple[str, list[float]]]
+    laws: Mapping[str, tuple[Law, list[float]]]
 
 
 def shortened(name: str, width: int) -> str:
@@ -143,7 +151,9 @@ def read_case(archive: str | Path) -> CaseData:
             MaterialData(
                 name=name,
                 slug=slug,
-                law=str(group.attrs["law"]),
+                law=read_law(group["parameters"]),
+                start_law=read_law(group["start"]),
+                start_law_name=_other_law(group),
                 reason=str(group.attrs["reason"]),
                 best=int(group.attrs["best"]),
                 rms_sampling=float(group.attrs["rms_sampling"]),
@@ -172,11 +182,13 @@ def read_case(archive: str | Path) -> CaseData:
             registration={name: values[()] for name, values in file["registration"].items()},
             scene={name: values[()] for name, values in file["scene"].items()},
             cell_m=float(file["scene"].attrs["cell_m"]) * int(file["scene"].attrs["step"]),
-            laws={
-                name: (str(law), [float(x) for x in file[f"laws/{name}"][()]])
-                for name, law in file["laws"].attrs.items()
-            },
+            laws={name: (read_law(values), [float(x) for x in values[()]]) for name, values in file["laws"].items()},
         )
+
+
+def _other_law(group: h5py.Group) -> str | None:
+    """Name of the start's law where the reference run's X is none of the calibrated law."""
+    return str(group["start"].attrs["law"]) if np.isnan(group["parameters"][0]).any() else None
 
 
 def new_canvas(width: float, height: float, layout: Literal["constrained", "compressed"] = "constrained") -> Canvas:

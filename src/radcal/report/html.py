@@ -80,12 +80,14 @@ def _material(name: str, summary: Mapping[str, Any], group: h5py.Group) -> dict[
     """What the page says about a material."""
     low, high = np.percentile(group["incidence_deg"][()], [5.0, 95.0])
     hidden = summary.get("hidden", {})
+    # a start of another law has other parameters
+    same_law = bool(np.isfinite(group["parameters"][0]).all())
     parameters = [
         {
             "name": key,
             "unit": _unit(str(unit)),
             "value": value,
-            "start": float(start),
+            "start": start,
             "hidden": hidden.get(key),
             "low": bounds[0],
             "high": bounds[1],
@@ -94,7 +96,7 @@ def _material(name: str, summary: Mapping[str, Any], group: h5py.Group) -> dict[
         for (key, value), unit, start, bounds in zip(
             summary["parameters"].items(),
             group.attrs["parameter_units"],
-            group["start"][()],
+            map(float, group["start"][()]) if same_law else [None] * len(summary["bounds"]),
             summary["bounds"],
             strict=True,
         )
@@ -102,6 +104,7 @@ def _material(name: str, summary: Mapping[str, Any], group: h5py.Group) -> dict[
     return {
         **summary,
         "name": name,
+        "other_start": None if same_law else {"law": summary["start_law"], "parameters": group["start"][()].tolist()},
         "reason": _REASONS.get(summary["stop_reason"], summary["stop_reason"]),
         "short_reason": _SHORT.get(summary["stop_reason"], summary["stop_reason"]),
         "parameters": parameters,

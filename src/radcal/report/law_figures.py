@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.radar.laws import LAWS
+from radcal.radar.laws import Law
 from radcal.report.drawing import (
     DESIGN,
     FOUND,
@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 __all__ = ["cost", "law"]
 
+_GRAZING_DB = -60.0
+
 
 def cost(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str]:
     """Difference of the densities, run by run."""
@@ -46,7 +48,9 @@ def cost(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str]:
     bottom = float(positive.min()) / 3.0
     shown = np.where(rms > 0, rms, bottom)
 
-    axes.step(runs, np.minimum.accumulate(shown), where="post", color="black", linewidth=1.6, label="best so far")
+    counted = slice(0 if material.start_law_name is None else 1, None)  # a run of another law is nobody's best
+    best = np.minimum.accumulate(shown[counted])
+    axes.step(runs[counted], best, where="post", color="black", linewidth=1.6, label="best so far")
     ended = np.zeros(rms.size, dtype=bool)
     infill = np.flatnonzero(case.kinds == "infill")
     ended[infill[[mode == "ended" for mode in material.mode]]] = True
@@ -99,19 +103,26 @@ def law(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str]:  # n
     canvas = new_canvas(6.2, 4.2 + 0.4 * sum(shares[1:]))
     panels = canvas.subplots(len(shares), 1, sharex=True, height_ratios=shares)
     upper, lower = panels[0], panels[-1]
-    sigma0 = LAWS[material.law]
+    sigma0 = material.law
     low, high = (float(v) for v in np.percentile(material.incidence_deg, [5.0, 95.0]))
     phi, seen = np.linspace(0.0, 90.0, 361), np.linspace(low, high, 101)
     found = material.parameters[material.best]
-    curves: list[tuple[str, Array, dict[str, Any]]] = [("start", material.start, START), ("calibrated", found, FOUND)]
+    start = "start" if material.start_law_name is None else f"start ({material.start_law_name})"
+    curves: list[tuple[str, Law, Array, dict[str, Any]]] = [
+        (start, material.start_law, material.start, START),
+        ("calibrated", sigma0, found, FOUND),
+    ]
     if material.hidden is not None:
-        curves.append(("hidden truth", material.hidden, HIDDEN))
+        curves.append(("hidden truth", sigma0, material.hidden, HIDDEN))
     for axes in panels:
         axes.axvspan(low, high, color="#EFEFEF", zorder=0, linewidth=0)
-    for label, parameters, style in curves:
-        upper.plot(phi, sigma0(np.radians(phi), parameters), **style | {"linewidth": 1.0})
-        upper.plot(seen, sigma0(np.radians(seen), parameters), label=label, **style | {"linewidth": 3.2})
+    for label, curve, parameters, style in curves:
+        upper.plot(phi, curve(np.radians(phi), parameters), **style | {"linewidth": 1.0})
+        upper.plot(seen, curve(np.radians(seen), parameters), label=label, **style | {"linewidth": 3.2})
     upper.margins(x=0)
+    if upper.get_ylim()[0] < _GRAZING_DB:  # a law that falls to nothing at grazing incidence hides all else
+        values = np.concatenate([curve(np.radians(phi[phi <= 85.0]), x) for _, curve, x, _ in curves])
+        upper.set_ylim(float(values.min()) - 3.0, float(values.max()) + 3.0)
     if material.hidden is None:
         upper.set_title(material.title("no truth to compare with"))
         remark = "The image alone cannot tell whether the law found is right."

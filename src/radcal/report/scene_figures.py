@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.radar.laws import LAWS
 from radcal.report.drawing import FILLS, Array, CaseData, add_legend, label, new_canvas
 from radcal.report.map_figures import axis_labels, image_extent, panels_for
 
@@ -101,7 +100,7 @@ def _expected_db(case: CaseData) -> Array:
         if name in case.laws:
             law, parameters = case.laws[name]
             inside = material == k
-            expected[inside] = LAWS[law](angle[inside], parameters)
+            expected[inside] = law(angle[inside], parameters)
     return expected
 
 

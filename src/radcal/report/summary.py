@@ -15,18 +15,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radcal import skewnormal
-from radcal.radar.laws import LAWS
+from radcal.radar.laws import Law
+from radcal.report.archive import read_law
 
 __all__ = ["law_difference_db", "sentences", "summarise", "wall_seconds"]
 
 
-def law_difference_db(law: str, found: ArrayLike, hidden: ArrayLike, incidence_deg: ArrayLike) -> float:
+def law_difference_db(law: Law, found: ArrayLike, hidden: ArrayLike, incidence_deg: ArrayLike) -> float:
     """Largest difference of two laws over the incidence seen.
 
     Parameters
     ----------
-    law : str
-        Name of the law.
+    law : Law
+        The law.
     found, hidden : array_like, shape (d,)
         Parameters.
     incidence_deg : array_like
@@ -39,7 +40,7 @@ def law_difference_db(law: str, found: ArrayLike, hidden: ArrayLike, incidence_d
     """
     low, high = np.percentile(np.asarray(incidence_deg), [5.0, 95.0])
     phi = np.radians(np.linspace(low, high, 201))
-    return float(np.max(np.abs(LAWS[law](phi, found) - LAWS[law](phi, hidden))))
+    return float(np.max(np.abs(law(phi, found) - law(phi, hidden))))
 
 
 def wall_seconds(folder: str | Path) -> dict[str, float]:
@@ -67,11 +68,13 @@ def _material(group: h5py.Group, counted: NDArray[np.bool_], tolerance: float) -
     rms = group["rms"][()]
     dp, target = group["dp"][best], group["target_dp"][()]
     names = [str(name) for name in group.attrs["parameter_names"]]
-    within = np.flatnonzero(rms <= tolerance)
+    # a reference run of another law reaches nothing
+    within = np.flatnonzero((rms <= tolerance) & np.isfinite(group["parameters"][()]).all(axis=1))
     summary = {
         "parameters": dict(zip(names, map(float, group["parameters"][best]), strict=True)),
         "bounds": group["bounds"][()].tolist(),
         "law": str(group.attrs["law"]),
+        "start_law": str(group["start"].attrs["law"]),
         "stop_reason": str(group.attrs["reason"]),
         "sentence": str(group.attrs["sentence"]),
         "target": _theta(target),
@@ -98,7 +101,7 @@ def _material(group: h5py.Group, counted: NDArray[np.bool_], tolerance: float) -
     if "hidden" in group:
         summary["hidden"] = dict(zip(names, map(float, group["hidden"][()]), strict=True))
         summary["law_difference_db"] = law_difference_db(
-            summary["law"], group["parameters"][best], group["hidden"][()], group["incidence_deg"][()]
+            read_law(group["parameters"]), group["parameters"][best], group["hidden"][()], group["incidence_deg"][()]
         )
     return summary
 
@@ -169,6 +172,7 @@ def summarise(archive: str | Path, seconds: Mapping[str, float] | None = None) -
             "measurement": str(file.attrs["measurement"]),
             "looks": {"simulated": int(file.attrs["looks"]), "measured": float(file.attrs["measured_looks"])},
             "notes": [str(note) for note in file.attrs["notes"]],
+            "law_notes": [str(note) for note in file.attrs["law_notes"]],
             "registration": _registration(file["registration"]),
             "levels": _levels(file["levels"]),
             "wall_seconds": dict(seconds or {}),

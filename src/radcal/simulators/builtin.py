@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from radcal.config import Radar
 from radcal.radar.geometry import Geometry
 from radcal.radar.image import ImageFormation, reflectivity
-from radcal.radar.laws import LAWS
+from radcal.radar.laws import Law, law_for
 
 __all__ = ["BuiltinSimulator"]
 
@@ -29,12 +29,17 @@ class BuiltinSimulator:
     radar : Radar
         The pass.
     laws : mapping
-        Material name to the name of its law.
+        Material name to its law (``Case.laws``), or to the name of one without knots.
     """
 
-    def __init__(self, geometry: Geometry, radar: Radar, laws: Mapping[str, str]) -> None:
+    def __init__(self, geometry: Geometry, radar: Radar, laws: Mapping[str, Law | str]) -> None:
         self._geometry = geometry
-        self._laws = {name: LAWS[law] for name, law in laws.items()}
+        self._laws = {
+            name: law_for(law, frequency_ghz=radar.frequency_ghz, polarisation=radar.polarisation)
+            if isinstance(law, str)
+            else law
+            for name, law in laws.items()
+        }
         self._formation = ImageFormation(radar, geometry.shape)
 
     @property

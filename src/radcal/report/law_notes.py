@@ -1,0 +1,48 @@
+"""Where a law is asked for more than it was made for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from radcal.config import Case
+from radcal.radar.geometry import Geometry
+
+__all__ = ["law_notes"]
+
+_SHARE = 0.05  # of a material's pixels
+
+
+def law_notes(case: Case, geometry: Geometry, parameters: Mapping[str, Sequence[float]]) -> list[str]:
+    """Sentences about laws that are extrapolated.
+
+    Parameters
+    ----------
+    case : Case
+        Sections ``materials`` and ``radar`` are read.
+    geometry : Geometry
+        Incidence of every material's visible pixels.
+    parameters : mapping
+        Every material's parameters in the final runs.
+
+    Returns
+    -------
+    list of str
+        For each material, calibrated or fixed, of which more than 5 % is seen outside of its law's
+        valid angles, or whose parameters lie outside of what the law was made for.
+    """
+    notes = []
+    for name, law in case.laws.items():
+        if name not in geometry.names:
+            continue
+        label = f"law {case.materials[name].law!r}"
+        share = law.outside(geometry.incidence_deg.ravel()[geometry.pixels(name)])
+        if share > _SHARE:
+            low, high = law.valid_deg
+            notes.append(
+                f"{name}: {share:.0%} of its pixels are seen outside of the {low:g} to {high:g} deg that {label} was "
+                "made for; there it is an extrapolation."
+            )
+        doubt = law.doubt(parameters[name]) if law.doubt is not None else None
+        if doubt is not None:
+            notes.append(f"{name}: {label} is an extrapolation: {doubt}.")
+    return notes
