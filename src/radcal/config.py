@@ -161,8 +161,8 @@ class Radar(_Strict):
     azimuth_spacing_m: Positive = Field(2.5, description="pixel spacing in azimuth [m]")
     looks: Annotated[int, Field(ge=1, le=64)] = Field(4, description="independent looks averaged in power")
     nesz_db: Finite = Field(-20.0, description="noise-equivalent sigma0 [dB]")
-    radiometry: Literal["sigma0_local"] = Field(
-        "sigma0_local", description="what a pixel holds: sigma0 of the local incidence, no area term"
+    radiometry: Literal["sigma0_local", "sigma0_ref", "beta0", "gamma0"] = Field(
+        "sigma0_local", description="what a pixel holds: sigma0_local (no area term), sigma0_ref, beta0 or gamma0"
     )
 
     @model_validator(mode="after")

@@ -16,7 +16,7 @@ from radcal.errors import ConfigError, MeasurementError
 from radcal.measurement.model import Measurement, read_measurement, write_measurement
 from radcal.measurement.sources import make_measurement, smooth_warp
 from radcal.radar.geometry import Geometry, make_geometry
-from radcal.radar.image import ImageFormation
+from radcal.radar.image import ImageFormation, uniform
 from radcal.scene.model import Scene
 from radcal.simulators.builtin import BuiltinSimulator
 
@@ -353,7 +353,9 @@ def speckle() -> tuple[Geometry, np.ndarray]:
     scene = Scene("x", ("dyke", "grass"), np.ones(shape, dtype=np.uint8), None, 1.0, np.linspace(30.0, 45.0, shape[0]))
     scene.material[:, 200:] = 2
     geometry = make_geometry(scene, Radar())
-    return geometry, 10 ** (ImageFormation(Radar(), shape).intensity_db(np.full(shape, 3.0, np.float32), 1) / 10)
+    return geometry, 10 ** (
+        ImageFormation(Radar(), shape).intensity_db(uniform(np.full(shape, 3.0, np.float32)), 1) / 10
+    )
 
 
 @pytest.mark.parametrize(

@@ -6,14 +6,17 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from scipy import special, stats
+from scipy import signal, special, stats
 
 from radcal.config import Radar
 from radcal.errors import ConfigError
+from radcal.radar.gaussian import circular_gaussian
 from radcal.radar.geometry import Geometry, make_geometry
-from radcal.radar.image import ImageFormation, reflectivity
+from radcal.radar.image import ImageFormation, law_tables, reflectivity, uniform
 from radcal.radar.laws import LAWS, Law
+from radcal.radar.speckle import impulse_response
 from radcal.scene.model import Scene
+from radcal.simulators.builtin import BuiltinSimulator
 
 SHAPE = (330, 330)
 APART = np.s_[12:-12:6, 12:-12:6]  # six pixels are four resolutions: uncorrelated; away from the image's edge
@@ -24,7 +27,7 @@ QUIET = -200.0  # [dB] no noise at all
 
 def flat_image_db(looks: int = 4, sigma0_db: float = 0.0, nesz_db: float = QUIET, seed: int = 11) -> np.ndarray:
     formation = ImageFormation(Radar(looks=looks, nesz_db=nesz_db), SHAPE)
-    return formation.intensity_db(np.full(SHAPE, 10 ** (sigma0_db / 10), dtype=np.float32), seed)
+    return formation.intensity_db(uniform(np.full(SHAPE, 10 ** (sigma0_db / 10), dtype=np.float32)), seed)
 
 
 @pytest.mark.parametrize("looks", [1, 4])
@@ -49,8 +52,6 @@ def test_decimated_pixels_are_uncorrelated_and_neighbours_are_not() -> None:
 
 
 def test_neighbours_correlate_as_the_impulse_response_says() -> None:
-    from radcal.radar.speckle import impulse_response
-
     power = 10 ** (flat_image_db().astype(float)[12:-12, 12:-12] / 10)
     taps = impulse_response(Radar().range_resolution_m, Radar().range_spacing_m)
     expected = (taps[1:] @ taps[:-1]) ** 2  # intensity: squared correlation of the field (Siegert)
@@ -59,7 +60,9 @@ def test_neighbours_correlate_as_the_impulse_response_says() -> None:
 
 def test_zero_reflectivity_gives_the_noise_floor() -> None:
     formation = ImageFormation(Radar(nesz_db=-23.0), SHAPE)
-    power = 10 ** (formation.intensity_db(np.zeros(SHAPE, dtype=np.float32), 3)[APART].astype(float).ravel() / 10)
+    power = 10 ** (
+        formation.intensity_db(uniform(np.zeros(SHAPE, dtype=np.float32)), 3)[APART].astype(float).ravel() / 10
+    )
     assert power.mean() == pytest.approx(10**-2.3, rel=3 / np.sqrt(4 * N))
     assert stats.kstest(power / 10**-2.3, stats.gamma(4, scale=1 / 4).cdf).pvalue > 1e-3
 
@@ -72,10 +75,10 @@ def test_noise_adds_to_the_mean_power() -> None:
 def test_equal_seeds_give_equal_images_bit_for_bit() -> None:
     sigma0 = np.random.default_rng(1).random((60, 50), dtype=np.float32)
     a, b = (ImageFormation(Radar(), sigma0.shape) for _ in range(2))
-    first = a.intensity_db(sigma0, 5)
-    a.intensity_db(sigma0 * 2, 6)  # another run between them
-    np.testing.assert_array_equal(a.intensity_db(sigma0, 5), first)
-    np.testing.assert_array_equal(b.intensity_db(sigma0, 5), first)
+    first = a.intensity_db(uniform(sigma0), 5)
+    a.intensity_db(uniform(sigma0 * 2), 6)  # another run between them
+    np.testing.assert_array_equal(a.intensity_db(uniform(sigma0), 5), first)
+    np.testing.assert_array_equal(b.intensity_db(uniform(sigma0), 5), first)
     assert first.dtype == np.float32
     assert first.shape == sigma0.shape
     assert sigma0.min() >= 0  # the input is not changed
@@ -84,7 +87,9 @@ def test_equal_seeds_give_equal_images_bit_for_bit() -> None:
 def test_three_db_more_reflectivity_is_three_db_more_image() -> None:
     formation = ImageFormation(Radar(nesz_db=QUIET), (60, 50))
     sigma0 = np.random.default_rng(1).random((60, 50), dtype=np.float32) + np.float32(0.1)
-    shift = formation.intensity_db(sigma0 * np.float32(10**0.3), 5) - formation.intensity_db(sigma0, 5)
+    shift = formation.intensity_db(uniform(sigma0 * np.float32(10**0.3)), 5) - formation.intensity_db(
+        uniform(sigma0), 5
+    )
     np.testing.assert_allclose(shift, 3.0, atol=2e-3)
 
 
@@ -96,7 +101,7 @@ def test_new_noise_seed_changes_the_image_but_not_its_distribution() -> None:
 
 def test_image_is_finite_where_nothing_is_visible_and_nothing_is_noise() -> None:
     formation = ImageFormation(Radar(nesz_db=-500.0), (40, 40))
-    assert np.isfinite(formation.intensity_db(np.zeros((40, 40), dtype=np.float32), 1)).all()
+    assert np.isfinite(formation.intensity_db(uniform(np.zeros((40, 40), dtype=np.float32)), 1)).all()
 
 
 def test_point_target_has_the_configured_resolution() -> None:
@@ -104,7 +109,7 @@ def test_point_target_has_the_configured_resolution() -> None:
                   azimuth_spacing_m=1)  # fmt: skip
     sigma0 = np.zeros((101, 101), dtype=np.float32)
     sigma0[50, 50] = 1e6
-    db = ImageFormation(radar, sigma0.shape).intensity_db(sigma0, 2).astype(float)
+    db = ImageFormation(radar, sigma0.shape).intensity_db(uniform(sigma0), 2).astype(float)
     assert np.unravel_index(db.argmax(), db.shape) == (50, 50)
     for profile, resolution in [(db[50:, 50], 6.0), (db[50, 50:], 10.0)]:
         half = np.interp(10 * np.log10(2), profile[0] - profile[:15], np.arange(15))
@@ -118,31 +123,39 @@ def test_resolution_finer_than_the_sampling_is_refused(axis: str) -> None:
         ImageFormation(radar, (20, 20))
 
 
-def test_reflectivity_is_the_mean_over_visible_facets(geometry: Geometry) -> None:
-    found = reflectivity(geometry, {"dyke": LAWS["mangia"], "grass": LAWS["mangia"]}, {"dyke": DYKE, "grass": GRASS})
-    assert found.shape == geometry.shape
-    assert found.dtype == np.float32
-    mixed = np.flatnonzero((geometry.material == 0) & (geometry.facets > 0))[:3]
+def law_db(x: list[float], phi: np.ndarray) -> np.ndarray:
+    return x[0] + x[1] * np.cos(phi) + x[2] * np.exp(-x[3] * phi**2)
+
+
+def test_reflectivity_is_the_weighted_mean_over_visible_facets(geometry: Geometry) -> None:
+    laws = {"dyke": LAWS["mangia"], "grass": LAWS["mangia"]}
+    found = reflectivity(geometry, law_tables(geometry.names, laws, {"dyke": DYKE, "grass": GRASS}))
+    assert found.image.shape == geometry.shape
+    mixed = np.flatnonzero((geometry.material == 0) & geometry.visible.ravel().reshape(geometry.shape))[:3]
     for pixel in [*geometry.pixels("dyke")[:3], *geometry.pixels("grass")[-3:], *mixed]:
-        mine = geometry.facet_pixel == pixel
-        powers = []
-        for phi, k in zip(geometry.facet_incidence_rad[mine], geometry.facet_material[mine], strict=True):
-            x1, x2, x3, x4 = (DYKE, GRASS)[k - 1]
-            powers.append(10 ** ((x1 + x2 * np.cos(float(phi)) + x3 * np.exp(-x4 * float(phi) ** 2)) / 10))
-        assert found.ravel()[pixel] == pytest.approx(np.mean(powers), rel=1e-5)
+        total, weights = 0.0, 0.0
+        for cell in range(geometry.cell_start[pixel], geometry.cell_start[pixel + 1]):
+            x = (DYKE, GRASS)[geometry.cell_material[cell] - 1]
+            part = slice(geometry.facet_start[cell], geometry.facet_start[cell + 1])
+            phi = geometry.facet_incidence[part] * (np.pi / 2 / 65535)
+            expected = np.sum(geometry.facet_weight[part] * 10 ** (law_db(x, phi) / 10))
+            assert found.power[cell] == pytest.approx(expected, rel=1e-5)
+            total, weights = total + expected, weights + geometry.facet_weight[part].sum()
+        assert found.image.ravel()[pixel] == pytest.approx(total, rel=1e-5)
+        assert weights == pytest.approx(1.0, rel=1e-5)
 
 
 def test_reflectivity_of_a_flat_scene_is_the_law(build_scene: Callable[..., Scene], radar: Radar) -> None:
     geometry = make_geometry(build_scene(lambda east, north: 0 * east), radar)
-    found_db = 10 * np.log10(reflectivity(geometry, {"dyke": LAWS["mangia"]}, {"dyke": DYKE}))
+    tables = law_tables(geometry.names, {"dyke": LAWS["mangia"]}, {"dyke": DYKE})
+    found_db = 10 * np.log10(reflectivity(geometry, tables).image)
     phi = np.radians(geometry.incidence_deg.astype(float))
-    expected = DYKE[0] + DYKE[1] * np.cos(phi) + DYKE[2] * np.exp(-DYKE[3] * phi**2)
-    np.testing.assert_allclose(found_db, expected, atol=0.01)
+    np.testing.assert_allclose(found_db, law_db(DYKE, phi), atol=0.01)
 
 
 def test_invisible_pixels_and_materials_without_a_law_are_dark(geometry: Geometry) -> None:
     constant = Law(lambda phi, x: np.full(np.shape(phi), x[0]), ("c",), ("dB",), ((0.0, 1.0),))
-    found = reflectivity(geometry, {"grass": constant}, {"grass": [0.0]}).ravel()
+    found = reflectivity(geometry, law_tables(geometry.names, {"grass": constant}, {"grass": [0.0]})).image.ravel()
     assert (found[geometry.pixels("dyke")] == 0).all()
     np.testing.assert_allclose(found[geometry.pixels("grass")], 1.0, rtol=1e-6)
 
@@ -150,9 +163,55 @@ def test_invisible_pixels_and_materials_without_a_law_are_dark(geometry: Geometr
 def test_image_of_a_material_has_the_laws_level(build_scene: Callable[..., Scene]) -> None:
     radar = Radar(altitude_m=20_000.0, nesz_db=QUIET)
     geometry = make_geometry(build_scene(lambda east, north: 0 * east, cells=(120, 120)), radar)
-    sigma0 = reflectivity(geometry, {"dyke": LAWS["mangia"]}, {"dyke": DYKE})
+    sigma0 = reflectivity(geometry, law_tables(geometry.names, {"dyke": LAWS["mangia"]}, {"dyke": DYKE}))
     image = ImageFormation(radar, geometry.shape).intensity_db(sigma0, 4)
-    ratio = (10 ** (image.astype(float) / 10) / sigma0)[6:-6:6, 6:-6:6]
+    ratio = (10 ** (image.astype(float) / 10) / sigma0.image)[6:-6:6, 6:-6:6]
     assert ratio.size > 1000
     assert ratio.mean() == pytest.approx(1.0, abs=3 / np.sqrt(4 * ratio.size))
     assert stats.kstest(ratio.ravel(), stats.gamma(4, scale=1 / 4).cdf).pvalue > 1e-3
+
+
+def test_the_band_limit_is_the_full_convolution() -> None:
+    """Tiles and separable taps against one convolution of the whole amplitude by scipy."""
+    shape = (300, 290)
+    radar = Radar(looks=1, nesz_db=-10.0)
+    sigma0 = np.random.default_rng(3).random(shape, dtype=np.float32)
+    amplitude = np.sqrt(sigma0) * circular_gaussian(9, 0, 1, shape) + np.float32(10**-0.5) * circular_gaussian(
+        9, 0, 256, shape
+    )
+    taps = np.outer(
+        impulse_response(radar.range_resolution_m, radar.range_spacing_m),
+        impulse_response(radar.azimuth_resolution_m, radar.azimuth_spacing_m),
+    )
+    expected = signal.fftconvolve(amplitude.astype(complex), taps, mode="same")
+    found = ImageFormation(radar, shape).look(uniform(sigma0), 9)
+    np.testing.assert_allclose(found, expected, atol=2e-6 * np.abs(expected).max())
+
+
+def test_single_material_images_sum_to_the_full_one(geometry: Geometry, radar: Radar) -> None:
+    quiet = radar.model_copy(update={"nesz_db": -500.0})
+    laws, x = dict.fromkeys(("dyke", "grass"), LAWS["mangia"]), {"dyke": DYKE, "grass": GRASS}
+    formation = ImageFormation(quiet, geometry.shape)
+    looks = [
+        formation.look(reflectivity(geometry, law_tables(geometry.names, some, x)), 3)
+        for some in (laws, {"dyke": laws["dyke"]}, {"grass": laws["grass"]})
+    ]
+    assert (geometry.material == 0).any()  # where both meet in a pixel too
+    np.testing.assert_allclose(looks[0], looks[1] + looks[2], atol=1e-5 * np.abs(looks[0]).max())
+
+
+def test_a_run_with_one_new_law_is_a_run_from_nothing(geometry: Geometry, radar: Radar) -> None:
+    laws = {"dyke": "mangia", "grass": "mangia"}
+    sims = [BuiltinSimulator(geometry, radar, laws) for _ in range(2)]
+    sims[0].run({"dyke": GRASS, "grass": GRASS}, 4)
+    sims[0].run({"dyke": DYKE, "grass": GRASS}, 5)
+    after = sims[0].run({"dyke": [1.0, 2.0, 3.0, 4.0], "grass": GRASS}, 5)
+    np.testing.assert_array_equal(after, sims[1].run({"dyke": [1.0, 2.0, 3.0, 4.0], "grass": GRASS}, 5))
+
+
+def test_looks_average_in_power() -> None:
+    radar = Radar(looks=3)
+    sigma0 = uniform(np.ones((60, 50), dtype=np.float32))
+    formation = ImageFormation(radar, (60, 50))
+    power = sum(np.abs(formation.look(sigma0, 5, k).astype(complex)) ** 2 for k in range(3)) / 3
+    np.testing.assert_allclose(formation.intensity_db(sigma0, 5), 10 * np.log10(power), atol=1e-4)

@@ -82,14 +82,14 @@ def make_archive(
     material = np.broadcast_to(np.expand_dims(stripe, 1 - axis), shape).astype(np.uint8).copy()
     material[0, 0] = 0
     incidence = np.linspace(20.0, 50.0, material.size).reshape(shape).astype(np.float32)
-    pixel = np.argsort(material.ravel(), kind="stable").astype(np.int32)
     geometry = Geometry(
         shape=shape,
         names=tuple(names),
-        facet_pixel=pixel,
-        facet_material=material.ravel()[pixel],
-        facet_incidence_rad=np.radians(incidence.ravel()[pixel]),
-        facets=np.ones(shape, dtype=np.int32),
+        cell_start=np.arange(material.size + 1, dtype=np.int32),
+        cell_material=material.ravel(),
+        facet_start=np.arange(material.size + 1, dtype=np.int32),
+        facet_incidence=(incidence.ravel() / 90 * 65535).astype(np.uint16),
+        facet_weight=np.ones(material.size, dtype=np.float32),
         material=material,
         incidence_deg=incidence,
         layover=np.zeros(shape, dtype=bool),

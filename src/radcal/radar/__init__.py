@@ -1,1 +1,8 @@
 """Backscatter laws, acquisition geometry, speckle and image formation."""
+
+import os
+
+# before numba is imported: a workflow's job has as many threads as its rule says, which Snakemake
+# puts there for the libraries it knows
+if "OMP_NUM_THREADS" in os.environ:
+    os.environ.setdefault("NUMBA_NUM_THREADS", os.environ["OMP_NUM_THREADS"])

@@ -16,6 +16,7 @@ from scipy.ndimage import distance_transform_cdt, map_coordinates
 from radcal.config import Radar
 from radcal.errors import SceneError, StoreError
 from radcal.files import write_hdf5
+from radcal.radar.facets import ANGLES_PER_RADIAN, LAID_OVER, VISIBLE, cells_of, count_facets, fill_facets, order_facets
 from radcal.scene.model import Scene
 
 __all__ = [
@@ -28,15 +29,17 @@ __all__ = [
     "write_geometry",
 ]
 
-# facets per pixel spacing; slopes falling away by more than about 35 degrees still leave some
-# visible pixels without a facet, which then count as invisible
-_FACETS_PER_PIXEL = 1.2
-_SCHEMA = 2
+_SCHEMA = 3
+_CELLS_AT_ONCE = 256  # rows of the scene, to bound memory
+_HALO = 12  # cells that a cubic spline looks beyond a stretch, far below single precision
 
 
 @dataclass(frozen=True)
 class Geometry:
     """Facets of the scene in the image of one pass.
+
+    A *cell* is what one material contributes to one pixel: cells are in the order of pixels,
+    within a pixel in that of materials, and the facets of a cell follow one another.
 
     Attributes
     ----------
@@ -44,14 +47,17 @@ class Geometry:
         Image size: slant-range rows, azimuth columns.
     names : tuple of str
         Material names; id k is ``names[k - 1]``.
-    facet_pixel : ndarray of int32, shape (f,)
-        Flat image index of each visible facet.
-    facet_material : ndarray of uint8, shape (f,)
-        Material id of each visible facet, sorted.
-    facet_incidence_rad : ndarray of float32, shape (f,)
-        Local incidence angle [rad].
-    facets : ndarray of int32, shape ``shape``
-        Visible facets per pixel.
+    cell_start : ndarray of int32, shape (pixels + 1,)
+        First cell of each pixel, by flat image index.
+    cell_material : ndarray of uint8, shape (cells,)
+        Material id.
+    facet_start : ndarray of int32, shape (cells + 1,)
+        First facet of each cell. A facet counts in every pixel that it reaches into.
+    facet_incidence : ndarray of uint16, shape (facets,)
+        Local incidence angle in units of 90 degrees / 65535.
+    facet_weight : ndarray of float32, shape (facets,)
+        What the pixel holds is the sum of weight times sigma0: the weight is the facet's share
+        of the pixel (``sigma0_local``), or its area in the pixel over the pixel's reference area.
     material : ndarray of uint8, shape ``shape``
         Material id where all visible facets of a pixel share one, else 0.
     incidence_deg : ndarray of float32, shape ``shape``
@@ -68,15 +74,21 @@ class Geometry:
 
     shape: tuple[int, int]
     names: tuple[str, ...]
-    facet_pixel: NDArray[np.int32]
-    facet_material: NDArray[np.uint8]
-    facet_incidence_rad: NDArray[np.float32]
-    facets: NDArray[np.int32]
+    cell_start: NDArray[np.int32]
+    cell_material: NDArray[np.uint8]
+    facet_start: NDArray[np.int32]
+    facet_incidence: NDArray[np.uint16]
+    facet_weight: NDArray[np.float32]
     material: NDArray[np.uint8]
     incidence_deg: NDArray[np.float32]
     layover: NDArray[np.bool_]
     shadow: NDArray[np.bool_]
     ground: NDArray[np.float32]
+
+    @property
+    def visible(self) -> NDArray[np.bool_]:
+        """Pixels that hold an echo of the scene, shape ``shape``."""
+        return np.asarray(np.diff(self.cell_start).reshape(self.shape) > 0)
 
     def pixels(self, name: str, margin_px: int | NDArray[np.int64] = 0) -> NDArray[np.int64]:
         """Flat indices of the visible pixels that hold one material only.
@@ -192,10 +204,26 @@ def make_geometry(scene: Scene, radar: Radar) -> Geometry:
 def _slant_range_geometry(scene: Scene) -> Geometry:
     """One facet per labelled pixel, incidence by row."""
     assert scene.incidence_deg is not None  # noqa: S101 - a scene has either elevation or incidence
-    shape = (scene.material.shape[0], scene.material.shape[1])
-    incidence = np.broadcast_to(scene.incidence_deg[:, None], shape)
-    pixel = np.flatnonzero(scene.material)
-    return _assemble(shape, scene.names, pixel, scene.material.ravel()[pixel], np.radians(incidence.ravel()[pixel]))
+    rows, columns = shape = (scene.material.shape[0], scene.material.shape[1])
+    labelled = scene.material > 0
+    if not labelled.any():
+        raise SceneError("no part of the scene is visible to the radar.")
+    cells = int(np.count_nonzero(labelled))
+    angles = np.round(np.radians(scene.incidence_deg) * ANGLES_PER_RADIAN).astype(np.uint16)
+    return Geometry(
+        shape=shape,
+        names=scene.names,
+        cell_start=np.concatenate([[0], np.cumsum(labelled)]).astype(np.int32),
+        cell_material=scene.material[labelled],
+        facet_start=np.arange(cells + 1, dtype=np.int32),
+        facet_incidence=np.broadcast_to(angles[:, None], shape)[labelled],
+        facet_weight=np.ones(cells, dtype=np.float32),
+        material=scene.material,
+        incidence_deg=np.where(labelled, scene.incidence_deg[:, None], np.nan).astype(np.float32),
+        layover=np.zeros(shape, dtype=np.bool_),
+        shadow=np.zeros(shape, dtype=np.bool_),
+        ground=np.full((2, rows, columns), np.nan, dtype=np.float32),
+    )
 
 
 def _terrain_geometry(scene: Scene, radar: Radar) -> Geometry:
@@ -205,112 +233,186 @@ def _terrain_geometry(scene: Scene, radar: Radar) -> Geometry:
     material = scene.material
     if radar.look_side == "left":  # ground range grows westward
         elevation, material = elevation[:, ::-1], material[:, ::-1]
-    step = min(radar.range_spacing_m, radar.azimuth_spacing_m) / _FACETS_PER_PIXEL
-    k = max(1, int(np.ceil(scene.cell_m / step)))
-    size = scene.cell_m / k
+    k = max(1, int(np.ceil(scene.cell_m / min(radar.range_spacing_m, radar.azimuth_spacing_m))))
+    step = scene.cell_m / k
     ny, nx = elevation.shape
-    # facet centres in units of cells: k x k in each cell
-    along = (np.arange(ny * k) + 0.5) / k - 0.5
-    across = (np.arange(nx * k) + 0.5) / k - 0.5
-    fine = map_coordinates(elevation, np.meshgrid(along, across, indexing="ij"), order=3, mode="nearest")
-    fine_material = np.repeat(np.repeat(material, k, axis=0), k, axis=1)
-
     mean = float(elevation.mean())
-    height = mean + radar.altitude_m - fine
-    if height.min() <= 0.0:
+    track = mean + radar.altitude_m
+    if track <= elevation.max():
         raise SceneError(
             f"radar.altitude_m is {radar.altitude_m:g} m above the scene's mean, the terrain rises "
             f"{elevation.max() - mean:.0f} m: fly higher."
         )
     centre = radar.altitude_m / np.tan(np.radians(radar.depression_deg))
-    ground = (np.arange(nx * k) + 0.5) * size - nx * scene.cell_m / 2 + centre
-    if ground[0] <= 0.0:
+    edges = np.arange(nx * k + 1) * step - nx * scene.cell_m / 2 + centre
+    if edges[0] <= 0.0:
         raise SceneError(
             f"radar.depression_deg {radar.depression_deg:g} at radar.altitude_m {radar.altitude_m:g} puts the track "
             "over the scene: lower the depression angle or fly higher."
         )
-    slant = np.hypot(height, ground)
-    cosine = local_incidence_cosine(fine, size, (-ground / slant, height / slant))
-    visible = ~shadowed(np.arctan2(np.broadcast_to(ground, height.shape), height)) & (cosine > 0.0)
+    # single precision holds slant range from a point near the scene, not from the radar
+    base = float(np.hypot(radar.altitude_m, edges[0]))
+    lines = Lines.empty(ny * k, nx * k)
+    near, far = 0.0, np.inf
+    for first in range(0, ny, _CELLS_AT_ONCE):
+        last = min(ny, first + _CELLS_AT_ONCE)
+        near_line, far_line = _lines(elevation, first, last, k, step, edges, track, base, radar.range_spacing_m, lines)
+        near, far = max(near, near_line), min(far, far_line)
 
     # rows from the first to the last range that every azimuth line reaches: nothing of the
     # image then lies outside the scene
-    first = float(slant[:, 0].max())
-    last = float(slant[:, -1].min())
-    rows = int((last - first) / radar.range_spacing_m)
+    rows = int((far - near) / radar.range_spacing_m)
     columns = int(ny * scene.cell_m / radar.azimuth_spacing_m)
     if rows < 8 or columns < 8:
         raise SceneError(f"the image of the scene would have {rows} x {columns} pixels: use a finer pixel spacing.")
-    row = np.floor((slant - first) / radar.range_spacing_m).astype(np.int64)
-    column = np.floor((np.arange(ny * k) + 0.5) * size / radar.azimuth_spacing_m).astype(np.int64)[:, None]
-    inside = (row >= 0) & (row < rows) & (column < columns)
-    laid = laid_over(slant, visible, radar.range_spacing_m) & inside
-    pixel = row * columns + column
-    hidden = pixel[inside & ~visible]
-    visible &= inside
-    # the scene's rows and columns, east to the right whichever way the radar looks
-    north, east = np.broadcast_arrays(along[:, None], nx - 1 - across if radar.look_side == "left" else across)
-    return _assemble(
-        (rows, columns),
-        scene.names,
-        pixel[visible],
-        fine_material[visible],
-        np.arccos(np.minimum(cosine[visible], 1)),
-        layover=pixel[laid],
-        shadow=hidden,
-        ground=(north[visible], east[visible]),
-    )
+    return _pixels(scene, radar, np.ascontiguousarray(material), lines, k, step, near, base, (rows, columns))
 
 
-def _assemble(
-    shape: tuple[int, int],
-    names: tuple[str, ...],
-    pixel: NDArray[np.int64],
-    material: NDArray[np.uint8],
-    incidence_rad: NDArray[np.float64],
-    *,
-    layover: NDArray[np.int64] | None = None,
-    shadow: NDArray[np.int64] | None = None,
-    ground: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
-) -> Geometry:
-    """Facets to pixels; ``layover``, ``shadow``: pixels of such facets; ``ground``: facets on the scene's grid."""
-    if pixel.size == 0:
+@dataclass(frozen=True)
+class Lines:
+    """Facets along the azimuth lines of the refined scene; arrays of shape (lines, facets)."""
+
+    near_m: NDArray[np.float32]
+    far_m: NDArray[np.float32]
+    incidence: NDArray[np.uint16]
+    area: NDArray[np.float32]
+    state: NDArray[np.uint8]
+
+    @classmethod
+    def empty(cls, lines: int, facets: int) -> Lines:
+        """Room for so many."""
+        shape = (lines, facets)
+        return cls(
+            np.empty(shape, np.float32),
+            np.empty(shape, np.float32),
+            np.empty(shape, np.uint16),
+            np.empty(shape, np.float32),
+            np.empty(shape, np.uint8),
+        )
+
+
+def _lines(
+    elevation: NDArray[np.float64], first: int, last: int, k: int, step: float, edges: NDArray[np.float64],
+    track: float, base: float, spacing_m: float, lines: Lines,
+) -> tuple[float, float]:  # fmt: skip
+    """Fill the lines of some rows of cells; the largest nearest and the smallest furthest slant range [m]."""
+    ny, nx = elevation.shape
+    # straight on beyond the scene's border, and one line more on each side, for slopes
+    low, high = max(0, first - _HALO), min(ny, last + _HALO)
+    beyond = ((_HALO - first + low, _HALO - high + last), (_HALO, _HALO))
+    block = np.pad(elevation[low:high], beyond, mode="reflect", reflect_type="odd")
+    if k == 1:
+        fine = block[_HALO - 1 : _HALO + last - first + 1, _HALO:-_HALO]
+    else:
+        rows = (np.arange(-1, (last - first) * k + 1) + 0.5) / k - 0.5 + _HALO
+        columns = (np.arange(nx * k) + 0.5) / k - 0.5 + _HALO
+        fine = map_coordinates(block, np.meshgrid(rows, columns, indexing="ij"), order=3, mode="nearest")
+    ground = 0.5 * (edges[1:] + edges[:-1])
+    height = track - fine
+    slant = np.hypot(height, ground)
+    towards = np.asarray(-ground / slant), np.asarray(height / slant)
+    cosine = local_incidence_cosine(fine, step, towards)[1:-1]
+    slopes: list[NDArray[np.float64]] = list(np.gradient(fine, step))
+    along, across = slopes[0][1:-1], slopes[1][1:-1]
+    fine, height, slant = fine[1:-1], height[1:-1], slant[1:-1]
+    visible = ~shadowed(np.arctan2(np.broadcast_to(ground, height.shape), height)) & (cosine > 0.0)
+    laid = laid_over(slant, visible, spacing_m)
+    # heights at the facets' edges: neighbours share them, so that facets tile slant range without gaps
+    at_edges = np.empty((fine.shape[0], fine.shape[1] + 1))
+    at_edges[:, 1:-1] = 0.5 * (fine[:, 1:] + fine[:, :-1])
+    at_edges[:, 0], at_edges[:, -1] = 1.5 * fine[:, 0] - 0.5 * fine[:, 1], 1.5 * fine[:, -1] - 0.5 * fine[:, -2]
+    reach = np.hypot(track - at_edges, edges)
+    part = slice(first * k, last * k)
+    lines.near_m[part] = np.minimum(reach[:, 1:], reach[:, :-1]) - base
+    lines.far_m[part] = np.maximum(reach[:, 1:], reach[:, :-1]) - base
+    lines.incidence[part] = np.round(np.arccos(np.clip(cosine, 0.0, 1.0)) * ANGLES_PER_RADIAN)
+    lines.area[part] = step**2 * np.sqrt(1.0 + along**2 + across**2)
+    lines.state[part] = visible * VISIBLE + laid * LAID_OVER
+    return float(reach[:, 0].max()), float(reach[:, -1].min())
+
+
+def _pixels(
+    scene: Scene, radar: Radar, material: NDArray[np.uint8], lines: Lines, k: int, step: float, near: float,
+    base: float, shape: tuple[int, int],
+) -> Geometry:  # fmt: skip
+    """Distribute the facets over the pixels that they reach into."""
+    rows, columns = shape
+    near_row = ((lines.near_m - (near - base)) / radar.range_spacing_m).astype(np.float32)
+    far_row = ((lines.far_m - (near - base)) / radar.range_spacing_m).astype(np.float32)
+    per_column = radar.azimuth_spacing_m / step  # lines
+    counts = np.zeros(rows * columns, dtype=np.uint16)
+    layover, shadow = np.zeros((2, rows, columns), dtype=np.bool_)
+    count_facets(near_row, far_row, lines.state, per_column, rows, columns, counts, layover, shadow)
+    total = int(counts.sum(dtype=np.int64))
+    if total == 0:
         raise SceneError("no part of the scene is visible to the radar.")
-    n = shape[0] * shape[1]
-    facets = np.bincount(pixel, minlength=n)
-
-    def mean(values: NDArray[np.float64]) -> NDArray[np.float32]:
-        with np.errstate(invalid="ignore"):
-            return np.asarray(np.bincount(pixel, values, minlength=n) / facets, dtype=np.float32).reshape(shape)
-
-    dark, shared = np.zeros((2, *shape), dtype=np.bool_)
-    if shadow is not None:
-        dark.flat[shadow] = True
-        dark |= (facets == 0).reshape(shape)
-    if layover is not None:
-        shared.flat[layover] = True
-    where = np.stack([mean(g) for g in ground]) if ground else np.full((2, *shape), np.nan, dtype=np.float32)
-    incidence_deg = mean(np.degrees(incidence_rad))
-    # by material, then by pixel: a law is evaluated on one slice and sums are local in memory
-    order = np.lexsort((pixel, material))
-    pixel, material, incidence_rad = pixel[order], material[order], incidence_rad[order]
-    lowest = np.full(n, 255, dtype=np.uint8)
-    np.minimum.at(lowest, pixel, material)
-    highest = np.zeros(n, dtype=np.uint8)
-    np.maximum.at(highest, pixel, material)
+    if total >= 2**31:
+        raise SceneError(
+            f"the image would hold {total:,} parts of facets, more than {2**31:,}: use a coarser pixel spacing or a "
+            "smaller scene."
+        )
+    start = np.zeros(rows * columns + 1, dtype=np.int32)
+    np.cumsum(counts, out=start[1:])
+    facet_material = np.empty(total, dtype=np.uint8)
+    incidence = np.empty(total, dtype=np.uint16)
+    weight = np.empty(total, dtype=np.float32)
+    place = np.empty((2, total), dtype=np.float32)
+    local = radar.radiometry == "sigma0_local"
+    fill_facets(
+        near_row, far_row, lines.state, lines.incidence, lines.area, material, k, per_column, rows, columns, start,
+        not local, facet_material, incidence, weight, place,
+    )  # fmt: skip
+    flat = near + (np.arange(rows) + 0.5) * radar.range_spacing_m  # slant range of the rows' middles
+    area = radar.range_spacing_m * radar.azimuth_spacing_m
+    factor = _radiometric_factor(radar.radiometry, np.arccos(np.minimum(radar.altitude_m / flat, 1.0))) / area
+    cells = np.empty(rows * columns, dtype=np.uint16)
+    pure = np.zeros(rows * columns, dtype=np.uint8)
+    mean_incidence = np.full(rows * columns, np.nan, dtype=np.float32)
+    ground = np.full((2, rows * columns), np.nan, dtype=np.float32)
+    order_facets(
+        start, columns, facet_material, incidence, weight, place, local, factor.astype(np.float32), cells, pure,
+        mean_incidence, ground,
+    )  # fmt: skip
+    cell_start = np.zeros(rows * columns + 1, dtype=np.int32)
+    np.cumsum(cells, out=cell_start[1:])
+    cell_material = np.empty(int(cell_start[-1]), dtype=np.uint8)
+    facet_start = np.empty(int(cell_start[-1]) + 1, dtype=np.int32)
+    facet_start[-1] = total
+    cells_of(start, cell_start, facet_material, cell_material, facet_start)
+    # fractions of refined lines and facets to the scene's cells, east to the right whichever way the radar looks
+    ground = (ground + np.float32(0.5)) / np.float32(k) - np.float32(0.5)
+    if radar.look_side == "left":
+        ground[1] = scene.material.shape[1] - 1 - ground[1]
     return Geometry(
         shape=shape,
-        names=names,
-        facet_pixel=pixel.astype(np.int32),
-        facet_material=material,
-        facet_incidence_rad=incidence_rad.astype(np.float32),
-        facets=facets.astype(np.int32).reshape(shape),
-        material=np.where(lowest == highest, highest, 0).astype(np.uint8).reshape(shape),
-        incidence_deg=incidence_deg,
-        layover=shared,
-        shadow=dark,
-        ground=where,
+        names=scene.names,
+        cell_start=cell_start,
+        cell_material=cell_material,
+        facet_start=facet_start,
+        facet_incidence=incidence,
+        facet_weight=weight,
+        material=pure.reshape(shape),
+        incidence_deg=mean_incidence.reshape(shape),
+        layover=layover,
+        shadow=shadow | (cells == 0).reshape(shape),
+        ground=ground.reshape(2, *shape),
     )
+
+
+def _radiometric_factor(radiometry: str, flat_incidence_rad: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What beta0 of a pixel is multiplied by, from the incidence on flat ground at its slant range.
+
+    The reference areas are those of the pixel in the slant plane (beta0), on flat ground, larger
+    by 1 / sin(incidence) (sigma0), and across the direction to the radar, by 1 / tan (gamma0):
+    Raney, Freeman, Hawkins and Bamler, "A plea for radar brightness", IGARSS (1994).
+    """
+    match radiometry:
+        case "sigma0_ref":
+            return np.asarray(np.sin(flat_incidence_rad))
+        case "gamma0":
+            return np.asarray(np.tan(flat_incidence_rad))
+        case _:
+            return np.ones_like(flat_incidence_rad)
 
 
 def write_geometry(path: str | Path, geometry: Geometry) -> None:

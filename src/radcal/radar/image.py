@@ -1,62 +1,259 @@
-"""Image formation: reflectivity of facets to a multilooked intensity image."""
+"""Image formation: reflectivity of facets to complex looks and a multilooked intensity image."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numba import njit, prange
 from numpy.typing import ArrayLike, NDArray
-from scipy import fft
 
 from radcal.config import Radar
 from radcal.errors import ConfigError
+from radcal.radar.gaussian import gaussian_row, seed_words
 from radcal.radar.geometry import Geometry
 from radcal.radar.laws import Law
-from radcal.radar.speckle import circular_gaussian, impulse_response, width_factor
+from radcal.radar.speckle import impulse_response, width_factor
 
-__all__ = ["ImageFormation", "reflectivity"]
+__all__ = ["ImageFormation", "Reflectivity", "law_tables", "reflectivity", "uniform"]
 
-SPECKLE, THERMAL = 0, 1
+THERMAL = 256  # stream of the thermal noise; materials are 1 to 255
+_LEVELS = 65536  # of the incidence angle between 0 and 90 degrees
+_TILE = (128, 128)
+
+
+@dataclass(frozen=True)
+class Reflectivity:
+    """Expected power by pixel and material.
+
+    A *cell* is what one material contributes to one pixel.
+
+    Attributes
+    ----------
+    shape : (int, int)
+        Image size.
+    start : ndarray of int32, shape (pixels + 1,)
+        First cell of each pixel.
+    material : ndarray of uint8, shape (cells,)
+        Material id.
+    power : ndarray of float32, shape (cells,)
+        Expected power in the configured radiometry, without noise or resolution [linear].
+    """
+
+    shape: tuple[int, int]
+    start: NDArray[np.int32]
+    material: NDArray[np.uint8]
+    power: NDArray[np.float32]
+
+    @property
+    def image(self) -> NDArray[np.float32]:
+        """Sum over the materials of each pixel [linear power], shape ``shape``."""
+        total = np.concatenate([[0.0], np.cumsum(self.power, dtype=np.float64)])
+        return np.asarray(total[self.start[1:]] - total[self.start[:-1]], dtype=np.float32).reshape(self.shape)
+
+
+def uniform(power: NDArray[np.float32]) -> Reflectivity:
+    """Reflectivity of one material from a map of its power [linear], shape (rows, columns)."""
+    n = power.size
+    shape = (power.shape[0], power.shape[1])
+    return Reflectivity(
+        shape,
+        np.arange(n + 1, dtype=np.int32),
+        np.ones(n, dtype=np.uint8),
+        np.ascontiguousarray(power, dtype=np.float32).ravel(),
+    )
+
+
+def law_tables(
+    names: tuple[str, ...], laws: Mapping[str, Law], parameters: Mapping[str, ArrayLike]
+) -> NDArray[np.float32]:
+    """Every material's law as a table over incidence.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Materials; id k is ``names[k - 1]``.
+    laws, parameters : mapping
+        Backscatter law and its parameters by material; a material without a law is dark.
+
+    Returns
+    -------
+    ndarray of float32, shape (materials + 1, 65536)
+        sigma0 [linear power] at incidence i / 65535 times 90 degrees; row 0 is no material.
+    """
+    phi = np.linspace(0.0, np.pi / 2.0, _LEVELS)
+    tables = np.zeros((len(names) + 1, _LEVELS), dtype=np.float32)
+    for k, name in enumerate(names, start=1):
+        if name in laws:
+            tables[k] = 10.0 ** (laws[name](phi, parameters[name]) / 10.0)
+    return tables
+
+
+@njit(cache=True, parallel=True)
+def _colour(material: Any, first: Any, incidence: Any, weight: Any, tables: Any, changed: Any, power: Any) -> None:
+    """Power of every cell of the changed materials."""
+    n = material.size
+    chunk = 65536
+    for part in prange((n + chunk - 1) // chunk):
+        for i in range(part * chunk, min(n, (part + 1) * chunk)):
+            k = material[i]
+            if changed[k]:
+                total = np.float32(0.0)
+                for j in range(first[i], first[i + 1]):
+                    total += weight[j] * tables[k, incidence[j]]
+                power[i] = total
 
 
 def reflectivity(
-    geometry: Geometry, laws: Mapping[str, Law], parameters: Mapping[str, ArrayLike]
-) -> NDArray[np.float32]:
-    """Expected sigma0 of each pixel, without noise or resolution.
+    geometry: Geometry, tables: NDArray[np.float32], before: Reflectivity | None = None,
+    changed: NDArray[np.bool_] | None = None,
+) -> Reflectivity:  # fmt: skip
+    """Expected power of each pixel and material, without noise or resolution.
 
     Parameters
     ----------
     geometry : Geometry
-        Facets of the pass.
-    laws, parameters : mapping
-        Backscatter law and its parameters by material.
+        Facets of the pass, with their weights in the configured radiometry.
+    tables : ndarray, shape (materials + 1, 65536)
+        Laws, as :func:`law_tables` gives them.
+    before, changed : optional
+        Reflectivity of other laws, and the ids of materials (bool, shape (materials + 1,))
+        whose law is another now: only their cells are made anew, in place.
 
     Returns
     -------
-    ndarray of float32, shape ``geometry.shape``
-        Mean over the pixel's visible facets of sigma0(phi) [linear power]: radiometry
-        ``sigma0_local``, no area term (the paper's eq. 3). Zero where nothing is visible.
+    Reflectivity
+        Sum over the visible facets of weight times sigma0(phi).
     """
-    n = geometry.shape[0] * geometry.shape[1]
-    total = np.zeros(n)
-    ids = np.arange(1, len(geometry.names) + 2)
-    first = np.searchsorted(geometry.facet_material, ids)
-    for k, name in enumerate(geometry.names):
-        part = slice(first[k], first[k + 1])
-        if part.start == part.stop or name not in laws:
-            continue
-        sigma0_db = laws[name](geometry.facet_incidence_rad[part], parameters[name])
-        total += np.bincount(geometry.facet_pixel[part], 10.0 ** (sigma0_db / 10.0), minlength=n)
-    total /= np.maximum(geometry.facets.ravel(), 1)
-    return total.reshape(geometry.shape).astype(np.float32)
+    power = np.zeros(geometry.cell_material.size, dtype=np.float32) if before is None else before.power
+    _colour(
+        geometry.cell_material,
+        geometry.facet_start,
+        geometry.facet_incidence,
+        geometry.facet_weight,
+        tables,
+        np.ones(len(tables), dtype=np.bool_) if changed is None else changed,
+        power,
+    )
+    return Reflectivity(geometry.shape, geometry.cell_start, geometry.cell_material, power)
+
+
+@njit(cache=True, parallel=True)
+def _touched(
+    tiles: Any, size: Any, rows: Any, columns: Any, reach: Any, start: Any, material: Any, changed: Any, found: Any
+) -> None:
+    """Tiles whose image depends on a changed material."""
+    for t in prange(tiles.shape[0]):
+        top, left = max(0, tiles[t, 0] - reach[0]), max(0, tiles[t, 1] - reach[1])
+        bottom = min(rows, tiles[t, 0] + size[0] + reach[0])
+        right = min(columns, tiles[t, 1] + size[1] + reach[1])
+        hit = False
+        for row in range(top, bottom):
+            for i in range(start[row * columns + left], start[row * columns + right]):
+                hit = hit or changed[material[i]]
+            if hit:
+                break
+        found[t] = hit
+
+
+@njit(cache=True)
+def _amplitude_row(
+    row: Any, left: Any, right: Any, columns: Any, start: Any, material: Any, power: Any, noise: Any, look: Any,
+    seed: Any, work: Any, words: Any, parts: Any, out: Any,
+) -> None:  # fmt: skip
+    """Complex amplitude of a stretch of a row before the band limit, interleaved real and imaginary."""
+    place, stream = work[0], work[1]
+    base = row * columns
+    n = right - left
+    n_cells = start[base + right] - start[base + left]
+    first = start[base + left]
+    for column in range(left, right):
+        for i in range(start[base + column], start[base + column + 1]):
+            place[i - first] = np.uint32(base + column)
+            stream[i - first] = np.uint32(material[i])
+    gaussian_row(n_cells, place, stream, look, seed, words, parts[0], parts[1])
+    for i in range(2 * n):
+        out[i] = np.float32(0.0)
+    for i in range(n_cells):
+        size = np.sqrt(power[first + i])
+        column = 2 * (np.int64(place[i]) - base - left)
+        out[column] += size * parts[0, i]
+        out[column + 1] += size * parts[1, i]
+    if noise > np.float32(0.0):
+        for column in range(n):
+            place[column] = np.uint32(base + left + column)
+            stream[column] = np.uint32(THERMAL)
+        gaussian_row(n, place, stream, look, seed, words, parts[0], parts[1])
+        for column in range(n):
+            out[2 * column] += noise * parts[0, column]
+            out[2 * column + 1] += noise * parts[1, column]
+
+
+@njit(cache=True, parallel=True)
+def _form(
+    tiles: Any, size: Any, rows: Any, columns: Any, start: Any, material: Any, power: Any, noise: Any, seed: Any,
+    first_look: Any, looks: Any, down: Any, across: Any, most: Any, intensity: Any, field: Any,
+) -> None:  # fmt: skip
+    """Looks of some tiles: amplitude, separable band limit, and their mean power or the one complex look.
+
+    Each tile forms what it needs of its neighbours itself, and every sum runs in one order: a
+    pixel does not depend on which tiles are asked for, nor on the number of threads.
+    """
+    reach_down, reach_across = down.size // 2, across.size // 2
+    for t in prange(tiles.shape[0]):
+        top, left = tiles[t, 0], tiles[t, 1]
+        bottom, right = min(rows, top + size[0]), min(columns, left + size[1])
+        outer_top, outer_bottom = max(0, top - reach_down), min(rows, bottom + reach_down)
+        outer_left, outer_right = max(0, left - reach_across), min(columns, right + reach_across)
+        width = 2 * (outer_right - outer_left)
+        work = np.empty((2, most), np.uint32)
+        words = np.empty((2, most), np.uint32)
+        parts = np.empty((2, most), np.float32)
+        amplitude = np.empty((outer_bottom - outer_top, width), np.float32)
+        line = np.empty(width + 4 * reach_across, np.float32)
+        result = np.empty(2 * (right - left), np.float32)
+        # where column `left` less its reach stands in the line: zero beyond the image's border
+        pad = 2 * (outer_left - (left - reach_across))
+        for look in range(first_look, first_look + looks):
+            for row in range(outer_top, outer_bottom):
+                _amplitude_row(
+                    row, outer_left, outer_right, columns, start, material, power, noise[row], np.uint32(look), seed,
+                    work, words, parts, amplitude[row - outer_top],
+                )  # fmt: skip
+            for row in range(top, bottom):
+                line[:] = np.float32(0.0)
+                for k in range(down.size):
+                    from_row = row + k - reach_down
+                    if from_row >= 0 and from_row < rows:
+                        tap = down[k]
+                        source = amplitude[from_row - outer_top]
+                        for i in range(width):
+                            line[pad + i] += tap * source[i]
+                result[:] = np.float32(0.0)
+                for k in range(across.size):
+                    tap = across[k]
+                    for i in range(result.size):
+                        result[i] += tap * line[i + 2 * k]
+                if field.size:
+                    for i in range(result.size):
+                        field[row, 2 * left + i] = result[i]
+                else:
+                    for i in range(right - left):
+                        value = result[2 * i] * result[2 * i] + result[2 * i + 1] * result[2 * i + 1]
+                        if look == first_look:
+                            intensity[row, left + i] = value
+                        else:
+                            intensity[row, left + i] += value
 
 
 class ImageFormation:
-    """Multilooked intensity of a reflectivity map, with common random numbers.
+    """Complex looks and multilooked intensity of a reflectivity, with common random numbers.
 
-    Each look is h * (sqrt(sigma0) u + sqrt(nesz) v): u and v white circular Gaussian,
-    h the impulse response; thermal noise is added before detection and passes through the
-    same band limit. Looks are averaged in power.
+    Each look is h * (sum over materials of sqrt(P_m) u_m + sqrt(nesz) v): u and v white circular
+    Gaussian, one for each pixel and material; h the impulse response; thermal noise is added
+    before detection and passes through the same band limit. Looks are averaged in power.
 
     Parameters
     ----------
@@ -82,59 +279,72 @@ class ImageFormation:
                 )
         self._radar = radar
         self._shape = shape
-        taps = (
-            impulse_response(radar.range_resolution_m, radar.range_spacing_m),
-            impulse_response(radar.azimuth_resolution_m, radar.azimuth_spacing_m),
-        )
-        # zero padding by the taps' length makes the circular convolution a linear one
-        self._padded = tuple(fft.next_fast_len(n + len(t)) for n, t in zip(shape, taps, strict=True))
-        kernel = np.zeros(self._padded, dtype=np.float32)
-        kernel[: len(taps[0]), : len(taps[1])] = np.outer(*taps)
-        kernel = np.roll(kernel, (-(len(taps[0]) // 2), -(len(taps[1]) // 2)), axis=(0, 1))
-        # a symmetric kernel has a real spectrum
-        self._transfer = fft.fft2(kernel).real.astype(np.float32)
-        self._noise_seed: int | None = None
-        self._speckle: list[NDArray[np.complex64]] = []
-        self._thermal: list[NDArray[np.complex64]] = []
+        self._down = impulse_response(radar.range_resolution_m, radar.range_spacing_m).astype(np.float32)
+        self._across = impulse_response(radar.azimuth_resolution_m, radar.azimuth_spacing_m).astype(np.float32)
+        self._noise = np.full(shape[0], 10.0 ** (radar.nesz_db / 20.0), dtype=np.float32)
+        tops, lefts = (np.arange(0, n, step) for n, step in zip(shape, _TILE, strict=True))
+        self._tiles = np.stack(np.meshgrid(tops, lefts, indexing="ij"), axis=-1).reshape(-1, 2).astype(np.int64)
 
-    def intensity_db(self, sigma0: NDArray[np.float32], noise_seed: int) -> NDArray[np.float32]:
-        """Form the image.
+    def intensity(
+        self, reflectivity: Reflectivity, noise_seed: int, before: NDArray[np.float32] | None = None,
+        tiles: NDArray[np.int64] | None = None,
+    ) -> NDArray[np.float32]:  # fmt: skip
+        """Mean power of the looks.
 
         Parameters
         ----------
-        sigma0 : ndarray of float32, shape (rows, columns)
-            Reflectivity [linear power].
+        reflectivity : Reflectivity
+            Of every pixel and material.
         noise_seed : int
             Seed of speckle and thermal noise.
+        before, tiles : ndarray, optional
+            An image of the same seed, and the tiles in which it is formed anew, in place.
 
         Returns
         -------
         ndarray of float32, shape (rows, columns)
-            Mean intensity of the looks [dB].
+            [linear power]
         """
-        self._draw(noise_seed)
-        amplitude = np.sqrt(sigma0)
-        power = np.zeros(self._shape, dtype=np.float32)
-        for speckle, thermal in zip(self._speckle, self._thermal, strict=True):
-            look = self._filtered(amplitude * speckle) + thermal
-            power += look.real**2 + look.imag**2
-        power /= self._radar.looks
-        return np.asarray(10.0 * np.log10(np.maximum(power, np.finfo(np.float32).tiny)), dtype=np.float32)
+        image = np.empty(self._shape, dtype=np.float32) if before is None else before
+        self._run(reflectivity, noise_seed, 0, self._radar.looks, self._tiles if tiles is None else tiles, image, None)
+        return image
 
-    def _draw(self, noise_seed: int) -> None:
-        """Draw the random numbers once: they are the same in every run of a calibration."""
-        if self._noise_seed == noise_seed:
-            return
-        level = np.float32(10.0 ** (self._radar.nesz_db / 20.0))
-        looks = range(self._radar.looks)
-        self._speckle = [circular_gaussian(noise_seed, look, SPECKLE, self._shape) for look in looks]
-        self._thermal = [
-            self._filtered(level * circular_gaussian(noise_seed, look, THERMAL, self._shape)) for look in looks
-        ]
-        self._noise_seed = noise_seed
+    def intensity_db(self, reflectivity: Reflectivity, noise_seed: int) -> NDArray[np.float32]:
+        """Mean intensity of the looks [dB]; arguments as for :meth:`intensity`."""
+        return decibels(self.intensity(reflectivity, noise_seed), self._radar.looks)
 
-    def _filtered(self, field: NDArray[np.complex64]) -> NDArray[np.complex64]:
-        spectrum = fft.fft2(field, s=self._padded, workers=1)
-        spectrum *= self._transfer
+    def look(self, reflectivity: Reflectivity, noise_seed: int, look: int = 0) -> NDArray[np.complex64]:
+        """One complex look, shape (rows, columns) [linear amplitude]."""
+        field = np.empty((self._shape[0], 2 * self._shape[1]), dtype=np.float32)
+        self._run(reflectivity, noise_seed, look, 1, self._tiles, np.empty((0, 0), dtype=np.float32), field)
+        return field.view(np.complex64)
+
+    def touched(self, reflectivity: Reflectivity, changed: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """Tiles whose image depends on materials of changed law (bool by id), as their corners."""
+        found = np.empty(len(self._tiles), dtype=np.bool_)
+        reach = np.array([len(self._down) // 2, len(self._across) // 2])
+        _touched(
+            self._tiles, np.array(_TILE), *self._shape, reach, reflectivity.start, reflectivity.material, changed, found
+        )
+        return self._tiles[found]
+
+    def _run(
+        self, reflectivity: Reflectivity, noise_seed: int, first: int, looks: int, tiles: NDArray[np.int64],
+        intensity: NDArray[np.float32], field: NDArray[np.float32] | None,
+    ) -> None:  # fmt: skip
         rows, columns = self._shape
-        return np.asarray(fft.ifft2(spectrum, overwrite_x=True, workers=1)[:rows, :columns])
+        stretch = _TILE[1] + len(self._across)
+        # room for the random numbers of the longest stretch of a row
+        most = int(np.diff(reflectivity.start).max(initial=1))
+        _form(
+            tiles, np.array(_TILE), rows, columns, reflectivity.start, reflectivity.material, reflectivity.power,
+            self._noise, seed_words(noise_seed), first, looks, self._down, self._across,
+            stretch * max(1, most), intensity,
+            field if field is not None else np.empty((0, 0), dtype=np.float32),
+        )  # fmt: skip
+
+
+def decibels(power: NDArray[np.float32], looks: int) -> NDArray[np.float32]:
+    """Sum of the looks' power to the dB of its mean; no power at all is the smallest number there is."""
+    scaled = np.maximum(power / np.float32(looks), np.finfo(np.float32).tiny)
+    return np.asarray(10.0 * np.log10(scaled), dtype=np.float32)

@@ -1,9 +1,4 @@
-"""Speckle, thermal noise and finite resolution of one look.
-
-Circular complex Gaussian numbers come from Philox generators keyed by (seed, look, kind):
-the same numbers in every run of a calibration (common random numbers), whatever the order
-or number of processes.
-"""
+"""Finite resolution of a look, and the statistics of its speckle."""
 
 from __future__ import annotations
 
@@ -12,35 +7,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["circular_gaussian", "impulse_response", "log_speckle_sd_db", "taylor_weights", "width_factor"]
+__all__ = ["impulse_response", "log_speckle_sd_db", "taylor_weights", "width_factor"]
 
 _NBAR, _SIDELOBE_DB = 4, 35
 _REACH = 8.0  # the impulse response is cut at this many resolution widths, below -45 dB
-
-
-def circular_gaussian(seed: int, look: int, kind: int, shape: tuple[int, int]) -> NDArray[np.complex64]:
-    """Circular complex Gaussian numbers of unit mean power.
-
-    Parameters
-    ----------
-    seed : int
-        Noise seed of the run, below 2**63.
-    look, kind : int
-        Which look, and what for (0 speckle, 1 thermal noise).
-    shape : (int, int)
-        Image size.
-
-    Returns
-    -------
-    ndarray of complex64, shape ``shape``
-        E|u|^2 = 1, real and imaginary parts independent (Goodman, "Speckle Phenomena in
-        Optics", section 2.2: fully developed speckle).
-    """
-    key = np.array([seed, (look << 8) | kind], dtype=np.uint64)
-    generator = np.random.Generator(np.random.Philox(key=key))
-    parts = generator.standard_normal((*shape, 2), dtype=np.float32)
-    parts *= np.float32(np.sqrt(0.5))
-    return parts.view(np.complex64)[..., 0]
 
 
 def taylor_weights(frequency: NDArray[np.float64]) -> NDArray[np.float64]:

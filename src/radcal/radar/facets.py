@@ -1,0 +1,146 @@
+"""Facets to pixels: each is spread over the slant ranges and azimuths that it reaches over.
+
+Neighbouring facets share their edges, so that together they fill every pixel of smooth ground
+evenly: no power is lost or counted twice, and flat ground has no texture of facets.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit, prange
+
+__all__ = ["ANGLES_PER_RADIAN", "LAID_OVER", "VISIBLE", "cells_of", "count_facets", "fill_facets", "order_facets"]
+
+ANGLES_PER_RADIAN = 65535.0 / (np.pi / 2.0)
+VISIBLE, LAID_OVER = 1, 2  # bits of a facet's state
+_BLOCK = 16  # columns that one thread works on at a time
+
+
+@njit(cache=True, parallel=True)
+def count_facets(
+    near: Any, far: Any, state: Any, per_column: Any, rows: Any, columns: Any, counts: Any, layover: Any, shadow: Any
+) -> None:
+    """Parts of facets in every pixel, and which pixels lie in layover and in shadow.
+
+    ``near`` and ``far`` are the edges of the facets in rows, shape (lines, facets); ``per_column`` the
+    number of lines in a column.
+    """
+    lines, facets = near.shape
+    for block in prange((columns + _BLOCK - 1) // _BLOCK):
+        for column in range(block * _BLOCK, min(columns, (block + 1) * _BLOCK)):
+            low, high = column * per_column, (column + 1) * per_column
+            for line in range(int(np.floor(low)), min(lines, int(np.ceil(high)))):
+                if min(line + 1.0, high) - max(float(line), low) < 1e-6:
+                    continue
+                for f in range(facets):
+                    a, b = int(np.floor(near[line, f])), int(np.floor(far[line, f]))
+                    if b < 0 or a >= rows:
+                        continue
+                    a, b = max(a, 0), min(b, rows - 1)
+                    if state[line, f] & VISIBLE:
+                        for row in range(a, b + 1):
+                            counts[row * columns + column] += 1
+                        if state[line, f] & LAID_OVER:
+                            for row in range(a, b + 1):
+                                layover[row, column] = True
+                    else:
+                        for row in range(a, b + 1):
+                            shadow[row, column] = True
+
+
+@njit(cache=True, parallel=True)
+def fill_facets(
+    near: Any, far: Any, state: Any, angle: Any, area: Any, material: Any, k: Any, per_column: Any, rows: Any,
+    columns: Any, start: Any, by_area: Any, out_material: Any, out_angle: Any, out_weight: Any, place: Any,
+) -> None:  # fmt: skip
+    """Material, incidence and weight of every part of a facet, in the order of pixels.
+
+    The weight is the part's area [m2], or for ``sigma0_local`` its share of the pixel before
+    the shares of a pixel are brought to sum 1. ``place`` is where it lies, in lines and facets.
+    """
+    lines, facets = near.shape
+    for block in prange((columns + _BLOCK - 1) // _BLOCK):
+        filled = np.zeros(rows, np.int32)
+        for column in range(block * _BLOCK, min(columns, (block + 1) * _BLOCK)):
+            filled[:] = 0
+            low, high = column * per_column, (column + 1) * per_column
+            for line in range(int(np.floor(low)), min(lines, int(np.ceil(high)))):
+                beside = min(line + 1.0, high) - max(float(line), low)
+                if beside < 1e-6:
+                    continue
+                for f in range(facets):
+                    if not state[line, f] & VISIBLE:
+                        continue
+                    first, last = near[line, f], far[line, f]
+                    a, b = int(np.floor(first)), int(np.floor(last))
+                    if b < 0 or a >= rows:
+                        continue
+                    length = max(last - first, np.float32(1e-6))
+                    for row in range(max(a, 0), min(b, rows - 1) + 1):
+                        inside = min(last, np.float32(row + 1)) - max(first, np.float32(row))
+                        share = max(inside, np.float32(0.0)) / length if a != b else np.float32(1.0)
+                        at = start[row * columns + column] + filled[row]
+                        filled[row] += 1
+                        out_material[at] = material[line // k, f // k]
+                        out_angle[at] = angle[line, f]
+                        out_weight[at] = (
+                            share * beside * area[line, f] if by_area else max(share * length, 1e-9) * beside
+                        )
+                        place[0, at] = line
+                        place[1, at] = f
+
+
+@njit(cache=True, parallel=True)
+def order_facets(
+    start: Any, columns: Any, material: Any, angle: Any, weight: Any, place: Any, local: Any, factor: Any, cells: Any,
+    pure: Any, mean_deg: Any, ground: Any,
+) -> None:  # fmt: skip
+    """Sort each pixel's facets by material, finish their weights, and take the means of the pixel."""
+    pixels = start.size - 1
+    rows = pixels // columns
+    for row in prange(rows):
+        for pixel in range(row * columns, (row + 1) * columns):
+            first, last = start[pixel], start[pixel + 1]
+            cells[pixel] = 0
+            if first == last:
+                continue
+            for i in range(first + 1, last):  # few of them: insertion, which keeps the order of equals
+                m, a, w, p, q = material[i], angle[i], weight[i], place[0, i], place[1, i]
+                j = i - 1
+                while j >= first and material[j] > m:
+                    material[j + 1], angle[j + 1], weight[j + 1] = material[j], angle[j], weight[j]
+                    place[0, j + 1], place[1, j + 1] = place[0, j], place[1, j]
+                    j -= 1
+                material[j + 1], angle[j + 1], weight[j + 1] = m, a, w
+                place[0, j + 1], place[1, j + 1] = p, q
+            total, angles, down, across = 0.0, 0.0, 0.0, 0.0
+            count = 1
+            for i in range(first, last):
+                total += weight[i]
+                angles += weight[i] * angle[i]
+                down += weight[i] * place[0, i]
+                across += weight[i] * place[1, i]
+                if i > first and material[i] != material[i - 1]:
+                    count += 1
+            cells[pixel] = count
+            pure[pixel] = material[first] if count == 1 else 0
+            mean_deg[pixel] = angles / total * (90.0 / 65535.0)
+            ground[0, pixel] = down / total
+            ground[1, pixel] = across / total
+            scale = 1.0 / total if local else factor[row]
+            for i in range(first, last):
+                weight[i] = weight[i] * scale
+
+
+@njit(cache=True, parallel=True)
+def cells_of(start: Any, cell_start: Any, material: Any, cell_material: Any, facet_start: Any) -> None:
+    """Material and first facet of every cell."""
+    for pixel in prange(start.size - 1):
+        cell = cell_start[pixel] - 1
+        for i in range(start[pixel], start[pixel + 1]):
+            if i == start[pixel] or material[i] != material[i - 1]:
+                cell += 1
+                cell_material[cell] = material[i]
+                facet_start[cell] = i

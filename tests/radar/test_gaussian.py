@@ -1,0 +1,70 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from radcal.radar.gaussian import circular_gaussian, philox
+
+SHAPE = (300, 200)
+N = SHAPE[0] * SHAPE[1]
+
+
+@pytest.mark.parametrize(
+    ("counter", "key", "expected"),
+    [
+        # the known answers that come with Random123, the authors' own implementation
+        ([0] * 4, [0] * 2, [0x6627E8D5, 0xE169C58D, 0xBC57AC4C, 0x9B00DBD8]),
+        ([0xFFFFFFFF] * 4, [0xFFFFFFFF] * 2, [0x408F276D, 0x41C83B0E, 0xA20BC7C6, 0x6D5451FD]),
+        (
+            [0x243F6A88, 0x85A308D3, 0x13198A2E, 0x03707344],
+            [0xA4093822, 0x299F31D0],
+            [0xD16CFE09, 0x94FDCCEB, 0x5001E420, 0x24126EA1],
+        ),
+    ],
+)
+def test_philox_gives_the_published_words(counter: list[int], key: list[int], expected: list[int]) -> None:
+    assert [int(word) for word in philox(*map(np.uint32, [*counter, *key]))] == expected
+
+
+def test_circular_gaussian_has_unit_mean_power_and_circular_statistics() -> None:
+    u = circular_gaussian(1, 0, 0, SHAPE)
+    assert u.shape == SHAPE
+    assert u.dtype == np.complex64
+    power = np.abs(u.astype(complex)) ** 2
+    # exponential power: its sd is its mean
+    assert power.mean() == pytest.approx(1.0, abs=3 / np.sqrt(N))
+    assert power.std() == pytest.approx(1.0, abs=3 * np.sqrt(8 / N))
+    for part in (u.real, u.imag):
+        assert part.mean(dtype=float) == pytest.approx(0.0, abs=3 * np.sqrt(0.5 / N))
+        assert part.var(dtype=float) == pytest.approx(0.5, abs=3 * 0.5 * np.sqrt(2 / N))
+    assert abs(np.mean(u.astype(complex) ** 2)) < 3 * np.sqrt(2 / N)  # circular
+
+
+def test_circular_gaussian_is_white() -> None:
+    u = circular_gaussian(1, 0, 0, SHAPE).astype(complex)
+    for a, b in [(u[1:], u[:-1]), (u[:, 1:], u[:, :-1])]:
+        assert abs(np.mean(a * b.conj())) < 4 / np.sqrt(N)
+
+
+def test_circular_gaussian_streams_are_reproducible_and_independent() -> None:
+    streams = [(1, 0, 0), (1, 1, 0), (1, 0, 1), (2, 0, 0), (2**63 - 1, 0, 0), (1, 63, 256)]
+    drawn = [circular_gaussian(*stream, SHAPE).astype(complex) for stream in streams]
+    for k, (stream, u) in enumerate(zip(streams, drawn, strict=True)):
+        np.testing.assert_array_equal(circular_gaussian(*stream, SHAPE), u.astype(np.complex64))
+        for v in drawn[k + 1 :]:
+            assert abs(np.mean(u * v.conj())) < 4 / np.sqrt(N)
+
+
+def test_parts_are_normal_and_phases_uniform() -> None:
+    u = circular_gaussian(7, 2, 3, SHAPE).astype(complex).ravel()
+    assert stats.kstest(u.real * np.sqrt(2), "norm").pvalue > 1e-3
+    assert stats.kstest(u.imag * np.sqrt(2), "norm").pvalue > 1e-3
+    assert stats.kstest(np.angle(u) / (2 * np.pi) % 1.0, "uniform").pvalue > 1e-3
+    assert stats.kstest(np.abs(u) ** 2, "expon").pvalue > 1e-3
+
+
+def test_a_place_has_its_number_whatever_the_image() -> None:
+    row = circular_gaussian(5, 1, 2, (1, 60))
+    np.testing.assert_array_equal(circular_gaussian(5, 1, 2, (3, 20)).ravel(), row.ravel())
+    np.testing.assert_array_equal(circular_gaussian(5, 1, 2, (1, 17)), row[:, :17])
