@@ -27,7 +27,7 @@ MATERIALS = ("dyke", "water", "grass", "forest", "crops", "bare_soil", "road")
 ROUGHNESS: dict[str, tuple[float, float]] = {
     # material: (rms height [m], correlation length [m]) of a Gaussian surface with a
     # Gaussian autocorrelation, whose rms slope along one axis is sqrt(2) rms / length
-    "dyke": (1.00, 13.0),
+    "dyke": (1.09, 13.0),
     "water": (0.01, 10.0),
     "grass": (0.25, 15.0),
     "forest": (1.20, 14.0),
@@ -127,7 +127,7 @@ def builtin_scene(seed: int) -> Scene:
         height_m, length_m = ROUGHNESS[name]
         elevation += (material == k) * height_m * _correlated(rough, north.shape, length_m)
     return Scene(
-        identity=digest({"source": "builtin", "seed": seed, "version": 1}),
+        identity=digest({"source": "builtin", "seed": seed, "version": 2}),
         names=MATERIALS,
         material=material,
         elevation_m=elevation,
