@@ -210,7 +210,7 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     ({"radar": {"looks": 0}}, ["radar.looks is 0"]),
     ({"radar": {"looks": 2.5}}, ["radar.looks is 2.5"]),
     ({"radar": {"nesz_db": float("-inf")}}, ["radar.nesz_db is -inf"]),
-    ({"radar": {"radiometry": "beta0"}}, ["radar.radiometry is 'beta0'", "'sigma0_local'"]),
+    ({"radar": {"radiometry": "beta"}}, ["radar.radiometry is 'beta'", "'sigma0_local'"]),
     # scene
     ({"scene": {"source": "buitlin"}}, ["scene.source is 'buitlin'", "'builtin'", "'slant_range'"]),
     ({"scene": {"source": "builtin", "seed": -4}}, ["scene.seed is -4"]),
@@ -525,3 +525,10 @@ def test_laws_know_the_pass() -> None:
     case = case_from(truth([8, 1, 1], OH, frequency_ghz=5.4, band="C", polarisation="VV"))
     higher = case_from(truth([8, 1, 1], OH, frequency_ghz=9.6, polarisation="HH"))
     assert float(case.laws["dyke"](0.6, [8, 1, 1])) != float(higher.laws["dyke"](0.6, [8, 1, 1]))
+
+
+def test_a_measurement_of_another_radiometry_is_refused() -> None:
+    file = {"source": "file", "path": "a.tif", "scale": "power", "radiometry": "gamma0"}
+    with pytest.raises(ConfigError, match=r"measurement\.radiometry is gamma0, radar\.radiometry is sigma0_local: set"):
+        case_from({"measurement": file})
+    assert case_from({"measurement": file, "radar": {"radiometry": "gamma0"}}).radar.radiometry == "gamma0"

@@ -67,6 +67,7 @@ Seed = Annotated[int, Field(ge=0, lt=2**63)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Count = Annotated[int, Field(ge=1)]
+Radiometry = Literal["sigma0_local", "sigma0_ref", "beta0", "gamma0"]
 
 
 _DEFAULT_LAW = "mangia"
@@ -161,7 +162,7 @@ class Radar(_Strict):
     azimuth_spacing_m: Positive = Field(2.5, description="pixel spacing in azimuth [m]")
     looks: Annotated[int, Field(ge=1, le=64)] = Field(4, description="independent looks averaged in power")
     nesz_db: Finite = Field(-20.0, description="noise-equivalent sigma0 [dB]")
-    radiometry: Literal["sigma0_local", "sigma0_ref", "beta0", "gamma0"] = Field(
+    radiometry: Radiometry = Field(
         "sigma0_local", description="what a pixel holds: sigma0_local (no area term), sigma0_ref, beta0 or gamma0"
     )
 
@@ -345,7 +346,7 @@ class FileMeasurement(_Strict):
         None, description="transmitted and received; checked against radar.polarisation"
     )
     carrier_band: str | None = Field(None, description="label of the carrier's band; checked against radar.band")
-    radiometry: Literal["sigma0_local"] = "sigma0_local"
+    radiometry: Radiometry = Field("sigma0_local", description="what its pixels hold; that of radar.radiometry")
 
 
 Measurement = Annotated[SyntheticMeasurement | FileMeasurement, Field(discriminator="source")]
@@ -552,6 +553,11 @@ class Case(_Strict):
 
     def _check_pass(self, measurement: FileMeasurement) -> None:
         """Refuse an image that is declared to be of another pass than the radar's."""
+        if measurement.radiometry != self.radar.radiometry:
+            raise ValueError(
+                f"measurement.radiometry is {measurement.radiometry}, radar.radiometry is {self.radar.radiometry}: set "
+                "radar.radiometry to the measurement's, the simulation is made in it"
+            )
         if measurement.polarisation not in (None, self.radar.polarisation):
             raise ValueError(
                 f"measurement.polarisation is {measurement.polarisation}, radar.polarisation is "

@@ -197,11 +197,11 @@ def make_geometry(scene: Scene, radar: Radar) -> Geometry:
         The track does not clear the terrain or nothing is visible.
     """
     if scene.elevation_m is None:
-        return _slant_range_geometry(scene)
+        return _slant_range_geometry(scene, radar)
     return _terrain_geometry(scene, radar)
 
 
-def _slant_range_geometry(scene: Scene) -> Geometry:
+def _slant_range_geometry(scene: Scene, radar: Radar) -> Geometry:
     """One facet per labelled pixel, incidence by row."""
     assert scene.incidence_deg is not None  # noqa: S101 - a scene has either elevation or incidence
     rows, columns = shape = (scene.material.shape[0], scene.material.shape[1])
@@ -209,6 +209,11 @@ def _slant_range_geometry(scene: Scene) -> Geometry:
     if not labelled.any():
         raise SceneError("no part of the scene is visible to the radar.")
     cells = int(np.count_nonzero(labelled))
+    phi = np.radians(scene.incidence_deg)
+    # on flat ground sigma0 has the same value in both senses; beta0 and gamma0 follow from their areas
+    weight = (
+        _radiometric_factor(radar.radiometry, phi) / np.sin(phi) if "sigma0" not in radar.radiometry else phi * 0 + 1
+    )
     angles = np.round(np.radians(scene.incidence_deg) * ANGLES_PER_RADIAN).astype(np.uint16)
     return Geometry(
         shape=shape,
@@ -217,7 +222,7 @@ def _slant_range_geometry(scene: Scene) -> Geometry:
         cell_material=scene.material[labelled],
         facet_start=np.arange(cells + 1, dtype=np.int32),
         facet_incidence=np.broadcast_to(angles[:, None], shape)[labelled],
-        facet_weight=np.ones(cells, dtype=np.float32),
+        facet_weight=np.broadcast_to(weight[:, None], shape)[labelled].astype(np.float32),
         material=scene.material,
         incidence_deg=np.where(labelled, scene.incidence_deg[:, None], np.nan).astype(np.float32),
         layover=np.zeros(shape, dtype=np.bool_),
