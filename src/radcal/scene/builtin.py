@@ -27,7 +27,7 @@ MATERIALS = ("dyke", "water", "grass", "forest", "crops", "bare_soil", "road")
 ROUGHNESS: dict[str, tuple[float, float]] = {
     # material: (rms height [m], correlation length [m]) of a Gaussian surface with a
     # Gaussian autocorrelation, whose rms slope along one axis is sqrt(2) rms / length
-    "dyke": (1.09, 13.0),
+    "dyke": (1.07, 13.0),
     "water": (0.01, 10.0),
     "grass": (0.25, 15.0),
     "forest": (1.20, 14.0),
@@ -42,7 +42,7 @@ _SRTM_NORTH_M = 92.6  # 3 arc-seconds of latitude
 _SRTM_EAST_M = 74.4  # 3 arc-seconds of longitude at 36.6 degrees north
 _SOUTH_ROW, _WEST_COLUMN = 141.0, 264.0  # the cut's corner in the SRTM array (row 0 is north)
 
-_FACE_M, _CREST_M, _LEE_M, _HEIGHT_M = 42.0, 6.0, 54.0, 25.2  # the dyke's cross-section
+_FACE_M, _CREST_M, _LEE_M, _HEIGHT_M = 42.0, 6.0, 54.0, 25.8  # the dyke's cross-section
 _CHANNEL_M = (12.0, 72.0)  # distance of the channel's banks from the foot of the face
 
 
