@@ -22,6 +22,7 @@ __all__ = [
     "Counts",
     "ImageFile",
     "Options",
+    "Values",
     "is_raster",
     "open_raster",
     "raster_band",

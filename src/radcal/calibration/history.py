@@ -74,6 +74,8 @@ class Run:
         X; xi [dB], omega [dB], alpha of the simulated density; its rms [1/dB].
     proposals : mapping by material
         What was promised, for infill runs.
+    repeat_db : float or None
+        For a repeated reference run: largest difference of its pixels from the first's [dB].
     """
 
     kind: Kind
@@ -84,6 +86,7 @@ class Run:
     dp: Mapping[str, list[float]]
     rms: Mapping[str, float]
     proposals: Mapping[str, Proposal] = field(default_factory=dict)
+    repeat_db: float | None = None
 
 
 def score(
@@ -124,6 +127,11 @@ class History:
     def infill(self) -> list[Run]:
         """The verified proposals."""
         return [run for run in self.runs if run.kind == "infill"]
+
+    @property
+    def repeat_db(self) -> list[float]:
+        """Largest difference of each repeated reference run's pixels from the first's [dB]."""
+        return [run.repeat_db for run in self.runs if run.repeat_db is not None]
 
     def count(self, kind: Kind) -> int:
         """Return the number of runs of a kind."""

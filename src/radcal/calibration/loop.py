@@ -10,7 +10,15 @@ from collections.abc import Callable
 
 from radcal.calibration.design import design_points
 from radcal.calibration.history import History, score
-from radcal.calibration.steps import noise_seed, propose_all, reference_parameters, train_all, verify
+from radcal.calibration.steps import (
+    noise_seed,
+    propose_all,
+    reference_parameters,
+    reference_runs,
+    score_reference,
+    train_all,
+    verify,
+)
 from radcal.calibration.stopping import Decision, decide
 from radcal.config import Case
 from radcal.measurement.target import Targets
@@ -47,7 +55,7 @@ def calibrate(
     """
     seed = noise_seed(case)
     start = reference_parameters(case)
-    runs = [score("reference", 0, runner.run(start, seed, image=True), start, targets)]
+    runs = score_reference(reference_runs(case, runner), start, targets)
     for k, parameters in enumerate(design_points(case)):
         runs.append(score("design", k, runner.run(parameters, seed), parameters, targets))
     history, surrogates, k = History(runs), None, 0

@@ -6,6 +6,7 @@ Layout of the archive (schema 1); backscatter in dB, angles in degrees:
 ``/`` attributes                          ``case``, ``config`` (JSON), ``reason``, ``converged``,
                                           ``tolerance``, ``max_runs``, ``measurement``, ``notes``, ``looks``,
                                           ``measured_looks`` (homogeneous areas),
+                                          ``simulator`` (JSON: its identity),
                                           ``sentences``, ``versions`` (JSON), ``final_runs``
 ``runs/kind, index, key, seconds``        one entry per run: reference, design, infill
 ``materials/<m>`` attributes              ``law``, ``parameter_names``, ``parameter_units``,
@@ -58,6 +59,7 @@ import numpy as np
 
 from radcal import skewnormal
 from radcal.calibration.history import History
+from radcal.calibration.steps import repeatability
 from radcal.calibration.stopping import decide
 from radcal.config import Case, Stop
 from radcal.errors import StoreError
@@ -65,7 +67,6 @@ from radcal.files import atomic, write_hdf5
 from radcal.measurement.registration import Registered
 from radcal.measurement.target import Targets
 from radcal.radar.geometry import Geometry
-from radcal.radar.laws import LAWS
 from radcal.scene.model import Scene
 from radcal.store import Record, RunStore
 
@@ -113,12 +114,14 @@ def write_archive(
     """
     measurement = registered.measurement
     decision = decide(history, list(targets), stop)
-    reference = RunStore(runs).get(history.runs[0].key, list(targets), image=True)
+    store = RunStore(runs)
+    reference = store.get(history.runs[0].key, list(targets), image=True)
     if reference is None:
         raise StoreError(
-            f"{RunStore(runs).path(history.runs[0].key)}: the reference run is missing or without its image; delete "
+            f"{store.path(history.runs[0].key)}: the reference run is missing or without its image; delete "
             f"{Path(runs).parent / 'reference.json'} and type the same command again to make it again."
         )
+    repeated = repeatability(case, history.repeat_db)
     calibrated, fresh = final
     known = {run.key for run in history.runs}
     with write_hdf5(path) as file:
@@ -132,7 +135,8 @@ def write_archive(
         file.attrs["looks"] = case.radar.looks
         file.attrs["measured_looks"] = targets.looks
         file.attrs["measurement"] = measurement.source
-        file.attrs["notes"] = list(measurement.notes)
+        file.attrs["notes"] = [*measurement.notes, *([repeated] if repeated else [])]
+        file.attrs["simulator"] = json.dumps(store.description(reference.key).get("simulator", {}))
         file.attrs["sentences"] = [decision.materials[name].sentence for name in targets]
         file.attrs["versions"] = json.dumps(_versions())
         file.attrs["final_runs"] = len({record.key for record in final} - known)
@@ -173,10 +177,9 @@ def write_archive(
         for name, target in targets.items():
             group = materials.create_group(name)
             material = case.materials[name]
-            law = LAWS[material.law]
             group.attrs["law"] = material.law
-            group.attrs["parameter_names"] = law.names
-            group.attrs["parameter_units"] = law.units
+            group.attrs["parameter_names"] = material.parameter_names
+            group.attrs["parameter_units"] = material.parameter_units
             group.attrs["reason"] = decision.materials[name].reason or "running"
             group.attrs["sentence"] = decision.materials[name].sentence
             group.attrs["eligible"] = target.eligible

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from radcal.files import atomic
+from radcal.radar.laws import LAWS
 from radcal.report.density_figures import densities, histogram, overview, quality
 from radcal.report.drawing import STYLE, CaseData, MaterialData, read_case
 from radcal.report.law_figures import cost, law
@@ -93,6 +94,8 @@ def write_figures(archive: str | Path, folder: str | Path) -> list[Figure]:
         )
         for material in case.materials:
             for kind, title, draw in drawings:
+                if kind == "law" and material.law not in LAWS:
+                    continue  # only the simulator could draw it
                 add(f"{kind}_{material.slug}", title, draw(case, material), material.name)
     return figures
 

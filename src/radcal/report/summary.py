@@ -96,6 +96,8 @@ def _material(group: h5py.Group, counted: NDArray[np.bool_], tolerance: float) -
     }
     if "hidden" in group:
         summary["hidden"] = dict(zip(names, map(float, group["hidden"][()]), strict=True))
+    # only the simulator knows what an external law makes of its parameters
+    if "hidden" in group and summary["law"] in LAWS:
         summary["law_difference_db"] = law_difference_db(
             summary["law"], group["parameters"][best], group["hidden"][()], group["incidence_deg"][()]
         )
@@ -167,6 +169,7 @@ def summarise(archive: str | Path, seconds: Mapping[str, float] | None = None) -
             "iterations": runs["infill"],
             "measurement": str(file.attrs["measurement"]),
             "looks": {"simulated": int(file.attrs["looks"]), "measured": float(file.attrs["measured_looks"])},
+            "simulator": json.loads(str(file.attrs["simulator"])),
             "notes": [str(note) for note in file.attrs["notes"]],
             "registration": _registration(file["registration"]),
             "levels": _levels(file["levels"]),
