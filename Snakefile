@@ -19,6 +19,7 @@ from radcal.calibration.stopping import decide
 from radcal.errors import RadcalError
 from radcal.jobs import FAILURE, STARTED
 from radcal.lock import CaseLock
+from radcal.simulators.command import check_command
 
 min_version("9.10")
 
@@ -30,6 +31,7 @@ if not workflow.configfiles:
 try:
     CASE = configuration.load(workflow.configfiles, config)
     FILES = configuration.input_files(CASE)
+    check_command(CASE)
 except RadcalError as error:
     sys.exit(f"radcal: {error}")
 

@@ -532,3 +532,84 @@ def test_a_measurement_of_another_radiometry_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"measurement\.radiometry is gamma0, radar\.radiometry is sigma0_local: set"):
         case_from({"measurement": file})
     assert case_from({"measurement": file, "radar": {"radiometry": "gamma0"}}).radar.radiometry == "gamma0"
+
+
+COMMAND = {"kind": "command", "command": ["sim"], "output": {"file": "i.npy", "scale": "db"}}
+SOIL = {"calibrate": True, "law": "external", "names": ["mv", "s"], "bounds": [[0, 1], [0, 1e10]]}
+NO_TRUTH = {"source": "synthetic", "synthetic": {"parameters": {}}}
+TRUE_SOIL = {"source": "synthetic", "synthetic": {"parameters": {"soil": [0.2, 1.0]}}}
+
+
+def test_unquoted_placeholders_are_what_was_meant(tmp_path: Path) -> None:
+    text = "simulator: {kind: command, command: [sim, {input}, {soil.mv}, a], output: {file: i.npy, scale: db}}"
+    (tmp_path / "a.yaml").write_text(text)
+    case = load([tmp_path / "a.yaml"])
+    assert case.simulator.command == ["sim", "{input}", "{soil.mv}", "a"]
+    # what a job gets is what the workflow read
+    assert Case.of_sections(case.sections("simulator")).simulator == case.simulator
+
+
+def test_parameters_of_an_external_law() -> None:
+    case = case_from({"simulator": COMMAND, "materials": {"soil": SOIL, "lake": {"law": "external"}},
+                      "measurement": NO_TRUTH})  # fmt: skip
+    soil, lake = case.materials["soil"], case.materials["lake"]
+    assert (soil.parameter_names, soil.parameter_units, soil.start_parameters) == (("mv", "s"), ("", ""), [0.5, 5e9])
+    assert (lake.parameter_names, lake.parameter_units, lake.start_parameters) == ((), (), [])
+    assert Case.of_sections(case.sections("materials")).materials == case.materials
+    assert (case.laws["soil"].names, case.laws["soil"].units) == (("mv", "s"), ("", ""))
+    assert case.at_start == case
+    with pytest.raises(ConfigError, match=r"parameters \['mv', 's'\] has no curve"):
+        case.laws["soil"](0.5, [0.1, 1.0])
+
+
+def test_laws_of_several_kinds_beside_an_external_one() -> None:
+    materials = {
+        "soil": SOIL | {"units": ["m3/m3", "cm"]},
+        "field": {"calibrate": True, **TABLE},
+        "lake": {"law": "constant_gamma", "parameters": [-12]},
+    }
+    case = case_from({"simulator": COMMAND, "materials": materials, "measurement": NO_TRUTH})
+    assert case.materials["soil"].parameter_units == ("m3/m3", "cm")
+    assert case.materials["field"].parameter_names == ("sigma0_20deg", "sigma0_40deg", "sigma0_60deg")
+    assert [name for name, law in case.laws.items() if law.has_curve] == ["field", "lake"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"materials": {"soil": SOIL}, "simulator": {}}, "materials.soil.law is external, which only simulator.kind"),
+        ({"materials": {"soil": SOIL | {"bounds": None}}}, "law external needs names and bounds"),
+        ({"materials": {"soil": SOIL | {"names": ["mv", "mv"]}}}, "names are .* expected each once"),
+        ({"materials": {"soil": SOIL | {"names": ["m v", "s"]}}}, "names: 'm v' is not a letter"),
+        ({"materials": {"soil": SOIL | {"units": ["cm"]}}}, "units has 1 entries, names 2"),
+        ({"materials": {"soil": SOIL | {"names": ["mv"]}}}, r"bounds has 2 intervals, .* takes 1 \(names: mv\)"),
+        ({"materials": {"soil": {"calibrate": True, "names": ["a"]}}}, "names its own parameters"),
+        ({"materials": {"soil": SOIL | {"angles_deg": [20, 40]}}}, "law 'external' has no knots"),
+        ({"materials": {"soil": SOIL | {"law": "external", "start": [0.5]}}}, r"start has 1 numbers, .*names: mv, s"),
+        (
+            {"materials": {"soil": SOIL | {"start": {"law": "external", "parameters": [0.5, 1]}}}},
+            r"materials\.soil\.start: law is 'external', which is no law to start with",
+        ),
+        (
+            {"materials": {"soil": SOIL | {"start": {"law": "mangia", "parameters": X}}}, "measurement": TRUE_SOIL},
+            r"materials\.soil\.start is of law 'mangia', .* expected a list of 2 numbers for law 'external'",
+        ),
+        ({"materials": {"soil": SOIL}, "measurement": {"synthetic": {"parameters": {"soil": [1]}}}}, "names: mv, s"),
+        ({"simulator": COMMAND | {"output": {"file": "../i.npy", "scale": "db"}}}, r"simulator\.output\.file: .*own f"),
+        ({"simulator": COMMAND | {"files": ["a/i.npy"]}}, r"files\.0 and output\.file are both 'i\.npy'"),
+        ({"simulator": COMMAND | {"version": "1", "version_command": ["a"]}}, "version and version_command are both"),
+        ({"simulator": COMMAND | {"output": {"file": "i", "scale": "db", "format": "raw"}}}, "expected dtype"),
+        ({"simulator": COMMAND | {"output": {"file": "i", "scale": "db", "dtype": "uint8"}}}, "files of format: raw"),
+        ({"simulator": {"kind": "command", "output": COMMAND["output"]}}, r"simulator\.command is missing"),
+        ({"simulator": COMMAND | {"timeout": 3}}, r"unknown key simulator\.timeout \(did you mean 'timeout_s'\?\)"),
+        (
+            {"simulator": COMMAND | {"templates": [{"tempalte": "a"}]}},
+            r"templates\.0\.tempalte \(did you mean 'template'",
+        ),
+        ({"simulator": {"kind": "comand"}}, r"simulator\.kind is 'comand', expected 'builtin', 'command'"),
+    ],
+)
+def test_wrong_external_simulators_end_in_a_sentence(changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(ConfigError, match=words) as caught:
+        case_from({"simulator": COMMAND, "materials": {"soil": SOIL}, "measurement": NO_TRUTH} | changes)
+    assert "\n" not in str(caught.value)

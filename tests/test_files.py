@@ -11,7 +11,7 @@ import h5py
 import pytest
 
 from radcal.errors import StoreError
-from radcal.files import atomic, digest, read_json, sweep, write_hdf5, write_json
+from radcal.files import atomic, digest, read_json, sweep, working_folder, write_hdf5, write_json
 
 
 def left_in(folder: Path) -> list[str]:
@@ -141,3 +141,16 @@ def test_partial_of_a_killed_process_is_swept(tmp_path: Path) -> None:
     assert [name.startswith(".partial-") for name in left_in(tmp_path)] == [True]
     assert sweep(tmp_path) == 1
     assert left_in(tmp_path) == []
+
+
+def test_working_folders_of_dead_processes_are_swept(tmp_path: Path) -> None:
+    mine = working_folder(tmp_path / "work")
+    (mine / "file").write_text("kept")
+    name = mine.name.replace(f"-{os.getpid()}-", "-999999999-")
+    dead = mine.with_name(name)
+    dead.mkdir()
+    (dead / "inner").mkdir()
+    (dead / "inner/file").write_text("gone")
+    assert sweep(tmp_path) == 1
+    assert (mine / "file").read_text() == "kept"
+    assert not dead.exists()

@@ -11,6 +11,8 @@ import difflib
 import itertools
 import os
 import re
+import shutil
+import sys
 import types
 import typing
 from collections.abc import Iterable, Mapping, Sequence
@@ -19,6 +21,7 @@ from typing import Annotated, Any, Literal, Self
 
 import yaml
 from pydantic import (
+    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
@@ -34,16 +37,20 @@ from pydantic import (
 
 from radcal.errors import ConfigError
 from radcal.radar.bands import same_label, within_band
-from radcal.radar.laws import LAWS, Law, law_for
+from radcal.radar.laws import EXTERNAL, LAWS, Law, external_law, law_for
 
 __all__ = [
     "BuiltinScene",
+    "BuiltinSimulation",
     "Case",
+    "CommandSimulation",
     "Design",
     "FileMeasurement",
+    "InputFile",
     "Material",
     "Measurement",
     "Optimiser",
+    "Output",
     "Radar",
     "RasterScene",
     "Registration",
@@ -56,10 +63,15 @@ __all__ = [
     "Synthetic",
     "SyntheticMeasurement",
     "Target",
+    "Template",
     "case_from",
     "default_yaml",
+    "executable_path",
     "expand_path",
+    "files_below",
+    "input_files",
     "load",
+    "nearest",
 ]
 
 ALL_PIXELS = 2**31 - 1  # more than any material has: what "all" stands for
@@ -173,10 +185,10 @@ class Radar(_Strict):
         return self
 
 
-class Simulator(_Strict):
-    """Which simulator is run."""
+class BuiltinSimulation(_Strict):
+    """radcal's own simulator."""
 
-    kind: Literal["builtin"] = Field("builtin", description="radcal's own")
+    kind: Literal["builtin"] = Field("builtin", description="builtin (radcal's own) or command (any other program)")
     keep_images: bool = Field(False, description="keep the whole image in every run record")
 
 
@@ -184,24 +196,52 @@ Knots = Annotated[list[Annotated[float, Field(ge=0, le=90)]], Field(min_length=2
 _START_AS_LIST, _START_AS_LAW = "a list", "a law"  # of pydantic's union; people never wrote them
 
 
-def _law_of(name: str, angles_deg: Sequence[float] | None) -> Law:
+def _law_of(
+    name: str,
+    angles_deg: Sequence[float] | None,
+    names: Sequence[str] | None = None,
+    units: Sequence[str] | None = None,
+) -> Law:
     """The law that a material names, its knots bound: names and units of its parameters are known."""
-    if name not in LAWS:
-        raise ValueError(f"law is {name!r}, expected one of {sorted(LAWS)}")
-    if "angles_deg" not in LAWS[name].needs:
+    if name not in LAWS and name != EXTERNAL:
+        raise ValueError(f"law is {name!r}, expected one of {[*sorted(LAWS), EXTERNAL]}")
+    if name != EXTERNAL and (names is not None or units is not None):
+        raise ValueError(f"law {name!r} names its own parameters: names and units are for law: {EXTERNAL}")
+    if name == EXTERNAL or "angles_deg" not in LAWS[name].needs:
         if angles_deg is not None:
             raise ValueError(f"angles_deg is given, law {name!r} has no knots")
     elif angles_deg is None:
         raise ValueError(f"angles_deg is missing, law {name!r} needs the incidence angles of its knots [deg]")
     elif any(second <= first for first, second in itertools.pairwise(angles_deg)):
         raise ValueError(f"angles_deg is {angles_deg}, expected increasing angles")
+    if name == EXTERNAL:
+        _check_names(names or (), units)
+        return external_law(names or (), units)
     return LAWS[name].bound(angles_deg=angles_deg)
+
+
+def _check_names(names: Sequence[str], units: Sequence[str] | None) -> None:
+    """Refuse names of an external law's parameters that a program could not be told."""
+    for name in names:
+        if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
+            raise ValueError(f"names: {name!r} is not a letter followed by letters, digits and _")
+    if len(set(names)) != len(names):
+        raise ValueError(f"names are {list(names)}, expected each once")
+    if units is not None and len(units) != len(names):
+        raise ValueError(f"units has {len(units)} entries, names {len(names)}")
+
+
+def _takes(law: Law, name: str) -> str:
+    """How many parameters a law takes, in words."""
+    # those of an external law stand in the case itself, and may be what is wrong
+    named = "" if law.has_curve else f" (names: {', '.join(law.names) or 'none'})"
+    return f"law {name!r} takes {len(law.names)}{named}"
 
 
 def _check_parameters(key: str, values: Sequence[float], law: Law, name: str) -> None:
     """Refuse parameters of the wrong number, or that the law has no value for."""
     if len(values) != len(law.names):
-        raise ValueError(f"{key} has {len(values)} numbers, law {name!r} takes {len(law.names)}")
+        raise ValueError(f"{key} has {len(values)} numbers, {_takes(law, name)}")
     for parameter, x, (low, high) in zip(law.names, values, law.limits or (), strict=law.limits is not None):
         if not low <= x <= high:
             raise ValueError(f"{key}: {parameter} of law {name!r} is {x:g}, expected {low:g} to {high:g}")
@@ -216,8 +256,138 @@ class Start(_Strict):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
+        if self.law == EXTERNAL:
+            raise ValueError(f"law is {EXTERNAL!r}, which is no law to start with, expected one of {sorted(LAWS)}")
         _check_parameters("parameters", self.parameters, _law_of(self.law, self.angles_deg), self.law)
         return self
+
+
+def _braced(value: object) -> object:
+    """YAML reads an unquoted {input} in a list as a mapping: the text that was meant."""
+    if isinstance(value, dict) and len(value) == 1 and next(iter(value.values())) is None:
+        return "{" + str(next(iter(value))) + "}"
+    return value
+
+
+def _inside(value: str) -> str:
+    """Refuse names that do not stay inside a run's folder."""
+    path = Path(value)
+    if not path.parts or path.is_absolute() or ".." in path.parts:
+        raise ValueError(f"is {value!r}, expected the name of a file in the run's own folder")
+    if path.parts[0].startswith("radcal."):
+        raise ValueError(f"is {value!r}, names that begin with radcal. are kept for radcal's own")
+    return value
+
+
+Argument = Annotated[str, BeforeValidator(_braced)]
+FileName = Annotated[str, AfterValidator(_inside)]
+
+
+class InputFile(_Strict):
+    """A file with all that the program needs to know of a run."""
+
+    file: FileName = Field("input.json", description="its name in the run's folder")
+    format: Literal["json", "toml"] = "json"
+
+
+class Template(_Strict):
+    """The program's own input file, with markers where parameters go."""
+
+    template: str = Field(description="the file with the markers")
+    file: FileName = Field(description="name of the filled file in the run's folder")
+    delimiter: Annotated[str, Field(pattern=r"^[^\sA-Za-z0-9_.:-]$")] = Field(
+        "@", description="the character on both sides of a marker, as in @dyke.X1@; nowhere else in the template"
+    )
+
+
+class Output(_Strict):
+    """The image that the program writes."""
+
+    file: FileName = Field(description="its name in the run's folder")
+    scale: Literal["db", "power", "amplitude", "complex"] = Field(description="what its numbers are")
+    format: Literal["npy", "npz", "mat", "hdf5", "raster", "raw"] | None = Field(
+        None, description="what the file is; as its ending says if missing"
+    )
+    band: Count | None = Field(None, description="band of a raster, from 1; needed where it has several")
+    dataset: str | None = Field(None, description="name in npz, mat or HDF5; needed where they hold several")
+    dtype: (
+        Literal["float32", "float64", "complex64", "complex128", "int8", "uint8", "int16", "uint16", "int32", "uint32"]
+        | None
+    ) = Field(None, description="numbers of a raw file, row by row")
+    byte_order: Literal["little", "big"] | None = Field(None, description="of a raw file; little if missing")
+    shape: tuple[Count, Count] | None = Field(
+        None, description="[rows, columns] of a raw file as written; the simulated image's if missing"
+    )
+    header_bytes: Annotated[int, Field(ge=0)] | None = Field(None, description="bytes before a raw file's numbers")
+    transpose: bool = Field(False, description="the file's rows are columns of the image (azimuth)")
+    flip_rows: bool = Field(False, description="the last row is the nearest in slant range (after transpose)")
+    flip_columns: bool = Field(False, description="columns run against the flight (after transpose)")
+
+    @model_validator(mode="after")
+    def _raw(self) -> Self:
+        if self.format == "raw" and self.dtype is None:
+            raise ValueError("format is raw, expected dtype: float32, complex64 or the like")
+        if self.format != "raw":
+            for key in ("dtype", "byte_order", "shape", "header_bytes"):
+                if getattr(self, key) is not None:
+                    raise ValueError(f"{key} is for files of format: raw")
+        return self
+
+
+class CommandSimulation(_Strict):
+    """Any other program, called once for each run in a folder of its own."""
+
+    kind: Literal["command"] = "command"
+    command: Annotated[list[Argument], Field(min_length=1)] = Field(
+        description="program and arguments; no shell reads them. {input}, {output}, {folder}, {geometry}, {python}, "
+        "{noise_seed} and {material.parameter} are filled in"
+    )
+    output: Output
+    name: str | None = Field(None, description="of the simulator; the program's file name if missing")
+    version: str | None = Field(None, description="of the simulator, if version_command does not tell it")
+    version_command: Annotated[list[Argument], Field(min_length=1)] | None = Field(
+        None, description="program and arguments that print the version"
+    )
+    input: InputFile | None = Field(None, description="write all parameters to a file")
+    templates: list[Template] = Field(default_factory=list, description="the program's input files, to be filled in")
+    files: list[str] = Field(default_factory=list, description="files copied into each run's folder")
+    links: list[str] = Field(default_factory=list, description="files or folders linked into each run's folder")
+    environment: dict[str, str] = Field(default_factory=dict, description="environment variables, besides radcal's own")
+    timeout_s: Positive = Field(3600.0, description="a run that takes longer is killed [s]")
+    retries: Annotated[int, Field(ge=0, le=20)] = Field(0, description="times that a failed run is tried again")
+    retry_wait_s: Annotated[float, Field(ge=0, allow_inf_nan=False)] = Field(
+        1.0, description="wait before the first retry [s]; doubles each time"
+    )
+    accept_exit_codes: Annotated[list[Annotated[int, Field(ge=-64, le=255)]], Field(min_length=1)] = Field(
+        default_factory=lambda: [0],
+        description="exit codes of a complete output; -11: ended by signal 11",
+    )
+    deterministic: bool | None = Field(
+        None, description="whether equal parameters and seed give equal images; found out by a second run if missing"
+    )
+    keep_images: bool = Field(False, description="keep the whole image in every run record")
+    keep_folders: bool = Field(False, description="keep the folders of successful runs too")
+
+    @model_validator(mode="after")
+    def _names(self) -> Self:
+        if self.version is not None and self.version_command is not None:
+            raise ValueError("version and version_command are both given, expected one of them")
+        names = [
+            *(("output.file", self.output.file),),
+            *((("input.file", self.input.file),) if self.input else ()),
+            *((f"templates.{k}.file", item.file) for k, item in enumerate(self.templates)),
+            *((f"files.{k}", Path(item).name) for k, item in enumerate(self.files)),
+            *((f"links.{k}", Path(item).name) for k, item in enumerate(self.links)),
+        ]
+        taken: dict[str, str] = {}
+        for key, name in names:
+            if name in taken:
+                raise ValueError(f"{key} and {taken[name]} are both {name!r} in the run's folder")
+            taken[name] = key
+        return self
+
+
+Simulator = Annotated[BuiltinSimulation | CommandSimulation, Field(discriminator="kind")]
 
 
 class Material(_Strict):
@@ -226,6 +396,8 @@ class Material(_Strict):
     calibrate: bool = False
     law: str = _DEFAULT_LAW
     angles_deg: Knots | None = Field(None, description="incidence angles of a tabulated law's knots [deg]")
+    names: list[str] | None = Field(None, description="of the parameters (law: external)")
+    units: list[str] | None = Field(None, description="of the parameters (law: external)")
     parameters: list[Finite] | None = Field(None, description="fixed parameters (calibrate: false)")
     bounds: list[tuple[Finite, Finite]] | None = Field(None, description="[lower, upper] of each parameter")
     start: (
@@ -240,48 +412,66 @@ class Material(_Strict):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        law = _law_of(self.law, self.angles_deg)
+        law = self.unbound_law
         d = len(law.names)
         if not self.calibrate:
-            if self.parameters is None:
+            if self.parameters is None and d > 0:
                 raise ValueError(f"a material that is not calibrated needs parameters: {d} numbers {list(law.names)}")
-            _check_parameters("parameters", self.parameters, law, self.law)
+            _check_parameters("parameters", self.parameters or [], law, self.law)
             return self
         if self.parameters is not None:
             raise ValueError("a calibrated material takes start and bounds, not parameters")
+        if self.law == EXTERNAL and (d == 0 or self.bounds is None):
+            raise ValueError("a calibrated material of law external needs names and bounds of its parameters")
         if self.bounds is None and law.bounds is None:
             raise ValueError(
                 f"bounds is missing, law {self.law!r} has no default: expected [lower, upper] for each of "
                 f"{', '.join(law.names)}"
             )
         if len(self.box) != d:
-            raise ValueError(f"bounds has {len(self.box)} intervals, law {self.law!r} takes {d}")
+            raise ValueError(f"bounds has {len(self.box)} intervals, {_takes(law, self.law)}")
         for name, (low, high) in zip(law.names, self.box, strict=True):
             if not low < high:
                 raise ValueError(f"bounds of {name} are [{low:g}, {high:g}], expected lower < upper")
-            if max(abs(low), abs(high)) > _LARGEST:
+            # what is large for a parameter of somebody else's, only they could say
+            if law.has_curve and max(abs(low), abs(high)) > _LARGEST:
                 raise ValueError(f"bounds of {name} are [{low:g}, {high:g}], expected within +-{_LARGEST:g}")
         for values in zip(*self.box, strict=True):
             _check_parameters("bounds", values, law, self.law)
         if self.starts_with_another_law:
             return self
         if len(self.start_parameters) != d:
-            raise ValueError(f"start has {len(self.start_parameters)} numbers, law {self.law!r} takes {d}")
+            raise ValueError(f"start has {len(self.start_parameters)} numbers, {_takes(law, self.law)}")
         for name, x, (low, high) in zip(law.names, self.start_parameters, self.box, strict=True):
             if not low <= x <= high:
                 raise ValueError(f"start of {name} is {x:g}, expected inside its bounds [{low:g}, {high:g}]")
         return self
 
     @property
+    def unbound_law(self) -> Law:
+        """The law with names and units of its parameters, before the pass is known."""
+        return _law_of(self.law, self.angles_deg, self.names, self.units)
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Name of each parameter."""
+        return self.unbound_law.names
+
+    @property
+    def parameter_units(self) -> tuple[str, ...]:
+        """Unit of each parameter, empty where it has none."""
+        return self.unbound_law.units
+
+    @property
     def box(self) -> list[tuple[float, float]]:
         """Bounds of each parameter, the law's own where none are configured."""
-        return list(self.bounds if self.bounds is not None else LAWS[self.law].bounds or ())
+        return list(self.bounds if self.bounds is not None else self.unbound_law.bounds or ())
 
     @property
     def start_parameters(self) -> list[float]:
         """Parameters of the reference run; of the start's law, if it names one."""
-        if self.parameters is not None:
-            return list(self.parameters)
+        if not self.calibrate:
+            return list(self.parameters or [])
         if isinstance(self.start, Start):
             return list(self.start.parameters)
         if self.start is not None:
@@ -304,7 +494,7 @@ class Material(_Strict):
             return self
         # not checked again: bounds are the calibrated law's, and nothing of a reference run asks for them
         start = {"law": self.start.law, "angles_deg": self.start.angles_deg, "start": list(self.start.parameters)}
-        return self.model_copy(update={**start, "bounds": None})
+        return self.model_copy(update={**start, "bounds": None, "names": None, "units": None})
 
 
 class Synthetic(_Strict):
@@ -326,7 +516,7 @@ class Synthetic(_Strict):
 
 
 class SyntheticMeasurement(_Strict):
-    """A measurement made by the built-in simulator from hidden parameters."""
+    """A measurement made by the simulator from hidden parameters."""
 
     source: Literal["synthetic"] = "synthetic"
     synthetic: Synthetic = Synthetic()
@@ -447,6 +637,10 @@ _SYNTHETIC_MATERIALS: dict[str, dict[str, Any]] = {
 }
 
 
+# sections of several kinds, and the key that says which
+_TAGS = {"scene": "source", "simulator": "kind", "measurement": "source"}
+
+
 def _default_materials() -> dict[str, Material]:
     return {name: Material.model_validate(value) for name, value in _SYNTHETIC_MATERIALS.items()}
 
@@ -458,7 +652,7 @@ class Case(_Strict):
     seed: Seed = Field(1, description="every random draw not named elsewhere derives from it")
     scene: Scene = BuiltinScene()
     radar: Radar = Radar()
-    simulator: Simulator = Simulator()
+    simulator: Simulator = BuiltinSimulation()
     materials: dict[str, Material] = Field(default_factory=_default_materials, min_length=1)
     measurement: Measurement = SyntheticMeasurement()
     registration: Registration = Registration()
@@ -468,11 +662,13 @@ class Case(_Strict):
     optimiser: Optimiser = Optimiser()
     stop: Stop = Stop()
 
-    @field_validator("scene", "measurement", mode="before")
+    @field_validator("scene", "simulator", "measurement", mode="before")
     @classmethod
-    def _default_source(cls, value: object, info: ValidationInfo) -> object:
-        if isinstance(value, dict) and "source" not in value and info.field_name is not None:
-            return {"source": cls.model_fields[info.field_name].default.source, **value}
+    def _default_tag(cls, value: object, info: ValidationInfo) -> object:
+        if isinstance(value, dict) and info.field_name is not None:
+            tag = _TAGS[info.field_name]
+            if tag not in value:
+                return {tag: getattr(cls.model_fields[info.field_name].default, tag), **value}
         return value
 
     @field_validator("case")
@@ -499,14 +695,13 @@ class Case(_Strict):
             for name, x in self.measurement.synthetic.parameters.items():
                 if name not in self.materials:
                     raise ValueError(
-                        f"measurement.synthetic.parameters.{name}: no such material{_nearest(name, self.materials)}"
+                        f"measurement.synthetic.parameters.{name}: no such material{nearest(name, self.materials)}"
                     )
                 material = self.materials[name]
-                law = _law_of(material.law, material.angles_deg)
-                _check_parameters(f"measurement.synthetic.parameters.{name}", x, law, material.law)
+                _check_parameters(f"measurement.synthetic.parameters.{name}", x, material.unbound_law, material.law)
         for name in self.target.reference_materials or []:
             if name not in self.materials:
-                raise ValueError(f"target.reference_materials: no material {name!r}{_nearest(name, self.materials)}")
+                raise ValueError(f"target.reference_materials: no material {name!r}{nearest(name, self.materials)}")
             if self.materials[name].calibrate:
                 raise ValueError(
                     f"target.reference_materials: {name!r} is calibrated, expected a material with fixed parameters"
@@ -545,11 +740,25 @@ class Case(_Strict):
                 )
 
     def _check_laws(self) -> None:
-        """Refuse laws that depend on what the radar does not say."""
+        """Refuse laws that the simulator does not know, or that depend on what the radar does not say."""
+        command = isinstance(self.simulator, CommandSimulation)
         for name, material in self.materials.items():
-            for key, law in ((name, material.law), (f"{name}.start", material.at_start.law)):
-                if "frequency_ghz" in LAWS[law].needs and self.radar.frequency_ghz is None:
-                    raise ValueError(f"radar.frequency_ghz is missing: law {law!r} of materials.{key} depends on it")
+            if material.law == EXTERNAL and not command:
+                raise ValueError(
+                    f"materials.{name}.law is {EXTERNAL}, which only simulator.kind: command can simulate, "
+                    f"expected one of {sorted(LAWS)}"
+                )
+            if material.starts_with_another_law and command:
+                raise ValueError(
+                    f"materials.{name}.start is of law {material.at_start.law!r}, which simulator.kind: command would "
+                    f"not be told: expected a list of {len(material.parameter_names)} numbers for law "
+                    f"{material.law!r}"
+                )
+            for key, seen in ((name, material), (f"{name}.start", material.at_start)):
+                if "frequency_ghz" in seen.unbound_law.needs and self.radar.frequency_ghz is None:
+                    raise ValueError(
+                        f"radar.frequency_ghz is missing: law {seen.law!r} of materials.{key} depends on it"
+                    )
 
     def _check_pass(self, measurement: FileMeasurement) -> None:
         """Refuse an image that is declared to be of another pass than the radar's."""
@@ -576,13 +785,15 @@ class Case(_Strict):
 
     @property
     def laws(self) -> dict[str, Law]:
-        """Every material's law, ready to be evaluated for this pass."""
+        """Every material's law for this pass, ready to be evaluated unless it is external."""
         return {
             name: law_for(
                 material.law,
                 frequency_ghz=self.radar.frequency_ghz,
                 polarisation=self.radar.polarisation,
                 angles_deg=material.angles_deg,
+                names=material.names,
+                units=material.units,
             )
             for name, material in self.materials.items()
         }
@@ -626,7 +837,7 @@ class Case(_Strict):
         return case
 
 
-def expand_path(text: str, key: str) -> Path:
+def expand_path(text: str, key: str, folder: bool = False) -> Path:
     """Expand ``~`` and ``${VARIABLES}`` of a configured path.
 
     Parameters
@@ -635,6 +846,8 @@ def expand_path(text: str, key: str) -> Path:
         The path as written.
     key : str
         The configuration key, for the message.
+    folder : bool
+        Whether a folder will do, too.
 
     Raises
     ------
@@ -650,11 +863,49 @@ def expand_path(text: str, key: str) -> Path:
     path = Path(os.path.expanduser(os.path.expandvars(text)))
     if not path.exists():
         raise ConfigError(f"{key}: the file {path} does not exist.")
-    if not path.is_file():
+    if not path.is_file() and not (folder and path.is_dir()):
         raise ConfigError(f"{key}: {path} is not a file.")
     if not os.access(path, os.R_OK):
         raise ConfigError(f"{key}: no permission to read {path}.")
     return path
+
+
+def executable_path(word: str, key: str, environment: Mapping[str, str]) -> Path:
+    """The program that the first word of a command names.
+
+    Parameters
+    ----------
+    word : str
+        ``{python}``, the interpreter that runs radcal; a path, with a slash; or a name on the
+        PATH.
+    key : str
+        The configuration key, for the message.
+    environment : mapping
+        Configured environment variables.
+
+    Raises
+    ------
+    ConfigError
+        There is no such program.
+    """
+    if word == "{python}":
+        return Path(sys.executable)
+    if "/" not in word:
+        found = shutil.which(word, path=environment.get("PATH"))
+        if found is None:
+            raise ConfigError(
+                f"{key}: no program {word!r} on the PATH; write a path, such as ./{word}, for a program elsewhere."
+            )
+        return Path(found).absolute()
+    path = expand_path(word, key)
+    if not os.access(path, os.X_OK):
+        raise ConfigError(f"{key}: {path} is not executable: type chmod +x {path}.")
+    return path.absolute()
+
+
+def files_below(path: Path) -> list[Path]:
+    """The file itself, or all files below a folder, in order."""
+    return sorted(item for item in path.rglob("*") if item.is_file()) if path.is_dir() else [path]
 
 
 def input_files(case: Case) -> dict[str, Path]:
@@ -675,10 +926,27 @@ def input_files(case: Case) -> dict[str, Path]:
         files[f"scene.{key}"] = expand_path(getattr(case.scene, key), f"scene.{key}")
     if isinstance(case.measurement, FileMeasurement):
         files["measurement.path"] = expand_path(case.measurement.path, "measurement.path")
+    if isinstance(case.simulator, CommandSimulation):
+        files |= _simulator_files(case.simulator)
     return files
 
 
-def _nearest(key: str, known: Iterable[str]) -> str:
+def _simulator_files(config: CommandSimulation) -> dict[str, Path]:
+    files = {}
+    if config.command[0] != "{python}":
+        files["simulator.command"] = executable_path(config.command[0], "simulator.command", config.environment)
+    for k, item in enumerate(config.templates):
+        files[f"simulator.templates.{k}"] = expand_path(item.template, f"simulator.templates.{k}.template")
+    for k, text in enumerate(config.files):
+        files[f"simulator.files.{k}"] = expand_path(text, f"simulator.files.{k}")
+    for k, text in enumerate(config.links):
+        for n, path in enumerate(files_below(expand_path(text, f"simulator.links.{k}", folder=True))):
+            files[f"simulator.links.{k}.{n}"] = path
+    return files
+
+
+def nearest(key: str, known: Iterable[str]) -> str:
+    """Hint at what may have been meant by a key that is not known, in brackets."""
     found = difflib.get_close_matches(key, list(known), n=1, cutoff=0.5)
     return f" (did you mean {found[0]!r}?)" if found else f" (known: {', '.join(known)})"
 
@@ -692,12 +960,16 @@ def _models_in(annotation: object) -> list[type[BaseModel]]:
     return []
 
 
+def _tags(model: type[BaseModel]) -> list[object]:
+    return [model.model_fields[key].default for key in _TAGS.values() if key in model.model_fields]
+
+
 def _known_keys(location: Sequence[int | str]) -> list[str]:
     """Keys allowed beside the last element of an error's location."""
     models: list[type[BaseModel]] = [Case]
     for part in location[:-1]:
         if len(models) > 1:  # a union: this part is its tag, not a key
-            models = [model for model in models if model.model_fields["source"].default == part]
+            models = [model for model in models if part in _tags(model)]
         else:
             field = models[0].model_fields.get(str(part))
             models = (_models_in(field.annotation) if field else []) or models
@@ -710,22 +982,21 @@ def _sentence(error: ValidationError, origin: str) -> str:
     details = sorted(error.errors(), key=lambda detail: detail["type"] != "extra_forbidden")
     first = details[0]
     location = list(first["loc"])
-    if location[:1] in (["scene"], ["measurement"]) and len(location) > 1:
+    if location and location[0] in _TAGS and len(location) > 1:
         location.pop(1)  # the tag that pydantic puts there; people never wrote it
     location = [part for part in location if part not in (_START_AS_LIST, _START_AS_LAW)]
     key = ".".join(str(part) for part in location) or "the configuration"
     found = first["input"]
     match first["type"]:
         case "extra_forbidden":
-            text = f"unknown key {key}{_nearest(str(first['loc'][-1]), _known_keys(first['loc']))}"
+            text = f"unknown key {key}{nearest(str(first['loc'][-1]), _known_keys(first['loc']))}"
         case "missing":
             text = f"{key} is missing"
         case "value_error":
             text = f"{key}: {first['msg'].removeprefix('Value error, ')}"
         case "union_tag_invalid" | "union_tag_not_found":
-            text = (
-                f"{key}.source is {_shown(found, 'source')}, expected {first.get('ctx', {}).get('expected_tags', '')}"
-            )
+            tag = _TAGS[key]
+            text = f"{key}.{tag} is {_shown(found, tag)}, expected {first.get('ctx', {}).get('expected_tags', '')}"
         case _:
             message = first["msg"].removeprefix("Input should be ")
             text = f"{key} is {found!r}, expected {message}"

@@ -6,7 +6,9 @@ import contextlib
 import hashlib
 import json
 import os
+import shutil
 import socket
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,7 +17,7 @@ import h5py
 
 from radcal.errors import StoreError
 
-__all__ = ["atomic", "digest", "read_json", "sweep", "write_hdf5", "write_json"]
+__all__ = ["atomic", "digest", "read_json", "sweep", "working_folder", "write_hdf5", "write_json"]
 
 _PARTIAL = ".partial-"
 
@@ -86,14 +88,37 @@ def digest(data: Any) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:20]
 
 
+def working_folder(parent: str | Path) -> Path:
+    """Make an empty folder that :func:`sweep` removes once this process is dead.
+
+    Parameters
+    ----------
+    parent : path
+        Where it is made; made itself if missing.
+
+    Raises
+    ------
+    StoreError
+        The folder or the disk refuses it.
+    """
+    try:
+        Path(parent).mkdir(parents=True, exist_ok=True)
+        return Path(tempfile.mkdtemp(prefix=f"{_PARTIAL}{socket.gethostname()}-{os.getpid()}-", dir=parent))
+    except OSError as error:
+        raise StoreError(f"{parent}: no folder can be made there ({error.strerror or error}).") from error
+
+
 def sweep(folder: str | Path) -> int:
-    """Remove temporary files of dead processes of this machine; return how many."""
+    """Remove temporary files and folders of dead processes of this machine; return how many."""
     removed = 0
     host = socket.gethostname()
-    for partial in Path(folder).rglob(f"{_PARTIAL}{host}-*"):
+    for partial in list(Path(folder).rglob(f"{_PARTIAL}{host}-*")):
         pid = partial.name.removeprefix(f"{_PARTIAL}{host}-").split("-", 1)[0]
         if not pid.isdigit() or not _alive(int(pid)):
-            partial.unlink(missing_ok=True)
+            if partial.is_dir() and not partial.is_symlink():
+                shutil.rmtree(partial, ignore_errors=True)
+            else:
+                partial.unlink(missing_ok=True)
             removed += 1
     return removed
 

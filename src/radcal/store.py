@@ -24,10 +24,11 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.config import Case, Radar
+from radcal.config import Case, Material, Radar
 from radcal.errors import SimulatorError, StoreError
 from radcal.files import digest, write_hdf5
 from radcal.radar.geometry import Geometry
+from radcal.radar.laws import EXTERNAL
 from radcal.simulators.protocol import Simulator
 
 __all__ = ["Parameters", "Record", "RunStore", "Runner"]
@@ -59,6 +60,11 @@ class Record:
     pixels_db: Mapping[str, NDArray[np.float32]]
     image_db: NDArray[np.float32] | None
     seconds: float
+
+    def largest_difference_db(self, other: Record) -> float:
+        """Largest absolute difference between the pixels of this run and another's [dB]."""
+        each = [np.max(np.abs(values - other.pixels_db[name]), initial=0.0) for name, values in self.pixels_db.items()]
+        return float(max(each, default=0.0))
 
 
 def _checksum(pixels_db: Mapping[str, NDArray[np.float32]], image_db: NDArray[np.float32] | None) -> str:
@@ -137,6 +143,20 @@ class RunStore:
             return None
         return Record(key, pixels, whole, seconds)
 
+    def description(self, key: str) -> dict[str, Any]:
+        """All that determined the numbers of a record, as :meth:`Runner.description` gave it.
+
+        Raises
+        ------
+        StoreError
+            There is no such record, or it cannot be read.
+        """
+        try:
+            with h5py.File(self.path(key), "r", locking=False) as file:
+                return dict(json.loads(str(file.attrs["description"])))
+        except (OSError, KeyError, ValueError) as error:
+            raise StoreError(f"{self.path(key)}: cannot be read ({error}).") from None
+
     def put(self, record: Record, description: Mapping[str, Any]) -> None:
         """Write a record; it becomes visible complete, with what an earlier one of the same run held besides."""
         earlier = self._read(record.key)
@@ -158,6 +178,17 @@ class RunStore:
                 file.create_dataset(
                     "image_db", data=record.image_db, dtype="f4", compression="gzip", compression_opts=1
                 )
+
+
+def _law_description(material: Material) -> dict[str, Any]:
+    """What of a law determines a run's numbers, besides its parameters."""
+    description: dict[str, Any] = {"law": material.law}
+    # each only where the law does not fix it: runs of other laws keep the keys they had before there were any
+    if material.angles_deg:
+        description["angles_deg"] = material.angles_deg
+    if material.law == EXTERNAL:
+        description["names"] = list(material.parameter_names)
+    return description
 
 
 class Runner:
@@ -185,15 +216,11 @@ class Runner:
         self._geometry = geometry
         self._scene_identity = scene_identity
         self._radar: Radar = case.radar
-        self._laws: dict[str, dict[str, Any]] = {
-            # knots only where there are any: runs of other laws keep the keys they had before there were knots
-            name: {"law": material.law, **({"angles_deg": material.angles_deg} if material.angles_deg else {})}
-            for name, material in case.materials.items()
-        }
+        self._laws = {name: _law_description(material) for name, material in case.materials.items()}
         self._recorded = case.calibrated
         self._keep_images = case.simulator.keep_images
 
-    def description(self, parameters: Parameters, noise_seed: int) -> dict[str, Any]:
+    def description(self, parameters: Parameters, noise_seed: int, repeat: bool = False) -> dict[str, Any]:
         """All that determines a run's numbers, as plain data."""
         unknown = {"frequency_ghz"} if self._radar.frequency_ghz is None else None  # keys as before there was one
         return {
@@ -204,9 +231,10 @@ class Runner:
                 name: {**law, "parameters": [float(x) for x in parameters[name]]} for name, law in self._laws.items()
             },
             "noise_seed": noise_seed,
+            **({"repeat": True} if repeat else {}),
         }
 
-    def run(self, parameters: Parameters, noise_seed: int, image: bool = False) -> Record:
+    def run(self, parameters: Parameters, noise_seed: int, image: bool = False, repeat: bool = False) -> Record:
         """Return the run of these parameters, simulating only if the store does not have it.
 
         Parameters
@@ -217,13 +245,15 @@ class Runner:
             Seed of speckle and noise.
         image : bool
             Ask for the whole image too.
+        repeat : bool
+            Ask for a second run of the same parameters and seed, which has a record of its own.
 
         Raises
         ------
         SimulatorError
             The simulator's image has the wrong size or values that are not finite.
         """
-        description = self.description(parameters, noise_seed)
+        description = self.description(parameters, noise_seed, repeat)
         key = digest(description)
         found = self._store.get(key, self._recorded, image)
         if found is not None:

@@ -7,19 +7,20 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from radcal.calibration.history import History
 from radcal.calibration.loop import calibrate
-from radcal.calibration.steps import noise_seed
+from radcal.calibration.steps import noise_seed, repeatability
 from radcal.calibration.stopping import Decision
 from radcal.config import Case, case_from
 from radcal.measurement.model import Measurement
 from radcal.measurement.target import Target, Targets, make_target
-from radcal.radar.geometry import make_geometry
+from radcal.radar.geometry import Geometry, make_geometry
 from radcal.scene.model import Scene
 from radcal.scene.slant_range import flat_incidence_deg
 from radcal.simulators.builtin import BuiltinSimulator
-from radcal.store import Runner, RunStore
+from radcal.store import Parameters, Runner, RunStore
 
 LAWS: dict[str, tuple[dict[str, Any], list[float]]] = {
     "constant_gamma": ({"bounds": [[-30, 0]]}, [-11.3]),
@@ -80,6 +81,41 @@ def test_a_law_of_three_parameters_from_a_start_of_another_law(tmp_path: Path) -
     assert history.runs[0].other_law == ["field"]
     assert all(not run.other_law for run in history.runs[1:])
     assert history.training("field")[0].shape == (len({run.key for run in history.runs}) - 1, 3)
+
+
+class Unsteady:
+    """The built-in simulator with another seed in every run."""
+
+    def __init__(self, case: Case, geometry: Geometry) -> None:
+        self._simulator, self._runs = BuiltinSimulator(geometry, case.radar, case.laws), 0
+        self.identity = {"kind": "unsteady"}
+
+    def run(self, parameters: Parameters, noise_seed: int) -> NDArray[np.float32]:
+        self._runs += 1
+        return self._simulator.run(parameters, self._runs)
+
+
+def test_a_reference_run_that_does_not_repeat_is_scored_twice(tmp_path: Path) -> None:
+    command = {"kind": "command", "command": ["sim"], "output": {"file": "i.npy", "scale": "db"}}
+    of_law = case_of("constant_gamma").model_dump(mode="json") | {"simulator": command}
+    case = case_from(of_law | {"stop": {"rms": 1e-9, "max_runs": 9}})
+    scene = Scene("tiny", ("field",), np.ones((70, 60), np.uint8), None, 1.0, flat_incidence_deg(15.0, 40.0, 70))
+    geometry = make_geometry(scene, case.radar)
+    runner = Runner(RunStore(tmp_path), Unsteady(case, geometry), geometry, scene.identity, case)
+    hidden = case.measurement.synthetic.parameters
+    measurement = Measurement(BuiltinSimulator(geometry, case.radar, case.laws).run(hidden, 99), "made", hidden)
+    targets = Targets({"field": make_target("field", geometry, measurement, case.target, case.seed)})
+    # without a reference runner: no start is of another law
+    history, _ = calibrate(case, runner, targets)
+    first, again, *others = history.runs
+    assert (first.kind, again.kind, again.index) == ("reference", "reference", 1)
+    assert {run.kind for run in others} == {"design", "infill"}
+    assert first.parameters == again.parameters
+    assert first.key != again.key
+    pixels = [RunStore(tmp_path).get(run.key, ["field"]).pixels_db["field"] for run in (first, again)]
+    assert history.repeat_db == [pytest.approx(np.abs(pixels[0] - pixels[1]).max(), rel=1e-6)]
+    assert history.repeat_db[0] > 1.0
+    assert "not deterministic" in repeatability(case, history.repeat_db)
 
 
 def test_more_parameters_than_moments_do_not_stop_the_loop(tmp_path: Path) -> None:

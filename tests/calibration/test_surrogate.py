@@ -137,3 +137,26 @@ def test_skewness_out_of_reach_is_drawn_to_the_limit():
     dp = to_direct([[0.0, 0.0, 3.0], [0.0, 0.0, -3.0]])
     assert np.isfinite(dp).all()
     assert dp[0, 2] == -dp[1, 2] > 30
+
+
+def test_a_noisy_surrogate_smooths_and_stays_the_same_when_rebuilt(tmp_path) -> None:
+    rng = np.random.default_rng(3)
+    x = rng.random((40, 2))
+    smooth = lambda points: 10.0 * np.sin(2.0 * points[:, 0]) + 5.0 * points[:, 1] ** 2  # noqa: E731
+    noise_db = 0.5
+    mean = smooth(x) + noise_db * rng.standard_normal(len(x))
+    dp = np.column_stack([mean, np.full(40, 3.0) * np.exp(0.01 * rng.standard_normal(40)), 0.1 * rng.random(40)])
+    new = rng.random((300, 2))
+    surrogate = Surrogate([[0, 1], [0, 1]], x, dp, "direct", noisy=True).train()
+    assert (surrogate.nugget > 1e-6).all()
+    # it leaves about the noise between itself and the runs, and is nearer to the truth than they are
+    residual = surrogate.predict(x)[:, 0] - mean
+    assert 0.5 * noise_db < residual.std() < 1.5 * noise_db
+    error = np.sqrt(np.mean((surrogate.predict(new)[:, 0] - smooth(new)) ** 2))
+    assert error < noise_db
+    # and says so
+    assert 0.3 * error < surrogate.standard_error(new)[:, 0].mean() < 3.0 * error
+    write_surrogates(tmp_path / "s.h5", {"a": surrogate})
+    rebuilt = read_surrogates(tmp_path / "s.h5")["a"]
+    np.testing.assert_array_equal(rebuilt.predict(new), surrogate.predict(new))
+    np.testing.assert_array_equal(rebuilt.standard_error(new), surrogate.standard_error(new))

@@ -16,7 +16,8 @@ from scipy.io import savemat
 
 from radcal.config import FileMeasurement
 from radcal.errors import MeasurementError
-from radcal.measurement.readers import Counts, read_image
+from radcal.images import Counts
+from radcal.measurement.readers import read_image
 
 POWER = np.random.default_rng(1).gamma(4, 0.025, (40, 30))
 DB = 10.0 * np.log10(POWER)

@@ -18,7 +18,8 @@ from rasterio.errors import NotGeoreferencedWarning
 
 from radcal.config import FileMeasurement
 from radcal.errors import MeasurementError
-from radcal.measurement.readers import Counts, read_image
+from radcal.images import Counts
+from radcal.measurement.readers import read_image
 from radcal.measurement.sicd import is_sicd
 from radcal.measurement.sources import make_measurement
 

@@ -58,6 +58,7 @@ def make_archive(
     nan: bool = False,
     pixels: int = 120,
     moved: bool = False,
+    external: Sequence[str] = (),
 ) -> Made:
     """Write an archive: every material a stripe, all numbers made up but consistent."""
     shifts = SHIFTS if shifts is None else shifts
@@ -65,13 +66,21 @@ def make_archive(
     stop = stop or Stop(rms=1e-4, max_runs=50, stagnation_runs=20)
     names = [*shifts, "unused"]
     rng = np.random.default_rng(7)
+    materials: dict[str, Any] = {
+        **{name: {"calibrate": True, "start": [10.0, 10.0, 10.0, 10.0]} for name in shifts},
+        "unused": {"parameters": [1.0, 2.0, 3.0, 4.0]},
+    }
+    for name in external:
+        if name == "unused":
+            materials[name] = {"law": "external"}
+        else:
+            materials[name] |= {"law": "external", "names": ["mv", "s", "l", "t"], "bounds": [[0, 50]] * 4}
+    command = {"kind": "command", "command": ["sim"], "output": {"file": "i.npy", "scale": "db"}}
     case = case_from(
         {
             "case": "small",
-            "materials": {
-                **{name: {"calibrate": True, "start": [10.0, 10.0, 10.0, 10.0]} for name in shifts},
-                "unused": {"parameters": [1.0, 2.0, 3.0, 4.0]},
-            },
+            "simulator": command if external else {},
+            "materials": materials,
             "measurement": {"source": "synthetic", "synthetic": {"parameters": {}}},
             "design": {"size": len(next(iter(shifts.values()))["design"])},
         }

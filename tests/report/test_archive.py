@@ -10,7 +10,8 @@ import pandas as pd
 import pytest
 
 from radcal.errors import StoreError
-from radcal.report.archive import write_archive, write_table
+from radcal.report.archive import read_law, write_archive, write_table
+from radcal.report.summary import summarise
 
 
 def test_every_run_is_there_in_order(made):
@@ -65,6 +66,28 @@ def test_only_known_truths_are_written(made):
     with h5py.File(made.path) as file:
         assert "hidden" in file["materials/dyke"]
         assert "hidden" not in file["materials/stem beans"]
+
+
+def test_an_external_law_has_names_and_no_curve(build_archive, tmp_path):
+    made = build_archive(tmp_path, external=("dyke", "unused"))
+    with h5py.File(made.path) as file:
+        group = file["materials/dyke"]
+        assert group.attrs["law"] == "external"
+        assert group.attrs["parameter_names"].tolist() == ["mv", "s", "l", "t"]
+        for values in (group["parameters"], group["start"], file["laws/dyke"]):
+            law = read_law(values)
+            assert not law.has_curve
+            assert (law.names, law.units) == (("mv", "s", "l", "t"), ("",) * 4)
+        assert read_law(file["laws/unused"]).names == ()
+        assert file["laws/unused"].shape == (0,)
+        assert read_law(file["laws/stem beans"]).has_curve
+        assert file.attrs["law_notes"].tolist() == []
+    write_table(tmp_path / "runs.csv", made.path)
+    headings = pd.read_csv(tmp_path / "runs.csv").columns.tolist()
+    assert headings[6:10] == ["X1", "X2", "X3", "X4"]  # of two materials whose names differ
+    dyke = summarise(made.path)["materials"]["dyke"]
+    assert dyke["hidden"] == dict(zip(["mv", "s", "l", "t"], [6.1, 14.2, 21.5, 3.3], strict=True))
+    assert "law_difference_db" not in dyke
 
 
 def test_missing_reference_run_is_a_sentence(made, tmp_path):

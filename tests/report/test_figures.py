@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import warnings
 
@@ -118,6 +119,17 @@ def test_edges_of_one_material(build_archive, tmp_path):
     assert "measured pixels have no value" in figures["images"][1]
     assert "have a cost of 0" in figures["cost"][1]
     assert "2 lie outside the axis" in figures["histogram"][1]
+
+
+def test_only_laws_with_a_curve_are_drawn(build_archive, tmp_path):
+    case = module.read_case(build_archive(tmp_path, external=("dyke", "unused")).path)
+    dyke, stem_beans = case.materials
+    with mpl.rc_context(module.STYLE):
+        assert module.law(case, dyke) is None
+        assert module.law(case, stem_beans) is not None
+        _, caption, _ = module.incidence(case)
+    # levels of the law that has a curve, none of the other's
+    assert re.search(r"dyke \d+ to \d+ deg; stem beans \d+ to \d+ deg, -?\d", caption)
 
 
 def test_same_archive_gives_same_bytes(made, figures, tmp_path):

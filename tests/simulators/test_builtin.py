@@ -6,7 +6,7 @@ import pytest
 from radcal.config import Radar
 from radcal.errors import ConfigError
 from radcal.radar.geometry import Geometry
-from radcal.radar.laws import law_for
+from radcal.radar.laws import external_law, law_for
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.protocol import Simulator
 
@@ -75,6 +75,11 @@ def test_pixels_follow_the_parameters_smoothly(simulator: Simulator, geometry: G
     means = [simulator.run({**X, "dyke": [6.1, x, 21.5, 3.3]}, 1).ravel()[pixels].mean() for x in (14, 14.01, 14.02)]
     assert means[2] - means[1] == pytest.approx(means[1] - means[0], rel=0.02)
     assert means[1] > means[0]
+
+
+def test_a_law_that_another_simulator_knows_is_refused(geometry: Geometry, radar: Radar) -> None:
+    with pytest.raises(ConfigError, match=r"materials\.grass\.law is external, which only simulator\.kind: command"):
+        BuiltinSimulator(geometry, radar, {"dyke": "mangia", "grass": external_law(["mv"])})
 
 
 def test_identity_is_plain_data(simulator: Simulator) -> None:

@@ -5,11 +5,14 @@
 
 # what determines a run's numbers, and which jobs must therefore run again when it changes
 SIMULATION = CASE.sections("seed", "radar", "simulator", "materials")
+# a new build of an external simulator is another simulator
+SIMULATOR_FILES = [FILES[key] for key in FILES if key.startswith("simulator.")]
 CHUNKS = range(-(-CASE.design.size // CASE.design.chunk))
 
 
 rule reference_run:
     input:
+        SIMULATOR_FILES,
         scene=rules.scene.output.scene,
         geometry=rules.geometry.output.geometry,
         measurement=ancient(f"{OUT}/measurement.h5"),
@@ -34,6 +37,7 @@ rule reference_run:
 
 rule design_chunk:
     input:
+        SIMULATOR_FILES,
         scene=rules.scene.output.scene,
         geometry=rules.geometry.output.geometry,
         target=ancient(f"{OUT}/target.h5"),

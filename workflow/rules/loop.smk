@@ -53,7 +53,7 @@ rule train:
         mem_mb=1000,
         runtime=60,
     params:
-        case=CASE.sections("materials", "surrogate"),
+        case=CASE.sections("simulator", "materials", "surrogate"),
     message:
         "train {wildcards.k}"
     script:
@@ -87,6 +87,7 @@ rule propose:
 
 checkpoint verify:
     input:
+        SIMULATOR_FILES,
         scene=rules.scene.output.scene,
         geometry=rules.geometry.output.geometry,
         target=rules.target.output.target,

@@ -17,7 +17,7 @@ rule measurement:
         mem_mb=2000,
         runtime=10,
     params:
-        case=CASE.sections("measurement", "materials", "radar", "target"),
+        case=CASE.sections("measurement", "materials", "radar", "simulator", "target"),
     message:
         "measured image"
     script:

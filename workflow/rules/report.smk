@@ -3,6 +3,7 @@
 
 rule final_runs:
     input:
+        SIMULATOR_FILES,
         scene=rules.scene.output.scene,
         geometry=rules.geometry.output.geometry,
         target=rules.target.output.target,

@@ -1,6 +1,6 @@
 """Simulate the starting parameters: one run that shows whether everything is wired."""
 
-from radcal.calibration.steps import make_runner, noise_seed, reference_parameters
+from radcal.calibration.steps import make_runner, reference_parameters, reference_runs, repeatability
 from radcal.config import Case
 from radcal.files import write_json
 from radcal.jobs import logged, progress
@@ -8,7 +8,12 @@ from radcal.jobs import logged, progress
 with logged(snakemake.log[0]):
     case = Case.of_sections(snakemake.params.case)
     runner = make_runner(case.at_start, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
-    parameters = reference_parameters(case)
-    record = runner.run(parameters, noise_seed(case), image=True)
-    write_json(snakemake.output.index, [{"key": record.key, "parameters": parameters}])
-    progress(f"reference run: {record.seconds:.1f} s for {record.image_db.shape} pixels")
+    first, *again = reference_runs(case, runner)
+    differences = [first.largest_difference_db(record) for record in again]
+    index = [{"key": record.key, "parameters": reference_parameters(case)} for record in (first, *again)]
+    for entry, difference in zip(index[1:], differences, strict=True):
+        entry["difference_db"] = difference
+    write_json(snakemake.output.index, index)
+    progress(f"reference run: {first.seconds:.1f} s for {first.image_db.shape} pixels")
+    if sentence := repeatability(case, differences):
+        progress(sentence)

@@ -9,7 +9,7 @@ from radcal.measurement.registration import register, write_registered
 with logged(snakemake.log[0]):
     case = Case.of_sections(snakemake.params.case)
     measurement = read_measurement(snakemake.input.measurement)
-    ((reference, _),) = indexed([snakemake.input.reference], snakemake.params.runs, case.calibrated, image=True)
+    reference, _ = next(indexed([snakemake.input.reference], snakemake.params.runs, case.calibrated, image=True))
     registered = register(reference.image_db, measurement, case.registration)
     write_registered(snakemake.output.registered, registered)
     if registered.method != "none":

@@ -1,6 +1,7 @@
 """Score the reference run and the design against the targets."""
 
 from radcal.calibration.history import History, indexed, score, write_runs
+from radcal.calibration.steps import score_reference
 from radcal.config import Case
 from radcal.jobs import logged, progress
 from radcal.measurement.target import read_targets
@@ -8,15 +9,11 @@ from radcal.measurement.target import read_targets
 with logged(snakemake.log[0]):
     case = Case.of_sections(snakemake.params.case)
     targets = read_targets(snakemake.input.target)
-    runs = [
-        score(kind, k, record, parameters, targets, other_law=others)
-        for kind, files, others in (
-            ("reference", [snakemake.input.reference], case.start_with_another_law),
-            ("design", snakemake.input.design, []),
-        )
-        for k, (record, parameters) in enumerate(indexed(files, snakemake.params.runs, case.calibrated))
-    ]
+    reference = [record for record, _ in indexed([snakemake.input.reference], snakemake.params.runs, case.calibrated)]
+    design = indexed(snakemake.input.design, snakemake.params.runs, case.calibrated)
+    runs = score_reference(case, reference, targets)
+    runs += [score("design", k, record, parameters, targets) for k, (record, parameters) in enumerate(design)]
     write_runs(snakemake.output.scores, runs)
     best = {name: History(runs).best(name).rms[name] for name in targets}
     for name, rms in best.items():
-        progress(f"design of {len(runs) - 1} runs: best rms of {name} {rms:.2e}")
+        progress(f"design of {len(runs) - len(reference)} runs: best rms of {name} {rms:.2e}")

@@ -9,7 +9,7 @@ from radcal.radar.geometry import read_geometry
 
 with logged(snakemake.log[0]):
     case = Case.of_sections(snakemake.params.case)
-    ((reference, _),) = indexed([snakemake.input.reference], snakemake.params.runs, case.calibrated, image=True)
+    reference, _ = next(indexed([snakemake.input.reference], snakemake.params.runs, case.calibrated, image=True))
     registered = read_registered(snakemake.input.registered)
     targets = make_targets(case, read_geometry(snakemake.input.geometry), registered, reference.image_db)
     write_targets(snakemake.output.target, targets)

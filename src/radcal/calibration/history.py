@@ -77,6 +77,8 @@ class Run:
     other_law : list of str
         Materials that this run gave another law than the one that is calibrated: its X is none of
         theirs, and it counts for nothing but the score at the start.
+    repeat_db : float or None
+        For a repeated reference run: largest difference of its pixels from the first's [dB].
     """
 
     kind: Kind
@@ -88,6 +90,7 @@ class Run:
     rms: Mapping[str, float]
     proposals: Mapping[str, Proposal] = field(default_factory=dict)
     other_law: list[str] = field(default_factory=list)
+    repeat_db: float | None = None
 
 
 def score(
@@ -130,6 +133,11 @@ class History:
     def infill(self) -> list[Run]:
         """The verified proposals."""
         return [run for run in self.runs if run.kind == "infill"]
+
+    @property
+    def repeat_db(self) -> list[float]:
+        """Largest difference of each repeated reference run's pixels from the first's [dB]."""
+        return [run.repeat_db for run in self.runs if run.repeat_db is not None]
 
     def count(self, kind: Kind) -> int:
         """Return the number of runs of a kind."""

@@ -10,7 +10,14 @@ from collections.abc import Callable
 
 from radcal.calibration.design import design_points
 from radcal.calibration.history import History, score
-from radcal.calibration.steps import noise_seed, propose_all, reference_parameters, train_all, verify
+from radcal.calibration.steps import (
+    noise_seed,
+    propose_all,
+    reference_runs,
+    score_reference,
+    train_all,
+    verify,
+)
 from radcal.calibration.stopping import Decision, decide
 from radcal.config import Case
 from radcal.measurement.target import Targets
@@ -54,12 +61,10 @@ def calibrate(
         A start names another law and there is no ``reference``.
     """
     seed = noise_seed(case)
-    start = reference_parameters(case)
     others = case.start_with_another_law
     if others and reference is None:
         raise ValueError(f"materials {others} start with another law: expected a reference runner")
-    record = (reference or runner).run(start, seed, image=True)
-    runs = [score("reference", 0, record, start, targets, other_law=others)]
+    runs = score_reference(case, reference_runs(case, reference or runner), targets)
     for k, parameters in enumerate(design_points(case)):
         runs.append(score("design", k, runner.run(parameters, seed), parameters, targets))
     history, surrogates, k = History(runs), None, 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 from typing import TypeVar
@@ -17,14 +18,15 @@ from radcal.calibration.history import History, Proposal, Run, score
 from radcal.calibration.infill import propose
 from radcal.calibration.stopping import decide
 from radcal.calibration.surrogate import OUTPUTS, Surrogate
-from radcal.config import Case, Optimiser, Stop
+from radcal.config import Case, CommandSimulation, Optimiser, Stop
 from radcal.measurement.target import Targets
 from radcal.radar.geometry import read_geometry
 from radcal.scene.model import read_scene
 from radcal.seeds import derived_seed
 from radcal.simulators.builtin import BuiltinSimulator
+from radcal.simulators.command import CommandPlan, CommandSimulator
 from radcal.simulators.protocol import Simulator
-from radcal.store import Parameters, Runner, RunStore
+from radcal.store import Parameters, Record, Runner, RunStore
 
 __all__ = [
     "all_parameters",
@@ -34,6 +36,9 @@ __all__ = [
     "progress_line",
     "propose_all",
     "reference_parameters",
+    "reference_runs",
+    "repeatability",
+    "score_reference",
     "train_all",
     "verify",
 ]
@@ -50,7 +55,17 @@ def noise_seed(case: Case, fresh: bool = False) -> int:
 
 
 def make_simulator(case: Case, geometry_path: str | Path) -> Simulator:
-    """The configured simulator on a geometry file."""
+    """The configured simulator on a geometry file.
+
+    Raises
+    ------
+    ConfigError
+        An external simulator lacks its program, a file or a placeholder.
+    """
+    if isinstance(case.simulator, CommandSimulation):
+        plan = CommandPlan(case.simulator, case.materials)
+        work = Path(geometry_path).parent / "work"
+        return CommandSimulator(plan, case.materials, case.radar, read_geometry(geometry_path), geometry_path, work)
     return BuiltinSimulator(read_geometry(geometry_path), case.radar, case.laws)
 
 
@@ -68,6 +83,88 @@ def make_runner(case: Case, scene_path: str | Path, geometry_path: str | Path, r
 def reference_parameters(case: Case) -> dict[str, list[float]]:
     """Parameters of the reference run: every material at its start, for the laws of ``Case.at_start``."""
     return {name: material.start_parameters for name, material in case.materials.items()}
+
+
+def reference_runs(case: Case, runner: Runner) -> list[Record]:
+    """The starting parameters simulated, and once more if it must be found out whether that repeats.
+
+    Parameters
+    ----------
+    case : Case
+        Sections ``seed``, ``simulator`` and ``materials`` are read.
+    runner : Runner
+        The simulator behind the run store, of ``case.at_start``: starts may be of other laws.
+
+    Returns
+    -------
+    list of Record
+        One, with the whole image, or two: radcal's own simulator is deterministic, and of another
+        it may be declared.
+    """
+    parameters, seed = reference_parameters(case), noise_seed(case)
+    records = [runner.run(parameters, seed, image=True)]
+    if isinstance(case.simulator, CommandSimulation) and case.simulator.deterministic is None:
+        records.append(runner.run(parameters, seed, repeat=True))
+    return records
+
+
+def score_reference(case: Case, records: Sequence[Record], targets: Targets) -> list[Run]:
+    """Score the reference run and its repetition, with how far their pixels differ.
+
+    Parameters
+    ----------
+    case : Case
+        Section ``materials`` is read.
+    records : sequence of Record
+        What :func:`reference_runs` gave.
+    targets : mapping
+        Target by calibrated material.
+
+    Returns
+    -------
+    list of Run
+        As many as records; ``repeat_db`` [dB] is that of all but the first.
+    """
+    start, others = reference_parameters(case), case.start_with_another_law
+    runs = [score("reference", k, record, start, targets, other_law=others) for k, record in enumerate(records)]
+    return [
+        replace(run, repeat_db=records[0].largest_difference_db(record)) if k else run
+        for k, (run, record) in enumerate(zip(runs, records, strict=True))
+    ]
+
+
+def repeatability(case: Case, differences_db: Sequence[float]) -> str:
+    """Say whether equal parameters give equal runs, and what follows.
+
+    Parameters
+    ----------
+    case : Case
+        Section ``simulator`` is read.
+    differences_db : sequence of float
+        Largest difference of each repeated reference run's pixels from the first's [dB].
+
+    Returns
+    -------
+    str
+        A sentence, empty where nothing is to be said.
+    """
+    smooths = "the surrogate smooths over runs instead of passing through them."
+    if isinstance(case.simulator, CommandSimulation) and case.simulator.deterministic is False:
+        return f"The simulator is declared not to be deterministic: {smooths}"
+    if not differences_db:
+        return ""
+    if max(differences_db) == 0:
+        return "The simulator is deterministic: the reference run repeated gives the same pixels."
+    return (
+        "The simulator is not deterministic: the reference run repeated, with equal parameters and seed, differs by up "
+        f"to {max(differences_db):.2g} dB in a pixel; {smooths}"
+    )
+
+
+def _noisy(history: History, case: Case) -> bool:
+    """Whether equal parameters give unequal runs."""
+    declared = case.simulator.deterministic if isinstance(case.simulator, CommandSimulation) else True
+    return any(history.repeat_db) if declared is None else not declared
 
 
 def all_parameters(case: Case, calibrated: Parameters) -> dict[str, list[float]]:
@@ -104,7 +201,7 @@ def train_all(
     history : History
         Runs so far.
     case : Case
-        Sections ``materials`` and ``surrogate`` are read.
+        Sections ``simulator``, ``materials`` and ``surrogate`` are read.
     iteration : int
         Number of the iteration, from 0.
     previous : mapping, optional
@@ -120,7 +217,9 @@ def train_all(
     warm = case.surrogate.training == "warm" and previous is not None and iteration % case.surrogate.retrain_every
     jobs = [
         (
-            Surrogate(case.materials[name].box, *history.training(name), case.surrogate.outputs),
+            Surrogate(
+                case.materials[name].box, *history.training(name), case.surrogate.outputs, noisy=_noisy(history, case)
+            ),
             previous[name].theta if warm and previous is not None else None,
             case.surrogate.training == "warm",
         )

@@ -133,7 +133,8 @@ def _train_one(x: NDArray[np.float64], y: NDArray[np.float64], options: Mapping[
         status = "converged" if best.success else "evaluations used up"
         if not best.success and np.allclose(theta, options["theta0"]):
             status = "failed"
-    return _Trained(model, theta, float(model.options["nugget"]), leave_one_out_q2(model), status)
+    nugget = float(np.ravel(model.optimal_noise)[0]) if options.get("eval_noise") else float(model.options["nugget"])
+    return _Trained(model, theta, nugget, leave_one_out_q2(model), status)
 
 
 class Surrogate:
@@ -149,6 +150,9 @@ class Surrogate:
         Their densities: xi [dB], omega [dB], alpha.
     outputs : {'centred', 'direct'}
         (mean [dB], log sd, skewness) or (xi [dB], omega [dB], alpha).
+    noisy : bool
+        Whether equal parameters give unequal densities: a nugget is then estimated with the
+        length scales, and the surrogate smooths instead of interpolating.
 
     Raises
     ------
@@ -160,7 +164,9 @@ class Surrogate:
     theta : ndarray, shape (3, d)
         Inverse squared length scales of each output, in smt's standardised coordinates.
     nugget, q2 : ndarray, shape (3,)
-        Nugget and leave-one-out Q2 of each output.
+        Nugget (noise variance over the process's, as on the diagonal of the correlation
+        matrix; Rasmussen and Williams, "Gaussian Processes for Machine Learning", eq. 2.20)
+        and leave-one-out Q2 of each output.
     status : list of str
         How each output's optimiser ended.
 
@@ -171,9 +177,17 @@ class Surrogate:
     are kept and a failed training is retried from elsewhere.
     """
 
-    def __init__(self, bounds: ArrayLike, parameters: ArrayLike, dp: ArrayLike, outputs: Outputs = "centred") -> None:
+    def __init__(
+        self,
+        bounds: ArrayLike,
+        parameters: ArrayLike,
+        dp: ArrayLike,
+        outputs: Outputs = "centred",
+        noisy: bool = False,
+    ) -> None:
         self.bounds = np.asarray(bounds, dtype=np.float64)
         self.outputs: Outputs = outputs
+        self.noisy = noisy
         self.parameters = np.asarray(parameters, dtype=np.float64)
         self.dp = np.asarray(dp, dtype=np.float64)
         for name, array in (("parameters", self.parameters), ("densities", self.dp)):
@@ -218,6 +232,7 @@ class Surrogate:
             No attempt gave a finite likelihood.
         """
         x = self.unit(self.parameters)
+        noise = {"eval_noise": True, "hyper_opt": "Cobyla"} if self.noisy else {}  # smt has no other optimiser for it
         trained = []
         for k in range(3):
             first: dict[str, Any] = {"theta0": [_THETA0]}
@@ -227,7 +242,7 @@ class Surrogate:
             failure = SurrogateError("")
             for attempt, options in enumerate((first, *_RETRIES)):
                 try:
-                    found = _train_one(x, self._values[:, k], {"theta0": [_THETA0], **options})
+                    found = _train_one(x, self._values[:, k], {"theta0": [_THETA0], **options, **noise})
                 except SurrogateError as error:
                     failure = error
                     continue

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from radcal.config import FileMeasurement
 from radcal.errors import MeasurementError
-from radcal.measurement.readers import is_raster, open_raster, read_raster
+from radcal.images import is_raster, open_raster
+from radcal.measurement.readers import read_raster
 from radcal.scene.crs import crs_of
 
 if TYPE_CHECKING:

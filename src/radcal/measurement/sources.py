@@ -114,7 +114,7 @@ def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene:
     if scene is not None and scene.crs is not None and scene.transform is not None and is_georeferenced(path):
         georeferenced = read_georeferenced(path, config)
         values = values_at_ground(georeferenced, scene.crs, scene.transform, geometry.ground)
-        read = image_of(values, path, config.scale, geometry.shape)
+        read = image_of(values, path, config, geometry.shape)
     else:
         read = read_image(path, config, geometry.shape)
     _check_pass(read, radar, path)

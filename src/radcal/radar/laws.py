@@ -4,7 +4,10 @@
 polarisation, knots) is bound to it once, by :func:`law_for`; from then on every law is
 ``law(phi_rad, parameters) -> sigma0 [dB]``.
 
-Every law is finite from 0 to 90 degrees. Where a power vanishes at grazing incidence, its cosine
+A law of the name ``EXTERNAL`` is not in the registry: it has names and units of parameters, but no
+curve, because only the simulator knows what backscatter they make.
+
+Every law of the registry is finite from 0 to 90 degrees. Where a power vanishes at grazing incidence, its cosine
 is taken as at least 1e-6 (incidence of 89.99994 degrees). Outside of its valid angles a law is
 extrapolated by its own formula.
 """
@@ -22,9 +25,11 @@ from numpy.typing import ArrayLike, NDArray
 from radcal.errors import ConfigError
 
 __all__ = [
+    "EXTERNAL",
     "LAWS",
     "Law",
     "constant_gamma",
+    "external_law",
     "law_for",
     "laws_table",
     "mangia",
@@ -33,6 +38,7 @@ __all__ = [
     "ulaby_dobson",
 ]
 
+EXTERNAL = "external"  # the law of a material whose backscatter the simulator alone knows
 _LEAST_COSINE = 1e-6
 _LIGHT_CM_GHZ = 29.9792458  # speed of light [cm GHz]
 Intervals = tuple[tuple[float, float], ...]
@@ -247,8 +253,9 @@ class Law:
 
     Attributes
     ----------
-    function : callable
-        ``(phi_rad, parameters) -> sigma0 [dB]``; keywords for what ``needs`` lists.
+    function : callable or None
+        ``(phi_rad, parameters) -> sigma0 [dB]``; keywords for what ``needs`` lists. None: the curve
+        is known to the simulator alone.
     names, units : tuple of str
         One per parameter; empty until the knots of a law that needs them are bound.
     bounds : tuple of (float, float) or None
@@ -266,7 +273,7 @@ class Law:
         For the documentation.
     """
 
-    function: Callable[..., NDArray[np.float64]]
+    function: Callable[..., NDArray[np.float64]] | None
     names: tuple[str, ...]
     units: tuple[str, ...]
     bounds: Intervals | None = None
@@ -279,15 +286,25 @@ class Law:
     remark: str = ""
 
     def __call__(self, phi_rad: ArrayLike, parameters: ArrayLike) -> NDArray[np.float64]:
-        """Evaluate the law: angle [rad] to sigma0 [dB]."""
+        """Evaluate the law: angle [rad] to sigma0 [dB]; a ConfigError if it has no curve."""
+        if self.function is None:
+            raise ConfigError(
+                f"law {EXTERNAL!r} of the parameters {list(self.names)} has no curve, expected one of {sorted(LAWS)}: "
+                "only the simulator knows what backscatter they make."
+            )
         return self.function(phi_rad, parameters)
+
+    @property
+    def has_curve(self) -> bool:
+        """Whether it can be evaluated, rather than simulated only."""
+        return self.function is not None
 
     def bound(self, **conditions: Any) -> Law:
         """Return the law that knows these conditions; None and what it does not need are passed over."""
         known = {key: value for key, value in conditions.items() if key in self.needs and value is not None}
         law = replace(
             self,
-            function=partial(self.function, **known),
+            function=partial(self.function, **known) if self.function is not None else None,
             doubt=partial(self.doubt, **known) if self.doubt is not None else None,
             needs=tuple(key for key in self.needs if key not in known),
         )
@@ -369,38 +386,62 @@ LAWS: dict[str, Law] = {
 }
 
 
+def external_law(names: Sequence[str], units: Sequence[str] | None = None) -> Law:
+    """The law of parameters that the simulator alone understands.
+
+    Parameters
+    ----------
+    names : sequence of str
+        One per parameter; there may be none.
+    units : sequence of str, optional
+        One per parameter; without any if missing.
+
+    Returns
+    -------
+    Law
+        Without a curve.
+    """
+    return Law(None, names=tuple(names), units=tuple(units) if units is not None else ("",) * len(names))
+
+
 def law_for(
     name: str,
     *,
     frequency_ghz: float | None = None,
     polarisation: str | None = None,
     angles_deg: Sequence[float] | None = None,
+    names: Sequence[str] | None = None,
+    units: Sequence[str] | None = None,
 ) -> Law:
-    """The law of a name, ready to be evaluated.
+    """The law of a name, with all that it needs to know.
 
     Parameters
     ----------
     name : str
-        A key of ``LAWS``.
+        A key of ``LAWS``, or ``EXTERNAL``.
     frequency_ghz : float, optional
         Carrier frequency [GHz].
     polarisation : str, optional
         Transmitted and received, such as "HH".
     angles_deg : sequence of float, optional
         Knots of a tabulated law [deg].
+    names, units : sequence of str, optional
+        Parameters of an external law.
 
     Returns
     -------
     Law
-        With nothing left in ``needs``.
+        With nothing left in ``needs``, ready to be evaluated unless it is external.
 
     Raises
     ------
     ConfigError
         The law is unknown or needs something that is not given.
     """
+    if name == EXTERNAL:
+        return external_law(names or (), units)
     if name not in LAWS:
-        raise ConfigError(f"law is {name!r}, expected one of {sorted(LAWS)}.")
+        raise ConfigError(f"law is {name!r}, expected one of {[*sorted(LAWS), EXTERNAL]}.")
     law = LAWS[name].bound(frequency_ghz=frequency_ghz, polarisation=polarisation, angles_deg=angles_deg)
     if law.needs:
         keys = {"angles_deg": "angles_deg of the material"}

@@ -6,7 +6,8 @@ Layout of the archive (schema 1); backscatter in dB, angles in degrees:
 ``/`` attributes                          ``case``, ``config`` (JSON), ``reason``, ``converged``,
                                           ``tolerance``, ``max_runs``, ``measurement``, ``notes``, ``looks``,
                                           ``measured_looks`` (homogeneous areas),
-                                          ``sentences``, ``law_notes``, ``versions`` (JSON), ``final_runs``
+                                          ``simulator`` (JSON: its identity), ``sentences``, ``law_notes``,
+                                          ``versions`` (JSON), ``final_runs``
 ``runs/kind, index, key, seconds``        one entry per run: reference, design, infill
 ``materials/<m>`` attributes              ``law``, ``parameter_names``, ``parameter_units``,
                                           ``reason``, ``sentence``, ``eligible``, ``at_boundary``,
@@ -35,7 +36,8 @@ Layout of the archive (schema 1); backscatter in dB, angles in degrees:
 ``laws/<m>``                              parameters of every material's law in the final runs; the law's
                                           name is an attribute of ``laws``
 ``laws/<m>``, ``materials/<m>/start``     what evaluating their law takes: ``law``, ``polarisation``, and
-``  parameters`` attributes               ``frequency_ghz`` and ``angles_deg`` where there are any
+``  parameters`` attributes               ``frequency_ghz`` and ``angles_deg`` where there are any; ``names`` and
+                                          ``units`` of an external law, which has no curve
 ``registration`` attributes               ``method``, ``applied``, ``verdict``
 ``registration/displacement_px,``         where in the measured image each pixel lies (2, rows, columns),
 ``  uncertainty_px, unregistered_db,``    its standard error, the image before, and the true
@@ -60,6 +62,7 @@ import h5py
 import numpy as np
 
 from radcal.calibration.history import History
+from radcal.calibration.steps import repeatability
 from radcal.calibration.stopping import decide
 from radcal.config import Case, Material, Radar, Stop
 from radcal.errors import StoreError
@@ -67,7 +70,7 @@ from radcal.files import atomic, write_hdf5
 from radcal.measurement.registration import Registered
 from radcal.measurement.target import Targets
 from radcal.radar.geometry import Geometry
-from radcal.radar.laws import Law, law_for
+from radcal.radar.laws import EXTERNAL, Law, law_for
 from radcal.report.law_notes import law_notes
 from radcal.scene.model import Scene
 from radcal.store import Record, RunStore
@@ -116,12 +119,14 @@ def write_archive(
     """
     measurement = registered.measurement
     decision = decide(history, list(targets), stop)
-    reference = RunStore(runs).get(history.runs[0].key, list(targets), image=True)
+    store = RunStore(runs)
+    reference = store.get(history.runs[0].key, list(targets), image=True)
     if reference is None:
         raise StoreError(
-            f"{RunStore(runs).path(history.runs[0].key)}: the reference run is missing or without its image; delete "
+            f"{store.path(history.runs[0].key)}: the reference run is missing or without its image; delete "
             f"{Path(runs).parent / 'reference.json'} and type the same command again to make it again."
         )
+    repeated = repeatability(case, history.repeat_db)
     calibrated, fresh = final
     known = {run.key for run in history.runs}
     final_scores = {key: targets.score(record.pixels_db) for key, record in zip(("final", "fresh"), final, strict=True)}
@@ -136,7 +141,8 @@ def write_archive(
         file.attrs["looks"] = case.radar.looks
         file.attrs["measured_looks"] = targets.looks
         file.attrs["measurement"] = measurement.source
-        file.attrs["notes"] = list(measurement.notes)
+        file.attrs["notes"] = [*measurement.notes, *([repeated] if repeated else [])]
+        file.attrs["simulator"] = json.dumps(store.description(reference.key).get("simulator", {}))
         file.attrs["sentences"] = [decision.materials[name].sentence for name in targets]
         file.attrs["versions"] = json.dumps(_versions())
         file.attrs["final_runs"] = len({record.key for record in final} - known)
@@ -182,10 +188,9 @@ def write_archive(
         for name, target in targets.items():
             group = materials.create_group(name)
             material = case.materials[name]
-            law = case.laws[name]
             group.attrs["law"] = material.law
-            group.attrs["parameter_names"] = law.names
-            group.attrs["parameter_units"] = law.units
+            group.attrs["parameter_names"] = material.parameter_names
+            group.attrs["parameter_units"] = material.parameter_units
             group.attrs["reason"] = decision.materials[name].reason or "running"
             group.attrs["sentence"] = decision.materials[name].sentence
             group.attrs["eligible"] = target.eligible
@@ -198,7 +203,7 @@ def write_archive(
             for key in ("ks", "ks_p", "ad", "ad_p"):
                 group.attrs[f"fit_{key}"] = getattr(target.goodness, key)
             group.attrs["best"] = history.runs.index(history.best(name))
-            unknown = [np.nan] * len(law.names)
+            unknown = [np.nan] * len(material.parameter_names)
             group["parameters"] = [unknown if name in run.other_law else run.parameters[name] for run in history.runs]
             _put_law(group["parameters"], material, case.radar)
             group["dp"] = [run.dp[name] for run in history.runs]
@@ -233,6 +238,10 @@ def _put_law(parameters: h5py.Dataset, material: Material, radar: Radar) -> None
         parameters.attrs["frequency_ghz"] = radar.frequency_ghz
     if material.angles_deg is not None:
         parameters.attrs["angles_deg"] = material.angles_deg
+    if material.law == EXTERNAL:
+        text = h5py.string_dtype()  # said, because there may be none
+        parameters.attrs["names"] = np.array(material.parameter_names, dtype=text)
+        parameters.attrs["units"] = np.array(material.parameter_units, dtype=text)
 
 
 def read_law(parameters: h5py.Dataset) -> Law:
@@ -243,6 +252,8 @@ def read_law(parameters: h5py.Dataset) -> Law:
         polarisation=str(known["polarisation"]),
         frequency_ghz=float(known["frequency_ghz"]) if "frequency_ghz" in known else None,
         angles_deg=[float(angle) for angle in known["angles_deg"]] if "angles_deg" in known else None,
+        names=[str(name) for name in known["names"]] if "names" in known else None,
+        units=[str(unit) for unit in known["units"]] if "units" in known else None,
     )
 
 

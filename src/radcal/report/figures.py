@@ -84,7 +84,7 @@ def write_figures(archive: str | Path, folder: str | Path) -> list[Figure]:
         add("residual", "What is left: calibrated minus measured", residual(case))
         if len(case.materials) > 1:
             add("overview", "Densities of all materials", overview(case))
-        drawings: tuple[tuple[str, str, Callable[[CaseData, MaterialData], tuple[Canvas, str, str]]], ...] = (
+        drawings: tuple[tuple[str, str, Callable[[CaseData, MaterialData], tuple[Canvas, str, str] | None]], ...] = (
             ("densities", "Density before and after", densities),
             ("law", "The law found", law),
             ("cost", "Cost of each run", cost),

@@ -118,6 +118,8 @@ def _material(name: str, summary: Mapping[str, Any], group: h5py.Group) -> dict[
         "eligible": int(group.attrs["eligible"]),
         "at_boundary": bool(group.attrs["at_boundary"]),
         "known": "law_difference_db" in summary,
+        # the truth of parameters that only an external simulator understands, too
+        "truth": bool(hidden),
     }
 
 
@@ -190,7 +192,8 @@ def write_report(page: str | Path, archive: str | Path, figures: Sequence[Figure
         materials=materials,
         within=[m for m in materials if m["within"]],
         known=[m for m in materials if m["known"]],
-        unknown=[m for m in materials if not m["known"]],
+        external=[m for m in materials if m["truth"] and not m["known"]],
+        unknown=[m for m in materials if not m["truth"]],
         overall=[figure for figure in figures if figure.material is None],
         figures={m["name"]: [figure for figure in figures if figure.material == m["name"]] for m in materials},
         reasons=list(dict.fromkeys(reason for m in materials for reason in m["left_out"])),

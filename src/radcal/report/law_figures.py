@@ -97,8 +97,10 @@ def cost(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str]:
     return canvas, caption, f"Cost of each run of {material.name} on a logarithmic axis, with the tolerance."
 
 
-def law(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str]:  # noqa: ARG001 - one shape for all
-    """Backscatter against incidence: start, found, truth."""
+def law(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str] | None:  # noqa: ARG001 - one shape for all
+    """Backscatter against incidence: start, found, truth; None where only the simulator could draw it."""
+    if not material.law.has_curve:
+        return None
     shares = (4.0, 1.0) if material.hidden is None else (4.0, 1.4, 1.0)
     canvas = new_canvas(6.2, 4.2 + 0.4 * sum(shares[1:]))
     panels = canvas.subplots(len(shares), 1, sharex=True, height_ratios=shares)

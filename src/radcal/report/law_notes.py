@@ -32,7 +32,7 @@ def law_notes(case: Case, geometry: Geometry, parameters: Mapping[str, Sequence[
     """
     notes = []
     for name, law in case.laws.items():
-        if name not in geometry.names:
+        if name not in geometry.names or not law.has_curve:
             continue
         label = f"law {case.materials[name].law!r}"
         share = law.outside(geometry.incidence_deg.ravel()[geometry.pixels(name)])

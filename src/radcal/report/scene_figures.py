@@ -97,8 +97,8 @@ def _expected_db(case: CaseData) -> Array:
     material = case.images["material"]
     expected = np.full(angle.shape, np.nan)
     for k, name in enumerate(case.names, start=1):
-        if name in case.laws:
-            law, parameters = case.laws[name]
+        law, parameters = case.laws.get(name, (None, []))
+        if law is not None and law.has_curve:  # what an external law expects, only the simulator could say
             inside = material == k
             expected[inside] = law(angle[inside], parameters)
     return expected
@@ -113,7 +113,8 @@ def incidence(case: CaseData) -> tuple[Canvas, str, str] | None:
     if not finite.size:
         return None
     expected = _expected_db(case)
-    canvas, panels, stacked, aspect = panels_for(angle.shape, 2)
+    seen = expected[np.isfinite(expected)]
+    canvas, panels, stacked, aspect = panels_for(angle.shape, 2 if seen.size else 1)
     where = image_extent(angle.shape)
     k = max(1, max(angle.shape) // 1600)
     low, high = (float(v) for v in np.percentile(finite, [1.0, 99.0]))
@@ -122,8 +123,10 @@ def incidence(case: CaseData) -> tuple[Canvas, str, str] | None:
     )
     panels[0].set_title("local incidence")
     canvas.colorbar(first, ax=panels[0], extend="both", fraction=0.05, pad=0.02).set_label("incidence [deg]")
-    seen = expected[np.isfinite(expected)]
-    low, high = (float(v) for v in np.percentile(seen, [1.0, 99.0])) if seen.size else (-30.0, 0.0)
+    if not seen.size:
+        axis_labels(panels, stacked)
+        return canvas, *_incidence_words(case, expected)
+    low, high = (float(v) for v in np.percentile(seen, [1.0, 99.0]))
     second = panels[1].imshow(
         expected[::k, ::k], cmap="gray", vmin=low, vmax=max(high, low + 1.0), aspect=aspect, extent=where
     )
@@ -141,11 +144,15 @@ def _incidence_words(case: CaseData, expected: Array) -> tuple[str, str]:
         inside = (material == case.names.index(item.name) + 1) & np.isfinite(angle)
         if inside.any():
             a = np.percentile(angle[inside], [5.0, 95.0])
-            s = np.nanpercentile(expected[inside], [5.0, 95.0])
-            spans.append(f"{item.name} {a[0]:.0f} to {a[1]:.0f} deg, {s[0]:.1f} to {s[1]:.1f} dB")
+            s = expected[inside][np.isfinite(expected[inside])]
+            level = ", {:.1f} to {:.1f} dB".format(*np.percentile(s, [5.0, 95.0])) if s.size else ""
+            spans.append(f"{item.name} {a[0]:.0f} to {a[1]:.0f} deg{level}")
     more = f", and {len(case.materials) - _LISTED} more" if len(case.materials) > _LISTED else ""
+    listed = f"From 5 to 95 %: {'; '.join(spans)}{more}."
+    if not np.isfinite(expected).any():
+        return f"Mean local incidence of each pixel's ground. {listed}", "Map of the local incidence angle."
     caption = (
         "Left: mean local incidence of each pixel's ground. Right: the calibrated (or fixed) law of its material at "
-        f"that incidence, without speckle, noise or resolution. From 5 to 95 %: {'; '.join(spans)}{more}."
+        f"that incidence, without speckle, noise or resolution. {listed}"
     )
     return caption, "Maps of the local incidence angle and of the backscatter that the laws expect there."

@@ -100,8 +100,11 @@ def _material(group: h5py.Group, counted: NDArray[np.bool_], tolerance: float) -
     }
     if "hidden" in group:
         summary["hidden"] = dict(zip(names, map(float, group["hidden"][()]), strict=True))
+    law = read_law(group["parameters"])
+    # only the simulator knows what an external law makes of its parameters
+    if "hidden" in group and law.has_curve:
         summary["law_difference_db"] = law_difference_db(
-            read_law(group["parameters"]), group["parameters"][best], group["hidden"][()], group["incidence_deg"][()]
+            law, group["parameters"][best], group["hidden"][()], group["incidence_deg"][()]
         )
     return summary
 
@@ -171,6 +174,7 @@ def summarise(archive: str | Path, seconds: Mapping[str, float] | None = None) -
             "iterations": runs["infill"],
             "measurement": str(file.attrs["measurement"]),
             "looks": {"simulated": int(file.attrs["looks"]), "measured": float(file.attrs["measured_looks"])},
+            "simulator": json.loads(str(file.attrs["simulator"])),
             "notes": [str(note) for note in file.attrs["notes"]],
             "law_notes": [str(note) for note in file.attrs["law_notes"]],
             "registration": _registration(file["registration"]),

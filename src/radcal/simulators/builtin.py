@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config import Radar
+from radcal.errors import ConfigError
 from radcal.radar.geometry import Geometry
 from radcal.radar.image import ImageFormation, Reflectivity, decibels, law_tables, reflectivity
-from radcal.radar.laws import Law, law_for
+from radcal.radar.laws import EXTERNAL, LAWS, Law, law_for
 
 __all__ = ["BuiltinSimulator"]
 
@@ -41,6 +42,11 @@ class BuiltinSimulator:
         The pass.
     laws : mapping
         Material name to its law (``Case.laws``), or to the name of one without knots.
+
+    Raises
+    ------
+    ConfigError
+        A law has no curve: another simulator's.
     """
 
     def __init__(self, geometry: Geometry, radar: Radar, laws: Mapping[str, Law | str]) -> None:
@@ -51,6 +57,12 @@ class BuiltinSimulator:
             else law
             for name, law in laws.items()
         }
+        for name, law in self._laws.items():
+            if not law.has_curve:
+                raise ConfigError(
+                    f"materials.{name}.law is {EXTERNAL}, which only simulator.kind: command can simulate, expected "
+                    f"one of {sorted(LAWS)}."
+                )
         self._looks = radar.looks
         self._formation = ImageFormation(radar, geometry.shape)
         self._last: _Last | None = None

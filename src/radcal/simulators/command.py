@@ -1,0 +1,422 @@
+"""Any external simulator, run as a program in a folder of its own."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import platform
+import shutil
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.config import (
+    Case,
+    CommandSimulation,
+    Material,
+    Output,
+    Radar,
+    executable_path,
+    expand_path,
+    files_below,
+)
+from radcal.errors import ConfigError, SimulatorError, StoreError
+from radcal.files import working_folder
+from radcal.images import ImageFile, Values, read_array, reading, to_db
+from radcal.radar.geometry import Geometry
+from radcal.simulators.placeholders import Marked, argument, template
+from radcal.simulators.process import last_words, run_program
+
+__all__ = ["CommandPlan", "CommandSimulator", "check_command", "toml_text"]
+
+_LARGEST_DB = 200.0  # no backscatter, however calibrated, is further from 0 dB: a scale mix-up
+_VERSION_SECONDS = 60.0
+_HASH_CHUNK = 1 << 20
+
+logger = logging.getLogger(__name__)
+
+
+class _Failed(SimulatorError):
+    """A run that another try may mend."""
+
+
+def toml_text(data: Mapping[str, Any]) -> str:
+    """Plain data as TOML 1.0: tables of text, numbers, truth values and lists of them.
+
+    Parameters
+    ----------
+    data : mapping
+        Values that are mappings become tables.
+
+    Returns
+    -------
+    str
+        None is left out, which TOML cannot write.
+
+    References
+    ----------
+    https://toml.io/en/v1.0.0: basic strings take JSON's escapes.
+    """
+
+    def value(item: Any) -> str:
+        if isinstance(item, list | tuple):
+            return f"[{', '.join(map(value, item))}]"
+        return json.dumps(item, ensure_ascii=False, allow_nan=False).replace("\x7f", "\\u007f")
+
+    def table(items: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[str]:
+        for key, item in items.items():
+            if item is not None and not isinstance(item, Mapping):
+                yield f"{value(key)} = {value(item)}"
+        for key, item in items.items():
+            if isinstance(item, Mapping):
+                inner = (*path, value(key))
+                yield f"\n[{'.'.join(inner)}]"
+                yield from table(item, inner)
+
+    return "\n".join(table(data, ())) + "\n"
+
+
+class CommandPlan:
+    """What a configured command needs and takes, checked before any run.
+
+    Parameters
+    ----------
+    config : CommandSimulation
+        The simulator's configuration.
+    materials : mapping
+        Materials with their parameters' names.
+
+    Raises
+    ------
+    ConfigError
+        The program, a template or a file is missing; a placeholder is unknown, or a parameter
+        never reaches the program.
+    """
+
+    def __init__(self, config: CommandSimulation, materials: Mapping[str, Material]) -> None:
+        self.config = config
+        self.executable = executable_path(config.command[0], "simulator.command", config.environment)
+        self.files = [expand_path(text, f"simulator.files.{k}") for k, text in enumerate(config.files)]
+        self.links = [expand_path(text, f"simulator.links.{k}", folder=True) for k, text in enumerate(config.links)]
+        parameters = {
+            f"{name}.{key}": x
+            for name, material in materials.items()
+            for key, x in zip(material.parameter_names, material.start_parameters, strict=True)
+        }
+        known: dict[str, float | int | str] = {**parameters, "noise_seed": 1}
+        paths = dict.fromkeys(("output", "folder", "geometry", "python"), "")
+        if config.input is not None:
+            paths["input"] = ""
+        self.arguments = [
+            argument(text, f"simulator.command.{k}").checked({**known, **paths})
+            for k, text in enumerate(config.command[1:], start=1)
+        ]
+        self.templates: list[tuple[Marked, str]] = []
+        for k, item in enumerate(config.templates):
+            path = expand_path(item.template, f"simulator.templates.{k}.template")
+            # latin-1 gives every byte back as it was, whatever the program's encoding
+            text = path.read_bytes().decode("latin-1")
+            marked = template(text, item.delimiter, f"simulator.templates.{k}.template: {path}").checked(known)
+            self.templates.append((marked, item.file))
+        if config.input is None:
+            used = {name for marked in (*self.arguments, *(t for t, _ in self.templates)) for name in marked.names}
+            unused = [name for name in parameters if name not in used]
+            if unused:
+                raise ConfigError(
+                    f"simulator: the parameter {unused[0]} never reaches the program"
+                    f"{f' (nor do {len(unused) - 1} more)' if len(unused) > 1 else ''}: put {{{unused[0]}}} into "
+                    f"simulator.command, @{unused[0]}@ into a template, or set simulator.input."
+                )
+
+    def stage(self, folder: Path) -> None:
+        """Put the files and links into a run's folder."""
+        for path in self.files:
+            shutil.copy2(path, folder / path.name)
+        for path in self.links:
+            (folder / path.name).symlink_to(path.resolve())
+
+    def hashes(self) -> dict[str, Any]:
+        """SHA-256 of all that the program's numbers may depend on."""
+        config = self.config
+        return {
+            # the interpreter is told by its version: an update of the system's must not void all runs
+            "executable": f"{platform.python_implementation()} {platform.python_version()}"
+            if config.command[0] == "{python}"
+            else _sha256(self.executable),
+            "templates": [_sha256(expand_path(item.template, "simulator.templates")) for item in config.templates],
+            "files": {path.name: _sha256(path) for path in self.files},
+            "links": {
+                str(item.relative_to(path.parent)): _sha256(item) for path in self.links for item in files_below(path)
+            },
+        }
+
+
+def check_command(case: Case) -> None:
+    """Check a case's external simulator as far as that needs no run.
+
+    Raises
+    ------
+    ConfigError
+        As :class:`CommandPlan` does.
+    """
+    if isinstance(case.simulator, CommandSimulation):
+        CommandPlan(case.simulator, case.materials)
+
+
+class CommandSimulator:
+    """An external program behind :class:`radcal.simulators.protocol.Simulator`.
+
+    Parameters
+    ----------
+    plan : CommandPlan
+        The program.
+    materials : mapping
+        Materials with their parameters' names.
+    radar : Radar
+        The pass, for the input file.
+    geometry : Geometry
+        Image grid and pixels of the materials.
+    geometry_path : path
+        The file of it, for programs that read it.
+    work : path
+        Where the runs' folders are made.
+    """
+
+    def __init__(
+        self,
+        plan: CommandPlan,
+        materials: Mapping[str, Material],
+        radar: Radar,
+        geometry: Geometry,
+        geometry_path: str | Path,
+        work: str | Path,
+    ) -> None:
+        self._plan = plan
+        self._config = plan.config
+        self._names = {name: material.parameter_names for name, material in materials.items()}
+        self._calibrated = [name for name, material in materials.items() if material.calibrate]
+        self._radar = radar
+        self._geometry = geometry
+        self._geometry_path = Path(geometry_path).absolute()
+        self._work = Path(work)
+
+    @cached_property
+    def identity(self) -> Mapping[str, Any]:
+        """Name, version, command line, how the image is read, and hashes of all files involved.
+
+        Raises
+        ------
+        SimulatorError
+            The version command fails.
+        """
+        config = self._config
+        return {
+            "kind": "command",
+            "name": config.name or Path(config.command[0]).name,
+            "version": config.version if config.version_command is None else self._version(config.version_command),
+            "command": list(config.command),
+            "input": config.input.model_dump(mode="json") if config.input is not None else None,
+            "templates": [item.model_dump(mode="json", exclude={"template"}) for item in config.templates],
+            "environment": dict(config.environment),
+            "output": config.output.model_dump(mode="json"),
+            "sha256": self._plan.hashes(),
+        }
+
+    def run(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> NDArray[np.float32]:
+        """Run the program once, and again as ``retries`` allows if it fails.
+
+        Parameters
+        ----------
+        parameters : mapping
+            Material name to its parameters.
+        noise_seed : int
+            Handed to the program.
+
+        Returns
+        -------
+        ndarray of float32, shape (slant range, azimuth)
+            The image [dB], NaN where the program gave none outside the calibrated materials.
+
+        Raises
+        ------
+        SimulatorError
+            The program failed, or what it wrote is no image of this scene.
+        """
+        attempts = self._config.retries + 1
+        for attempt in range(1, attempts + 1):
+            try:
+                with self._folder("simulator.command", f", attempt {attempt} of {attempts}" * (attempts > 1)) as folder:
+                    return self._attempt(folder, parameters, noise_seed)
+            except _Failed as failure:
+                if attempt == attempts:
+                    raise
+                wait = self._config.retry_wait_s * 2.0 ** (attempt - 1)
+                logger.warning("%s Tried again in %g s.", failure, wait)
+                time.sleep(wait)
+        raise AssertionError  # the last attempt returns or raises
+
+    @contextmanager
+    def _folder(self, key: str, remark: str = "") -> Iterator[Path]:
+        """A new folder with the program's files in it: gone after success, kept under another name after failure."""
+        folder = working_folder(self._work).absolute()
+        ended = folder.name.rsplit("-", 1)[-1]
+        try:
+            try:
+                self._plan.stage(folder)
+            except OSError as error:
+                raise StoreError(f"{folder}: cannot be filled ({error.strerror or error}).") from error
+            yield folder
+        except (SimulatorError, ConfigError) as error:
+            kept = self._work / f"failed-{ended}"
+            folder.rename(kept)
+            text = str(error).replace(str(folder), str(kept)).removesuffix(".")
+            text = text if text.startswith("simulator.") else f"{key}: {text}"
+            raise type(error)(f"{text}; its folder is kept as {kept}{remark}.") from None
+        finally:
+            if folder.exists():
+                if self._config.keep_folders and key == "simulator.command":
+                    folder.rename(self._work / f"run-{ended}")
+                else:
+                    shutil.rmtree(folder, ignore_errors=True)
+
+    def _attempt(self, folder: Path, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> NDArray[np.float32]:
+        config = self._config
+        output = folder / config.output.file
+        values: dict[str, float | int | str] = {
+            f"{name}.{key}": float(x)
+            for name, keys in self._names.items()
+            for key, x in zip(keys, parameters[name], strict=True)
+        }
+        values |= {
+            "noise_seed": noise_seed,
+            "output": str(output),
+            "folder": str(folder),
+            "geometry": str(self._geometry_path),
+        }
+        values["python"] = str(executable_path("{python}", "simulator.command", {}))
+        if config.input is not None:
+            values["input"] = str(folder / config.input.file)
+            self._write(folder / config.input.file, self._input_text(parameters, noise_seed))
+        for marked, file in self._plan.templates:
+            self._write(folder / file, marked.filled(values), "latin-1")
+        if output.exists():
+            raise ConfigError(
+                f"{config.output.file}, the name of simulator.output.file, is there before the program starts; take it "
+                "out of simulator.files or simulator.links"
+            )
+        output.parent.mkdir(parents=True, exist_ok=True)
+        command = [str(self._plan.executable), *(marked.filled(values) for marked in self._plan.arguments)]
+        ended = run_program(command, folder, config.environment, config.timeout_s)
+        program = self._plan.executable.name
+        if ended.code is None:
+            raise _Failed(f"{program} {ended} (simulator.timeout_s: {config.timeout_s:g}), {last_words(folder)}")
+        if ended.code not in config.accept_exit_codes:
+            accepted = ", ".join(map(str, config.accept_exit_codes))
+            raise _Failed(f"{program} {ended}, expected {accepted} (simulator.accept_exit_codes), {last_words(folder)}")
+        if not output.is_file():
+            raise _Failed(
+                f"{program} {ended} but wrote no {config.output.file} (simulator.output.file), {last_words(folder)}"
+            )
+        return self._image(output)
+
+    def _image(self, path: Path) -> NDArray[np.float32]:
+        """Read the image and check all that can be checked of it."""
+        config = self._config.output
+        file = ImageFile(path, config, "simulator.output", "file", SimulatorError)
+        shape = self._geometry.shape
+        if config.format == "raw":
+            stored = config.shape or (shape[::-1] if config.transpose else shape)
+            with reading(file, "raw numbers"):
+                values = _raw(file, config, stored)
+        else:
+            values = read_array(file, config.format)
+        if values.ndim == 2:
+            values = values.T if config.transpose else values
+            values = values[:: -1 if config.flip_rows else 1, :: -1 if config.flip_columns else 1]
+            if values.shape != shape:
+                turned = values.shape == shape[::-1]
+                raise file.refused(
+                    f"{path} has {values.shape[0]} x {values.shape[1]} pixels, the scene's image {shape[0]} x "
+                    f"{shape[1]}{': change simulator.output.transpose' if turned else ''}"
+                )
+        image, _ = to_db(values, file)
+        for name in self._calibrated:
+            pixels = image.ravel()[self._geometry.pixels(name)]
+            missing = np.count_nonzero(~np.isfinite(pixels))
+            if missing:
+                raise file.refused(
+                    f"{missing} of the {pixels.size} pixels of {name} in {path} are NaN, infinite or without power, "
+                    "expected a value in each"
+                )
+        extreme = image[np.isfinite(image) & (np.abs(image) > _LARGEST_DB)]
+        if extreme.size:
+            raise file.refused(
+                f"{path} holds {extreme[np.argmax(np.abs(extreme))]:.4g} dB, expected within +-{_LARGEST_DB:g} dB: is "
+                f"simulator.output.scale {config.scale}"
+            )
+        return np.ascontiguousarray(image)
+
+    def _input_text(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> str:
+        assert self._config.input is not None  # noqa: S101 - asked by the caller
+        data = {
+            "noise_seed": noise_seed,
+            "output": self._config.output.file,
+            "shape": list(self._geometry.shape),
+            "parameters": {
+                name: dict(zip(keys, map(float, parameters[name]), strict=True)) for name, keys in self._names.items()
+            },
+            "radar": self._radar.model_dump(mode="json"),
+        }
+        return toml_text(data) if self._config.input.format == "toml" else json.dumps(data, indent=1) + "\n"
+
+    @staticmethod
+    def _write(path: Path, text: str, encoding: str = "utf-8") -> None:
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(text.encode(encoding))
+        except OSError as error:
+            raise StoreError(f"{path}: cannot be written ({error.strerror or error}).") from error
+
+    def _version(self, words: Sequence[str]) -> str:
+        """What the program prints as its version."""
+        key = "simulator.version_command"
+        program = executable_path(words[0], key, self._config.environment)
+        with self._folder(key) as folder:
+            texts = [argument(text, key).checked({"folder": "", "python": ""}) for text in words[1:]]
+            python = str(executable_path("{python}", key, {}))
+            command = [str(program), *(text.filled({"folder": str(folder), "python": python}) for text in texts)]
+            ended = run_program(command, folder, self._config.environment, _VERSION_SECONDS)
+            if ended.code != 0:
+                raise SimulatorError(f"{program.name} {ended}, expected 0, {last_words(folder)}")
+            printed = " ".join((folder / "radcal.stdout").read_text("utf-8", "replace").split())[:200]
+            if not printed:
+                raise SimulatorError(f"{program.name} printed nothing, expected its version")
+            return printed
+
+
+def _raw(file: ImageFile, config: Output, shape: tuple[int, int]) -> Values:
+    dtype = np.dtype(str(config.dtype)).newbyteorder("<" if config.byte_order in (None, "little") else ">")
+    header = config.header_bytes or 0
+    expected = header + shape[0] * shape[1] * dtype.itemsize
+    found = file.path.stat().st_size
+    if found != expected:
+        raise file.refused(
+            f"{file.path} has {found} bytes, expected {expected} for {shape[0]} x {shape[1]} numbers of {config.dtype}"
+            f"{f' after a header of {header}' if header else ''}"
+        )
+    return np.fromfile(file.path, dtype=dtype, offset=header).reshape(shape)
+
+
+def _sha256(path: Path) -> str:
+    total = hashlib.sha256()
+    with path.open("rb") as handle:
+        while chunk := handle.read(_HASH_CHUNK):
+            total.update(chunk)
+    return total.hexdigest()

@@ -1,0 +1,62 @@
+"""Starts one program, ends as it ends, and takes it along if radcal dies.
+
+Run as a script, with nothing but the standard library, as the leader of a process group of
+its own: its standard input is a pipe that radcal holds open. However radcal ends, even by
+SIGKILL, the pipe closes, and the whole group is killed.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import signal
+import sys
+import threading
+import time
+
+__all__ = ["main"]
+
+
+def main(arguments: list[str]) -> int:
+    """Run a program to its end.
+
+    Parameters
+    ----------
+    arguments : list of str
+        Absolute path of the program and its arguments.
+
+    Returns
+    -------
+    int
+        Its exit code; a program ended by a signal ends this process by the same one.
+    """
+    try:
+        program = os.posix_spawn(
+            arguments[0], arguments, os.environ, file_actions=[(os.POSIX_SPAWN_OPEN, 0, os.devnull, os.O_RDONLY, 0)]
+        )
+    except OSError as error:
+        sys.stderr.write(f"{arguments[0]} cannot be started: {error.strerror}\n")
+        return 126
+    threading.Thread(target=_kill_all_when_orphaned, daemon=True).start()
+    _, status = os.waitpid(program, 0)
+    code = os.waitstatus_to_exitcode(status)
+    if code >= 0:
+        return code
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # the program has left its own dump, if it may
+    if -code != signal.SIGKILL:
+        signal.signal(-code, signal.SIG_DFL)
+    os.kill(os.getpid(), -code)
+    time.sleep(10.0)
+    return 128 - code
+
+
+def _kill_all_when_orphaned() -> None:
+    os.read(0, 1)
+    os.killpg(os.getpgrp(), signal.SIGKILL)
+
+
+if __name__ == "__main__":
+    ended = main(sys.argv[1:])
+    sys.stderr.flush()
+    # not sys.exit, which would wait for what the thread reads
+    os._exit(ended)

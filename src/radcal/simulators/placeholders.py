@@ -1,0 +1,174 @@
+"""Places for parameters in a program's arguments and in its own input files.
+
+Arguments use braces, ``{dyke.X1}``; ``{{`` and ``}}`` stand for braces. Templates use markers
+between two delimiters, ``@dyke.X1@``, in the manner of PEST's template files (PEST++ users
+manual, section 2.3), where a format may follow a colon: ``@dyke.X1:14.6e@``. Without a format,
+numbers are written so that reading gives the same double again.
+"""
+
+from __future__ import annotations
+
+import re
+import string
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from radcal.config import nearest
+from radcal.errors import ConfigError, SimulatorError
+
+__all__ = ["Marked", "Marker", "argument", "template"]
+
+_WIDTH = re.compile(r"(?:.?[<>=^])?[-+ ]?z?#?0?(\d+)")
+
+
+@dataclass(frozen=True)
+class Marker:
+    """A place for a value.
+
+    Attributes
+    ----------
+    name : str
+        Such as ``dyke.X1`` or ``noise_seed``.
+    spec : str
+        Python's format specification, empty for full precision.
+    """
+
+    name: str
+    spec: str = ""
+
+    def text(self, value: float | int | str, where: str) -> str:
+        """Return the value's text, refusing one that is wider than its field."""
+        text = format(value, self.spec) if self.spec else value if isinstance(value, str) else repr(value)
+        width = _WIDTH.match(self.spec)
+        if width and len(text) > int(width[1]):
+            raise SimulatorError(
+                f"{where}: {self.name} = {value!r} written as {self.spec} is {text!r}, wider than its field of "
+                f"{width[1]} characters: use a wider field, fewer digits or narrower bounds."
+            )
+        return text
+
+
+@dataclass(frozen=True)
+class Marked:
+    """Text with places for values.
+
+    Attributes
+    ----------
+    parts : tuple of str or Marker
+        In the order of the text.
+    where : str
+        What messages call it.
+    """
+
+    parts: tuple[str | Marker, ...]
+    where: str
+
+    @property
+    def names(self) -> set[str]:
+        """Names of all values that it takes."""
+        return {part.name for part in self.parts if isinstance(part, Marker)}
+
+    def filled(self, values: Mapping[str, float | int | str]) -> str:
+        """Return the text with the values in their places.
+
+        Raises
+        ------
+        SimulatorError
+            A number is wider than its field.
+        """
+        return "".join(
+            part if isinstance(part, str) else part.text(values[part.name], self.where) for part in self.parts
+        )
+
+    def checked(self, known: Mapping[str, float | int | str]) -> Marked:
+        """Return itself if every name is known and every format can write its value.
+
+        Parameters
+        ----------
+        known : mapping
+            Values of the kind that will be filled in, by name.
+
+        Raises
+        ------
+        ConfigError
+            An unknown name, or a format that does not fit.
+        """
+        for part in self.parts:
+            if isinstance(part, str):
+                continue
+            if part.name not in known:
+                raise ConfigError(f"{self.where}: unknown placeholder {part.name!r}{nearest(part.name, known)}.")
+            try:
+                format(known[part.name], part.spec)
+            except ValueError as error:
+                raise ConfigError(f"{self.where}: {part.name} cannot be written as {part.spec!r} ({error}).") from None
+        return self
+
+
+def argument(text: str, where: str) -> Marked:
+    """Read an argument with placeholders in braces.
+
+    Parameters
+    ----------
+    text : str
+        Such as ``--x1={dyke.X1}``.
+    where : str
+        What messages call it.
+
+    Raises
+    ------
+    ConfigError
+        A brace without its partner, or an empty placeholder.
+    """
+    parts: list[str | Marker] = []
+    try:
+        for literal, name, spec, conversion in string.Formatter().parse(text):
+            parts.append(literal)
+            if name is not None:
+                if conversion or not name.strip() or "{" in (spec or ""):
+                    raise ValueError("expected {name} or {name:format}")
+                parts.append(Marker(name.strip(), spec or ""))
+    except ValueError as error:
+        raise ConfigError(f"{where} is {text!r}: {error}; write {{{{ and }}}} for braces.") from None
+    return Marked(tuple(parts), where)
+
+
+def template(text: str, delimiter: str, where: str) -> Marked:
+    """Read a template with markers between delimiters.
+
+    Parameters
+    ----------
+    text : str
+        The template; a marker does not extend over a line's end.
+    delimiter : str
+        The character on both sides of a marker.
+    where : str
+        What messages call it.
+
+    Raises
+    ------
+    ConfigError
+        A delimiter without its partner, an empty marker, or no marker at all.
+    """
+    parts: list[str | Marker] = []
+    for number, line in enumerate(re.findall(r"[^\n]*\n|[^\n]+", text), start=1):
+        pieces = line.split(delimiter)
+        if len(pieces) % 2 == 0:
+            raise ConfigError(
+                f"{where}: line {number} holds {delimiter} {len(pieces) - 1} times, expected pairs around each marker; "
+                "if the file needs the character itself, choose another delimiter."
+            )
+        for k, piece in enumerate(pieces):
+            name, _, spec = piece.partition(":")
+            if k % 2 == 0:
+                parts.append(piece)
+            elif name.strip():
+                parts.append(Marker(name.strip(), spec.strip()))
+            else:
+                raise ConfigError(f"{where}: line {number} has an empty marker {delimiter}{piece}{delimiter}.")
+    found = Marked(tuple(parts), where)
+    if not found.names:
+        raise ConfigError(
+            f"{where}: no marker between two {delimiter} in it; a file without markers goes to simulator.files."
+        )
+    return found

@@ -1,0 +1,127 @@
+"""One external program, started, timed and, with all that it started, ended."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from radcal.simulators import guard
+
+__all__ = ["LOG", "STDERR", "STDOUT", "Ended", "last_words", "run_program"]
+
+STDOUT, STDERR, LOG = "radcal.stdout", "radcal.stderr", "radcal.log"
+_TAIL_BYTES = 4000
+_QUOTED = 300
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a program ended.
+
+    Attributes
+    ----------
+    code : int or None
+        Exit code, minus the number of the signal that ended it, or None on time-out.
+    seconds : float
+        Wall time.
+    """
+
+    code: int | None
+    seconds: float
+
+    def __str__(self) -> str:
+        if self.code is None:
+            return f"was not done after {self.seconds:.3g} s and was killed"
+        if self.code >= 0:
+            return f"ended with exit code {self.code}"
+        with contextlib.suppress(ValueError):
+            return f"was ended by signal {-self.code} ({signal.Signals(-self.code).name})"
+        return f"was ended by signal {-self.code}"
+
+
+def run_program(arguments: Sequence[str], folder: Path, environment: Mapping[str, str], timeout_s: float) -> Ended:
+    """Run a program in a folder, its output in files there, without a shell.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        Absolute path of the program and its arguments.
+    folder : path
+        Its working directory, where ``radcal.stdout``, ``radcal.stderr`` and ``radcal.log``
+        are written.
+    environment : mapping
+        Variables besides those of this process.
+    timeout_s : float
+        After so long it is killed [s].
+
+    Returns
+    -------
+    Ended
+        Nothing of the program's process group is left running.
+    """
+    command = [sys.executable, "-I", "-S", guard.__file__, *arguments]
+    started = time.perf_counter()
+    with (folder / STDOUT).open("wb") as out, (folder / STDERR).open("wb") as err:
+        process = subprocess.Popen(  # noqa: S603 - a list of arguments, never a shell
+            command,
+            cwd=folder,
+            env={**os.environ, **environment},
+            stdin=subprocess.PIPE,  # held open: its end tells the guard that this process is gone
+            stdout=out,
+            stderr=err,
+            start_new_session=True,
+        )
+        code: int | None = None
+        try:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                code = process.wait(timeout_s)
+        finally:
+            # also what the program left running in the background
+            with contextlib.suppress(ProcessLookupError, PermissionError):
+                os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+            if process.stdin is not None:
+                process.stdin.close()
+    ended = Ended(code, time.perf_counter() - started)
+    log = {
+        "command": list(arguments),
+        "environment": dict(environment),
+        "exit_code": ended.code,
+        "timed_out": ended.code is None,
+        "seconds": round(ended.seconds, 3),
+    }
+    (folder / LOG).write_text(json.dumps(log, indent=1) + "\n", encoding="utf-8")
+    return ended
+
+
+def last_words(folder: Path) -> str:
+    """Quote the last lines that a program wrote to its standard output and error.
+
+    Parameters
+    ----------
+    folder : path
+        Where it ran.
+
+    Returns
+    -------
+    str
+        One line, such as ``its last words on stderr: "no licence"``.
+    """
+    quotes = []
+    for name, file in (("stderr", STDERR), ("stdout", STDOUT)):
+        with contextlib.suppress(OSError), (folder / file).open("rb") as handle:
+            handle.seek(max(0, handle.seek(0, os.SEEK_END) - _TAIL_BYTES))
+            lines = handle.read().decode("utf-8", "replace").split("\n")
+            kept = [clean for line in lines if (clean := "".join(c if c.isprintable() else " " for c in line).strip())]
+            text = " / ".join(kept[-3:])
+            if text:
+                quotes.append(f'on {name}: "{text if len(text) <= _QUOTED else "... " + text[-_QUOTED:]}"')
+    return f"its last words {', '.join(quotes)}" if quotes else "it printed nothing"

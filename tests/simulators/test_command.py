@@ -1,0 +1,409 @@
+"""An external program behind the protocol: handing over, reading back, and every way to fail."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+import rasterio
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from radcal.config import Material, Radar, case_from
+from radcal.errors import ConfigError, SimulatorError
+from radcal.radar.geometry import Geometry
+from radcal.simulators import command as module
+from radcal.simulators.command import CommandPlan, CommandSimulator, check_command, toml_text
+
+MATERIALS = {
+    "dyke": {"calibrate": True, "law": "external", "names": ["mv", "s"], "bounds": [[0, 1], [0, 9]]},
+    "grass": {"parameters": [10.0, 14.0, 6.0, 4.0]},
+}
+X = {"dyke": [0.1, 1e-17], "grass": [10.0, 14.0, 6.0, 4.0]}
+GRASS = ("X1", "X2", "X3", "X4")
+# standard library only, so that a run takes milliseconds
+WORKING = """
+import array, json, random, sys
+run = json.load(open(sys.argv[1]))
+draw = random.Random(run["noise_seed"])
+level = run["parameters"]["dyke"]["mv"]
+rows, columns = run["shape"]
+with open(run["output"], "wb") as file:
+    array.array("f", [level + draw.gauss(0, 1) for _ in range(rows * columns)]).tofile(file)
+"""
+Make = Callable[..., CommandSimulator]
+
+
+@pytest.fixture
+def make(tmp_path: Path, geometry: Geometry, radar: Radar) -> Make:
+    def make(script: str = WORKING, **changes: Any) -> CommandSimulator:
+        (tmp_path / "sim.py").write_text(script)
+        simulator = {
+            "kind": "command",
+            "command": ["{python}", "-S", "-E", "sim.py", "{input}"],
+            "input": {},
+            "files": [str(tmp_path / "sim.py")],
+            "output": {"file": "image.raw", "format": "raw", "dtype": "float32", "scale": "db"},
+            "timeout_s": 60,
+        } | changes
+        case = case_from({"simulator": simulator, "materials": MATERIALS, "measurement": SYNTHETIC})
+        plan = CommandPlan(case.simulator, case.materials)
+        return CommandSimulator(plan, case.materials, radar, geometry, "geometry.h5", tmp_path / "work")
+
+    return make
+
+
+SYNTHETIC = {"source": "synthetic", "synthetic": {"parameters": {}}}
+
+
+def folders(tmp_path: Path) -> list[str]:
+    return sorted(path.name for path in (tmp_path / "work").iterdir())
+
+
+def test_parameters_go_in_and_the_image_comes_back(make: Make, geometry: Geometry, tmp_path: Path) -> None:
+    import random
+
+    draw = random.Random(7)
+    expected = 0.1 + np.array([draw.gauss(0, 1) for _ in range(geometry.shape[0] * geometry.shape[1])])
+    image = make().run(X, 7)
+    assert image.dtype == np.float32
+    np.testing.assert_allclose(image, expected.reshape(geometry.shape), atol=1e-6)
+    assert folders(tmp_path) == []
+
+
+def test_input_files_templates_and_arguments_say_the_same(make: Make, tmp_path: Path, radar: Radar) -> None:
+    script = WORKING + "json.dump(sys.argv[2:], open('arguments.json', 'w'))\n"
+    (tmp_path / "t.tpl").write_text("mv %dyke.mv%\ns %dyke.s:9.2e%\n%grass.X1% %grass.X2% %grass.X3% %grass.X4%")
+    simulator = make(
+        script,
+        command=["{python}", "sim.py", "{input}", "--s={dyke.s}", "{noise_seed}", "{geometry}", "a b; $HOME"],
+        templates=[{"template": str(tmp_path / "t.tpl"), "file": "sub/t.inp", "delimiter": "%"}],
+        keep_folders=True,
+    )
+    simulator.run(X, 2**63 - 1)
+    (folder,) = (tmp_path / "work").iterdir()
+    arguments = json.loads((folder / "arguments.json").read_text())
+    assert float(arguments[0].removeprefix("--s=")) == 1e-17
+    assert arguments[1:] == [str(2**63 - 1), str(Path("geometry.h5").absolute()), "a b; $HOME"]
+    assert (folder / "sub/t.inp").read_text() == "mv 0.1\ns  1.00e-17\n10.0 14.0 6.0 4.0"
+    data = json.loads((folder / "input.json").read_text())
+    assert data["parameters"] == {"dyke": {"mv": 0.1, "s": 1e-17}, "grass": dict(zip(GRASS, X["grass"], strict=True))}
+    assert data["radar"] == radar.model_dump(mode="json")
+    log = json.loads((folder / "radcal.log").read_text())
+    assert (log["exit_code"], log["timed_out"]) == (0, False)
+
+
+def test_toml_input_is_the_json_input(make: Make, tmp_path: Path) -> None:
+    script = WORKING.replace("import array, json", "import array, tomllib").replace("json.load", "tomllib.load")
+    script = script.replace("open(sys.argv[1])", "open(sys.argv[1], 'rb')")
+    np.testing.assert_array_equal(
+        make(script, input={"file": "run.toml", "format": "toml"}).run(X, 3), make(WORKING).run(X, 3)
+    )
+
+
+plain = st.recursive(
+    st.booleans() | st.integers(-(2**63), 2**63 - 1) | st.floats(allow_nan=False, allow_infinity=False)
+    | st.text(st.characters(codec="utf-8")) | st.lists(st.floats(allow_nan=False, allow_infinity=False)),
+    lambda inner: st.dictionaries(st.text(st.characters(codec="utf-8")), inner),
+    max_leaves=4,
+)  # fmt: skip
+
+
+@given(st.dictionaries(st.text(st.characters(codec="utf-8")), plain, max_size=3))
+@settings(max_examples=50, deadline=None)
+def test_toml_is_read_as_written(data: dict[str, Any]) -> None:
+    assert tomllib.loads(toml_text(data)) == data
+
+
+def write_h5(path: Path, values: np.ndarray) -> None:
+    with h5py.File(path, "w") as file:
+        file["other"] = values[:2]
+        file["a/image"] = values
+
+
+def write_tif(path: Path, values: np.ndarray) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        profile = {"count": 2, "height": values.shape[0], "width": values.shape[1], "dtype": values.dtype}
+        with rasterio.open(path, "w", driver="GTiff", **profile) as raster:
+            raster.write(np.stack([0 * values, values]))
+
+
+def header(dtype: str) -> Callable[[Path, np.ndarray], None]:
+    return lambda path, values: path.write_bytes(b"head" + values.astype(dtype).tobytes())
+
+
+@pytest.mark.parametrize(
+    ("output", "write"),
+    [
+        ({"file": "i.npy", "scale": "power"}, np.save),
+        ({"file": "i.npz", "scale": "amplitude"}, lambda path, values: np.savez(path, image=values)),
+        ({"file": "i.h5", "scale": "db", "dataset": "a/image"}, write_h5),
+        ({"file": "image.out", "scale": "complex", "dataset": "a/image", "format": "hdf5"}, write_h5),
+        ({"file": "out/i.tif", "scale": "db", "band": 2}, write_tif),
+        (
+            {"file": "i.bin", "scale": "complex", "format": "raw", "dtype": "complex64", "byte_order": "big",
+             "header_bytes": 4},
+            header(">c8"),
+        ),
+        ({"file": "i.bin", "scale": "power", "format": "raw", "dtype": "float64", "header_bytes": 4}, header("<f8")),
+    ],
+    ids=["npy", "npz", "hdf5", "hdf5 by declaration", "raster", "raw, complex, big", "raw, little"],
+)  # fmt: skip
+@pytest.mark.parametrize("turned", [False, True])
+def test_every_format_scale_and_orientation(
+    make: Make, geometry: Geometry, tmp_path: Path, output: dict[str, Any], write: Any, turned: bool
+) -> None:
+    rng = np.random.default_rng(1)
+    expected = rng.normal(-10.0, 5.0, geometry.shape)
+    power = 10 ** (expected / 10)
+    values = {"db": expected, "power": power, "amplitude": np.sqrt(power)}
+    values["complex"] = np.sqrt(power) * np.exp(2j * np.pi * rng.random(geometry.shape))
+    written = values[output["scale"]]
+    if turned:
+        # what the configuration undoes: rows flipped, then transposed
+        written, output = written[::-1].T, output | {"transpose": True, "flip_rows": True}
+    write(tmp_path / Path(output["file"]).name, written)
+    simulator = make(
+        "import shutil, sys; shutil.copy(*sys.argv[1:])",
+        command=["{python}", "sim.py", str(tmp_path / Path(output["file"]).name), "{output}"],
+        output=output,
+    )
+    np.testing.assert_allclose(simulator.run(X, 1), expected, atol=1e-4)
+
+
+def failing(body: str) -> str:
+    return WORKING + body
+
+
+@pytest.mark.parametrize(
+    ("script", "changes", "words"),
+    [
+        ("import time; print('still here', flush=True); time.sleep(100)", {"timeout_s": 0.5},
+         ["was not done after 0.5", "simulator.timeout_s: 0.5", "still here"]),
+        (failing("sys.exit('no licence\\nfor this host')"), {},
+         ["ended with exit code 1", "simulator.accept_exit_codes", '"no licence / for this host"']),
+        (failing("import os; os.kill(os.getpid(), 9)"), {}, ["signal 9 (SIGKILL)", "it printed nothing"]),
+        (failing("import os; os.abort()"), {}, ["signal 6 (SIGABRT)"]),
+        ("print('done')", {}, ["ended with exit code 0", "wrote no image.raw", "simulator.output.file", '"done"']),
+        (WORKING.replace("rows * columns", "rows"), {}, ["simulator.output.file: ", "bytes, expected"]),
+        (WORKING.replace("level +", "float('nan') +"), {}, ["holds no finite number"]),
+        (WORKING.replace("level +", "(level if _ % 2 else float('nan')) +"), {}, ["of the", "pixels of dyke", "NaN"]),
+        (WORKING.replace("level +", "1e4 +"), {}, ["within +-200 dB", "simulator.output.scale"]),
+        (WORKING, {"output": {"file": "image.raw", "format": "npy", "scale": "db"}}, ["cannot be read as a numpy"]),
+        (WORKING, {"output": {"file": "image.raw", "format": "raw", "dtype": "float32", "scale": "power"}},
+         ["negative, which power cannot be", "simulator.output.scale: db"]),
+    ],
+    ids=["hanging", "exit 1", "killed", "aborted", "no output", "too short", "all NaN", "half NaN", "200 dB", "not npy",
+         "wrong scale"],
+)  # fmt: skip
+def test_failures_end_in_one_sentence_and_keep_the_folder(
+    make: Make, tmp_path: Path, script: str, changes: dict[str, Any], words: list[str]
+) -> None:
+    with pytest.raises(SimulatorError) as caught:
+        make(script, **changes).run(X, 1)
+    message = str(caught.value)
+    assert message.startswith("simulator.")
+    assert "\n" not in message
+    for word in words:
+        assert word in message
+    (kept,) = folders(tmp_path)
+    assert f"kept as {tmp_path / 'work' / kept}." in message
+    assert kept.startswith("failed-")
+    assert ".partial" not in message
+    assert {"radcal.log", "radcal.stdout", "radcal.stderr", "sim.py", "input.json"} <= set(
+        os.listdir(tmp_path / "work" / kept)
+    )
+
+
+def test_an_image_of_another_shape_is_told_how_to_turn(make: Make, geometry: Geometry, tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", np.zeros(geometry.shape[::-1]))
+    copy = "import shutil, sys; shutil.copy(*sys.argv[1:])"
+    output = {"file": "i.npy", "scale": "db"}
+    rows, columns = geometry.shape
+    with pytest.raises(SimulatorError, match=rf"{columns} x {rows} pixels, .* {rows} x {columns}: change .*transpose"):
+        make(copy, command=["{python}", "sim.py", str(tmp_path / "a.npy"), "{output}"], output=output).run(X, 1)
+
+
+def test_a_program_that_cannot_be_started_says_so(make: Make, tmp_path: Path) -> None:
+    (tmp_path / "sim").write_bytes(b"\x00\x01no program")
+    (tmp_path / "sim").chmod(0o755)
+    with pytest.raises(SimulatorError, match=r"exit code 126.*cannot be started: Exec format error"):
+        make(command=[str(tmp_path / "sim")]).run(X, 1)
+
+
+def test_failed_runs_are_tried_again_after_longer_and_longer(
+    make: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    waits: list[float] = []
+    # not time.sleep itself, which waiting for processes calls too
+    monkeypatch.setattr(module, "time", SimpleNamespace(sleep=waits.append))
+    counter = f"import pathlib\ncount = pathlib.Path({str(tmp_path / 'count')!r})\n"
+    counter += "count.write_text(count.read_text() + '.' if count.exists() else '.')\n"
+    script = counter + "if len(count.read_text()) < 4: raise SystemExit(3)\n" + WORKING
+    expected = make().run(X, 5)
+    np.testing.assert_array_equal(make(script, retries=3, retry_wait_s=0.5).run(X, 5), expected)
+    assert waits == [0.5, 1.0, 2.0]
+    (tmp_path / "count").unlink()
+    with pytest.raises(SimulatorError, match=r"exit code 3.*attempt 2 of 2\.$"):
+        make(script, retries=1).run(X, 5)
+    # what another try would only repeat is not tried again
+    waits.clear()
+    with pytest.raises(SimulatorError, match="200 dB"):
+        make(WORKING.replace("level +", "1e4 +"), retries=3).run(X, 5)
+    assert waits == []
+
+
+def test_programs_that_fail_after_their_output_can_be_accepted(make: Make) -> None:
+    expected = make().run(X, 5)
+    np.testing.assert_array_equal(make(failing("sys.exit(4)"), accept_exit_codes=[0, 4]).run(X, 5), expected)
+    crashing = failing("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)")
+    np.testing.assert_array_equal(make(crashing, accept_exit_codes=[-11]).run(X, 5), expected)
+
+
+def test_an_output_of_an_earlier_run_is_never_read(make: Make, tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    simulator = make(
+        links=[str(tmp_path / "out")],
+        output={"file": "out/image.raw", "format": "raw", "dtype": "float32", "scale": "db"},
+        command=["{python}", "sim.py", "{input}"],
+    )
+    simulator.run(X, 1)
+    with pytest.raises(ConfigError, match=r"out/image\.raw, the name of simulator\.output\.file, is there before"):
+        simulator.run(X, 2)
+
+
+def alive(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+def wait_until(condition: Callable[[], bool], seconds: float = 20.0) -> bool:
+    deadline = time.time() + seconds
+    while not condition() and time.time() < deadline:
+        time.sleep(0.02)
+    return condition()
+
+
+FAMILY = """
+import os, pathlib, subprocess, sys, time
+child = subprocess.Popen(["sleep", "300"])
+pathlib.Path({path!r}).write_text(f"{{os.getpid()}} {{child.pid}} .")
+time.sleep(300)
+"""
+
+
+def family(path: Path) -> list[int]:
+    return [int(pid) for pid in path.read_text().split()[:2]]
+
+
+def test_a_time_out_ends_the_programs_children_too(make: Make, tmp_path: Path) -> None:
+    path = tmp_path / "pids"
+    with pytest.raises(SimulatorError, match="was not done"):
+        make(FAMILY.format(path=str(path)), timeout_s=3).run(X, 1)
+    assert wait_until(lambda: not any(map(alive, family(path))))
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
+def test_the_program_dies_with_radcal(tmp_path: Path, number: int) -> None:
+    path = tmp_path / "pids"
+    (tmp_path / "sim.py").write_text(FAMILY.format(path=str(path)))
+    radcal = "from pathlib import Path; from radcal.simulators.process import run_program; " + (
+        f"run_program([{sys.executable!r}, 'sim.py'], Path({str(tmp_path)!r}), {{}}, 300)"
+    )
+    process = subprocess.Popen([sys.executable, "-c", radcal], stderr=subprocess.DEVNULL)
+    try:
+        assert wait_until(lambda: path.exists() and path.read_text().endswith("."))
+        pids = family(path)
+        assert all(map(alive, pids))
+        process.send_signal(number)
+        process.wait(20)
+        assert wait_until(lambda: not any(map(alive, pids)))
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            process.kill()
+
+
+def test_identity_tells_all_that_may_change_the_image(make: Make, tmp_path: Path) -> None:
+    (tmp_path / "a.tpl").write_text("@dyke.mv@")
+    (tmp_path / "b.tpl").write_text("@dyke.mv@ ")
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data/table").write_text("1")
+
+    def template(name: str) -> dict[str, Any]:
+        return {"templates": [{"template": str(tmp_path / name), "file": "x"}]}
+
+    raw = {"file": "image.raw", "format": "raw", "dtype": "float32", "scale": "db"}
+    changes: list[dict[str, Any]] = [
+        {},
+        {"script": WORKING + "#"},
+        {"command": ["{python}", "sim.py", "{input}", "1"]},
+        {"version": "1.2"},
+        {"version": "1.3"},
+        {"name": "other"},
+        {"environment": {"A": "1"}},
+        {"output": raw | {"flip_rows": True}},
+        {"input": {"format": "toml"}},
+        {"version_command": ["{python}", "-c", "print('v 2', 7)"]},
+        {"links": [str(tmp_path / "data")]},
+        template("a.tpl"),
+        template("b.tpl"),
+    ]
+    texts = [json.dumps(make(**change).identity, sort_keys=True) for change in changes]
+    (tmp_path / "data/table").write_text("2")
+    texts.append(json.dumps(make(links=[str(tmp_path / "data")]).identity, sort_keys=True))
+    assert len(set(texts)) == len(texts)
+    assert make(version_command=["{python}", "-c", "print('v 2', 7)"]).identity["version"] == "v 2 7"
+    same = {"timeout_s": 5, "retries": 2, "retry_wait_s": 9, "accept_exit_codes": [0, 1], "keep_folders": True}
+    assert json.dumps(make(**same, deterministic=False).identity, sort_keys=True) == texts[0]
+    assert folders(tmp_path) == []
+
+
+def test_a_version_command_that_fails_is_told(make: Make) -> None:
+    with pytest.raises(SimulatorError, match=r"^simulator\.version_command: python.* ended with exit code 3"):
+        _ = make(version_command=["{python}", "-c", "raise SystemExit(3)"]).identity
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"command": ["no-such-program"]}, r"^simulator\.command: no program 'no-such-program' on the PATH"),
+        ({"command": ["./nowhere/sim"]}, r"^simulator\.command: the file nowhere/sim does not exist"),
+        ({"command": [__file__]}, r"^simulator\.command: /.*test_command\.py is not executable: type chmod \+x"),
+        ({"command": ["sh", "{dyke.mw}"]}, r"^simulator\.command\.1: unknown placeholder 'dyke\.mw' \(did you mean"),
+        ({"command": ["sh", "{input}"], "input": None}, r"unknown placeholder 'input'"),
+        ({"command": ["sh", "{dyke.mv}"], "input": None},
+         r"^simulator: the parameter dyke\.s never reaches the program \(nor do 4 more\)"),
+        ({"files": ["nowhere.dat"]}, r"^simulator\.files\.0: the file nowhere\.dat does not exist"),
+        ({"templates": [{"template": "no.tpl", "file": "a"}]}, r"^simulator\.templates\.0\.template: the file no\.tpl"),
+    ],
+)  # fmt: skip
+def test_refused_before_any_run(make: Make, tmp_path: Path, changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        make(**changes)
+    assert not (tmp_path / "work").exists()
+
+
+def test_the_default_case_has_no_command_to_check() -> None:
+    check_command(case_from({}))
+
+
+def test_materials_without_parameters_need_none(radar: Radar, geometry: Geometry) -> None:
+    water = Material(law="external")
+    assert (water.parameter_names, water.start_parameters) == ((), [])

@@ -1,0 +1,69 @@
+"""Numbers reach the program's input files exactly, or not at all."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from radcal.errors import ConfigError, SimulatorError
+from radcal.simulators.placeholders import argument, template
+
+finite = st.floats(allow_nan=False, allow_infinity=False)
+
+
+@given(finite, st.integers(0, 2**63 - 1))
+def test_numbers_are_written_in_full(x, seed):
+    values = {"wet field-2.X1": x, "noise_seed": seed}
+    text = argument("--x={wet field-2.X1} {{{noise_seed}}}", "key").filled(values)
+    number, _, rest = text.removeprefix("--x=").partition(" ")
+    assert float(number) == x
+    assert rest == f"{{{seed}}}"
+    line = template("a @ wet field-2.X1 @ $@noise_seed@\n", "@", "key").filled(values)
+    assert line == f"a {x!r} ${seed}\n"
+
+
+@given(st.binary(max_size=200))
+def test_all_bytes_around_markers_stay_as_they_are(content):
+    around = content.replace(b"@", b"").decode("latin-1")
+    marked = template(f"{around}@a.b@{around}", "@", "key")
+    assert marked.filled({"a.b": 1.5}).encode("latin-1") == (f"{around}1.5{around}").encode("latin-1")
+
+
+def test_formats_and_fields():
+    values = {"a.x": 0.1, "n": 7}
+    assert template("%a.x:12.4e%|%n:5d%|", "%", "key").checked(values).filled(values) == "  1.0000e-01|    7|"
+    # a number wider than its field would shift the columns behind it
+    with pytest.raises(SimulatorError, match=r"^key: a\.x = 12345\.0 written as 6\.2f is '12345\.00', wider than"):
+        template("@a.x:6.2f@", "@", "key").filled({"a.x": 12345.0})
+    assert argument("{a.x:.3f}", "key").filled(values) == "0.100"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("{dyke.X5}", r"^key: unknown placeholder 'dyke\.X5' \(did you mean 'dyke\.X1'\?\)\.$"),
+        ("{", r"^key is '\{': .* braces\.$"),
+        ("}", "braces"),
+        ("{}", "expected {name}"),
+        ("{dyke.X1!r}", "expected {name}"),
+        ("{dyke.X1:d}", r"dyke\.X1 cannot be written as 'd'"),
+    ],
+)
+def test_wrong_arguments_are_refused(text, words):
+    with pytest.raises(ConfigError, match=words):
+        argument(text, "key").checked({"dyke.X1": 1.0, "noise_seed": 1})
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("first\nmail@home\n", r"^key: line 2 holds @ 1 times, expected pairs"),
+        ("a @dyke.X9@", "unknown placeholder 'dyke.X9'"),
+        ("a @ @", "line 1 has an empty marker"),
+        ("nothing", "no marker between two @"),
+    ],
+)
+def test_wrong_templates_are_refused(text, words):
+    with pytest.raises(ConfigError, match=words):
+        template(text, "@", "key").checked({"dyke.X1": 1.0})

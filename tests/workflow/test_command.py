@@ -1,0 +1,184 @@
+"""External simulators through the whole workflow: the worked examples, and programs that fail on the way."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import h5py
+import pytest
+import yaml
+from workflow_project import ROOT, Project
+
+from radcal.files import read_json
+
+
+def example(project: Project, name: str) -> str:
+    shutil.copytree(ROOT / "examples" / name, project.folder / "examples" / name, ignore=shutil.ignore_patterns("data"))
+    subprocess.run([sys.executable, f"examples/{name}/scene.py"], cwd=project.folder, check=True)
+    return f"examples/{name}/case.yaml"
+
+
+def compile_sim(folder: Path) -> None:
+    compiler = shutil.which("cc")
+    if compiler is None:
+        pytest.skip("no C compiler: there is no cc on the PATH")
+    subprocess.run(
+        [compiler, "-O2", "-Wall", "-Wextra", "-Werror", "-o", "sim", "sim.c", "-lm"], cwd=folder, check=True
+    )
+
+
+def run_example(project: Project, name: str) -> tuple[dict, str]:
+    case = example(project, name)
+    if name == "command_c":
+        compile_sim(project.folder / "examples" / name)
+    done = project.run("--configfile", case)
+    assert done.returncode == 0, done.stdout
+    assert "The simulator is deterministic: the reference run repeated gives the same pixels." in done.stdout
+    summary = project.summary(name)
+    assert summary["converged"]
+    # the repeated reference run is counted and kept like any other
+    assert summary["runs"]["reference"] == 2
+    assert summary["runs"]["infill"] > 0
+    assert len(project.records(name)) == summary["runs"]["total"]
+    assert not any((project.out(name) / "work").iterdir())
+    reference = read_json(project.out(name) / "reference.json")
+    assert [entry.get("difference_db") for entry in reference] == [None, 0.0]
+    return summary, (project.out(name) / "report.html").read_text()
+
+
+def test_the_example_in_c(project):
+    summary, page = run_example(project, "command_c")
+    assert summary["simulator"]["version"] == "sim 1.0"
+    assert set(summary["simulator"]["sha256"]["files"]) == {"labels.raw"}
+    field = summary["materials"]["field"]
+    assert field["rms"] <= 3e-3 < field["rms_start"]
+    assert field["law_difference_db"] > 0
+    assert (project.out("command_c") / "figures/law_field.png").exists()
+    assert "simulator</dt><dd>sim sim 1.0" in page
+
+    # another build is another simulator: its runs are made again, and nothing of the first is lost
+    before = project.records("command_c")
+    source = project.folder / "examples/command_c/sim.c"
+    source.write_text(source.read_text().replace("sim 1.0", "sim 1.1"))
+    compile_sim(source.parent)
+    done = project.run("reference", "--configfile", "examples/command_c/case.yaml")
+    assert done.returncode == 0, done.stdout
+    after = project.records("command_c")
+    assert {name: after.get(name) for name in before} == before
+    assert len(after) == len(before) + 2
+
+
+def test_the_example_in_python_with_parameters_of_its_own(project):
+    summary, page = run_example(project, "command_python")
+    soil = summary["materials"]["soil"]
+    assert soil["rms"] <= 3e-3 < soil["rms_start"]
+    assert list(soil["parameters"]) == ["mv", "s"]
+    assert soil["hidden"] == {"mv": 0.22, "s": 0.9}
+    # a law that only the simulator knows has no curve
+    assert "law_difference_db" not in soil
+    assert not list((project.out("command_python") / "figures").glob("law_*"))
+    assert "Parameters of the external simulator" in page
+    assert '<th scope="row">mv <span class="unit">[m3/m3]</span></th>' in page
+    with h5py.File(project.out("command_python") / "calibration.h5") as file:
+        assert file["materials/soil"].attrs["law"] == "external"
+
+
+FLAWED = """
+import array, json, os, random, sys
+run = json.load(open(sys.argv[1]))
+if "{mode}" == "exit" and run["parameters"]["field"]["a"] > -10 and not os.path.exists(os.environ["LICENCE"]):
+    sys.exit("the licence server does not answer")
+rows, columns = run["shape"]
+seed = run["noise_seed"]
+if "{mode}" == "random":
+    # other numbers whenever parameters come again, though the same in every run of this test
+    seen = os.environ["LICENCE"] + repr(run["parameters"]["field"]["a"])
+    seed = repr((seen.rpartition("/")[2], os.path.exists(seen)))
+    open(seen, "w").close()
+draw = random.Random(seed)
+values = [run["parameters"]["field"]["a"] + draw.gauss(0, 2) for _ in range(rows * columns)]
+array.array("d", values).tofile(open("image.raw", "wb"))
+"""
+
+
+def flawed(project: Project, mode: str, **changes) -> None:
+    (project.folder / "sim.py").write_text(FLAWED.format(mode=mode))
+    simulator = {
+        "kind": "command",
+        "command": ["{python}", "-S", "-E", "sim.py", "{input}"],
+        "input": {},
+        "files": ["sim.py"],
+        "output": {"file": "image.raw", "format": "raw", "dtype": "float64", "scale": "db"},
+        "environment": {"LICENCE": str(project.folder / "licence")},
+    } | changes
+    field = {"calibrate": True, "law": "external", "names": ["a"], "bounds": [[-20, 0]], "start": [-15]}
+    project.write(
+        simulator=simulator,
+        materials={"field": field, "lake": {"law": "external"}},
+        measurement={"synthetic": {"parameters": {"field": [-12.0]}}},
+        design={"size": 6, "chunk": 3},
+        stop={"rms": 2e-2},
+    )
+    data = yaml.safe_load((project.folder / "tiny.yaml").read_text())
+    data["materials"] = {"field": field, "lake": {"law": "external"}}
+    (project.folder / "tiny.yaml").write_text(yaml.safe_dump(data))
+
+
+def sentences(text: str) -> list[str]:
+    return [line for line in text.splitlines() if line.startswith("radcal: ") and "stopped." not in line]
+
+
+def test_a_program_that_fails_on_the_way_leaves_its_folder_and_all_finished_runs(project):
+    flawed(project, "exit")
+    done = project.run("--configfile", "tiny.yaml", cores=1)
+    assert done.returncode != 0
+    (said,) = sentences(done.stdout)
+    assert said.startswith("radcal: simulator.command: python")
+    assert "ended with exit code 1" in said
+    assert '"the licence server does not answer"' in said
+    assert "Traceback" not in done.stdout
+    (kept,) = (project.out() / "work").iterdir()
+    assert f"results/tiny/work/{kept.name}" in said
+    before = project.records()
+    assert len(before) >= 2
+    # the same command goes on once the licence server answers
+    (project.folder / "licence").touch()
+    again = project.run("--configfile", "tiny.yaml")
+    assert again.returncode == 0, again.stdout
+    assert len(project.records()) == project.summary()["runs"]["total"]
+    after = project.records()
+    assert {name: after[name] for name in before} == before
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"command": ["./no-sim", "{input}"]}, "radcal: simulator.command: the file no-sim does not exist."),
+        ({"command": ["{python}", "sim.py", "{input}", "{field.b}"]}, "unknown placeholder 'field.b'"),
+        ({"input": None, "command": ["{python}", "sim.py"]}, "the parameter field.a never reaches the program"),
+    ],
+    ids=["missing executable", "unknown placeholder", "unused parameter"],
+)
+def test_wrong_settings_are_refused_before_anything_runs(project, changes, words):
+    flawed(project, "", **changes)
+    done = project.run("--configfile", "tiny.yaml", "--dry-run")
+    assert done.returncode != 0
+    (said,) = sentences(done.stdout)
+    assert words in said
+    assert not project.out().exists()
+
+
+def test_a_simulator_that_is_not_deterministic_is_found_out_and_smoothed_over(project):
+    flawed(project, "random")
+    done = project.run("--configfile", "tiny.yaml", "--config", 'stop={"rms": 1e-9, "max_runs": 7}')
+    assert done.returncode == 0, done.stdout
+    assert "The simulator is not deterministic: the reference run repeated" in done.stdout
+    summary = project.summary()
+    assert (summary["runs"]["reference"], summary["runs"]["infill"]) == (2, 1)
+    assert any("the surrogate smooths over runs" in note for note in summary["notes"])
+    with h5py.File(project.out() / "iterations/0/surrogate.h5") as file:
+        # 2 dB over the square root of 4,000 pixels against 20 dB of level: above smt's jitter, below all else
+        assert 1e-10 < file["field/nugget"][0] < 1e-2
