@@ -38,6 +38,7 @@ from pydantic import (
 from radcal.errors import ConfigError
 from radcal.radar.bands import same_label, within_band
 from radcal.radar.laws import EXTERNAL, LAWS, Law, external_law, law_for
+from radcal.scene.objects import check_curve
 
 __all__ = [
     "BuiltinScene",
@@ -55,6 +56,7 @@ __all__ = [
     "RasterScene",
     "Registration",
     "Scene",
+    "SceneObjects",
     "Simulator",
     "SlantRangeScene",
     "Start",
@@ -92,11 +94,53 @@ class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
+class GeneratedObjects(_Strict):
+    """Made-up objects, scattered evenly."""
+
+    trees: Annotated[int, Field(ge=0, le=10_000_000)] = 0
+    cars: Annotated[int, Field(ge=0, le=10_000_000)] = 0
+    buildings: Annotated[int, Field(ge=0, le=10_000_000)] = 0
+    seed: Seed = 1
+
+    @model_validator(mode="after")
+    def _some(self) -> Self:
+        if self.trees + self.cars + self.buildings == 0:
+            raise ValueError("has no object, expected a number of trees, cars or buildings")
+        return self
+
+
+class SceneObjects(_Strict):
+    """Objects that stand in the scene: a table, or made up."""
+
+    path: str | None = Field(None, description="table of objects: .csv, .gpkg or .h5")
+    layer: str | None = Field(None, description="layer of a GeoPackage; needed where it has several")
+    aspect: dict[str, list[tuple[Finite, Finite]]] = Field(
+        default_factory=dict, description="aspect class -> [aspect in degrees, cross-section in dBsm] pairs"
+    )
+    generate: GeneratedObjects | None = Field(None, description="made-up trees, cars and buildings in place of a table")
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        if (self.path is None) == (self.generate is None):
+            raise ValueError(
+                f"has {'neither' if self.path is None else 'both'} path and generate, expected one of them"
+            )
+        if self.path is None and (self.layer is not None or self.aspect):
+            raise ValueError(
+                f"{'layer' if self.layer is not None else 'aspect'} is for a table, expected path beside it"
+            )
+        for name, points in self.aspect.items():
+            if (wrong := check_curve(points)) is not None:
+                raise ValueError(f"aspect.{name} {wrong}")
+        return self
+
+
 class BuiltinScene(_Strict):
     """Four square kilometres of real SRTM terrain with seven materials and a dyke."""
 
     source: Literal["builtin"] = "builtin"
     seed: Seed = Field(1, description="seed of the fields' layout and of the fine roughness")
+    objects: SceneObjects | None = Field(None, description="what stands on the ground")
 
 
 class SlantRangeScene(_Strict):
@@ -140,6 +184,7 @@ class RasterScene(_Strict):
     vertical_datum: str | None = Field(
         None, description="what heights refer to, such as EGM96; needed where the elevation's CRS does not say"
     )
+    objects: SceneObjects | None = Field(None, description="what stands on the ground")
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
@@ -924,6 +969,8 @@ def input_files(case: Case) -> dict[str, Path]:
         keys = ("elevation", "materials", "names")
     for key in keys:
         files[f"scene.{key}"] = expand_path(getattr(case.scene, key), f"scene.{key}")
+    if isinstance(case.scene, BuiltinScene | RasterScene) and case.scene.objects and case.scene.objects.path:
+        files["scene.objects.path"] = expand_path(case.scene.objects.path, "scene.objects.path")
     if isinstance(case.measurement, FileMeasurement):
         files["measurement.path"] = expand_path(case.measurement.path, "measurement.path")
     if isinstance(case.simulator, CommandSimulation):

@@ -11,10 +11,19 @@ from typing import Any
 import numpy as np
 from numba import njit, prange
 
-__all__ = ["ANGLES_PER_RADIAN", "LAID_OVER", "VISIBLE", "cells_of", "count_facets", "fill_facets", "order_facets"]
+__all__ = [
+    "ANGLES_PER_RADIAN",
+    "LAID_OVER",
+    "OBJECT",
+    "VISIBLE",
+    "cells_of",
+    "count_facets",
+    "fill_facets",
+    "order_facets",
+]
 
 ANGLES_PER_RADIAN = 65535.0 / (np.pi / 2.0)
-VISIBLE, LAID_OVER = 1, 2  # bits of a facet's state
+VISIBLE, LAID_OVER, OBJECT = 1, 2, 4  # bits of a facet's state
 _BLOCK = 16  # columns that one thread works on at a time
 
 
@@ -53,12 +62,14 @@ def count_facets(
 @njit(cache=True, parallel=True)
 def fill_facets(
     near: Any, far: Any, state: Any, angle: Any, area: Any, material: Any, k: Any, per_column: Any, rows: Any,
-    columns: Any, start: Any, by_area: Any, out_material: Any, out_angle: Any, out_weight: Any, place: Any,
+    columns: Any, start: Any, by_area: Any, objects: Any, out_material: Any, out_angle: Any, out_weight: Any,
+    place: Any,
 ) -> None:  # fmt: skip
     """Material, incidence and weight of every part of a facet, in the order of pixels.
 
     The weight is the part's area [m2], or for ``sigma0_local`` its share of the pixel before
-    the shares of a pixel are brought to sum 1. ``place`` is where it lies, in lines and facets.
+    the shares of a pixel are brought to sum 1. Of objects, whose material is ``objects``, it is
+    always the area. ``place`` is where it lies, in lines and facets.
     """
     lines, facets = near.shape
     for block in prange((columns + _BLOCK - 1) // _BLOCK):
@@ -83,10 +94,13 @@ def fill_facets(
                         share = max(inside, np.float32(0.0)) / length if a != b else np.float32(1.0)
                         at = start[row * columns + column] + filled[row]
                         filled[row] += 1
-                        out_material[at] = material[line // k, f // k]
+                        of_object = (state[line, f] & OBJECT) != 0
+                        out_material[at] = objects if of_object else material[line // k, f // k]
                         out_angle[at] = angle[line, f]
                         out_weight[at] = (
-                            share * beside * area[line, f] if by_area else max(share * length, 1e-9) * beside
+                            share * beside * area[line, f]
+                            if by_area or of_object
+                            else max(share * length, 1e-9) * beside
                         )
                         place[0, at] = line
                         place[1, at] = f
@@ -94,10 +108,14 @@ def fill_facets(
 
 @njit(cache=True, parallel=True)
 def order_facets(
-    start: Any, columns: Any, material: Any, angle: Any, weight: Any, place: Any, local: Any, factor: Any, cells: Any,
-    pure: Any, mean_deg: Any, ground: Any,
+    start: Any, columns: Any, material: Any, angle: Any, weight: Any, place: Any, local: Any, factor: Any,
+    objects: Any, whole: Any, object_factor: Any, cells: Any, pure: Any, mean_deg: Any, ground: Any,
 ) -> None:  # fmt: skip
-    """Sort each pixel's facets by material, finish their weights, and take the means of the pixel."""
+    """Sort each pixel's facets by material, finish their weights, and take the means of the pixel.
+
+    Objects, of material ``objects``, are none of the ground: the means leave them out, and beside
+    them the shares of the ground are those of a ``whole`` pixel.
+    """
     pixels = start.size - 1
     rows = pixels // columns
     for row in prange(rows):
@@ -117,20 +135,36 @@ def order_facets(
                 place[0, j + 1], place[1, j + 1] = p, q
             total, angles, down, across = 0.0, 0.0, 0.0, 0.0
             count = 1
-            for i in range(first, last):
+            ground_last = last
+            while ground_last > first and material[ground_last - 1] == objects:  # the greatest id: at the end
+                ground_last -= 1
+            for i in range(ground_last, last):
+                weight[i] = weight[i] * object_factor[row]
+            if ground_last == first:
+                cells[pixel] = 1
+                pure[pixel] = 0
+                for i in range(first, last):
+                    down += place[0, i] / (last - first)
+                    across += place[1, i] / (last - first)
+                ground[0, pixel] = down
+                ground[1, pixel] = across
+                continue
+            for i in range(first, ground_last):
                 total += weight[i]
                 angles += weight[i] * angle[i]
                 down += weight[i] * place[0, i]
                 across += weight[i] * place[1, i]
                 if i > first and material[i] != material[i - 1]:
                     count += 1
-            cells[pixel] = count
-            pure[pixel] = material[first] if count == 1 else 0
+            cells[pixel] = count if ground_last == last else count + 1
+            pure[pixel] = material[first] if cells[pixel] == 1 else 0
             mean_deg[pixel] = angles / total * (90.0 / 65535.0)
             ground[0, pixel] = down / total
             ground[1, pixel] = across / total
+            if local and ground_last < last:
+                total = max(total, whole)
             scale = 1.0 / total if local else factor[row]
-            for i in range(first, last):
+            for i in range(first, ground_last):
                 weight[i] = weight[i] * scale
 
 

@@ -5,7 +5,7 @@ Image coordinates: axis 0 is slant range (row 0 nearest), axis 1 is azimuth.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 
 import h5py
@@ -16,7 +16,18 @@ from scipy.ndimage import distance_transform_cdt, map_coordinates
 from radcal.config import Radar
 from radcal.errors import SceneError, StoreError
 from radcal.files import write_hdf5
-from radcal.radar.facets import ANGLES_PER_RADIAN, LAID_OVER, VISIBLE, cells_of, count_facets, fill_facets, order_facets
+from radcal.radar.facets import (
+    ANGLES_PER_RADIAN,
+    LAID_OVER,
+    OBJECT,
+    VISIBLE,
+    cells_of,
+    count_facets,
+    fill_facets,
+    order_facets,
+)
+from radcal.radar.footprints import Boxes, Spots, add_up, locate, raise_boxes, share_out, stand, to_boxes_and_spots
+from radcal.radar.points import Points, not_pure
 from radcal.scene.model import Scene
 
 __all__ = [
@@ -29,7 +40,8 @@ __all__ = [
     "write_geometry",
 ]
 
-_SCHEMA = 3
+_SCHEMA = 4
+_MOST_NAMES = 254  # materials beside the objects
 _CELLS_AT_ONCE = 256  # rows of the scene, to bound memory
 _HALO = 12  # cells that a cubic spline looks beyond a stretch, far below single precision
 
@@ -50,7 +62,7 @@ class Geometry:
     cell_start : ndarray of int32, shape (pixels + 1,)
         First cell of each pixel, by flat image index.
     cell_material : ndarray of uint8, shape (cells,)
-        Material id.
+        Material id; one beyond the last for objects, whose sigma0 is 1.
     facet_start : ndarray of int32, shape (cells + 1,)
         First facet of each cell. A facet counts in every pixel that it reaches into.
     facet_incidence : ndarray of uint16, shape (facets,)
@@ -58,10 +70,11 @@ class Geometry:
     facet_weight : ndarray of float32, shape (facets,)
         What the pixel holds is the sum of weight times sigma0: the weight is the facet's share
         of the pixel (``sigma0_local``), or its area in the pixel over the pixel's reference area.
+        Of an object's facet, its part of the cross-section over the reference area.
     material : ndarray of uint8, shape ``shape``
-        Material id where all visible facets of a pixel share one, else 0.
+        Material id where all visible facets of a pixel share one, else 0; 0 near objects, too.
     incidence_deg : ndarray of float32, shape ``shape``
-        Mean local incidence of the pixel's visible facets [deg], NaN where there is none.
+        Mean local incidence of the pixel's visible ground [deg], NaN where there is none.
     layover : ndarray of bool, shape ``shape``
         Whether facets of separate places, more than a pixel apart in slant range on the way
         between them, share the pixel.
@@ -70,6 +83,13 @@ class Geometry:
     ground : ndarray of float32, shape (2, rows, columns)
         Mean row and column of the pixel's visible facets in the scene's grid, cell centres at
         whole numbers; NaN where there is none, and in a slant-range scene.
+    point_row, point_column : ndarray of float64, shape (points,)
+        Place of the visible point scatterers in the image, in ascending rows; pixel centres are at
+        whole numbers.
+    point_amplitude : ndarray of float32, shape (points,)
+        Square root of the cross-section over the pixel's reference area.
+    point_number : ndarray of uint32, shape (points,)
+        Entry in the scene's objects.
     """
 
     shape: tuple[int, int]
@@ -84,6 +104,15 @@ class Geometry:
     layover: NDArray[np.bool_]
     shadow: NDArray[np.bool_]
     ground: NDArray[np.float32]
+    point_row: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    point_column: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    point_amplitude: NDArray[np.float32] = field(default_factory=lambda: np.empty(0, dtype=np.float32))
+    point_number: NDArray[np.uint32] = field(default_factory=lambda: np.empty(0, dtype=np.uint32))
+
+    @property
+    def points(self) -> Points:
+        """Visible point scatterers."""
+        return Points(self.point_row, self.point_column, self.point_amplitude, self.point_number)
 
     @property
     def visible(self) -> NDArray[np.bool_]:
@@ -258,11 +287,32 @@ def _terrain_geometry(scene: Scene, radar: Radar) -> Geometry:
     # single precision holds slant range from a point near the scene, not from the radar
     base = float(np.hypot(radar.altitude_m, edges[0]))
     lines = Lines.empty(ny * k, nx * k)
+    standing = None
+    if scene.objects is not None and len(scene.objects):
+        if len(scene.names) > _MOST_NAMES:
+            raise SceneError(
+                f"the scene has {len(scene.names)} materials, expected at most {_MOST_NAMES} with objects."
+            )
+        standing = to_boxes_and_spots(scene.objects, elevation, radar.look_side, k, step)
+        if standing[0].top_m.size and track <= standing[0].top_m.max():
+            raise SceneError(
+                f"radar.altitude_m is {radar.altitude_m:g} m above the scene's mean, an object rises "
+                f"{standing[0].top_m.max() - mean:.0f} m: fly higher."
+            )
     near, far = 0.0, np.inf
     for first in range(0, ny, _CELLS_AT_ONCE):
         last = min(ny, first + _CELLS_AT_ONCE)
-        near_line, far_line = _lines(elevation, first, last, k, step, edges, track, base, radar.range_spacing_m, lines)
+        near_line, far_line = _lines(
+            elevation, first, last, k, step, edges, track, base, radar.range_spacing_m, lines, standing
+        )
         near, far = max(near, near_line), min(far, far_line)
+    points = Points.none()
+    if standing is not None:
+        boxes, spots = standing
+        share_out(
+            lines.near_m, lines.far_m, lines.state, lines.area, lines.area.view(np.int32), boxes.rcs_m2, boxes.extent
+        )
+        points = _points(spots, radar, near, step)
 
     # rows from the first to the last range that every azimuth line reaches: nothing of the
     # image then lies outside the scene
@@ -270,7 +320,7 @@ def _terrain_geometry(scene: Scene, radar: Radar) -> Geometry:
     columns = int(ny * scene.cell_m / radar.azimuth_spacing_m)
     if rows < 8 or columns < 8:
         raise SceneError(f"the image of the scene would have {rows} x {columns} pixels: use a finer pixel spacing.")
-    return _pixels(scene, radar, np.ascontiguousarray(material), lines, k, step, near, base, (rows, columns))
+    return _pixels(scene, radar, np.ascontiguousarray(material), lines, k, step, near, base, (rows, columns), points)
 
 
 @dataclass(frozen=True)
@@ -298,7 +348,7 @@ class Lines:
 
 def _lines(
     elevation: NDArray[np.float64], first: int, last: int, k: int, step: float, edges: NDArray[np.float64],
-    track: float, base: float, spacing_m: float, lines: Lines,
+    track: float, base: float, spacing_m: float, lines: Lines, standing: tuple[Boxes, Spots] | None,
 ) -> tuple[float, float]:  # fmt: skip
     """Fill the lines of some rows of cells; the largest nearest and the smallest furthest slant range [m]."""
     ny, nx = elevation.shape
@@ -319,26 +369,46 @@ def _lines(
     cosine = local_incidence_cosine(fine, step, towards)[1:-1]
     slopes: list[NDArray[np.float64]] = list(np.gradient(fine, step))
     along, across = slopes[0][1:-1], slopes[1][1:-1]
-    fine, height, slant = fine[1:-1], height[1:-1], slant[1:-1]
-    visible = ~shadowed(np.arctan2(np.broadcast_to(ground, height.shape), height)) & (cosine > 0.0)
-    laid = laid_over(slant, visible, spacing_m)
+    beyond_ground, fine, height, slant = fine, fine[1:-1], height[1:-1], slant[1:-1]
     # heights at the facets' edges: neighbours share them, so that facets tile slant range without gaps
     at_edges = np.empty((fine.shape[0], fine.shape[1] + 1))
     at_edges[:, 1:-1] = 0.5 * (fine[:, 1:] + fine[:, :-1])
     at_edges[:, 0], at_edges[:, -1] = 1.5 * fine[:, 0] - 0.5 * fine[:, 1], 1.5 * fine[:, -1] - 0.5 * fine[:, -2]
     reach = np.hypot(track - at_edges, edges)
+    near, far = np.minimum(reach[:, 1:], reach[:, :-1]), np.maximum(reach[:, 1:], reach[:, :-1])
     part = slice(first * k, last * k)
-    lines.near_m[part] = np.minimum(reach[:, 1:], reach[:, :-1]) - base
-    lines.far_m[part] = np.maximum(reach[:, 1:], reach[:, :-1]) - base
+    if standing is None:
+        visible = ~shadowed(np.arctan2(np.broadcast_to(ground, height.shape), height)) & (cosine > 0.0)
+        owner = None
+    else:
+        boxes, spots = standing
+        raised = raise_boxes(boxes, fine, first * k)
+        owner = raised.owner
+        visible = np.empty(fine.shape, dtype=np.bool_)
+        horizon, extent = np.empty((2, *fine.shape))
+        stand(owner, raised.roof_m, at_edges, cosine, edges, ground, track, near, far, visible, horizon, extent)
+        add_up(owner, extent, boxes.extent)
+        locate(
+            spots.place, spots.height_m, beyond_ground, first * k, last * k, horizon, edges, track, step, spots.slant_m
+        )
+        slant = np.hypot(track - raised.roof_m, ground)
+    laid = laid_over(slant, visible, spacing_m)
+    lines.near_m[part] = near - base
+    lines.far_m[part] = far - base
     lines.incidence[part] = np.round(np.arccos(np.clip(cosine, 0.0, 1.0)) * ANGLES_PER_RADIAN)
     lines.area[part] = step**2 * np.sqrt(1.0 + along**2 + across**2)
     lines.state[part] = visible * VISIBLE + laid * LAID_OVER
+    if owner is not None:
+        # the cross-section of a facet is known only after the last line: until then its area is whose it is
+        standing_here = owner >= 0
+        lines.area[part].view(np.int32)[standing_here] = owner[standing_here]
+        lines.state[part] |= standing_here * np.uint8(OBJECT)
     return float(reach[:, 0].max()), float(reach[:, -1].min())
 
 
 def _pixels(
     scene: Scene, radar: Radar, material: NDArray[np.uint8], lines: Lines, k: int, step: float, near: float,
-    base: float, shape: tuple[int, int],
+    base: float, shape: tuple[int, int], points: Points,
 ) -> Geometry:  # fmt: skip
     """Distribute the facets over the pixels that they reach into."""
     rows, columns = shape
@@ -363,20 +433,23 @@ def _pixels(
     weight = np.empty(total, dtype=np.float32)
     place = np.empty((2, total), dtype=np.float32)
     local = radar.radiometry == "sigma0_local"
+    # beyond all ids where there is none
+    objects = len(scene.names) + 1 if scene.objects is not None else 256
     fill_facets(
         near_row, far_row, lines.state, lines.incidence, lines.area, material, k, per_column, rows, columns, start,
-        not local, facet_material, incidence, weight, place,
+        not local, objects, facet_material, incidence, weight, place,
     )  # fmt: skip
     flat = near + (np.arange(rows) + 0.5) * radar.range_spacing_m  # slant range of the rows' middles
     area = radar.range_spacing_m * radar.azimuth_spacing_m
     factor = _radiometric_factor(radar.radiometry, np.arccos(np.minimum(radar.altitude_m / flat, 1.0))) / area
+    per_area = _per_area(radar, flat).astype(np.float32)
     cells = np.empty(rows * columns, dtype=np.uint16)
     pure = np.zeros(rows * columns, dtype=np.uint8)
     mean_incidence = np.full(rows * columns, np.nan, dtype=np.float32)
     ground = np.full((2, rows * columns), np.nan, dtype=np.float32)
     order_facets(
-        start, columns, facet_material, incidence, weight, place, local, factor.astype(np.float32), cells, pure,
-        mean_incidence, ground,
+        start, columns, facet_material, incidence, weight, place, local, factor.astype(np.float32), objects,
+        per_column, per_area, cells, pure, mean_incidence, ground,
     )  # fmt: skip
     cell_start = np.zeros(rows * columns + 1, dtype=np.int32)
     np.cumsum(cells, out=cell_start[1:])
@@ -388,6 +461,7 @@ def _pixels(
     ground = (ground + np.float32(0.5)) / np.float32(k) - np.float32(0.5)
     if radar.look_side == "left":
         ground[1] = scene.material.shape[1] - 1 - ground[1]
+    not_pure(points, radar, shape, pure.reshape(shape))
     return Geometry(
         shape=shape,
         names=scene.names,
@@ -401,7 +475,33 @@ def _pixels(
         layover=layover,
         shadow=shadow | (cells == 0).reshape(shape),
         ground=ground.reshape(2, *shape),
+        point_row=points.row,
+        point_column=points.column,
+        point_amplitude=points.amplitude,
+        point_number=points.number,
     )
+
+
+def _points(spots: Spots, radar: Radar, near: float, step: float) -> Points:
+    """Visible point scatterers in the image; those beyond its border too, their sidelobes reach into it."""
+    seen = np.isfinite(spots.slant_m)
+    slant = spots.slant_m[seen]
+    row = (slant - near) / radar.range_spacing_m - 0.5
+    order = np.argsort(row, kind="stable")
+    amplitude = np.sqrt(spots.rcs_m2[seen] * _per_area(radar, slant))
+    return Points(
+        row[order],
+        (spots.place[seen, 0] * step / radar.azimuth_spacing_m - 0.5)[order],
+        amplitude.astype(np.float32)[order],
+        spots.number[seen][order],
+    )
+
+
+def _per_area(radar: Radar, slant_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """One over a pixel's reference area at a slant range [1/m2]; that of sigma0 where areas do not count."""
+    flat = np.arccos(np.minimum(radar.altitude_m / slant_m, 1.0))
+    radiometry = "sigma0_ref" if radar.radiometry == "sigma0_local" else radar.radiometry
+    return _radiometric_factor(radiometry, flat) / (radar.range_spacing_m * radar.azimuth_spacing_m)
 
 
 def _radiometric_factor(radiometry: str, flat_incidence_rad: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -426,8 +526,11 @@ def write_geometry(path: str | Path, geometry: Geometry) -> None:
         file.attrs["schema"] = _SCHEMA
         file.attrs["shape"] = geometry.shape
         file["names"] = list(geometry.names)
-        for field in fields(Geometry)[2:]:
-            file.create_dataset(field.name, data=getattr(geometry, field.name), compression="gzip", compression_opts=1)
+        for item in fields(Geometry)[2:]:
+            values = getattr(geometry, item.name)
+            # HDF5 does not compress what is empty
+            packed = {"compression": "gzip", "compression_opts": 1} if values.size else {}
+            file.create_dataset(item.name, data=values, **packed)
 
 
 def read_geometry(path: str | Path) -> Geometry:
@@ -445,5 +548,5 @@ def read_geometry(path: str | Path) -> Geometry:
                 "command with --forcerun geometry at its end (finished runs are kept)."
             )
         rows, columns = (int(n) for n in file.attrs["shape"])
-        arrays = {field.name: file[field.name][()] for field in fields(Geometry)[2:]}
+        arrays = {item.name: file[item.name][()] for item in fields(Geometry)[2:]}
         return Geometry(shape=(rows, columns), names=tuple(file["names"].asstr()[()]), **arrays)

@@ -15,6 +15,7 @@ from radcal.errors import ConfigError
 from radcal.radar.gaussian import gaussian_row, seed_words
 from radcal.radar.geometry import Geometry
 from radcal.radar.laws import Law
+from radcal.radar.points import Points, add_points, fine_taps, phased
 from radcal.radar.speckle import impulse_response, width_factor
 
 __all__ = ["ImageFormation", "Reflectivity", "law_tables", "reflectivity", "uniform"]
@@ -80,11 +81,13 @@ def law_tables(
 
     Returns
     -------
-    ndarray of float32, shape (materials + 1, 65536)
-        sigma0 [linear power] at incidence i / 65535 times 90 degrees; row 0 is no material.
+    ndarray of float32, shape (materials + 2, 65536)
+        sigma0 [linear power] at incidence i / 65535 times 90 degrees; row 0 is no material, the
+        last is 1 for objects, whose weights hold their cross-section.
     """
     phi = np.linspace(0.0, np.pi / 2.0, _LEVELS)
-    tables = np.zeros((len(names) + 1, _LEVELS), dtype=np.float32)
+    tables = np.zeros((len(names) + 2, _LEVELS), dtype=np.float32)
+    tables[-1] = 1.0
     for k, name in enumerate(names, start=1):
         if name in laws:
             tables[k] = 10.0 ** (laws[name](phi, parameters[name]) / 10.0)
@@ -116,10 +119,10 @@ def reflectivity(
     ----------
     geometry : Geometry
         Facets of the pass, with their weights in the configured radiometry.
-    tables : ndarray, shape (materials + 1, 65536)
+    tables : ndarray, shape (materials + 2, 65536)
         Laws, as :func:`law_tables` gives them.
     before, changed : optional
-        Reflectivity of other laws, and the ids of materials (bool, shape (materials + 1,))
+        Reflectivity of other laws, and the ids of materials (bool, shape (materials + 2,))
         whose law is another now: only their cells are made anew, in place.
 
     Returns
@@ -194,7 +197,8 @@ def _amplitude_row(
 @njit(cache=True, parallel=True)
 def _form(
     tiles: Any, size: Any, rows: Any, columns: Any, start: Any, material: Any, power: Any, noise: Any, seed: Any,
-    first_look: Any, looks: Any, down: Any, across: Any, most: Any, intensity: Any, field: Any,
+    first_look: Any, looks: Any, down: Any, across: Any, most: Any, point_rows: Any, point_columns: Any,
+    point_values: Any, fine_down: Any, fine_across: Any, intensity: Any, field: Any,
 ) -> None:  # fmt: skip
     """Looks of some tiles: amplitude, separable band limit, and their mean power or the one complex look.
 
@@ -214,6 +218,9 @@ def _form(
         amplitude = np.empty((outer_bottom - outer_top, width), np.float32)
         line = np.empty(width + 4 * reach_across, np.float32)
         result = np.empty(2 * (right - left), np.float32)
+        spots = np.zeros((bottom - top if point_rows.size else 0, 2 * (right - left)), np.float32)
+        if point_rows.size:  # the same in every look
+            add_points(point_rows, point_columns, point_values, fine_down, fine_across, top, left, spots)
         # where column `left` less its reach stands in the line: zero beyond the image's border
         pad = 2 * (outer_left - (left - reach_across))
         for look in range(first_look, first_look + looks):
@@ -236,6 +243,9 @@ def _form(
                     tap = across[k]
                     for i in range(result.size):
                         result[i] += tap * line[i + 2 * k]
+                if spots.size:
+                    for i in range(result.size):
+                        result[i] += spots[row - top, i]
                 if field.size:
                     for i in range(result.size):
                         field[row, 2 * left + i] = result[i]
@@ -251,9 +261,10 @@ def _form(
 class ImageFormation:
     """Complex looks and multilooked intensity of a reflectivity, with common random numbers.
 
-    Each look is h * (sum over materials of sqrt(P_m) u_m + sqrt(nesz) v): u and v white circular
-    Gaussian, one for each pixel and material; h the impulse response; thermal noise is added
-    before detection and passes through the same band limit. Looks are averaged in power.
+    Each look is h * (sum over materials of sqrt(P_m) u_m + sqrt(nesz) v + sum over points of a_p d_p):
+    u and v white circular Gaussian, one for each pixel and material; h the impulse response; thermal
+    noise is added before detection and passes through the same band limit; d_p is an impulse at the
+    point's place and a_p its amplitude, the same in every look. Looks are averaged in power.
 
     Parameters
     ----------
@@ -261,6 +272,8 @@ class ImageFormation:
         Resolutions, spacings, looks, noise-equivalent sigma0.
     shape : (int, int)
         Image size, slant range by azimuth.
+    points : Points, optional
+        Point scatterers of the scene.
 
     Raises
     ------
@@ -268,7 +281,7 @@ class ImageFormation:
         A resolution is too fine for the pixel spacing.
     """
 
-    def __init__(self, radar: Radar, shape: tuple[int, int]) -> None:
+    def __init__(self, radar: Radar, shape: tuple[int, int], points: Points | None = None) -> None:
         for axis in ("range", "azimuth"):
             resolution = getattr(radar, f"{axis}_resolution_m")
             finest = width_factor() * getattr(radar, f"{axis}_spacing_m")
@@ -281,6 +294,9 @@ class ImageFormation:
         self._shape = shape
         self._down = impulse_response(radar.range_resolution_m, radar.range_spacing_m).astype(np.float32)
         self._across = impulse_response(radar.azimuth_resolution_m, radar.azimuth_spacing_m).astype(np.float32)
+        self._points = Points.none() if points is None else points
+        self._fine_down = fine_taps(radar.range_resolution_m, radar.range_spacing_m)
+        self._fine_across = fine_taps(radar.azimuth_resolution_m, radar.azimuth_spacing_m)
         self._noise = np.full(shape[0], 10.0 ** (radar.nesz_db / 20.0), dtype=np.float32)
         tops, lefts = (np.arange(0, n, step) for n, step in zip(shape, _TILE, strict=True))
         self._tiles = np.stack(np.meshgrid(tops, lefts, indexing="ij"), axis=-1).reshape(-1, 2).astype(np.int64)
@@ -339,7 +355,8 @@ class ImageFormation:
         _form(
             tiles, np.array(_TILE), rows, columns, reflectivity.start, reflectivity.material, reflectivity.power,
             self._noise, seed_words(noise_seed), first, looks, self._down, self._across,
-            stretch * max(1, most), intensity,
+            stretch * max(1, most), self._points.row, self._points.column, phased(self._points, noise_seed),
+            self._fine_down, self._fine_across, intensity,
             field if field is not None else np.empty((0, 0), dtype=np.float32),
         )  # fmt: skip
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from radcal.errors import SceneError
 from radcal.files import write_hdf5
+from radcal.scene.objects import Objects, put_objects, take_objects
 
 __all__ = ["Scene", "read_scene", "write_scene"]
 
@@ -43,6 +44,8 @@ class Scene:
         What the elevation refers to.
     notes : tuple of str
         What was done to the sources: resampling, datum, gaps.
+    objects : Objects or None
+        What stands on the ground; None where there is none, as in every slant-range scene.
     """
 
     identity: str
@@ -55,6 +58,7 @@ class Scene:
     transform: tuple[float, ...] | None = None
     vertical_datum: str | None = None
     notes: tuple[str, ...] = ()
+    objects: Objects | None = None
 
     def require(self, materials: list[str]) -> None:
         """Check that configuration and scene name the same materials.
@@ -80,7 +84,7 @@ class Scene:
 def write_scene(path: str | Path, scene: Scene) -> None:
     """Write a scene to HDF5, atomically."""
     with write_hdf5(path) as file:
-        file.attrs["schema"] = 1
+        file.attrs["schema"] = 2
         file.attrs["identity"] = scene.identity
         file.attrs["cell_m"] = scene.cell_m
         file["names"] = list(scene.names)
@@ -93,6 +97,8 @@ def write_scene(path: str | Path, scene: Scene) -> None:
                 file.attrs[name] = value
         # a dataset: HDF5 bounds the size of attributes
         file.create_dataset("notes", data=list(scene.notes), dtype=h5py.string_dtype())
+        if scene.objects is not None:
+            put_objects(file.create_group("objects"), scene.objects)
 
 
 def read_scene(path: str | Path) -> Scene:
@@ -110,4 +116,5 @@ def read_scene(path: str | Path) -> Scene:
             transform=tuple(float(v) for v in file.attrs["transform"]) if "transform" in file.attrs else None,
             vertical_datum=str(file.attrs["vertical_datum"]) if "vertical_datum" in file.attrs else None,
             notes=tuple(file["notes"].asstr()[()]) if "notes" in file else (),
+            objects=take_objects(file["objects"]) if "objects" in file else None,
         )

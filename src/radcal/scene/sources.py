@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
-from radcal.config import BuiltinScene, RasterScene
+from dataclasses import replace
+
+from radcal.config import BuiltinScene, RasterScene, SceneObjects, expand_path
 from radcal.config import Scene as SceneConfig
+from radcal.files import digest
 from radcal.scene.builtin import builtin_scene
 from radcal.scene.model import Scene
+from radcal.scene.object_generator import generate_objects
+from radcal.scene.object_tables import Place, read_objects
+from radcal.scene.objects import Objects
 from radcal.scene.raster import raster_scene
 from radcal.scene.slant_range import slant_range_scene
 
@@ -18,7 +24,7 @@ def make_scene(config: SceneConfig, materials: list[str]) -> Scene:
     Raises
     ------
     SceneError
-        The source cannot be read or does not have the materials.
+        The source or its objects cannot be read, or it does not have the materials.
     """
     if isinstance(config, BuiltinScene):
         scene = builtin_scene(config.seed)
@@ -27,4 +33,29 @@ def make_scene(config: SceneConfig, materials: list[str]) -> Scene:
     else:
         scene = slant_range_scene(config)
     scene.require(materials)
+    if isinstance(config, BuiltinScene | RasterScene) and config.objects is not None:
+        objects = _objects(config.objects, scene)
+        scene = replace(
+            scene,
+            identity=digest({"scene": scene.identity, "objects": objects.identity}),
+            notes=(*scene.notes, _count(objects)),
+            objects=objects,
+        )
     return scene
+
+
+def _objects(config: SceneObjects, scene: Scene) -> Objects:
+    """Objects of a table, or made up."""
+    ny, nx = scene.material.shape
+    size = (nx * scene.cell_m, ny * scene.cell_m)
+    if config.generate is not None:
+        made = config.generate
+        return generate_objects(size, made.seed, trees=made.trees, cars=made.cars, buildings=made.buildings)
+    corner = (0.0, 0.0) if scene.transform is None else (scene.transform[2], scene.transform[5])
+    path = expand_path(str(config.path), "scene.objects.path")
+    return read_objects(path, Place(size, corner, scene.crs), config.layer, config.aspect)
+
+
+def _count(objects: Objects) -> str:
+    points = int((~objects.extended).sum())
+    return f"{len(objects)} objects, {points} of them points"

@@ -64,7 +64,7 @@ class BuiltinSimulator:
                     f"one of {sorted(LAWS)}."
                 )
         self._looks = radar.looks
-        self._formation = ImageFormation(radar, geometry.shape)
+        self._formation = ImageFormation(radar, geometry.shape, geometry.points)
         self._last: _Last | None = None
 
     @property

@@ -1,0 +1,324 @@
+"""Objects on the lines of facets: boxes raised over the ground, points at their slant range.
+
+A box is level at its height above the mean ground of its footprint. Its facets are the
+roof and the walls that face the radar; walls along the line of sight have no extent in slant
+range, those at the back are never seen. Scattering does not bounce between box and ground,
+unless the cross-section includes it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from radcal.radar.facets import OBJECT, VISIBLE
+from radcal.scene.objects import Objects
+
+__all__ = ["Boxes", "Raised", "Spots", "add_up", "locate", "raise_boxes", "share_out", "stand", "to_boxes_and_spots"]
+
+_SAMPLES = 5  # along each side of a footprint, for its mean ground
+
+
+@dataclass(frozen=True)
+class Boxes:
+    """Extended objects in the refined lines (axis 0) and facets (axis 1) of a pass.
+
+    Attributes
+    ----------
+    place : ndarray of float64, shape (n, 2)
+        Middle, in lines and facets from the scene's near corner.
+    axis : ndarray of float64, shape (n, 2)
+        Unit vector of the heading.
+    half : ndarray of float64, shape (n, 2)
+        Half of length and width, in lines.
+    reach : ndarray of float64, shape (n, 2)
+        Half of the upright rectangle around the footprint, in lines and facets.
+    top_m : ndarray of float64, shape (n,)
+        Elevation of the roof [m].
+    rcs_m2 : ndarray of float64, shape (n,)
+        Cross-section towards the radar [m2].
+    extent : ndarray of float64, shape (n,)
+        Slant extent of all its facets, hidden or not, summed over lines; filled line by line [m].
+    """
+
+    place: NDArray[np.float64]
+    axis: NDArray[np.float64]
+    half: NDArray[np.float64]
+    reach: NDArray[np.float64]
+    top_m: NDArray[np.float64]
+    rcs_m2: NDArray[np.float64]
+    extent: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Spots:
+    """Point scatterers in the refined lines and facets of a pass.
+
+    Attributes
+    ----------
+    place : ndarray of float64, shape (n, 2)
+        In lines and facets from the scene's near corner.
+    height_m : ndarray of float64, shape (n,)
+        Above the ground [m].
+    rcs_m2 : ndarray of float64, shape (n,)
+        Cross-section towards the radar [m2].
+    number : ndarray of uint32, shape (n,)
+        Entry in the scene's objects.
+    slant_m : ndarray of float64, shape (n,)
+        Slant range; NaN where hidden. Filled line by line [m].
+    """
+
+    place: NDArray[np.float64]
+    height_m: NDArray[np.float64]
+    rcs_m2: NDArray[np.float64]
+    number: NDArray[np.uint32]
+    slant_m: NDArray[np.float64]
+
+
+@njit(cache=True)
+def _holds(line: Any, facet: Any, place: Any, axis: Any, half: Any) -> Any:
+    """Whether the middle of a facet lies in a footprint."""
+    down, across = line + 0.5 - place[0], facet + 0.5 - place[1]
+    along, beside = down * axis[0] + across * axis[1], down * axis[1] - across * axis[0]
+    return abs(along) <= half[0] and abs(beside) <= half[1]
+
+
+@njit(cache=True, parallel=True)
+def _covers(place: Any, axis: Any, half: Any, reach: Any, shape: Any, found: Any) -> None:
+    """Which footprints hold the middle of a facet."""
+    for i in prange(place.shape[0]):
+        found[i] = False
+        low, high = max(0, int(place[i, 0] - reach[i, 0])), min(shape[0], int(place[i, 0] + reach[i, 0]) + 1)
+        left, right = max(0, int(place[i, 1] - reach[i, 1])), min(shape[1], int(place[i, 1] + reach[i, 1]) + 1)
+        for line in range(low, high):
+            for facet in range(left, right):
+                if not found[i] and _holds(line, facet, place[i], axis[i], half[i]):
+                    found[i] = True
+
+
+@njit(cache=True)
+def _between(grid: Any, row: Any, column: Any) -> Any:
+    """Bilinear interpolation, constant beyond the border."""
+    row, column = min(max(row, 0.0), grid.shape[0] - 1.0), min(max(column, 0.0), grid.shape[1] - 1.0)
+    r, c = min(int(row), grid.shape[0] - 2), min(int(column), grid.shape[1] - 2)
+    p, q = row - r, column - c
+    upper = (1.0 - q) * grid[r, c] + q * grid[r, c + 1]
+    return (1.0 - p) * upper + p * ((1.0 - q) * grid[r + 1, c] + q * grid[r + 1, c + 1])
+
+
+@njit(cache=True, parallel=True)
+def _mean_ground(elevation: Any, k: Any, place: Any, axis: Any, half: Any, mean: Any) -> None:
+    """Mean elevation of footprints."""
+    for i in prange(place.shape[0]):
+        total = 0.0
+        for m in range(_SAMPLES):
+            for n in range(_SAMPLES):
+                along = half[i, 0] * ((2 * m + 1) / _SAMPLES - 1.0)
+                beside = half[i, 1] * ((2 * n + 1) / _SAMPLES - 1.0)
+                line = place[i, 0] + along * axis[i, 0] + beside * axis[i, 1]
+                facet = place[i, 1] + along * axis[i, 1] - beside * axis[i, 0]
+                total += _between(elevation, line / k - 0.5, facet / k - 0.5)
+        mean[i] = total / _SAMPLES**2
+
+
+def to_boxes_and_spots(
+    objects: Objects, elevation: NDArray[np.float64], look_side: str, k: int, step: float
+) -> tuple[Boxes, Spots]:
+    """Bring objects into the lines and facets of a pass.
+
+    Footprints so small that they hold the middle of no facet become points.
+
+    Parameters
+    ----------
+    objects : Objects
+        Of the scene.
+    elevation : ndarray, shape (ny, nx)
+        Of the cells, nearest to the radar first along axis 1 [m].
+    look_side : str
+        ``right`` looks east, ``left`` west.
+    k : int
+        Lines, and facets, in a cell.
+    step : float
+        Their size [m].
+    """
+    ny, nx = elevation.shape
+    right = look_side == "right"
+    # zero Doppler: the radar is due west of what it sees in the east
+    rcs = objects.cross_section_m2(270.0 if right else 90.0)
+    place = np.stack([objects.y_m, objects.x_m if right else nx * k * step - objects.x_m], axis=1) / step
+    bearing = np.radians(objects.heading_deg)
+    axis = np.stack([np.cos(bearing), np.sin(bearing) if right else -np.sin(bearing)], axis=1)
+    half = 0.5 * np.stack([objects.length_m, objects.width_m], axis=1) / step
+    reach = np.abs(axis) * half[:, :1] + np.abs(axis[:, ::-1]) * half[:, 1:]
+    box = np.zeros(len(objects), dtype=np.bool_)
+    _covers(place, axis, half, reach, (ny * k, nx * k), box)
+    box &= objects.extended
+    mean = np.empty(np.count_nonzero(box))
+    _mean_ground(elevation, k, place[box], axis[box], half[box], mean)
+    boxes = Boxes(
+        place[box], axis[box], half[box], reach[box], mean + objects.height_m[box], rcs[box], np.zeros(mean.size)
+    )
+    spots = Spots(
+        place[~box],
+        objects.height_m[~box],
+        rcs[~box],
+        np.flatnonzero(~box).astype(np.uint32),
+        np.full(len(objects) - mean.size, np.nan),
+    )
+    return boxes, spots
+
+
+@dataclass(frozen=True)
+class Raised:
+    """Boxes over some lines; arrays of shape (lines, facets).
+
+    Attributes
+    ----------
+    owner : ndarray of int32
+        Which box stands on a facet, -1 where none does.
+    roof_m : ndarray of float64
+        Its elevation there [m]; of the ground where none stands.
+    """
+
+    owner: NDArray[np.int32]
+    roof_m: NDArray[np.float64]
+
+
+@njit(cache=True)
+def _raise(chosen: Any, place: Any, axis: Any, half: Any, reach: Any, top: Any, first: Any, owner: Any) -> None:
+    """The highest box of every facet, the first of equals."""
+    lines, facets = owner.shape
+    for i in chosen:
+        low, high = int(np.floor(place[i, 0] - reach[i, 0])) - first, int(place[i, 0] + reach[i, 0]) + 1 - first
+        left, right = max(0, int(place[i, 1] - reach[i, 1])), min(facets, int(place[i, 1] + reach[i, 1]) + 1)
+        for line in range(max(0, low), min(lines, high)):
+            for facet in range(left, right):
+                other = owner[line, facet]
+                if (other < 0 or top[other] < top[i]) and _holds(line + first, facet, place[i], axis[i], half[i]):
+                    owner[line, facet] = i
+
+
+def raise_boxes(boxes: Boxes, ground_m: NDArray[np.float64], first: int) -> Raised:
+    """Put boxes on the lines from ``first`` on, whose ground has the elevation ``ground_m``."""
+    owner = np.full(ground_m.shape, -1, dtype=np.int32)
+    low, high = boxes.place[:, 0] - boxes.reach[:, 0], boxes.place[:, 0] + boxes.reach[:, 0]
+    chosen = np.flatnonzero((high >= first) & (low <= first + len(ground_m)))
+    if not chosen.size:
+        return Raised(owner, ground_m)
+    _raise(chosen, boxes.place, boxes.axis, boxes.half, boxes.reach, boxes.top_m, first, owner)
+    # ground that rises through a roof stays ground in height
+    roof = np.where(owner >= 0, np.maximum(ground_m, boxes.top_m[owner]), ground_m)
+    return Raised(owner, roof)
+
+
+@njit(cache=True, parallel=True)
+def stand(
+    owner: Any, roof: Any, at_edges: Any, cosine: Any, edges: Any, middles: Any, track: Any, near: Any, far: Any,
+    visible: Any, horizon: Any, extent: Any,
+) -> None:  # fmt: skip
+    """Slant extents of the facets of boxes, and what hides what, along some lines.
+
+    Parameters
+    ----------
+    owner, roof : ndarray, shape (lines, facets)
+        As :class:`Raised` has them.
+    at_edges : ndarray, shape (lines, facets + 1)
+        Elevation of the ground at the facets' edges [m].
+    cosine : ndarray, shape (lines, facets)
+        Of the local incidence on the ground.
+    edges, middles : ndarray, shape (facets + 1,), (facets,)
+        Ground range of the facets' edges and middles [m].
+    track : float
+        Elevation of the radar [m].
+    near, far : ndarray, shape (lines, facets)
+        Slant range of the facets' nearest and furthest visible part [m]: of the ground; filled for boxes.
+    visible, horizon : ndarray, shape (lines, facets)
+        Filled: what returns an echo, and the largest angle from nadir of all that stands before [rad].
+    extent : ndarray, shape (lines, facets)
+        Filled for boxes: slant extent of a facet if nothing hid it [m].
+    """
+    lines, facets = owner.shape
+    for line in prange(lines):
+        before = -np.inf
+        for f in range(facets):
+            height = track - roof[line, f]
+            angle = np.arctan2(middles[f], height)
+            horizon[line, f] = before
+            seen = angle >= before
+            if owner[line, f] < 0:
+                visible[line, f] = seen and cosine[line, f] > 0.0
+                before = max(before, angle)
+                continue
+            visible[line, f] = seen
+            first, last = np.hypot(height, edges[f]), np.hypot(height, edges[f + 1])
+            nearest, furthest = min(first, last), max(first, last)
+            whole = furthest
+            foot = at_edges[line, f]
+            if f > 0 and owner[line, f - 1] >= 0:
+                foot = roof[line, f - 1]
+            if foot < roof[line, f] and (f == 0 or owner[line, f - 1] != owner[line, f]):
+                whole = max(whole, np.hypot(track - foot, edges[f]))
+                if before > 0.0:  # the wall is seen above the ray over what stands before it
+                    foot = max(foot, track - edges[f] / np.tan(before))
+                if foot < roof[line, f]:
+                    furthest = max(furthest, np.hypot(track - foot, edges[f]))
+            near[line, f], far[line, f] = nearest, furthest
+            extent[line, f] = whole - nearest
+            before = max(before, np.arctan2(edges[f + 1], height))  # a level roof is seen to its far edge
+
+
+@njit(cache=True)
+def add_up(owner: Any, extent: Any, total: Any) -> None:
+    """Add the slant extents of some lines to those of their boxes."""
+    for line in range(owner.shape[0]):
+        for f in range(owner.shape[1]):
+            if owner[line, f] >= 0:
+                total[owner[line, f]] += extent[line, f]
+
+
+@njit(cache=True, parallel=True)
+def locate(
+    place: Any,
+    height: Any,
+    ground: Any,
+    first: Any,
+    last: Any,
+    horizon: Any,
+    edges: Any,
+    track: Any,
+    step: Any,
+    slant: Any,
+) -> None:
+    """Slant range of the points on the lines ``first`` to ``last``; NaN where something hides them.
+
+    ``ground`` [m] has one line more on each side.
+    """
+    facets = horizon.shape[1]
+    for i in prange(place.shape[0]):
+        if place[i, 0] < first or place[i, 0] >= last:
+            continue
+        line, f = int(place[i, 0]) - first, min(max(int(place[i, 1]), 0), facets - 1)
+        up = track - _between(ground, place[i, 0] - first + 0.5, place[i, 1] - 0.5) - height[i]
+        away = edges[0] + place[i, 1] * step
+        # facets before the point's own: within it, the ground would hide what lies in its near half
+        if np.arctan2(away, up) >= horizon[line, f]:
+            slant[i] = np.hypot(away, up)
+
+
+@njit(cache=True, parallel=True)
+def share_out(near: Any, far: Any, state: Any, area: Any, owner: Any, rcs: Any, extent: Any) -> None:
+    """Area of the facets of boxes: their part of the cross-section [m2].
+
+    In proportion to slant extent, so that a box is evenly bright in slant range; what is hidden
+    takes its part along. ``owner`` is the same memory as ``area``, and says whose facet it is.
+    """
+    for line in prange(near.shape[0]):
+        for f in range(near.shape[1]):
+            if state[line, f] & OBJECT:
+                i = owner[line, f]
+                part = (far[line, f] - near[line, f]) / extent[i] if state[line, f] & VISIBLE else 0.0
+                area[line, f] = rcs[i] * part

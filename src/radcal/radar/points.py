@@ -1,0 +1,153 @@
+"""Point scatterers in the image: coherent, at their place between the pixels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from radcal.config import Radar
+from radcal.radar.gaussian import philox, seed_words
+from radcal.radar.speckle import impulse_response
+
+__all__ = ["FINENESS", "Points", "add_points", "fine_taps", "not_pure", "phased"]
+
+FINENESS = 64  # taps of the impulse response in a pixel, linear between them: right to 2e-4 of its peak
+_PHASE = 257  # stream of the points' phases; materials are 1 to 255, thermal noise is 256
+
+
+@dataclass(frozen=True)
+class Points:
+    """Visible point scatterers of a pass, in ascending rows.
+
+    Attributes
+    ----------
+    row, column : ndarray of float64, shape (n,)
+        Place in the image; pixel centres are at whole numbers.
+    amplitude : ndarray of float32, shape (n,)
+        Square root of the cross-section over the reference area of the configured radiometry.
+    number : ndarray of uint32, shape (n,)
+        Entry in the scene's objects, which its phase is drawn by.
+    """
+
+    row: NDArray[np.float64]
+    column: NDArray[np.float64]
+    amplitude: NDArray[np.float32]
+    number: NDArray[np.uint32]
+
+    @classmethod
+    def none(cls) -> Points:
+        """No point."""
+        return cls(np.empty(0), np.empty(0), np.empty(0, np.float32), np.empty(0, np.uint32))
+
+
+def fine_taps(resolution_m: float, spacing_m: float) -> NDArray[np.float32]:
+    """Impulse response between the pixels.
+
+    Parameters
+    ----------
+    resolution_m : float
+        -3 dB width after weighting [m].
+    spacing_m : float
+        Pixel spacing [m].
+
+    Returns
+    -------
+    ndarray of float32, shape (2 m + 1,)
+        Taps in steps of 1 / ``FINENESS`` pixels, the middle one at the peak. Wherever a point
+        lies, the squares of the taps at the pixels sum to 1: its power is that of clutter
+        with the same cross-section.
+    """
+    return np.asarray(impulse_response(resolution_m, spacing_m / FINENESS) * np.sqrt(FINENESS), dtype=np.float32)
+
+
+@njit(cache=True)
+def _phases(number: Any, k0: Any, k1: Any, amplitude: Any, out: Any) -> None:
+    for i in range(number.size):
+        word, _, _, _ = philox(number[i], np.uint32(_PHASE), np.uint32(0), np.uint32(0), k0, k1)
+        turn = 2.0 * np.pi * (np.float64(word) + 0.5) / 2.0**32
+        out[i, 0] = amplitude[i] * np.cos(turn)
+        out[i, 1] = amplitude[i] * np.sin(turn)
+
+
+def phased(points: Points, noise_seed: int) -> NDArray[np.float32]:
+    """Real and imaginary part of the points' amplitudes, shape (n, 2).
+
+    The phase is even over the circle, by the noise seed and the object's number, and the same
+    in every look: a point does not fluctuate.
+    """
+    out = np.empty((points.row.size, 2), dtype=np.float32)
+    _phases(points.number, *seed_words(noise_seed), points.amplitude, out)
+    return out
+
+
+@njit(cache=True, inline="always")
+def _tap(taps: Any, offset: Any) -> Any:
+    """Impulse response at an offset in pixels, 0 beyond its end."""
+    place = offset * FINENESS + taps.size // 2
+    k = int(np.floor(place))
+    if k < 0 or k + 1 >= taps.size:
+        return np.float32(0.0)
+    part = np.float32(place - k)
+    return (np.float32(1.0) - part) * taps[k] + part * taps[k + 1]
+
+
+@njit(cache=True)
+def add_points(rows: Any, columns: Any, values: Any, down: Any, across: Any, top: Any, left: Any, out: Any) -> None:
+    """Add points to a part of a look.
+
+    Parameters
+    ----------
+    rows, columns : ndarray of float64, shape (n,)
+        Places in the whole image, in ascending rows.
+    values : ndarray of float32, shape (n, 2)
+        Complex amplitudes.
+    down, across : ndarray of float32
+        Impulse response, as :func:`fine_taps` gives it.
+    top, left : int
+        First row and column of the part.
+    out : ndarray of float32, shape (height, 2 width)
+        Real and imaginary parts beside each other; added to.
+    """
+    height, width = out.shape[0], out.shape[1] // 2
+    reach_down, reach_across = down.size // 2 // FINENESS + 1, across.size // 2 // FINENESS + 1
+    for i in range(np.searchsorted(rows, top - reach_down), np.searchsorted(rows, top + height + reach_down)):
+        row, column = rows[i] - top, columns[i] - left
+        first, last = max(0, int(np.floor(column)) - reach_across), min(width, int(column) + reach_across + 2)
+        if column + reach_across < 0 or first >= last:
+            continue
+        for r in range(max(0, int(np.floor(row)) - reach_down), min(height, int(row) + reach_down + 2)):
+            tap = _tap(down, r - row)
+            for c in range(first, last):
+                size = tap * _tap(across, c - column)
+                out[r, 2 * c] += size * values[i, 0]
+                out[r, 2 * c + 1] += size * values[i, 1]
+
+
+def not_pure(points: Points, radar: Radar, shape: tuple[int, int], material: NDArray[np.uint8]) -> None:
+    """Take the material from the pixels within a resolution cell of a point, in place.
+
+    Beyond, what a point spills is below its first sidelobe (-35 dB) or on the flank of the
+    main lobe (-12 dB at the cell's edge, measured from the peak).
+    """
+    _clear(
+        points.row,
+        points.column,
+        radar.range_resolution_m / radar.range_spacing_m,
+        radar.azimuth_resolution_m / radar.azimuth_spacing_m,
+        material,
+    )
+
+
+@njit(cache=True)
+def _clear(rows: Any, columns: Any, down: Any, across: Any, material: Any) -> None:
+    for i in range(rows.size):
+        for r in range(max(0, int(np.ceil(rows[i] - down))), min(material.shape[0], int(rows[i] + down) + 1)):
+            for c in range(
+                max(0, int(np.ceil(columns[i] - across))), min(material.shape[1], int(columns[i] + across) + 1)
+            ):
+                if abs(r - rows[i]) <= down and abs(c - columns[i]) <= across:
+                    material[r, c] = 0

@@ -1,0 +1,343 @@
+"""Tables of objects: CSV, GeoPackage and HDF5 files, checked row by row."""
+
+from __future__ import annotations
+
+import difflib
+import sqlite3
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.errors import SceneError
+from radcal.scene.objects import DBSM_LIMITS, Objects, check_curve
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["Place", "read_objects"]
+
+_KEY = "scene.objects.path"
+# column: smallest, largest, unit
+_LIMITS: dict[str, tuple[float, float, str]] = {
+    "length_m": (0.0, 10_000.0, "m"),
+    "width_m": (0.0, 10_000.0, "m"),
+    "heading_deg": (-360.0, 360.0, "degrees"),
+    "height_m": (0.0, 1000.0, "m"),
+    "rcs_dbsm": (*DBSM_LIMITS, "dBsm (10 log10 of square metres)"),
+}
+_DEFAULTS = {"length_m": 0.0, "width_m": 0.0, "heading_deg": 0.0}
+_TEXTS = ("aspect", "kind")
+_COLUMNS = ("x_m", "y_m", *_LIMITS, *_TEXTS)
+_UNDEFINED_SRS = (-1, 0)  # of GeoPackage: Cartesian and geographic coordinates of nobody knows where
+_ENVELOPE_BYTES = np.array([0, 32, 48, 48, 64])
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a scene lies.
+
+    Attributes
+    ----------
+    size_m : (float, float)
+        East and north extent [m].
+    corner_m : (float, float)
+        Coordinates of the south-west corner in the scene's CRS; zero without one [m].
+    crs : str or None
+        The scene's CRS.
+    """
+
+    size_m: tuple[float, float]
+    corner_m: tuple[float, float] = (0.0, 0.0)
+    crs: str | None = None
+
+
+def read_objects(
+    path: Path, place: Place, layer: str | None = None, curves: Mapping[str, Any] | None = None
+) -> Objects:
+    """Read a table of objects and check every row.
+
+    Parameters
+    ----------
+    path : Path
+        ``.csv``, ``.gpkg``, ``.h5`` or ``.hdf5``.
+    place : Place
+        Of the scene: positions are in its CRS, or from its south-west corner where it has none.
+    layer : str, optional
+        Layer of a GeoPackage with several.
+    curves : mapping, optional
+        Cross-section by aspect of the classes that the table names, pairs of degrees and dBsm.
+
+    Returns
+    -------
+    Objects
+        In the table's order.
+
+    Raises
+    ------
+    SceneError
+        The file is no such table, or a row is wrong.
+
+    References
+    ----------
+    OGC 12-128r18, "GeoPackage Encoding Standard" (2021), section 2.1.3: geometry encoding.
+    """
+    curves = dict(curves or {})
+    ending = path.suffix.lower()
+    if ending == ".csv":
+        table = _csv(path)
+    elif ending == ".gpkg":
+        table = _geopackage(path, layer, place)
+    elif ending in (".h5", ".hdf5"):
+        table, own = _hdf5(path, place)
+        if twice := sorted(own.keys() & curves.keys()):
+            raise SceneError(f"scene.objects.aspect.{twice[0]}: {path} has a class of that name, too: rename one.")
+        curves |= own
+    else:
+        raise SceneError(f"{_KEY} is {path}, expected a file ending with .csv, .gpkg, .h5 or .hdf5.")
+    return _checked(table, path, place, curves)
+
+
+def _error(path: Path, text: str) -> SceneError:
+    return SceneError(f"{_KEY} ({path}) {text}")
+
+
+def _csv(path: Path) -> pd.DataFrame:
+    import pandas as pd
+
+    try:
+        return pd.read_csv(path, skipinitialspace=True, low_memory=False)
+    except (OSError, ValueError) as error:  # pandas' own are ValueErrors
+        raise _error(path, f"cannot be read as CSV ({str(error).strip().splitlines()[0]}).") from None
+
+
+def _hdf5(path: Path, place: Place) -> tuple[pd.DataFrame, dict[str, Any]]:
+    """Table in the group ``objects``, curves in ``aspect``."""
+    import pandas as pd
+
+    try:
+        with h5py.File(path, "r") as file:
+            group = file.get("objects")
+            if not isinstance(group, h5py.Group):
+                raise _error(path, "has no group 'objects', expected one with a dataset for each column.")
+            if "crs" in group.attrs:
+                _check_crs(path, str(group.attrs["crs"]), str(group.attrs["crs"]), place)
+            columns: dict[str, NDArray[Any]] = {}
+            for name, data in group.items():
+                if not isinstance(data, h5py.Dataset) or data.ndim != 1:
+                    raise _error(path, f"objects/{name} is no list of one number or text for each object.")
+                columns[name] = data.asstr()[()] if h5py.check_string_dtype(data.dtype) else data[()]
+            counts = {name: len(values) for name, values in columns.items()}
+            for name, count in counts.items():
+                if count != (first := next(iter(counts.values()))):
+                    raise _error(path, f"objects/{name} has {count} entries, objects/{next(iter(counts))} {first}.")
+            found = file.get("aspect", {})
+            if not isinstance(found, h5py.Group | dict):
+                raise _error(path, "aspect is no group, expected one with a dataset for each aspect class.")
+            curves = {}
+            for name, data in found.items():
+                if not isinstance(data, h5py.Dataset) or data.dtype.kind not in "fiu":
+                    raise _error(path, f"aspect/{name} is no dataset of numbers.")
+                if (wrong := check_curve(data[()])) is not None:
+                    raise _error(path, f"aspect/{name} {wrong}.")
+                curves[name] = data[()]
+            return pd.DataFrame(columns), curves
+    except OSError as error:
+        raise _error(path, f"cannot be read as HDF5 ({error}).") from None
+
+
+def _check_crs(path: Path, text: str, name: str, place: Place) -> None:
+    """Refuse positions in another CRS than the scene's."""
+    from pyproj import CRS
+    from pyproj.exceptions import CRSError
+
+    from radcal.scene.crs import horizontal, same_place
+
+    if place.crs is None:
+        raise _error(
+            path, f"is in {name}, the scene has no CRS: expected metres from its south-west corner, without a CRS."
+        )
+    try:
+        crs = CRS.from_user_input(text)
+    except CRSError:
+        raise _error(path, f"is in {name}, which is no known CRS, expected {_short(place.crs)}.") from None
+    if not same_place(horizontal(crs), CRS.from_user_input(place.crs)):
+        raise _error(
+            path,
+            f"is in {name} ({crs.name}), the scene in {_short(place.crs)}: convert it, for example with "
+            "ogr2ogr -t_srs.",
+        )
+
+
+def _short(crs: str) -> str:
+    """A CRS in a sentence: its code, or the name that its WKT gives."""
+    return crs if len(crs) < 40 else crs.split('"')[1] if '"' in crs else crs[:40]
+
+
+def _geopackage(path: Path, layer: str | None, place: Place) -> pd.DataFrame:
+    """Layer of points or polygons, polygons as the smallest rectangles around them."""
+    import pandas as pd
+
+    try:
+        connection = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)
+    except sqlite3.Error as error:
+        raise _error(path, f"cannot be read as GeoPackage ({error}).") from None
+    try:
+        found = dict(
+            connection.execute(
+                "SELECT c.table_name, g.column_name FROM gpkg_contents c JOIN gpkg_geometry_columns g "
+                "ON g.table_name = c.table_name WHERE c.data_type = 'features' ORDER BY c.table_name"
+            )
+        )
+        if layer is None and len(found) != 1:
+            layers = f"the layers {', '.join(found)}: name one as scene.objects.layer" if found else "no layer"
+            raise _error(path, f"has {layers}.")
+        name = next(iter(found)) if layer is None else layer
+        if name not in found:
+            raise SceneError(f"scene.objects.layer is {layer!r}, {path} has {', '.join(found) or 'none'}.")
+        number, organisation, code, definition = connection.execute(
+            "SELECT g.srs_id, s.organization, s.organization_coordsys_id, s.definition FROM gpkg_geometry_columns g "
+            "JOIN gpkg_spatial_ref_sys s ON s.srs_id = g.srs_id WHERE g.table_name = ?",
+            (name,),
+        ).fetchone() or (0, "", 0, "")
+        quoted = name.replace('"', '""')
+        # the name is one of the file's own tables, quoted as SQL asks
+        table = pd.read_sql_query(f'SELECT * FROM "{quoted}"', connection)  # noqa: S608
+    except (sqlite3.Error, pd.errors.DatabaseError) as error:
+        raise _error(path, f"cannot be read as GeoPackage ({error}).") from None
+    finally:
+        connection.close()
+    if number not in _UNDEFINED_SRS:
+        known = str(organisation).upper() not in ("", "NONE")
+        _check_crs(path, f"{organisation}:{code}" if known else definition, f"{organisation}:{code}", place)
+    elif place.crs is not None:
+        raise _error(path, f"layer {name!r} has no CRS, expected {_short(place.crs)}, the scene's.")
+    blobs = list(table.pop(found[name]))
+    return table.assign(**_rectangles(path, blobs, table))
+
+
+def _rectangles(path: Path, blobs: list[Any], table: pd.DataFrame) -> dict[str, NDArray[Any]]:
+    """Position, and of polygons size and heading, of a layer's geometries."""
+    import shapely
+
+    for row, blob in enumerate(blobs, start=1):
+        if not isinstance(blob, bytes) or blob[:2] != b"GP" or len(blob) < 13 or (blob[3] >> 1) & 7 > 4:
+            raise _error(path, f"row {row} has no geometry, expected a point or a polygon.")
+    try:
+        shapes = shapely.from_wkb([blob[8 + _ENVELOPE_BYTES[(blob[3] >> 1) & 7] :] for blob in blobs])
+    except shapely.errors.GEOSException as error:
+        raise _error(path, f"has a geometry that cannot be read ({error}).") from None
+    kinds = shapely.get_type_id(shapes)
+    single = (kinds >= shapely.GeometryType.MULTIPOINT) & (shapely.get_num_geometries(shapes) == 1)
+    shapes = np.where(single, shapely.get_geometry(shapes, 0), shapes)
+    kinds = shapely.get_type_id(shapes)
+    point, polygon = kinds == shapely.GeometryType.POINT, kinds == shapely.GeometryType.POLYGON
+    wrong = np.flatnonzero(~(point | polygon) | shapely.is_empty(shapes) | (polygon & (shapely.area(shapes) <= 0.0)))
+    if wrong.size:
+        what = str(shapely.to_wkt(shapes[wrong[0]]))
+        raise _error(path, f"row {wrong[0] + 1} is {what[:40]!r}, expected a point or a polygon with an area.")
+    columns = {"x_m": np.zeros(len(blobs)), "y_m": np.zeros(len(blobs))}
+    columns["x_m"][point], columns["y_m"][point] = shapely.get_x(shapes[point]), shapely.get_y(shapes[point])
+    if not polygon.any():
+        return columns
+    for name in ("length_m", "width_m"):
+        given = table[name].to_numpy(dtype=np.float64, na_value=0.0) if name in table else np.zeros(len(blobs))
+        columns[name] = np.where(polygon, 0.0, given)
+    front = table["heading_deg"].to_numpy(dtype=np.float64, na_value=0.0) if "heading_deg" in table else 0.0
+    columns["heading_deg"] = np.broadcast_to(front, len(blobs)).astype(np.float64)
+    corners = shapely.get_coordinates(shapely.oriented_envelope(shapes[polygon])).reshape(-1, 5, 2)
+    columns["x_m"][polygon], columns["y_m"][polygon] = corners[:, :4].mean(axis=1).T
+    sides = np.diff(corners[:, :3], axis=1)
+    size = np.linalg.norm(sides, axis=2)
+    longer = np.argmax(size, axis=1)
+    every = np.arange(len(longer))
+    along = sides[every, longer]
+    columns["length_m"][polygon], columns["width_m"][polygon] = size[every, longer], size[every, 1 - longer]
+    axis = np.degrees(np.arctan2(along[:, 0], along[:, 1]))
+    # a rectangle does not tell its front from its back: the end that is nearer to the given heading
+    turned = np.abs((columns["heading_deg"][polygon] - axis + 180.0) % 360.0 - 180.0) > 90.0
+    columns["heading_deg"][polygon] = (axis + 180.0 * turned) % 360.0
+    return columns
+
+
+def _numbers(table: pd.DataFrame, name: str, path: Path, may_be_empty: bool) -> NDArray[np.float64]:
+    """A column as numbers; NaN only where it may be empty."""
+    import pandas as pd
+
+    if name not in table:
+        if name in _DEFAULTS:
+            return np.full(len(table), _DEFAULTS[name])
+        if may_be_empty:
+            return np.full(len(table), np.nan)
+        raise _error(path, f"has no column {name!r}, found {', '.join(map(str, table.columns))}.")
+    values = pd.to_numeric(table[name], errors="coerce").to_numpy(dtype=np.float64)
+    empty = table[name].isna().to_numpy()
+    wrong = ~np.isfinite(values) & ~(empty if may_be_empty else False)
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        found = "empty" if empty[row] else repr(table[name].iloc[row])
+        raise _error(path, f"row {row + 1}: {name} is {found}, expected a finite number.")
+    return values
+
+
+def _texts(table: pd.DataFrame, name: str) -> NDArray[np.str_]:
+    if name not in table:
+        return np.full(len(table), "")
+    return table[name].fillna("").astype(str).str.strip().to_numpy(dtype=str)
+
+
+def _checked(table: pd.DataFrame, path: Path, place: Place, curves: Mapping[str, Any]) -> Objects:
+    """The table as objects; the first wrong row ends in a sentence."""
+    table = table.rename(columns=lambda name: str(name).strip())
+    for name in table.columns:
+        meant = difflib.get_close_matches(name.lower(), _COLUMNS, n=1, cutoff=0.75)
+        if name not in _COLUMNS and meant and meant[0] not in table.columns:
+            raise _error(path, f"has a column {name!r}, did you mean {meant[0]!r}?")
+    if not len(table):
+        raise _error(path, "has no rows, expected one for each object.")
+    classes = _texts(table, "aspect")
+    by_aspect = classes != ""
+    values = {
+        name: _numbers(table, name, path, name == "rcs_dbsm" and bool(by_aspect.any()))
+        for name in ("x_m", "y_m", *_LIMITS)
+    }
+
+    def refuse(wrong: NDArray[np.bool_], name: str, expected: str) -> None:
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            raise _error(path, f"row {row + 1}: {name} is {values[name][row]:.10g}, expected {expected}.")
+
+    for name, (low, high, unit) in _LIMITS.items():
+        refuse((values[name] < low) | (values[name] > high), name, f"{low:g} to {high:g} {unit}")
+    both = "length_m and width_m both positive, or both 0 for a point scatterer"
+    for name, other in (("length_m", "width_m"), ("width_m", "length_m")):
+        refuse((values[name] == 0.0) & (values[other] > 0.0), name, both)
+    for name, corner, size in zip(("x_m", "y_m"), place.corner_m, place.size_m, strict=True):
+        outside = (values[name] < corner) | (values[name] > corner + size)
+        refuse(outside, name, f"{corner:.10g} to {corner + size:.10g}, the scene's extent")
+    for row in np.flatnonzero(by_aspect & ~np.isin(classes, list(curves)))[:1]:
+        known = ", ".join(curves) or "none"
+        raise _error(
+            path,
+            f"row {row + 1}: aspect is {str(classes[row])!r}, expected a class of scene.objects.aspect or of the file ({known}).",
+        )
+    refuse(by_aspect & np.isfinite(values["rcs_dbsm"]), "rcs_dbsm", "it empty where the row has an aspect class")
+    for row in np.flatnonzero(~by_aspect & np.isnan(values["rcs_dbsm"]))[:1]:
+        raise _error(path, f"row {row + 1}: rcs_dbsm is empty, expected a number or an aspect class.")
+    kinds, kind = np.unique(_texts(table, "kind"), return_inverse=True)
+    order = {name: k for k, name in enumerate(curves)}
+    names, which = np.unique(classes, return_inverse=True)
+    number = np.array([order.get(str(name), -1) for name in names], dtype=np.int16)
+    values["x_m"] = values["x_m"] - place.corner_m[0]
+    values["y_m"] = values["y_m"] - place.corner_m[1]
+    return Objects(
+        **values,
+        aspect=number[which],
+        kind=kind.astype(np.int16),
+        kinds=tuple(str(name) for name in kinds),
+        curves={name: np.asarray(curve, dtype=np.float64) for name, curve in curves.items()},
+    )

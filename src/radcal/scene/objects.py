@@ -1,0 +1,146 @@
+"""Objects that stand in a scene: point scatterers and boxes with a radar cross-section."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radcal.files import digest
+
+__all__ = ["DBSM_LIMITS", "Objects", "check_curve", "put_objects", "take_objects"]
+
+DBSM_LIMITS = (-100.0, 70.0)  # 10 km2 is more than any object has: larger numbers are square metres
+
+
+@dataclass(frozen=True)
+class Objects:
+    """Objects of a scene, one entry each.
+
+    Attributes
+    ----------
+    x_m, y_m : ndarray of float64, shape (n,)
+        Middle, east and north of the scene's south-west corner [m].
+    length_m, width_m : ndarray of float64, shape (n,)
+        Sides of the footprint, along and across the heading [m]; both 0 for a point scatterer.
+    heading_deg : ndarray of float64, shape (n,)
+        Bearing of the front, clockwise from the grid's north [deg].
+    height_m : ndarray of float64, shape (n,)
+        Of the top above the ground; of a point scatterer its own [m].
+    rcs_dbsm : ndarray of float64, shape (n,)
+        Radar cross-section [dB relative to 1 m2]; NaN where it depends on the aspect.
+    aspect : ndarray of int16, shape (n,)
+        Which of ``curves`` gives the cross-section, -1 where it is constant.
+    kind : ndarray of int16, shape (n,)
+        Which of ``kinds``.
+    kinds : tuple of str
+        Names of the kinds.
+    curves : mapping of str to ndarray of float64, shape (k, 2)
+        Aspect [deg] and cross-section [dBsm] by aspect class.
+    """
+
+    x_m: NDArray[np.float64]
+    y_m: NDArray[np.float64]
+    length_m: NDArray[np.float64]
+    width_m: NDArray[np.float64]
+    heading_deg: NDArray[np.float64]
+    height_m: NDArray[np.float64]
+    rcs_dbsm: NDArray[np.float64]
+    aspect: NDArray[np.int16]
+    kind: NDArray[np.int16]
+    kinds: tuple[str, ...] = ("",)
+    curves: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.x_m)
+
+    @property
+    def extended(self) -> NDArray[np.bool_]:
+        """Which have a footprint, shape (n,)."""
+        return np.asarray(self.length_m > 0.0)
+
+    @property
+    def identity(self) -> str:
+        """Digest of all that an image of the objects depends on."""
+        arrays = {name: hashlib.sha256(getattr(self, name).tobytes()).hexdigest() for name in _ARRAYS if name != "kind"}
+        curves = [[name, np.asarray(curve).tolist()] for name, curve in self.curves.items()]
+        return digest({"version": 1, "arrays": arrays, "curves": curves})
+
+    def cross_section_m2(self, bearing_deg: float) -> NDArray[np.float64]:
+        """Radar cross-section towards a radar.
+
+        Parameters
+        ----------
+        bearing_deg : float
+            Direction from the objects to the radar, clockwise from the grid's north [deg]. One
+            for all: the plane of zero Doppler is across the track.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            [m2]; between the aspects of a curve linear in dB, periodic over 360 degrees.
+
+        References
+        ----------
+        IEEE Std 686-2017, "Radar Definitions": aspect angle, radar cross section.
+        """
+        dbsm = self.rcs_dbsm.copy()
+        for k, curve in enumerate(self.curves.values()):
+            own = self.aspect == k
+            dbsm[own] = np.interp(bearing_deg - self.heading_deg[own], curve[:, 0], curve[:, 1], period=360.0)
+        return np.asarray(10.0 ** (dbsm / 10.0))
+
+
+_ARRAYS = tuple(item.name for item in fields(Objects) if item.name not in ("kinds", "curves"))
+
+
+def check_curve(points: ArrayLike) -> str | None:
+    """What is wrong with a cross-section by aspect, None where nothing is.
+
+    Parameters
+    ----------
+    points : array_like, shape (k, 2)
+        Aspect [deg] and cross-section [dBsm].
+    """
+    curve = np.asarray(points, dtype=np.float64)
+    if curve.ndim != 2 or curve.shape[1] != 2 or len(curve) < 2:
+        return f"has shape {list(curve.shape)}, expected at least two pairs of aspect [deg] and cross-section [dBsm]"
+    if not np.isfinite(curve).all():
+        return "holds a number that is not finite"
+    if curve[:, 0].min() < -180.0 or curve[:, 0].max() > 360.0:
+        wrong = curve[np.argmax(np.abs(curve[:, 0] - 90.0)), 0]
+        return f"has an aspect of {wrong:g} degrees, expected -180 to 360"
+    turned, first = np.unique(curve[:, 0] % 360.0, return_index=True)
+    if len(turned) < len(curve):
+        twice = np.setdiff1d(np.arange(len(curve)), first)[0]
+        return f"gives the aspect {curve[twice, 0]:g} degrees twice (0 and 360 are one)"
+    low, high = DBSM_LIMITS
+    if curve[:, 1].min() < low or curve[:, 1].max() > high:
+        wrong = curve[np.argmax(np.abs(curve[:, 1])), 1]
+        return f"has a cross-section of {wrong:g}, expected {low:g} to {high:g} dBsm (10 log10 of square metres)"
+    return None
+
+
+def put_objects(group: h5py.Group, objects: Objects) -> None:
+    """Write objects into an HDF5 group."""
+    for name in _ARRAYS:
+        group[name] = getattr(objects, name)
+    text: Any = h5py.string_dtype()
+    group.create_dataset("kinds", data=list(objects.kinds), dtype=text)
+    curves = group.create_group("curves", track_order=True)  # their order is what ``aspect`` counts
+    for name, curve in objects.curves.items():
+        curves[name] = curve
+
+
+def take_objects(group: h5py.Group) -> Objects:
+    """Read objects that :func:`put_objects` wrote."""
+    return Objects(
+        **{name: group[name][()] for name in _ARRAYS},
+        kinds=tuple(group["kinds"].asstr()[()]),
+        curves={name: curve[()] for name, curve in group["curves"].items()},
+    )
