@@ -97,11 +97,10 @@ def fill_facets(
                         of_object = (state[line, f] & OBJECT) != 0
                         out_material[at] = objects if of_object else material[line // k, f // k]
                         out_angle[at] = angle[line, f]
-                        out_weight[at] = (
-                            share * beside * area[line, f]
-                            if by_area or of_object
-                            else max(share * length, 1e-9) * beside
-                        )
+                        if by_area or of_object:
+                            out_weight[at] = share * beside * area[line, f]
+                        else:
+                            out_weight[at] = max(share * length, 1e-9) * beside
                         place[0, at] = line
                         place[1, at] = f
 

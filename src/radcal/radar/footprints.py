@@ -282,17 +282,9 @@ def add_up(owner: Any, extent: Any, total: Any) -> None:
 
 @njit(cache=True, parallel=True)
 def locate(
-    place: Any,
-    height: Any,
-    ground: Any,
-    first: Any,
-    last: Any,
-    horizon: Any,
-    edges: Any,
-    track: Any,
-    step: Any,
+    place: Any, height: Any, ground: Any, first: Any, last: Any, horizon: Any, edges: Any, track: Any, step: Any,
     slant: Any,
-) -> None:
+) -> None:  # fmt: skip
     """Slant range of the points on the lines ``first`` to ``last``; NaN where something hides them.
 
     ``ground`` [m] has one line more on each side.

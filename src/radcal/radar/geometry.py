@@ -291,7 +291,8 @@ def _terrain_geometry(scene: Scene, radar: Radar) -> Geometry:
     if scene.objects is not None and len(scene.objects):
         if len(scene.names) > _MOST_NAMES:
             raise SceneError(
-                f"the scene has {len(scene.names)} materials, expected at most {_MOST_NAMES} with objects."
+                f"scene.objects: the scene has {len(scene.names)} material ids, expected at most {_MOST_NAMES} beside "
+                "objects."
             )
         standing = to_boxes_and_spots(scene.objects, elevation, radar.look_side, k, step)
         if standing[0].top_m.size and track <= standing[0].top_m.max():
@@ -442,7 +443,7 @@ def _pixels(
     flat = near + (np.arange(rows) + 0.5) * radar.range_spacing_m  # slant range of the rows' middles
     area = radar.range_spacing_m * radar.azimuth_spacing_m
     factor = _radiometric_factor(radar.radiometry, np.arccos(np.minimum(radar.altitude_m / flat, 1.0))) / area
-    per_area = _per_area(radar, flat).astype(np.float32)
+    per_area = _per_area(radar, np.asarray(flat, dtype=np.float64)).astype(np.float32)
     cells = np.empty(rows * columns, dtype=np.uint16)
     pure = np.zeros(rows * columns, dtype=np.uint8)
     mean_incidence = np.full(rows * columns, np.nan, dtype=np.float32)
@@ -461,7 +462,7 @@ def _pixels(
     ground = (ground + np.float32(0.5)) / np.float32(k) - np.float32(0.5)
     if radar.look_side == "left":
         ground[1] = scene.material.shape[1] - 1 - ground[1]
-    not_pure(points, radar, shape, pure.reshape(shape))
+    not_pure(points, radar, pure.reshape(shape))
     return Geometry(
         shape=shape,
         names=scene.names,
@@ -485,7 +486,7 @@ def _pixels(
 def _points(spots: Spots, radar: Radar, near: float, step: float) -> Points:
     """Visible point scatterers in the image; those beyond its border too, their sidelobes reach into it."""
     seen = np.isfinite(spots.slant_m)
-    slant = spots.slant_m[seen]
+    slant = np.asarray(spots.slant_m[seen], dtype=np.float64)
     row = (slant - near) / radar.range_spacing_m - 0.5
     order = np.argsort(row, kind="stable")
     amplitude = np.sqrt(spots.rcs_m2[seen] * _per_area(radar, slant))
@@ -499,9 +500,9 @@ def _points(spots: Spots, radar: Radar, near: float, step: float) -> Points:
 
 def _per_area(radar: Radar, slant_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """One over a pixel's reference area at a slant range [1/m2]; that of sigma0 where areas do not count."""
-    flat = np.arccos(np.minimum(radar.altitude_m / slant_m, 1.0))
+    flat = np.asarray(np.arccos(np.minimum(radar.altitude_m / slant_m, 1.0)), dtype=np.float64)
     radiometry = "sigma0_ref" if radar.radiometry == "sigma0_local" else radar.radiometry
-    return _radiometric_factor(radiometry, flat) / (radar.range_spacing_m * radar.azimuth_spacing_m)
+    return np.asarray(_radiometric_factor(radiometry, flat) / (radar.range_spacing_m * radar.azimuth_spacing_m))
 
 
 def _radiometric_factor(radiometry: str, flat_incidence_rad: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -16,6 +16,7 @@ from radcal.radar.speckle import impulse_response
 __all__ = ["FINENESS", "Points", "add_points", "fine_taps", "not_pure", "phased"]
 
 FINENESS = 64  # taps of the impulse response in a pixel, linear between them: right to 2e-4 of its peak
+_LOBE = 1.5  # from the peak to the first null, in -3 dB widths
 _PHASE = 257  # stream of the points' phases; materials are 1 to 255, thermal noise is 256
 
 
@@ -127,17 +128,16 @@ def add_points(rows: Any, columns: Any, values: Any, down: Any, across: Any, top
                 out[r, 2 * c + 1] += size * values[i, 1]
 
 
-def not_pure(points: Points, radar: Radar, shape: tuple[int, int], material: NDArray[np.uint8]) -> None:
-    """Take the material from the pixels within a resolution cell of a point, in place.
+def not_pure(points: Points, radar: Radar, material: NDArray[np.uint8]) -> None:
+    """Take the material from the pixels in the main lobe of a point, in place.
 
-    Beyond, what a point spills is below its first sidelobe (-35 dB) or on the flank of the
-    main lobe (-12 dB at the cell's edge, measured from the peak).
+    Beyond it, what a point spills is below the sidelobes' -35 dB of its peak.
     """
     _clear(
         points.row,
         points.column,
-        radar.range_resolution_m / radar.range_spacing_m,
-        radar.azimuth_resolution_m / radar.azimuth_spacing_m,
+        _LOBE * radar.range_resolution_m / radar.range_spacing_m,
+        _LOBE * radar.azimuth_resolution_m / radar.azimuth_spacing_m,
         material,
     )
 

@@ -323,7 +323,8 @@ def _checked(table: pd.DataFrame, path: Path, place: Place, curves: Mapping[str,
         known = ", ".join(curves) or "none"
         raise _error(
             path,
-            f"row {row + 1}: aspect is {str(classes[row])!r}, expected a class of scene.objects.aspect or of the file ({known}).",
+            f"row {row + 1}: aspect is {str(classes[row])!r}, expected a class of scene.objects.aspect or of the file "
+            f"({known}).",
         )
     refuse(by_aspect & np.isfinite(values["rcs_dbsm"]), "rcs_dbsm", "it empty where the row has an aspect class")
     for row in np.flatnonzero(~by_aspect & np.isnan(values["rcs_dbsm"]))[:1]:

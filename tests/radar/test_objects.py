@@ -1,0 +1,333 @@
+"""Objects in geometry and image against rays, closed forms and conserved energy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import signal
+
+from radcal.config import Radar
+from radcal.errors import SceneError
+from radcal.radar.geometry import Geometry, make_geometry, read_geometry, write_geometry
+from radcal.radar.image import ImageFormation, law_tables, reflectivity, uniform
+from radcal.radar.laws import LAWS
+from radcal.radar.points import Points, phased
+from radcal.radar.speckle import impulse_response, width_factor
+from radcal.scene.model import Scene
+from radcal.scene.objects import Objects
+from radcal.simulators.builtin import BuiltinSimulator
+
+ALTITUDE, DEPRESSION = 500.0, 30.0
+FINE = Radar(
+    altitude_m=ALTITUDE, depression_deg=DEPRESSION, range_spacing_m=1, azimuth_spacing_m=1, range_resolution_m=2,
+    azimuth_resolution_m=2, nesz_db=-200.0,
+)  # fmt: skip
+CENTRE = ALTITUDE / np.tan(np.radians(DEPRESSION))
+NX, NY = 160, 60  # cells of 1 m
+Build = Callable[..., Scene]
+
+
+def objects(**columns: Any) -> Objects:
+    """Objects from some columns, the others as in the smallest table."""
+    columns = {"x_m": NX / 2, "y_m": NY / 2, "height_m": 0.0, "rcs_dbsm": 20.0} | columns
+    n = np.broadcast(*columns.values()).size
+    names = ("x_m", "y_m", "length_m", "width_m", "heading_deg", "height_m", "rcs_dbsm")
+    values = {name: np.array(np.broadcast_to(columns.get(name, 0.0), n), dtype=float) for name in names}
+    return Objects(**values, aspect=np.full(n, -1, np.int16), kind=np.zeros(n, np.int16))
+
+
+@pytest.fixture(scope="module")
+def flat(build_scene: Build) -> Scene:
+    return build_scene(lambda east, north: 0 * east, cells=(NY, NX), cell_m=1.0)
+
+
+def with_objects(scene: Scene, **columns: Any) -> Scene:
+    return replace(scene, objects=objects(**columns))
+
+
+def slant(x: float, z: float) -> float:
+    """Slant range of a place x metres east of the scene's western border [m]."""
+    return float(np.hypot(CENTRE - NX / 2 + x, ALTITUDE - z))
+
+
+NEAR = slant(0.0, 0.0)
+
+
+def of_objects(geometry: Geometry) -> np.ndarray:
+    """What the pixels hold of objects [linear]."""
+    tables = law_tables(geometry.names, {}, {})  # materials without a law are dark
+    return reflectivity(geometry, tables).image.astype(float)
+
+
+@pytest.mark.parametrize("height", [5.0, 12.0])
+@pytest.mark.parametrize("look_side", ["right", "left"])
+def test_tower_lies_over_what_is_before_it_and_hides_what_is_behind(flat: Scene, height: float, look_side: str) -> None:
+    """Edges of layover and shadow against similar triangles, within a pixel."""
+    geometry = make_geometry(
+        with_objects(flat, length_m=12.0, width_m=8.0, height_m=height),
+        FINE.model_copy(update={"look_side": look_side}),
+    )
+    # heading north: 12 m along the track, from 76 to 84 m across
+    front, back = NX / 2 - 4.0, NX / 2 + 4.0
+    column = NY // 2
+    bright = np.flatnonzero(of_objects(geometry)[:, column] > 0)
+    first, last = slant(front, height) - NEAR, max(slant(front, 0.0), slant(back, height)) - NEAR
+    assert bright[0] == pytest.approx(first, abs=1.0)
+    assert bright[-1] + 1 == pytest.approx(last, abs=1.0)
+    laid = np.flatnonzero(geometry.layover[:, column])
+    assert laid[0] == pytest.approx(first, abs=1.0)
+    # the shadow ends where the ray over the far edge of the roof meets the ground
+    end = (CENTRE + 4.0) * ALTITUDE / (ALTITUDE - height) - CENTRE + NX / 2
+    dark = np.flatnonzero(~geometry.visible[:, column])
+    assert dark[0] == pytest.approx(last, abs=1.0)
+    assert dark[-1] + 1 == pytest.approx(slant(end, 0.0) - NEAR, abs=1.0)
+    assert dark.size == dark[-1] - dark[0] + 1
+    # beside it, nothing
+    assert not of_objects(geometry)[:, : column - 7].any()
+    assert geometry.visible[:, : column - 7].all()
+    assert of_objects(geometry)[:, column - 5].any()
+
+
+@pytest.mark.parametrize("radiometry", ["sigma0_local", "sigma0_ref", "beta0", "gamma0"])
+@pytest.mark.parametrize("heading", [0.0, 30.0, 90.0])
+def test_cross_section_of_a_box_arrives_whole(flat: Scene, radiometry: str, heading: float) -> None:
+    radar = FINE.model_copy(update={"radiometry": radiometry})
+    scene = with_objects(flat, length_m=12.0, width_m=8.0, height_m=6.0, heading_deg=heading, rcs_dbsm=23.0)
+    found = of_objects(make_geometry(scene, radar))
+    theta = np.arccos(ALTITUDE / (NEAR + 0.5 + np.arange(len(found))))[:, None]
+    area = {"beta0": 1.0 + 0 * theta, "gamma0": 1 / np.tan(theta)}.get(radiometry, 1 / np.sin(theta))
+    # single precision of slant ranges: a thousandth of a facet's
+    assert np.sum(found * area) == pytest.approx(10**2.3, rel=2e-3)
+
+
+def test_cross_section_of_a_box_in_the_image_is_unbiased(flat: Scene) -> None:
+    scene = with_objects(flat, length_m=12.0, width_m=8.0, height_m=6.0, rcs_dbsm=20.0)
+    radar = FINE.model_copy(update={"radiometry": "beta0", "looks": 1})
+    geometry = make_geometry(scene, radar)
+    formation = ImageFormation(radar, geometry.shape)
+    cells = reflectivity(geometry, law_tables(geometry.names, {}, {}))
+    # 60 images; the sum of each has about as many independent values as the box has resolution cells (> 10)
+    sums = np.array([formation.intensity(cells, seed).astype(float).sum() for seed in range(60)])
+    assert sums.mean() == pytest.approx(100.0, abs=3 * sums.std(ddof=1) / np.sqrt(60))
+    assert sums.std(ddof=1) < 40.0
+
+
+def test_hidden_part_of_a_box_scatters_not(flat: Scene) -> None:
+    near_wall = {"x_m": 40.0, "length_m": NY, "width_m": 2.0, "height_m": 20.0, "rcs_dbsm": -100.0}
+    behind = {"x_m": 44.0, "length_m": 4.0, "width_m": 4.0, "rcs_dbsm": 20.0}
+    columns = {name: np.array([near_wall[name], behind.get(name, 0.0)]) for name in near_wall}
+    totals = []
+    for height in (3.0, 18.7, 30.0):
+        columns["height_m"] = np.array([20.0, height])
+        geometry = make_geometry(with_objects(flat, **columns), FINE.model_copy(update={"radiometry": "beta0"}))
+        totals.append(of_objects(geometry).sum())
+    assert totals[0] == pytest.approx(0.0, abs=1e-6)
+    # the ray over the wall's far edge (41 m) passes the box's front (42 m) a metre further out
+    height = 20.0 - (ALTITUDE - 20.0) / (CENTRE - NX / 2 + 41.0)
+    roof = slant(46.0, 30.0) - slant(42.0, 30.0)
+    wall = slant(42.0, 0.0) - slant(42.0, 30.0)
+    seen = slant(42.0, height) - slant(42.0, 30.0)
+    assert wall > roof
+    # facets: the first holds the wall, the others the roof, which overlaps it in slant range
+    facets = sum(slant(43.0 + i, 30.0) - slant(42.0 + i, 30.0) for i in range(1, 4))
+    assert totals[2] == pytest.approx(100.0 * (seen + facets) / (wall + facets), rel=5e-3)
+    assert 0.0 < totals[1] < 100.0
+
+
+def test_ground_beside_a_box_keeps_its_level_where_areas_do_not_count(flat: Scene) -> None:
+    geometry = make_geometry(with_objects(flat, length_m=8.0, width_m=8.0, height_m=10.0, rcs_dbsm=-90.0), FINE)
+    tables = law_tables(geometry.names, {"dyke": LAWS["mangia"]}, {"dyke": [0.0, 0.0, 0.0, 0.0]})
+    ground = reflectivity(geometry, tables).image
+    clear = geometry.material == 1
+    assert clear.any()
+    np.testing.assert_allclose(ground[clear], 1.0, rtol=1e-5)
+    assert (ground <= 1.0 + 1e-5).all()
+    # laid over, the ground before the box counts in full; at the shadow's end as far as it is seen
+    assert ground[geometry.layover & geometry.visible].max() == pytest.approx(1.0, rel=1e-5)
+
+
+def test_objects_are_no_material(flat: Scene) -> None:
+    scene = with_objects(flat, x_m=[40.3, 110.0], length_m=[0.0, 9.0], width_m=[0.0, 9.0], height_m=[2.0, 4.0])
+    geometry, bare = make_geometry(scene, FINE), make_geometry(flat, FINE)
+    assert geometry.names == ("dyke",)
+    assert geometry.shape == bare.shape
+    box = of_objects(geometry) > 0
+    assert box.any()
+    pure = np.zeros(box.size, dtype=bool)
+    pure[geometry.pixels("dyke")] = True
+    pure = pure.reshape(box.shape)
+    assert not (pure & box).any()
+    row, column = geometry.point_row[0], geometry.point_column[0]
+    near = (np.abs(np.arange(box.shape[0])[:, None] - row) <= 3.0) & (np.abs(np.arange(box.shape[1]) - column) <= 3.0)
+    assert np.count_nonzero(near) > 30
+    assert not (pure & near).any()
+    assert pure[~(near | box | geometry.shadow)].all()
+    # with a margin, pixels beside them go, too
+    margin = np.zeros(box.size, dtype=bool)
+    margin[geometry.pixels("dyke", 2)] = True
+    beside = np.roll(box, 2, axis=1) | np.roll(box, -2, axis=1)
+    assert not (margin.reshape(box.shape) & beside).any()
+    # no incidence of roofs is mixed into that of the ground
+    both = np.isfinite(geometry.incidence_deg) & geometry.visible
+    np.testing.assert_allclose(geometry.incidence_deg[both], bare.incidence_deg[both], atol=0.05)
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    x=st.floats(30.0, 130.0), y=st.floats(20.0, 40.0), z=st.floats(0.0, 25.0), dbsm=st.floats(-10.0, 40.0),
+    radiometry=st.sampled_from(["sigma0_local", "sigma0_ref", "beta0", "gamma0"]),
+    side=st.sampled_from(["right", "left"]),
+)  # fmt: skip
+def test_point_lies_at_its_place_with_its_energy(
+    flat: Scene, x: float, y: float, z: float, dbsm: float, radiometry: str, side: str
+) -> None:
+    radar = FINE.model_copy(update={"radiometry": radiometry, "look_side": side, "looks": 2})
+    geometry = make_geometry(with_objects(flat, x_m=x, y_m=y, height_m=z, rcs_dbsm=dbsm), radar)
+    formation = ImageFormation(radar, geometry.shape, geometry.points)
+    dark = uniform(np.zeros(geometry.shape, dtype=np.float32))
+    power = formation.intensity(dark, 3).astype(float) / 2
+    away = slant(x if side == "right" else NX - x, z)
+    row, column = away - NEAR - 0.5, y - 0.5
+    # centre of energy: the impulse response is symmetric
+    rows, columns = np.indices(power.shape)
+    assert np.average(rows, weights=power) == pytest.approx(row, abs=0.02)
+    assert np.average(columns, weights=power) == pytest.approx(column, abs=0.02)
+    theta = np.arccos(ALTITUDE / away)
+    area = {"beta0": 1.0, "gamma0": 1 / np.tan(theta)}.get(radiometry, 1 / np.sin(theta))
+    assert power.sum() * area == pytest.approx(10 ** (dbsm / 10), rel=0.01)
+    # between pixels the peak is what band-limited interpolation by Fourier transform makes of the look
+    field = formation.look(dark, 3).astype(complex)
+    spectrum = np.fft.fft2(field)
+    shift = np.multiply.outer(
+        np.exp(2j * np.pi * np.fft.fftfreq(field.shape[0]) * row),
+        np.exp(2j * np.pi * np.fft.fftfreq(field.shape[1]) * column),
+    )
+    peak = np.abs(np.sum(spectrum * shift) / field.size) ** 2
+    taps = impulse_response(2.0, 1.0)
+    assert peak * area == pytest.approx(10 ** (dbsm / 10) * taps.max() ** 4, rel=0.02)
+
+
+def test_point_behind_a_wall_is_dark_and_above_it_is_not(flat: Scene) -> None:
+    columns = {
+        "x_m": [40.0, 48.0, 48.0],
+        "length_m": [40.0, 0, 0],
+        "width_m": [2.0, 0, 0],
+        "height_m": [10.0, 2.0, 9.0],
+    }
+    geometry = make_geometry(with_objects(flat, **columns), FINE)
+    # the ray over the wall's far edge falls by 500 / 793 metres a metre: at 48 m to 5.6 m
+    assert geometry.point_number.tolist() == [2]
+
+
+def test_points_do_not_fluctuate_and_their_phases_are_even() -> None:
+    n = 4000
+    some = Points(np.zeros(n), np.zeros(n), np.full(n, 2.0, np.float32), np.arange(n, dtype=np.uint32))
+    a, b = phased(some, 1).astype(float), phased(some, 2).astype(float)
+    np.testing.assert_allclose(np.hypot(*a.T), 2.0, rtol=1e-6)
+    first, second = a @ [1, 1j] / 2, b @ [1, 1j] / 2
+    # the mean of 4,000 unit phasors is 1 / sqrt(4000) in rms
+    for z in (first, first**2, first * np.conj(second), first[1:] * np.conj(first[:-1])):
+        assert abs(z.mean()) < 4 / np.sqrt(n)
+    np.testing.assert_array_equal(phased(some, 1), phased(some, 1))
+
+
+def test_point_over_clutter_adds_in_amplitude(flat: Scene) -> None:
+    geometry = make_geometry(with_objects(flat, x_m=[40.0, 90.5], height_m=[0.0, 3.0], rcs_dbsm=[15.0, 25.0]), FINE)
+    clutter = uniform(np.ones(geometry.shape, dtype=np.float32))
+    with_points = ImageFormation(FINE, geometry.shape, geometry.points)
+    alone = with_points.look(uniform(np.zeros(geometry.shape, dtype=np.float32)), 4, 1)
+    expected = ImageFormation(FINE, geometry.shape).look(clutter, 4, 1) + alone
+    np.testing.assert_allclose(with_points.look(clutter, 4, 1), expected, atol=1e-5)
+    other = with_points.look(uniform(np.zeros(geometry.shape, dtype=np.float32)), 4, 0)
+    assert np.abs(alone).max() > 1.0
+    np.testing.assert_allclose(alone, other, atol=1e-8)  # no more than the noise at -200 dB
+
+
+def test_points_do_not_depend_on_tiles() -> None:
+    """Each point against the transform of its band, over the borders of tiles and of the image."""
+    shape, n = (300, 290), 300
+    rng = np.random.default_rng(2)
+    order = np.sort(rng.uniform(-5, 305, n))
+    points = Points(order, rng.uniform(-5, 295, n), rng.random(n).astype(np.float32), np.arange(n, dtype=np.uint32))
+    found = ImageFormation(FINE, shape, points).look(uniform(np.zeros(shape, dtype=np.float32)), 8)
+    weights = signal.windows.taylor(1000, nbar=4, sll=35, norm=False)
+    frequency = ((np.arange(1000) + 0.5) / 1000 - 0.5) * width_factor() / 2.0
+
+    def at(length: int, place: float) -> np.ndarray:
+        offset = np.arange(-20.0, length + 20) - place
+        taps = np.cos(2 * np.pi * np.multiply.outer(offset, frequency)) @ weights * (np.abs(offset) < 16)
+        return (taps / np.linalg.norm(taps))[20:-20]  # cut at eight resolutions
+
+    expected = np.zeros(shape, dtype=complex)
+    for row, column, value in zip(points.row, points.column, phased(points, 8) @ [1, 1j], strict=True):
+        expected += value * np.outer(at(shape[0], row), at(shape[1], column))
+    assert np.abs(found - expected).max() < 3e-3 * np.abs(expected).max()
+
+
+def test_left_mirrors_right(scene: Scene, radar: Radar) -> None:
+    rng = np.random.default_rng(4)
+    n, side = 40, 200.0
+    made = objects(
+        x_m=rng.uniform(0, side, n), y_m=rng.uniform(0, side, n), length_m=np.where(np.arange(n) % 3, 9.0, 0.0),
+        width_m=np.where(np.arange(n) % 3, 5.0, 0.0), heading_deg=rng.uniform(0, 360, n), height_m=rng.uniform(0, 9, n),
+        rcs_dbsm=rng.uniform(0, 30, n),
+    )  # fmt: skip
+    mirrored = replace(
+        scene, material=scene.material[:, ::-1], elevation_m=scene.elevation_m[:, ::-1],
+        objects=replace(made, x_m=side - made.x_m, heading_deg=-made.heading_deg),
+    )  # fmt: skip
+    right = make_geometry(replace(scene, objects=made), radar)
+    left = make_geometry(mirrored, radar.model_copy(update={"look_side": "left"}))
+    assert right.point_number.size > 5
+    np.testing.assert_array_equal(left.material, right.material)
+    np.testing.assert_array_equal(left.point_number, right.point_number)
+    np.testing.assert_allclose(left.point_row, right.point_row, atol=1e-9)
+    np.testing.assert_allclose(of_objects(left), of_objects(right), atol=1e-6 * of_objects(right).max())
+
+
+def test_a_run_with_one_new_law_is_a_run_from_nothing(scene: Scene, radar: Radar) -> None:
+    made = objects(x_m=[50.0, 120.0, 111.0], y_m=[60.0, 100.0, 30.0], length_m=[0, 20.0, 0], width_m=[0, 15.0, 0],
+                   height_m=[3.0, 8.0, 0.0], rcs_dbsm=30.0)  # fmt: skip
+    geometry = make_geometry(replace(scene, objects=made), radar)
+    sims = [BuiltinSimulator(geometry, radar, {"dyke": "mangia", "grass": "mangia"}) for _ in range(2)]
+    dyke, grass = [6.1, 14.2, 21.5, 3.3], [10.0, 14.0, 6.0, 4.0]
+    sims[0].run({"dyke": dyke, "grass": grass}, 5)
+    after = sims[0].run({"dyke": dyke, "grass": [1.0, 2.0, 3.0, 4.0]}, 5)
+    np.testing.assert_array_equal(after, sims[1].run({"dyke": dyke, "grass": [1.0, 2.0, 3.0, 4.0]}, 5))
+    bare = BuiltinSimulator(make_geometry(scene, radar), radar, {"dyke": "mangia", "grass": "mangia"})
+    assert not np.array_equal(after, bare.run({"dyke": dyke, "grass": [1.0, 2.0, 3.0, 4.0]}, 5))
+
+
+def test_objects_without_an_echo_leave_the_ground_as_it_is(scene: Scene, radar: Radar) -> None:
+    """A point far below the clutter: the way of scenes with objects is that of scenes without."""
+    geometry = make_geometry(replace(scene, objects=objects(x_m=100.0, y_m=100.0, rcs_dbsm=-100.0)), radar)
+    bare = make_geometry(scene, radar)
+    for name in ("cell_start", "cell_material", "facet_start", "facet_incidence", "facet_weight", "layover", "shadow"):
+        np.testing.assert_array_equal(getattr(geometry, name), getattr(bare, name))
+
+
+def test_hdf5_round_trip_is_exact(flat: Scene, tmp_path: Path) -> None:
+    geometry = make_geometry(with_objects(flat, x_m=[40.0, 90.5], length_m=[0, 5.0], width_m=[0, 5.0]), FINE)
+    write_geometry(tmp_path / "geometry.h5", geometry)
+    found = read_geometry(tmp_path / "geometry.h5")
+    for name in ("point_row", "point_column", "point_amplitude", "point_number", "cell_material", "facet_weight"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(geometry, name))
+        assert getattr(found, name).dtype == getattr(geometry, name).dtype
+
+
+def test_box_smaller_than_a_facet_is_a_point(flat: Scene) -> None:
+    geometry = make_geometry(with_objects(flat, x_m=80.0, y_m=30.0, length_m=0.4, width_m=0.3, height_m=2.0), FINE)
+    assert geometry.point_number.tolist() == [0]
+    assert not of_objects(geometry).any()
+
+
+def test_track_below_an_object(flat: Scene) -> None:
+    with pytest.raises(SceneError, match=r"radar.altitude_m is 500 m .* an object rises 600 m: fly higher"):
+        make_geometry(with_objects(flat, length_m=5.0, width_m=5.0, height_m=600.0), FINE)
