@@ -17,6 +17,7 @@ from radcal.config import Radar
 from radcal.errors import SceneError, StoreError
 from radcal.files import write_hdf5
 from radcal.radar.facets import ANGLES_PER_RADIAN, LAID_OVER, VISIBLE, cells_of, count_facets, fill_facets, order_facets
+from radcal.radar.radiometry import of_sigma0
 from radcal.scene.model import Scene
 
 __all__ = [
@@ -29,7 +30,7 @@ __all__ = [
     "write_geometry",
 ]
 
-_SCHEMA = 3
+_SCHEMA = 4
 _CELLS_AT_ONCE = 256  # rows of the scene, to bound memory
 _HALO = 12  # cells that a cubic spline looks beyond a stretch, far below single precision
 
@@ -67,6 +68,8 @@ class Geometry:
         between them, share the pixel.
     shadow : ndarray of bool, shape ``shape``
         Whether some of the pixel's facets, or all, are hidden or face away.
+    flat_incidence_deg : ndarray of float64, shape (rows,)
+        Incidence on flat ground at each row's slant range [deg].
     ground : ndarray of float32, shape (2, rows, columns)
         Mean row and column of the pixel's visible facets in the scene's grid, cell centres at
         whole numbers; NaN where there is none, and in a slant-range scene.
@@ -83,6 +86,7 @@ class Geometry:
     incidence_deg: NDArray[np.float32]
     layover: NDArray[np.bool_]
     shadow: NDArray[np.bool_]
+    flat_incidence_deg: NDArray[np.float64]
     ground: NDArray[np.float32]
 
     @property
@@ -209,11 +213,7 @@ def _slant_range_geometry(scene: Scene, radar: Radar) -> Geometry:
     if not labelled.any():
         raise SceneError("no part of the scene is visible to the radar.")
     cells = int(np.count_nonzero(labelled))
-    phi = np.radians(scene.incidence_deg)
-    # on flat ground sigma0 has the same value in both senses; beta0 and gamma0 follow from their areas
-    weight = (
-        _radiometric_factor(radar.radiometry, phi) / np.sin(phi) if "sigma0" not in radar.radiometry else phi * 0 + 1
-    )
+    weight = of_sigma0(radar.radiometry, scene.incidence_deg)
     angles = np.round(np.radians(scene.incidence_deg) * ANGLES_PER_RADIAN).astype(np.uint16)
     return Geometry(
         shape=shape,
@@ -227,6 +227,7 @@ def _slant_range_geometry(scene: Scene, radar: Radar) -> Geometry:
         incidence_deg=np.where(labelled, scene.incidence_deg[:, None], np.nan).astype(np.float32),
         layover=np.zeros(shape, dtype=np.bool_),
         shadow=np.zeros(shape, dtype=np.bool_),
+        flat_incidence_deg=scene.incidence_deg.astype(np.float64),
         ground=np.full((2, rows, columns), np.nan, dtype=np.float32),
     )
 
@@ -238,7 +239,9 @@ def _terrain_geometry(scene: Scene, radar: Radar) -> Geometry:
     material = scene.material
     if radar.look_side == "left":  # ground range grows westward
         elevation, material = elevation[:, ::-1], material[:, ::-1]
-    k = max(1, int(np.ceil(scene.cell_m / min(radar.range_spacing_m, radar.azimuth_spacing_m))))
+    # facets no larger than the pixels on level ground
+    pixel = min(radar.range_spacing_m / np.cos(np.radians(radar.depression_deg)), radar.azimuth_spacing_m)
+    k = max(1, int(np.ceil(scene.cell_m / pixel - 1e-9)))
     step = scene.cell_m / k
     ny, nx = elevation.shape
     mean = float(elevation.mean())
@@ -367,9 +370,11 @@ def _pixels(
         near_row, far_row, lines.state, lines.incidence, lines.area, material, k, per_column, rows, columns, start,
         not local, facet_material, incidence, weight, place,
     )  # fmt: skip
-    flat = near + (np.arange(rows) + 0.5) * radar.range_spacing_m  # slant range of the rows' middles
-    area = radar.range_spacing_m * radar.azimuth_spacing_m
-    factor = _radiometric_factor(radar.radiometry, np.arccos(np.minimum(radar.altitude_m / flat, 1.0))) / area
+    slant = near + (np.arange(rows) + 0.5) * radar.range_spacing_m
+    flat = np.degrees(np.arccos(np.minimum(radar.altitude_m / slant, 1.0)))
+    # one over the reference area of the radiometry
+    area = radar.range_spacing_m * radar.azimuth_spacing_m / np.sin(np.radians(flat))
+    factor = of_sigma0(radar.radiometry, flat) / area
     cells = np.empty(rows * columns, dtype=np.uint16)
     pure = np.zeros(rows * columns, dtype=np.uint8)
     mean_incidence = np.full(rows * columns, np.nan, dtype=np.float32)
@@ -400,24 +405,9 @@ def _pixels(
         incidence_deg=mean_incidence.reshape(shape),
         layover=layover,
         shadow=shadow | (cells == 0).reshape(shape),
+        flat_incidence_deg=flat,
         ground=ground.reshape(2, *shape),
     )
-
-
-def _radiometric_factor(radiometry: str, flat_incidence_rad: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What beta0 of a pixel is multiplied by, from the incidence on flat ground at its slant range.
-
-    The reference areas are those of the pixel in the slant plane (beta0), on flat ground, larger
-    by 1 / sin(incidence) (sigma0), and across the direction to the radar, by 1 / tan (gamma0):
-    Raney, Freeman, Hawkins and Bamler, "A plea for radar brightness", IGARSS (1994).
-    """
-    match radiometry:
-        case "sigma0_ref":
-            return np.asarray(np.sin(flat_incidence_rad))
-        case "gamma0":
-            return np.asarray(np.tan(flat_incidence_rad))
-        case _:
-            return np.ones_like(flat_incidence_rad)
 
 
 def write_geometry(path: str | Path, geometry: Geometry) -> None:
