@@ -11,7 +11,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_cdt, map_coordinates
+from scipy.ndimage import distance_transform_cdt, map_coordinates, maximum_filter, minimum_filter
 
 from radcal.config import Radar
 from radcal.errors import SceneError, StoreError
@@ -299,6 +299,20 @@ class Lines:
         )
 
 
+def _refined(
+    block: NDArray[np.float64], rows: NDArray[np.float64], columns: NDArray[np.float64], cell_m: float
+) -> NDArray[np.float64]:
+    """Elevation between the cells' middles: a cubic spline, bilinear along walls, where a spline would swing."""
+    at = np.meshgrid(rows, columns, indexing="ij")
+    fine = map_coordinates(block, at, order=3, mode="nearest")
+    # steeper than 45 degrees over the two cells between a cell's neighbours
+    wall = maximum_filter(block, 3) - minimum_filter(block, 3) > 2.0 * cell_m
+    if wall.any():
+        steep = map_coordinates(wall.astype(np.uint8), at, order=0, mode="nearest") > 0
+        fine = np.where(steep, map_coordinates(block, at, order=1, mode="nearest"), fine)
+    return np.asarray(fine)
+
+
 def _lines(
     elevation: NDArray[np.float64], first: int, last: int, k: int, step: float, edges: NDArray[np.float64],
     track: float, base: float, spacing_m: float, lines: Lines,
@@ -314,7 +328,7 @@ def _lines(
     else:
         rows = (np.arange(-1, (last - first) * k + 1) + 0.5) / k - 0.5 + _HALO
         columns = (np.arange(nx * k) + 0.5) / k - 0.5 + _HALO
-        fine = map_coordinates(block, np.meshgrid(rows, columns, indexing="ij"), order=3, mode="nearest")
+        fine = _refined(block, rows, columns, step * k)
     ground = 0.5 * (edges[1:] + edges[:-1])
     height = track - fine
     slant = np.hypot(height, ground)
