@@ -29,7 +29,7 @@ from radcal.scene.model import Scene
 MATERIALS = 24
 FIELD_M = 200
 RADAR = Radar(
-    altitude_m=12_000.0, looks=1, range_spacing_m=0.7, azimuth_spacing_m=1.0, range_resolution_m=1.0,
+    altitude_m=12_000.0, looks=1, range_spacing_m=0.71, azimuth_spacing_m=1.0, range_resolution_m=1.0,
     azimuth_resolution_m=1.3,
 )  # fmt: skip
 
@@ -57,7 +57,7 @@ def measure(side: int, repeats: int) -> dict[str, float]:
     started = time.perf_counter()
     geometry = make_geometry(scene(side), RADAR)
     found = {"geometry_s": time.perf_counter() - started, "pixels": float(np.prod(geometry.shape))}
-    formation = ImageFormation(RADAR, geometry.shape)
+    formation = ImageFormation(RADAR, geometry.shape, RADAR.nesz_db)
     laws = dict.fromkeys(geometry.names, law_for("mangia"))
     x = {name: [-20.0 + k, 5.0, 10.0, 3.0] for k, name in enumerate(geometry.names)}
     image_s, rerun_s, pair_s = [], [], []
@@ -70,7 +70,8 @@ def measure(side: int, repeats: int) -> dict[str, float]:
         x = {**x, "m1": [-20.0, 5.0, 10.0, 3.0 + 0.1 * (n + 1)]}
         started = time.perf_counter()
         changed = np.arange(MATERIALS + 1) == 1
-        cells = reflectivity(geometry, law_tables(geometry.names, laws, x), cells, changed)
+        tables = law_tables(geometry.names, {"m1": laws["m1"]}, x)
+        cells = reflectivity(geometry, tables, cells, changed)
         formation.intensity(cells, 1, image, formation.touched(cells, changed))
         rerun_s.append(time.perf_counter() - started)
     del image

@@ -210,6 +210,10 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     ({"radar": {"looks": 0}}, ["radar.looks is 0"]),
     ({"radar": {"looks": 2.5}}, ["radar.looks is 2.5"]),
     ({"radar": {"nesz_db": float("-inf")}}, ["radar.nesz_db is -inf"]),
+    ({"radar": {"nesz_db": [[30, -20]]}}, ["radar.nesz_db is [[30, -20]]", "at least 2"]),
+    ({"radar": {"nesz_db": [[30, -20], [20, -18]]}}, ["radar.nesz_db", "[30.0, 20.0], expected increasing angles"]),
+    ({"radar": {"nesz_db": [[30, -20], [95, -18]]}}, ["radar.nesz_db.1.0 is 95", "less than 90"]),
+    ({"radar": {"nesz_db": [[30, -20], [40]]}}, ["radar.nesz_db.1.1 is missing"]),
     ({"radar": {"radiometry": "beta"}}, ["radar.radiometry is 'beta'", "'sigma0_local'"]),
     # scene
     ({"scene": {"source": "buitlin"}}, ["scene.source is 'buitlin'", "'builtin'", "'slant_range'"]),

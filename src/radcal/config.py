@@ -218,10 +218,25 @@ class Radar(_Strict):
     range_spacing_m: Positive = Field(1.5, description="pixel spacing in slant range [m]")
     azimuth_spacing_m: Positive = Field(2.5, description="pixel spacing in azimuth [m]")
     looks: Annotated[int, Field(ge=1, le=64)] = Field(4, description="independent looks averaged in power")
-    nesz_db: Finite = Field(-20.0, description="noise-equivalent sigma0 [dB]")
+    nesz_db: Annotated[
+        Annotated[Finite, Tag("one level")]
+        | Annotated[list[tuple[Annotated[float, Field(ge=0, lt=90)], Finite]], Field(min_length=2), Tag("a table")],
+        Discriminator(lambda value: "a table" if isinstance(value, list) else "one level"),
+    ] = Field(
+        -20.0, description="noise-equivalent sigma0 [dB], or a table of [incidence on flat ground in degrees, dB]"
+    )
     radiometry: Radiometry = Field(
         "sigma0_local", description="what a pixel holds: sigma0_local (no area term), sigma0_ref, beta0 or gamma0"
     )
+
+    @field_validator("nesz_db", mode="after")
+    @classmethod
+    def _table_ascends(cls, table: float | list[tuple[float, float]]) -> float | list[tuple[float, float]]:
+        if not isinstance(table, float):
+            angles = [angle for angle, _ in table]
+            if any(second <= first for first, second in itertools.pairwise(angles)):
+                raise ValueError(f"the incidence angles are {angles}, expected increasing angles")
+        return table
 
     @model_validator(mode="after")
     def _one_band(self) -> Self:
@@ -238,7 +253,6 @@ class BuiltinSimulation(_Strict):
 
 
 Knots = Annotated[list[Annotated[float, Field(ge=0, le=90)]], Field(min_length=2)]
-_START_AS_LIST, _START_AS_LAW = "a list", "a law"  # of pydantic's union; people never wrote them
 
 
 def _law_of(
@@ -447,8 +461,8 @@ class Material(_Strict):
     bounds: list[tuple[Finite, Finite]] | None = Field(None, description="[lower, upper] of each parameter")
     start: (
         Annotated[
-            Annotated[list[Finite], Tag(_START_AS_LIST)] | Annotated[Start, Tag(_START_AS_LAW)],
-            Discriminator(lambda value: _START_AS_LAW if isinstance(value, dict | Start) else _START_AS_LIST),
+            Annotated[list[Finite], Tag("a list")] | Annotated[Start, Tag("a law")],
+            Discriminator(lambda value: "a law" if isinstance(value, dict | Start) else "a list"),
         ]
         | None
     ) = Field(
@@ -1023,6 +1037,9 @@ def _known_keys(location: Sequence[int | str]) -> list[str]:
     return sorted({name for model in models for name in model.model_fields})
 
 
+_ALTERNATIVES = ("a list", "a law", "one level", "a table")  # of pydantic's unions; people never wrote them
+
+
 def _sentence(error: ValidationError, origin: str) -> str:
     """The first problem of a validation error in one sentence."""
     # a misspelt key that is required is both unknown and missing: what people wrote comes first
@@ -1031,7 +1048,7 @@ def _sentence(error: ValidationError, origin: str) -> str:
     location = list(first["loc"])
     if location and location[0] in _TAGS and len(location) > 1:
         location.pop(1)  # the tag that pydantic puts there; people never wrote it
-    location = [part for part in location if part not in (_START_AS_LIST, _START_AS_LAW)]
+    location = [part for part in location if part not in _ALTERNATIVES]
     key = ".".join(str(part) for part in location) or "the configuration"
     found = first["input"]
     match first["type"]:

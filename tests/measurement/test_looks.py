@@ -16,7 +16,7 @@ ONE = np.ones(SHAPE, dtype=np.uint8)
 
 def speckle_db(looks: int, level: np.ndarray | float = 10.0, seed: int = 1) -> np.ndarray:
     sigma0 = np.broadcast_to(np.asarray(level, dtype=np.float32), SHAPE)
-    return ImageFormation(Radar(looks=looks), SHAPE).intensity_db(uniform(sigma0), seed)
+    return ImageFormation(Radar(looks=looks), SHAPE, -20.0).intensity_db(uniform(sigma0), seed)
 
 
 @pytest.mark.parametrize("looks", [0.5, 1.0, 2.5, 4.0, 40.0, 5000.0])

@@ -56,16 +56,16 @@ def test_noise_is_where_signal_and_noise_say_so() -> None:
     rng = np.random.default_rng(2)
     signal = np.repeat([0.0, 0.001, 0.1, 1.0], 50)[None, :] * np.ones((120, 1))
     power = (signal + 0.01) * rng.gamma(8.0, 1 / 8.0, size=signal.shape)
-    found = noise_limited((10 * np.log10(power)).astype(np.float32), -20.0, 0.0)
+    found = noise_limited((10 * np.log10(power)).astype(np.float32), np.full(120, -20.0), 0.0)
     inside = [found[:, 50 * k + 8 : 50 * k + 42] for k in range(4)]
     assert [bool(part.all()) for part in inside] == [True, True, False, False]
     assert not inside[2].any()
-    assert not noise_limited(np.full((20, 20), np.nan, dtype=np.float32), -20.0, 0.0).any()
+    assert not noise_limited(np.full((20, 20), np.nan, dtype=np.float32), np.full(20, -20.0), 0.0).any()
 
 
 def test_point_target_and_its_surroundings_are_found() -> None:
     radar = Radar()
-    image = ImageFormation(radar, SHAPE).intensity_db(uniform(np.full(SHAPE, 10.0, dtype=np.float32)), 1)
+    image = ImageFormation(radar, SHAPE, -20.0).intensity_db(uniform(np.full(SHAPE, 10.0, dtype=np.float32)), 1)
     image[60, 80] = 30.0
     image[150, 20] = 14.0  # 4 dB above the mean is speckle
     found = point_targets(image, np.ones(SHAPE, dtype=np.uint8), radar)
@@ -78,7 +78,7 @@ def test_edges_of_fields_are_no_point_targets() -> None:
     radar = Radar()
     material = np.where(np.arange(SHAPE[1]) < 100, 1, 2).astype(np.uint8) * np.ones((SHAPE[0], 1), dtype=np.uint8)
     sigma0 = np.where(material == 1, 0.1, 10.0).astype(np.float32)
-    image = ImageFormation(radar, SHAPE).intensity_db(uniform(sigma0), 2)
+    image = ImageFormation(radar, SHAPE, -20.0).intensity_db(uniform(sigma0), 2)
     assert not point_targets(image, material, radar)[:, 104:].any()
 
 
@@ -86,6 +86,6 @@ def test_false_alarms_are_rare_in_texture_too() -> None:
     radar = Radar()
     rng = np.random.default_rng(5)
     texture = rng.gamma(4.0, 0.25, size=(600, 600)).astype(np.float32)
-    image = ImageFormation(radar, (600, 600)).intensity_db(uniform(texture), 3)
+    image = ImageFormation(radar, (600, 600), -20.0).intensity_db(uniform(texture), 3)
     found = point_targets(image, np.ones(image.shape, dtype=np.uint8), radar)
     assert found.mean() < 1e-3

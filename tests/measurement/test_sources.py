@@ -354,7 +354,7 @@ def speckle() -> tuple[Geometry, np.ndarray]:
     scene.material[:, 200:] = 2
     geometry = make_geometry(scene, Radar())
     return geometry, 10 ** (
-        ImageFormation(Radar(), shape).intensity_db(uniform(np.full(shape, 3.0, np.float32)), 1) / 10
+        ImageFormation(Radar(), shape, -20.0).intensity_db(uniform(np.full(shape, 3.0, np.float32)), 1) / 10
     )
 
 

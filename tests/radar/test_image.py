@@ -26,7 +26,7 @@ QUIET = -200.0  # [dB] no noise at all
 
 
 def flat_image_db(looks: int = 4, sigma0_db: float = 0.0, nesz_db: float = QUIET, seed: int = 11) -> np.ndarray:
-    formation = ImageFormation(Radar(looks=looks, nesz_db=nesz_db), SHAPE)
+    formation = ImageFormation(Radar(looks=looks), SHAPE, nesz_db)
     return formation.intensity_db(uniform(np.full(SHAPE, 10 ** (sigma0_db / 10), dtype=np.float32)), seed)
 
 
@@ -59,7 +59,7 @@ def test_neighbours_correlate_as_the_impulse_response_says() -> None:
 
 
 def test_zero_reflectivity_gives_the_noise_floor() -> None:
-    formation = ImageFormation(Radar(nesz_db=-23.0), SHAPE)
+    formation = ImageFormation(Radar(), SHAPE, -23.0)
     power = 10 ** (
         formation.intensity_db(uniform(np.zeros(SHAPE, dtype=np.float32)), 3)[APART].astype(float).ravel() / 10
     )
@@ -74,7 +74,7 @@ def test_noise_adds_to_the_mean_power() -> None:
 
 def test_equal_seeds_give_equal_images_bit_for_bit() -> None:
     sigma0 = np.random.default_rng(1).random((60, 50), dtype=np.float32)
-    a, b = (ImageFormation(Radar(), sigma0.shape) for _ in range(2))
+    a, b = (ImageFormation(Radar(), sigma0.shape, -20.0) for _ in range(2))
     first = a.intensity_db(uniform(sigma0), 5)
     a.intensity_db(uniform(sigma0 * 2), 6)  # another run between them
     np.testing.assert_array_equal(a.intensity_db(uniform(sigma0), 5), first)
@@ -85,7 +85,7 @@ def test_equal_seeds_give_equal_images_bit_for_bit() -> None:
 
 
 def test_three_db_more_reflectivity_is_three_db_more_image() -> None:
-    formation = ImageFormation(Radar(nesz_db=QUIET), (60, 50))
+    formation = ImageFormation(Radar(), (60, 50), QUIET)
     sigma0 = np.random.default_rng(1).random((60, 50), dtype=np.float32) + np.float32(0.1)
     shift = formation.intensity_db(uniform(sigma0 * np.float32(10**0.3)), 5) - formation.intensity_db(
         uniform(sigma0), 5
@@ -100,16 +100,16 @@ def test_new_noise_seed_changes_the_image_but_not_its_distribution() -> None:
 
 
 def test_image_is_finite_where_nothing_is_visible_and_nothing_is_noise() -> None:
-    formation = ImageFormation(Radar(nesz_db=-500.0), (40, 40))
+    formation = ImageFormation(Radar(), (40, 40), -500.0)
     assert np.isfinite(formation.intensity_db(uniform(np.zeros((40, 40), dtype=np.float32)), 1)).all()
 
 
 def test_point_target_has_the_configured_resolution() -> None:
-    radar = Radar(looks=1, nesz_db=QUIET, range_resolution_m=6.0, azimuth_resolution_m=10.0, range_spacing_m=1,
+    radar = Radar(looks=1, range_resolution_m=6.0, azimuth_resolution_m=10.0, range_spacing_m=1,
                   azimuth_spacing_m=1)  # fmt: skip
     sigma0 = np.zeros((101, 101), dtype=np.float32)
     sigma0[50, 50] = 1e6
-    db = ImageFormation(radar, sigma0.shape).intensity_db(uniform(sigma0), 2).astype(float)
+    db = ImageFormation(radar, sigma0.shape, QUIET).intensity_db(uniform(sigma0), 2).astype(float)
     assert np.unravel_index(db.argmax(), db.shape) == (50, 50)
     for profile, resolution in [(db[50:, 50], 6.0), (db[50, 50:], 10.0)]:
         half = np.interp(10 * np.log10(2), profile[0] - profile[:15], np.arange(15))
@@ -120,7 +120,7 @@ def test_point_target_has_the_configured_resolution() -> None:
 def test_resolution_finer_than_the_sampling_is_refused(axis: str) -> None:
     radar = Radar(**{f"{axis}_resolution_m": 2.0, f"{axis}_spacing_m": 1.8})
     with pytest.raises(ConfigError, match=rf"radar\.{axis}_resolution_m is 2, expected at least 2\.1\d .* 1\.8 m"):
-        ImageFormation(radar, (20, 20))
+        ImageFormation(radar, (20, 20), QUIET)
 
 
 def law_db(x: list[float], phi: np.ndarray) -> np.ndarray:
@@ -161,10 +161,10 @@ def test_invisible_pixels_and_materials_without_a_law_are_dark(geometry: Geometr
 
 
 def test_image_of_a_material_has_the_laws_level(build_scene: Callable[..., Scene]) -> None:
-    radar = Radar(altitude_m=20_000.0, nesz_db=QUIET)
+    radar = Radar(altitude_m=20_000.0)
     geometry = make_geometry(build_scene(lambda east, north: 0 * east, cells=(120, 120)), radar)
     sigma0 = reflectivity(geometry, law_tables(geometry.names, {"dyke": LAWS["mangia"]}, {"dyke": DYKE}))
-    image = ImageFormation(radar, geometry.shape).intensity_db(sigma0, 4)
+    image = ImageFormation(radar, geometry.shape, QUIET).intensity_db(sigma0, 4)
     ratio = (10 ** (image.astype(float) / 10) / sigma0.image)[6:-6:6, 6:-6:6]
     assert ratio.size > 1000
     assert ratio.mean() == pytest.approx(1.0, abs=3 / np.sqrt(4 * ratio.size))
@@ -174,7 +174,7 @@ def test_image_of_a_material_has_the_laws_level(build_scene: Callable[..., Scene
 def test_the_band_limit_is_the_full_convolution() -> None:
     """Tiles and separable taps against one convolution of the whole amplitude by scipy."""
     shape = (300, 290)
-    radar = Radar(looks=1, nesz_db=-10.0)
+    radar = Radar(looks=1)
     sigma0 = np.random.default_rng(3).random(shape, dtype=np.float32)
     amplitude = np.sqrt(sigma0) * circular_gaussian(9, 0, 1, shape) + np.float32(10**-0.5) * circular_gaussian(
         9, 0, 256, shape
@@ -184,14 +184,13 @@ def test_the_band_limit_is_the_full_convolution() -> None:
         impulse_response(radar.azimuth_resolution_m, radar.azimuth_spacing_m),
     )
     expected = signal.fftconvolve(amplitude.astype(complex), taps, mode="same")
-    found = ImageFormation(radar, shape).look(uniform(sigma0), 9)
+    found = ImageFormation(radar, shape, -10.0).look(uniform(sigma0), 9)
     np.testing.assert_allclose(found, expected, atol=2e-6 * np.abs(expected).max())
 
 
 def test_single_material_images_sum_to_the_full_one(geometry: Geometry, radar: Radar) -> None:
-    quiet = radar.model_copy(update={"nesz_db": -500.0})
     laws, x = dict.fromkeys(("dyke", "grass"), LAWS["mangia"]), {"dyke": DYKE, "grass": GRASS}
-    formation = ImageFormation(quiet, geometry.shape)
+    formation = ImageFormation(radar, geometry.shape, -500.0)
     looks = [
         formation.look(reflectivity(geometry, law_tables(geometry.names, some, x)), 3)
         for some in (laws, {"dyke": laws["dyke"]}, {"grass": laws["grass"]})
@@ -212,6 +211,20 @@ def test_a_run_with_one_new_law_is_a_run_from_nothing(geometry: Geometry, radar:
 def test_looks_average_in_power() -> None:
     radar = Radar(looks=3)
     sigma0 = uniform(np.ones((60, 50), dtype=np.float32))
-    formation = ImageFormation(radar, (60, 50))
+    formation = ImageFormation(radar, (60, 50), -20.0)
     power = sum(np.abs(formation.look(sigma0, 5, k).astype(complex)) ** 2 for k in range(3)) / 3
     np.testing.assert_allclose(formation.intensity_db(sigma0, 5), 10 * np.log10(power), atol=1e-4)
+
+
+def test_noise_follows_the_rows(geometry: Geometry, radar: Radar) -> None:
+    """Dark ground: the image's level in each third of the rows is the table's there."""
+    table = [(float(geometry.flat_incidence_deg[0]), -25.0), (float(geometry.flat_incidence_deg[-1]), -15.0)]
+    noisy = radar.model_copy(update={"nesz_db": table, "radiometry": "beta0", "looks": 16})
+    image = BuiltinSimulator(geometry, noisy, {}).run({}, 3)
+    for part in np.array_split(np.arange(geometry.shape[0]), 3):
+        power = 10 ** (image[part, 12:-12:2].astype(float) / 10)
+        incidence = np.radians(geometry.flat_incidence_deg[part])
+        nesz = np.interp(geometry.flat_incidence_deg[part], *zip(*table, strict=True))
+        expected = (10 ** (nesz / 10) / np.sin(incidence)).mean()  # beta0 is sigma0 over the sine
+        # 3 sigma; a resolution cell is at least two of these pixels
+        assert power.mean() == pytest.approx(expected, rel=3 / np.sqrt(16 * power.size / 4))

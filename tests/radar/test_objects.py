@@ -25,6 +25,7 @@ from radcal.scene.objects import Objects
 from radcal.simulators.builtin import BuiltinSimulator
 
 ALTITUDE, DEPRESSION = 500.0, 30.0
+QUIET = -200.0  # [dB] no noise at all
 FINE = Radar(
     altitude_m=ALTITUDE, depression_deg=DEPRESSION, range_spacing_m=1, azimuth_spacing_m=1, range_resolution_m=2,
     azimuth_resolution_m=2, nesz_db=-200.0,
@@ -111,7 +112,7 @@ def test_cross_section_of_a_box_in_the_image_is_unbiased(flat: Scene) -> None:
     scene = with_objects(flat, length_m=12.0, width_m=8.0, height_m=6.0, rcs_dbsm=20.0)
     radar = FINE.model_copy(update={"radiometry": "beta0", "looks": 1})
     geometry = make_geometry(scene, radar)
-    formation = ImageFormation(radar, geometry.shape)
+    formation = ImageFormation(radar, geometry.shape, QUIET)
     cells = reflectivity(geometry, law_tables(geometry.names, {}, {}))
     # 60 images; the sum of each has about as many independent values as the box has resolution cells (> 10)
     sums = np.array([formation.intensity(cells, seed).astype(float).sum() for seed in range(60)])
@@ -190,7 +191,7 @@ def test_point_lies_at_its_place_with_its_energy(
 ) -> None:
     radar = FINE.model_copy(update={"radiometry": radiometry, "look_side": side, "looks": 2})
     geometry = make_geometry(with_objects(flat, x_m=x, y_m=y, height_m=z, rcs_dbsm=dbsm), radar)
-    formation = ImageFormation(radar, geometry.shape, geometry.points)
+    formation = ImageFormation(radar, geometry.shape, QUIET, geometry.points)
     dark = uniform(np.zeros(geometry.shape, dtype=np.float32))
     power = formation.intensity(dark, 3).astype(float) / 2
     away = slant(x if side == "right" else NX - x, z)
@@ -241,9 +242,9 @@ def test_points_do_not_fluctuate_and_their_phases_are_even() -> None:
 def test_point_over_clutter_adds_in_amplitude(flat: Scene) -> None:
     geometry = make_geometry(with_objects(flat, x_m=[40.0, 90.5], height_m=[0.0, 3.0], rcs_dbsm=[15.0, 25.0]), FINE)
     clutter = uniform(np.ones(geometry.shape, dtype=np.float32))
-    with_points = ImageFormation(FINE, geometry.shape, geometry.points)
+    with_points = ImageFormation(FINE, geometry.shape, QUIET, geometry.points)
     alone = with_points.look(uniform(np.zeros(geometry.shape, dtype=np.float32)), 4, 1)
-    expected = ImageFormation(FINE, geometry.shape).look(clutter, 4, 1) + alone
+    expected = ImageFormation(FINE, geometry.shape, QUIET).look(clutter, 4, 1) + alone
     np.testing.assert_allclose(with_points.look(clutter, 4, 1), expected, atol=1e-5)
     other = with_points.look(uniform(np.zeros(geometry.shape, dtype=np.float32)), 4, 0)
     assert np.abs(alone).max() > 1.0
@@ -256,7 +257,7 @@ def test_points_do_not_depend_on_tiles() -> None:
     rng = np.random.default_rng(2)
     order = np.sort(rng.uniform(-5, 305, n))
     points = Points(order, rng.uniform(-5, 295, n), rng.random(n).astype(np.float32), np.arange(n, dtype=np.uint32))
-    found = ImageFormation(FINE, shape, points).look(uniform(np.zeros(shape, dtype=np.float32)), 8)
+    found = ImageFormation(FINE, shape, QUIET, points).look(uniform(np.zeros(shape, dtype=np.float32)), 8)
     weights = signal.windows.taylor(1000, nbar=4, sll=35, norm=False)
     frequency = ((np.arange(1000) + 0.5) / 1000 - 0.5) * width_factor() / 2.0
 

@@ -50,15 +50,15 @@ def _local_power(power: NDArray[np.float64], size: tuple[int, int]) -> NDArray[n
         return np.asarray(np.where(share > 1e-9, total / share, np.nan))
 
 
-def noise_limited(image_db: NDArray[np.float32], nesz_db: float, snr_db: float) -> NDArray[np.bool_]:
+def noise_limited(image_db: NDArray[np.float32], noise_db: NDArray[np.float64], snr_db: float) -> NDArray[np.bool_]:
     """Pixels whose surroundings hardly rise above the thermal noise.
 
     Parameters
     ----------
     image_db : ndarray, shape (rows, columns)
         Backscatter with noise [dB], NaN where there is none.
-    nesz_db : float
-        Noise-equivalent sigma0 at the image's level [dB].
+    noise_db : ndarray, shape (rows,)
+        Noise floor of each row at the image's level [dB].
     snr_db : float
         Signal-to-noise ratio that is asked for [dB].
 
@@ -66,10 +66,10 @@ def noise_limited(image_db: NDArray[np.float32], nesz_db: float, snr_db: float) 
     -------
     ndarray of bool
         True where the mean power of the 9 x 9 pixels around is below
-        nesz (1 + 10^(snr_db / 10)): signal and noise add in power.
+        noise (1 + 10^(snr_db / 10)): signal and noise add in power.
     """
     level = _local_power(10.0 ** (image_db.astype(np.float64) / 10.0), (_LEVEL_PX, _LEVEL_PX))
-    return np.asarray(level < 10.0 ** (nesz_db / 10.0) * (1.0 + 10.0 ** (snr_db / 10.0)))
+    return np.asarray(level < 10.0 ** (noise_db[:, None] / 10.0) * (1.0 + 10.0 ** (snr_db / 10.0)))
 
 
 def point_targets(image_db: NDArray[np.float32], material: NDArray[np.uint8], radar: Radar) -> NDArray[np.bool_]:

@@ -23,6 +23,7 @@ from radcal.measurement.model import Measurement
 from radcal.measurement.pixels import eligible_pixels, noise_limited, point_targets
 from radcal.measurement.registration import Registered
 from radcal.radar.geometry import Geometry
+from radcal.radar.radiometry import noise_floor_db
 from radcal.seeds import derived_rng
 
 __all__ = [
@@ -302,7 +303,8 @@ def make_targets(case: Case, geometry: Geometry, registered: Registered, referen
     measurement, config = registered.measurement, case.target
     levels = make_levels(case, geometry, registered, reference_db)
     level = 0.0 if config.normalisation == "none" else levels.offset_db
-    flags = {"in the noise": noise_limited(measurement.image_db, case.radar.nesz_db + level, config.snr_db)}
+    noise_db = noise_floor_db(case.radar, geometry.flat_incidence_deg) + level
+    flags = {"in the noise": noise_limited(measurement.image_db, noise_db, config.snr_db)}
     looks = estimate_looks(measurement.image_db, geometry.material, case.radar)
     if config.leave_out_point_targets:
         flags["point targets"] = point_targets(measurement.image_db, geometry.material, case.radar)

@@ -108,7 +108,7 @@ def fill_facets(
 @njit(cache=True, parallel=True)
 def order_facets(
     start: Any, columns: Any, material: Any, angle: Any, weight: Any, place: Any, local: Any, factor: Any,
-    objects: Any, whole: Any, object_factor: Any, cells: Any, pure: Any, mean_deg: Any, ground: Any,
+    objects: Any, whole: Any, cells: Any, pure: Any, mean_deg: Any, ground: Any,
 ) -> None:  # fmt: skip
     """Sort each pixel's facets by material, finish their weights, and take the means of the pixel.
 
@@ -138,7 +138,7 @@ def order_facets(
             while ground_last > first and material[ground_last - 1] == objects:  # the greatest id: at the end
                 ground_last -= 1
             for i in range(ground_last, last):
-                weight[i] = weight[i] * object_factor[row]
+                weight[i] = weight[i] * factor[row]
             if ground_last == first:
                 cells[pixel] = 1
                 pure[pixel] = 0

@@ -11,7 +11,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_cdt, map_coordinates
+from scipy.ndimage import distance_transform_cdt, map_coordinates, maximum_filter, minimum_filter
 
 from radcal.config import Radar
 from radcal.errors import SceneError, StoreError
@@ -28,6 +28,7 @@ from radcal.radar.facets import (
 )
 from radcal.radar.footprints import Boxes, Spots, add_up, locate, raise_boxes, share_out, stand, to_boxes_and_spots
 from radcal.radar.points import Points, not_pure
+from radcal.radar.radiometry import of_sigma0
 from radcal.scene.model import Scene
 
 __all__ = [
@@ -40,7 +41,7 @@ __all__ = [
     "write_geometry",
 ]
 
-_SCHEMA = 4
+_SCHEMA = 5
 _MOST_NAMES = 254  # materials beside the objects
 _CELLS_AT_ONCE = 256  # rows of the scene, to bound memory
 _HALO = 12  # cells that a cubic spline looks beyond a stretch, far below single precision
@@ -80,6 +81,8 @@ class Geometry:
         between them, share the pixel.
     shadow : ndarray of bool, shape ``shape``
         Whether some of the pixel's facets, or all, are hidden or face away.
+    flat_incidence_deg : ndarray of float64, shape (rows,)
+        Incidence on flat ground at each row's slant range [deg].
     ground : ndarray of float32, shape (2, rows, columns)
         Mean row and column of the pixel's visible facets in the scene's grid, cell centres at
         whole numbers; NaN where there is none, and in a slant-range scene.
@@ -103,6 +106,7 @@ class Geometry:
     incidence_deg: NDArray[np.float32]
     layover: NDArray[np.bool_]
     shadow: NDArray[np.bool_]
+    flat_incidence_deg: NDArray[np.float64]
     ground: NDArray[np.float32]
     point_row: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
     point_column: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
@@ -238,11 +242,7 @@ def _slant_range_geometry(scene: Scene, radar: Radar) -> Geometry:
     if not labelled.any():
         raise SceneError("no part of the scene is visible to the radar.")
     cells = int(np.count_nonzero(labelled))
-    phi = np.radians(scene.incidence_deg)
-    # on flat ground sigma0 has the same value in both senses; beta0 and gamma0 follow from their areas
-    weight = (
-        _radiometric_factor(radar.radiometry, phi) / np.sin(phi) if "sigma0" not in radar.radiometry else phi * 0 + 1
-    )
+    weight = of_sigma0(radar.radiometry, scene.incidence_deg)
     angles = np.round(np.radians(scene.incidence_deg) * ANGLES_PER_RADIAN).astype(np.uint16)
     return Geometry(
         shape=shape,
@@ -256,6 +256,7 @@ def _slant_range_geometry(scene: Scene, radar: Radar) -> Geometry:
         incidence_deg=np.where(labelled, scene.incidence_deg[:, None], np.nan).astype(np.float32),
         layover=np.zeros(shape, dtype=np.bool_),
         shadow=np.zeros(shape, dtype=np.bool_),
+        flat_incidence_deg=scene.incidence_deg.astype(np.float64),
         ground=np.full((2, rows, columns), np.nan, dtype=np.float32),
     )
 
@@ -267,7 +268,9 @@ def _terrain_geometry(scene: Scene, radar: Radar) -> Geometry:
     material = scene.material
     if radar.look_side == "left":  # ground range grows westward
         elevation, material = elevation[:, ::-1], material[:, ::-1]
-    k = max(1, int(np.ceil(scene.cell_m / min(radar.range_spacing_m, radar.azimuth_spacing_m))))
+    # facets no larger than the pixels on level ground
+    pixel = min(radar.range_spacing_m / np.cos(np.radians(radar.depression_deg)), radar.azimuth_spacing_m)
+    k = max(1, int(np.ceil(scene.cell_m / pixel - 1e-9)))
     step = scene.cell_m / k
     ny, nx = elevation.shape
     mean = float(elevation.mean())
@@ -347,6 +350,20 @@ class Lines:
         )
 
 
+def _refined(
+    block: NDArray[np.float64], rows: NDArray[np.float64], columns: NDArray[np.float64], cell_m: float
+) -> NDArray[np.float64]:
+    """Elevation between the cells' middles: a cubic spline, bilinear along walls, where a spline would swing."""
+    at = np.meshgrid(rows, columns, indexing="ij")
+    fine = map_coordinates(block, at, order=3, mode="nearest")
+    # steeper than 45 degrees over the two cells between a cell's neighbours
+    wall = maximum_filter(block, 3) - minimum_filter(block, 3) > 2.0 * cell_m
+    if wall.any():
+        steep = map_coordinates(wall.astype(np.uint8), at, order=0, mode="nearest") > 0
+        fine = np.where(steep, map_coordinates(block, at, order=1, mode="nearest"), fine)
+    return np.asarray(fine)
+
+
 def _lines(
     elevation: NDArray[np.float64], first: int, last: int, k: int, step: float, edges: NDArray[np.float64],
     track: float, base: float, spacing_m: float, lines: Lines, standing: tuple[Boxes, Spots] | None,
@@ -362,7 +379,7 @@ def _lines(
     else:
         rows = (np.arange(-1, (last - first) * k + 1) + 0.5) / k - 0.5 + _HALO
         columns = (np.arange(nx * k) + 0.5) / k - 0.5 + _HALO
-        fine = map_coordinates(block, np.meshgrid(rows, columns, indexing="ij"), order=3, mode="nearest")
+        fine = _refined(block, rows, columns, step * k)
     ground = 0.5 * (edges[1:] + edges[:-1])
     height = track - fine
     slant = np.hypot(height, ground)
@@ -440,17 +457,16 @@ def _pixels(
         near_row, far_row, lines.state, lines.incidence, lines.area, material, k, per_column, rows, columns, start,
         not local, objects, facet_material, incidence, weight, place,
     )  # fmt: skip
-    flat = near + (np.arange(rows) + 0.5) * radar.range_spacing_m  # slant range of the rows' middles
-    area = radar.range_spacing_m * radar.azimuth_spacing_m
-    factor = _radiometric_factor(radar.radiometry, np.arccos(np.minimum(radar.altitude_m / flat, 1.0))) / area
-    per_area = _per_area(radar, np.asarray(flat, dtype=np.float64)).astype(np.float32)
+    middles = np.arange(0.5, rows, dtype=np.float64)
+    flat = _flat_incidence_deg(radar, near + middles * radar.range_spacing_m)
+    per_area = _per_area(radar, flat).astype(np.float32)
     cells = np.empty(rows * columns, dtype=np.uint16)
     pure = np.zeros(rows * columns, dtype=np.uint8)
     mean_incidence = np.full(rows * columns, np.nan, dtype=np.float32)
     ground = np.full((2, rows * columns), np.nan, dtype=np.float32)
     order_facets(
-        start, columns, facet_material, incidence, weight, place, local, factor.astype(np.float32), objects,
-        per_column, per_area, cells, pure, mean_incidence, ground,
+        start, columns, facet_material, incidence, weight, place, local, per_area, objects,
+        per_column, cells, pure, mean_incidence, ground,
     )  # fmt: skip
     cell_start = np.zeros(rows * columns + 1, dtype=np.int32)
     np.cumsum(cells, out=cell_start[1:])
@@ -475,6 +491,7 @@ def _pixels(
         incidence_deg=mean_incidence.reshape(shape),
         layover=layover,
         shadow=shadow | (cells == 0).reshape(shape),
+        flat_incidence_deg=flat,
         ground=ground.reshape(2, *shape),
         point_row=points.row,
         point_column=points.column,
@@ -489,7 +506,7 @@ def _points(spots: Spots, radar: Radar, near: float, step: float) -> Points:
     slant = np.asarray(spots.slant_m[seen], dtype=np.float64)
     row = (slant - near) / radar.range_spacing_m - 0.5
     order = np.argsort(row, kind="stable")
-    amplitude = np.sqrt(spots.rcs_m2[seen] * _per_area(radar, slant))
+    amplitude = np.sqrt(spots.rcs_m2[seen] * _per_area(radar, _flat_incidence_deg(radar, slant)))
     return Points(
         row[order],
         (spots.place[seen, 0] * step / radar.azimuth_spacing_m - 0.5)[order],
@@ -498,27 +515,15 @@ def _points(spots: Spots, radar: Radar, near: float, step: float) -> Points:
     )
 
 
-def _per_area(radar: Radar, slant_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """One over a pixel's reference area at a slant range [1/m2]; that of sigma0 where areas do not count."""
-    flat = np.asarray(np.arccos(np.minimum(radar.altitude_m / slant_m, 1.0)), dtype=np.float64)
-    radiometry = "sigma0_ref" if radar.radiometry == "sigma0_local" else radar.radiometry
-    return np.asarray(_radiometric_factor(radiometry, flat) / (radar.range_spacing_m * radar.azimuth_spacing_m))
+def _flat_incidence_deg(radar: Radar, slant_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Incidence on flat ground at a slant range [deg]."""
+    return np.degrees(np.arccos(np.minimum(radar.altitude_m / slant_m, 1.0)))
 
 
-def _radiometric_factor(radiometry: str, flat_incidence_rad: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What beta0 of a pixel is multiplied by, from the incidence on flat ground at its slant range.
-
-    The reference areas are those of the pixel in the slant plane (beta0), on flat ground, larger
-    by 1 / sin(incidence) (sigma0), and across the direction to the radar, by 1 / tan (gamma0):
-    Raney, Freeman, Hawkins and Bamler, "A plea for radar brightness", IGARSS (1994).
-    """
-    match radiometry:
-        case "sigma0_ref":
-            return np.asarray(np.sin(flat_incidence_rad))
-        case "gamma0":
-            return np.asarray(np.tan(flat_incidence_rad))
-        case _:
-            return np.ones_like(flat_incidence_rad)
+def _per_area(radar: Radar, flat_incidence_deg: NDArray[np.float64]) -> NDArray[np.float64]:
+    """One over a pixel's reference area in the radiometry [1/m2]; that of sigma0 where areas do not count."""
+    area = radar.range_spacing_m * radar.azimuth_spacing_m / np.sin(np.radians(flat_incidence_deg))
+    return np.asarray(of_sigma0(radar.radiometry, flat_incidence_deg) / area)
 
 
 def write_geometry(path: str | Path, geometry: Geometry) -> None:

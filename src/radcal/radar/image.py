@@ -22,7 +22,8 @@ __all__ = ["ImageFormation", "Reflectivity", "law_tables", "reflectivity", "unif
 
 THERMAL = 256  # stream of the thermal noise; materials are 1 to 255
 _LEVELS = 65536  # of the incidence angle between 0 and 90 degrees
-_TILE = (128, 128)
+_TILE = 256  # pixels a side: what neighbours need of one another is formed twice, a fifth of the work
+_PATCH = 64  # of what is formed anew where a law has changed, up to a tile in a row
 
 
 @dataclass(frozen=True)
@@ -145,13 +146,12 @@ def reflectivity(
 
 @njit(cache=True, parallel=True)
 def _touched(
-    tiles: Any, size: Any, rows: Any, columns: Any, reach: Any, start: Any, material: Any, changed: Any, found: Any
-) -> None:
+    tiles: Any, rows: Any, columns: Any, reach: Any, start: Any, material: Any, changed: Any, found: Any
+) -> None:  # fmt: skip
     """Tiles whose image depends on a changed material."""
     for t in prange(tiles.shape[0]):
         top, left = max(0, tiles[t, 0] - reach[0]), max(0, tiles[t, 1] - reach[1])
-        bottom = min(rows, tiles[t, 0] + size[0] + reach[0])
-        right = min(columns, tiles[t, 1] + size[1] + reach[1])
+        bottom, right = min(rows, tiles[t, 2] + reach[0]), min(columns, tiles[t, 3] + reach[1])
         hit = False
         for row in range(top, bottom):
             for i in range(start[row * columns + left], start[row * columns + right]):
@@ -194,9 +194,68 @@ def _amplitude_row(
             out[2 * column + 1] += noise * parts[1, column]
 
 
+@njit(cache=True)
+def _limit_rows(source: Any, first: Any, taps: Any, out: Any) -> None:
+    """Symmetric taps down the rows of ``source`` from row ``first`` on: one line of the same width."""
+    reach = taps.size // 2
+    n = out.size
+    middle, tap = source[first + reach], taps[reach]
+    for i in range(n):
+        out[i] = tap * middle[i]
+    # in pairs of pairs, so that each load and store of the line serves four taps
+    pairs = reach - reach % 2
+    for k in range(0, pairs, 2):
+        a, d = source[first + k], source[first + 2 * reach - k]
+        b, c = source[first + k + 1], source[first + 2 * reach - k - 1]
+        outer, inner = taps[k], taps[k + 1]
+        for i in range(n):
+            out[i] = out[i] + (outer * (a[i] + d[i]) + inner * (b[i] + c[i]))
+    if reach % 2:
+        a, d = source[first + reach - 1], source[first + reach + 1]
+        tap = taps[reach - 1]
+        for i in range(n):
+            out[i] = out[i] + tap * (a[i] + d[i])
+
+
+@njit(cache=True)
+def _limit_line(line: Any, taps: Any, out: Any) -> None:
+    """Symmetric taps along a line of interleaved complex numbers, longer than ``out`` by their reach on each side."""
+    reach = taps.size // 2
+    n = out.size
+    middle, tap = line[2 * reach : 2 * reach + n], taps[reach]
+    for i in range(n):
+        out[i] = tap * middle[i]
+    pairs = reach - reach % 2
+    for k in range(0, pairs, 2):
+        a, d = line[2 * k : 2 * k + n], line[4 * reach - 2 * k : 4 * reach - 2 * k + n]
+        b, c = line[2 * k + 2 : 2 * k + 2 + n], line[4 * reach - 2 * k - 2 : 4 * reach - 2 * k - 2 + n]
+        outer, inner = taps[k], taps[k + 1]
+        for i in range(n):
+            out[i] = out[i] + (outer * (a[i] + d[i]) + inner * (b[i] + c[i]))
+    if reach % 2:
+        a, d = line[2 * reach - 2 : 2 * reach - 2 + n], line[2 * reach + 2 : 2 * reach + 2 + n]
+        tap = taps[reach - 1]
+        for i in range(n):
+            out[i] = out[i] + tap * (a[i] + d[i])
+
+
+@njit(cache=True)
+def _add(spots: Any, line: Any) -> None:
+    for i in range(line.size):
+        line[i] += spots[i]
+
+
+@njit(cache=True)
+def _detect(field: Any, first: Any, power: Any) -> None:
+    """Power of a line of interleaved complex numbers: set by the first look, added by the others."""
+    for i in range(power.size):
+        value = field[2 * i] * field[2 * i] + field[2 * i + 1] * field[2 * i + 1]
+        power[i] = value if first else power[i] + value
+
+
 @njit(cache=True, parallel=True)
 def _form(
-    tiles: Any, size: Any, rows: Any, columns: Any, start: Any, material: Any, power: Any, noise: Any, seed: Any,
+    tiles: Any, rows: Any, columns: Any, start: Any, material: Any, power: Any, noise: Any, seed: Any,
     first_look: Any, looks: Any, down: Any, across: Any, most: Any, point_rows: Any, point_columns: Any,
     point_values: Any, fine_down: Any, fine_across: Any, intensity: Any, field: Any,
 ) -> None:  # fmt: skip
@@ -207,55 +266,55 @@ def _form(
     """
     reach_down, reach_across = down.size // 2, across.size // 2
     for t in prange(tiles.shape[0]):
-        top, left = tiles[t, 0], tiles[t, 1]
-        bottom, right = min(rows, top + size[0]), min(columns, left + size[1])
-        outer_top, outer_bottom = max(0, top - reach_down), min(rows, bottom + reach_down)
+        top, left, bottom, right = tiles[t]
         outer_left, outer_right = max(0, left - reach_across), min(columns, right + reach_across)
-        width = 2 * (outer_right - outer_left)
         work = np.empty((2, most), np.uint32)
         words = np.empty((2, most), np.uint32)
         parts = np.empty((2, most), np.float32)
-        amplitude = np.empty((outer_bottom - outer_top, width), np.float32)
-        line = np.empty(width + 4 * reach_across, np.float32)
+        # zero beyond the image's border
+        amplitude = np.zeros((bottom - top + 2 * reach_down, 2 * (right - left + 2 * reach_across)), np.float32)
+        line = np.empty(amplitude.shape[1], np.float32)
         result = np.empty(2 * (right - left), np.float32)
         spots = np.zeros((bottom - top if point_rows.size else 0, 2 * (right - left)), np.float32)
         if point_rows.size:  # the same in every look
             add_points(point_rows, point_columns, point_values, fine_down, fine_across, top, left, spots)
-        # where column `left` less its reach stands in the line: zero beyond the image's border
         pad = 2 * (outer_left - (left - reach_across))
         for look in range(first_look, first_look + looks):
-            for row in range(outer_top, outer_bottom):
+            for row in range(max(0, top - reach_down), min(rows, bottom + reach_down)):
                 _amplitude_row(
                     row, outer_left, outer_right, columns, start, material, power, noise[row], np.uint32(look), seed,
-                    work, words, parts, amplitude[row - outer_top],
+                    work, words, parts,
+                    amplitude[row - top + reach_down, pad : pad + 2 * (outer_right - outer_left)],
                 )  # fmt: skip
             for row in range(top, bottom):
-                line[:] = np.float32(0.0)
-                for k in range(down.size):
-                    from_row = row + k - reach_down
-                    if from_row >= 0 and from_row < rows:
-                        tap = down[k]
-                        source = amplitude[from_row - outer_top]
-                        for i in range(width):
-                            line[pad + i] += tap * source[i]
-                result[:] = np.float32(0.0)
-                for k in range(across.size):
-                    tap = across[k]
-                    for i in range(result.size):
-                        result[i] += tap * line[i + 2 * k]
-                if spots.size:
-                    for i in range(result.size):
-                        result[i] += spots[row - top, i]
+                _limit_rows(amplitude, row - top, down, line)
                 if field.size:
-                    for i in range(result.size):
-                        field[row, 2 * left + i] = result[i]
+                    _limit_line(line, across, field[row, 2 * left : 2 * right])
+                    if spots.size:
+                        _add(spots[row - top], field[row, 2 * left : 2 * right])
                 else:
-                    for i in range(right - left):
-                        value = result[2 * i] * result[2 * i] + result[2 * i + 1] * result[2 * i + 1]
-                        if look == first_look:
-                            intensity[row, left + i] = value
-                        else:
-                            intensity[row, left + i] += value
+                    _limit_line(line, across, result)
+                    if spots.size:
+                        _add(spots[row - top], result)
+                    _detect(result, look == first_look, intensity[row, left:right])
+
+
+def _tiles(shape: tuple[int, int], side: int) -> NDArray[np.int64]:
+    """Tiles of an image: first row, first column, and one beyond the last of each; shape (tiles, 4)."""
+    tops, lefts = (np.arange(0, n, side) for n in shape)
+    corners = np.stack(np.meshgrid(tops, lefts, indexing="ij"), axis=-1).reshape(-1, 2)
+    return np.hstack([corners, np.minimum(corners + side, shape)])
+
+
+def _runs(tiles: NDArray[np.int64], longest: int) -> NDArray[np.int64]:
+    """Tiles that follow one another in a row made one, up to so many columns."""
+    runs: list[list[int]] = []
+    for top, left, bottom, right in tiles.tolist():
+        if runs and runs[-1][0] == top and runs[-1][3] == left and right - runs[-1][1] <= longest:
+            runs[-1][3] = right
+        else:
+            runs.append([top, left, bottom, right])
+    return np.array(runs, dtype=np.int64).reshape(-1, 4)
 
 
 class ImageFormation:
@@ -272,6 +331,8 @@ class ImageFormation:
         Resolutions, spacings, looks, noise-equivalent sigma0.
     shape : (int, int)
         Image size, slant range by azimuth.
+    noise_db : float or ndarray, shape (rows,)
+        Noise floor, of each row [dB].
     points : Points, optional
         Point scatterers of the scene.
 
@@ -281,7 +342,7 @@ class ImageFormation:
         A resolution is too fine for the pixel spacing.
     """
 
-    def __init__(self, radar: Radar, shape: tuple[int, int], points: Points | None = None) -> None:
+    def __init__(self, radar: Radar, shape: tuple[int, int], noise_db: ArrayLike, points: Points | None = None) -> None:
         for axis in ("range", "azimuth"):
             resolution = getattr(radar, f"{axis}_resolution_m")
             finest = width_factor() * getattr(radar, f"{axis}_spacing_m")
@@ -290,16 +351,15 @@ class ImageFormation:
                     f"radar.{axis}_resolution_m is {resolution:g}, expected at least {finest:.2f} at a spacing of "
                     f"{getattr(radar, f'{axis}_spacing_m'):g} m (the image must be sampled above its bandwidth)."
                 )
-        self._radar = radar
+        self._looks = radar.looks
         self._shape = shape
         self._down = impulse_response(radar.range_resolution_m, radar.range_spacing_m).astype(np.float32)
         self._across = impulse_response(radar.azimuth_resolution_m, radar.azimuth_spacing_m).astype(np.float32)
         self._points = Points.none() if points is None else points
         self._fine_down = fine_taps(radar.range_resolution_m, radar.range_spacing_m)
         self._fine_across = fine_taps(radar.azimuth_resolution_m, radar.azimuth_spacing_m)
-        self._noise = np.full(shape[0], 10.0 ** (radar.nesz_db / 20.0), dtype=np.float32)
-        tops, lefts = (np.arange(0, n, step) for n, step in zip(shape, _TILE, strict=True))
-        self._tiles = np.stack(np.meshgrid(tops, lefts, indexing="ij"), axis=-1).reshape(-1, 2).astype(np.int64)
+        self._noise = np.broadcast_to(10.0 ** (np.asarray(noise_db) / 20.0), shape[0]).astype(np.float32)
+        self._tiles = _tiles(shape, _TILE)
 
     def intensity(
         self, reflectivity: Reflectivity, noise_seed: int, before: NDArray[np.float32] | None = None,
@@ -314,7 +374,8 @@ class ImageFormation:
         noise_seed : int
             Seed of speckle and thermal noise.
         before, tiles : ndarray, optional
-            An image of the same seed, and the tiles in which it is formed anew, in place.
+            An image of the same seed, and the tiles (:meth:`touched`) in which it is formed
+            anew, in place.
 
         Returns
         -------
@@ -322,12 +383,12 @@ class ImageFormation:
             [linear power]
         """
         image = np.empty(self._shape, dtype=np.float32) if before is None else before
-        self._run(reflectivity, noise_seed, 0, self._radar.looks, self._tiles if tiles is None else tiles, image, None)
+        self._run(reflectivity, noise_seed, 0, self._looks, self._tiles if tiles is None else tiles, image, None)
         return image
 
     def intensity_db(self, reflectivity: Reflectivity, noise_seed: int) -> NDArray[np.float32]:
         """Mean intensity of the looks [dB]; arguments as for :meth:`intensity`."""
-        return decibels(self.intensity(reflectivity, noise_seed), self._radar.looks)
+        return decibels(self.intensity(reflectivity, noise_seed))
 
     def look(self, reflectivity: Reflectivity, noise_seed: int, look: int = 0) -> NDArray[np.complex64]:
         """One complex look, shape (rows, columns) [linear amplitude]."""
@@ -336,32 +397,32 @@ class ImageFormation:
         return field.view(np.complex64)
 
     def touched(self, reflectivity: Reflectivity, changed: NDArray[np.bool_]) -> NDArray[np.int64]:
-        """Tiles whose image depends on materials of changed law (bool by id), as their corners."""
-        found = np.empty(len(self._tiles), dtype=np.bool_)
+        """Tiles whose image depends on materials of changed law (bool by id), shape (tiles, 4)."""
+        patches = _tiles(self._shape, _PATCH)
+        found = np.empty(len(patches), dtype=np.bool_)
         reach = np.array([len(self._down) // 2, len(self._across) // 2])
-        _touched(
-            self._tiles, np.array(_TILE), *self._shape, reach, reflectivity.start, reflectivity.material, changed, found
-        )
-        return self._tiles[found]
+        _touched(patches, *self._shape, reach, reflectivity.start, reflectivity.material, changed, found)
+        return _runs(patches[found], _TILE)
 
     def _run(
         self, reflectivity: Reflectivity, noise_seed: int, first: int, looks: int, tiles: NDArray[np.int64],
         intensity: NDArray[np.float32], field: NDArray[np.float32] | None,
     ) -> None:  # fmt: skip
         rows, columns = self._shape
-        stretch = _TILE[1] + len(self._across)
+        across = self._across
+        if field is None:  # the mean of the looks is the sum of what this makes of each
+            field, across = np.empty((0, 0), dtype=np.float32), across / np.float32(np.sqrt(looks))
+        stretch = _TILE + len(self._across)
         # room for the random numbers of the longest stretch of a row
         most = int(np.diff(reflectivity.start).max(initial=1))
         _form(
-            tiles, np.array(_TILE), rows, columns, reflectivity.start, reflectivity.material, reflectivity.power,
-            self._noise, seed_words(noise_seed), first, looks, self._down, self._across,
+            tiles, rows, columns, reflectivity.start, reflectivity.material, reflectivity.power,
+            self._noise, seed_words(noise_seed), first, looks, self._down, across,
             stretch * max(1, most), self._points.row, self._points.column, phased(self._points, noise_seed),
-            self._fine_down, self._fine_across, intensity,
-            field if field is not None else np.empty((0, 0), dtype=np.float32),
+            self._fine_down, self._fine_across, intensity, field,
         )  # fmt: skip
 
 
-def decibels(power: NDArray[np.float32], looks: int) -> NDArray[np.float32]:
-    """Sum of the looks' power to the dB of its mean; no power at all is the smallest number there is."""
-    scaled = np.maximum(power / np.float32(looks), np.finfo(np.float32).tiny)
-    return np.asarray(10.0 * np.log10(scaled), dtype=np.float32)
+def decibels(power: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Power in dB; no power at all is the smallest number there is."""
+    return np.asarray(10.0 * np.log10(np.maximum(power, np.finfo(np.float32).tiny)), dtype=np.float32)

@@ -116,14 +116,13 @@ def add_points(rows: Any, columns: Any, values: Any, down: Any, across: Any, top
     height, width = out.shape[0], out.shape[1] // 2
     reach_down, reach_across = down.size // 2 // FINENESS + 1, across.size // 2 // FINENESS + 1
     for i in range(np.searchsorted(rows, top - reach_down), np.searchsorted(rows, top + height + reach_down)):
-        row, column = rows[i] - top, columns[i] - left
-        first, last = max(0, int(np.floor(column)) - reach_across), min(width, int(column) + reach_across + 2)
-        if column + reach_across < 0 or first >= last:
-            continue
-        for r in range(max(0, int(np.floor(row)) - reach_down), min(height, int(row) + reach_down + 2)):
-            tap = _tap(down, r - row)
+        row, column = int(np.floor(rows[i])) - top, int(np.floor(columns[i])) - left
+        first, last = max(0, column - reach_across), min(width, column + reach_across + 2)
+        for r in range(max(0, row - reach_down), min(height, row + reach_down + 2)):
+            # from whole numbers of the image, not of the part: rounding must not depend on where a part begins
+            tap = _tap(down, top + r - rows[i])
             for c in range(first, last):
-                size = tap * _tap(across, c - column)
+                size = tap * _tap(across, left + c - columns[i])
                 out[r, 2 * c] += size * values[i, 0]
                 out[r, 2 * c + 1] += size * values[i, 1]
 

@@ -14,6 +14,7 @@ from radcal.errors import ConfigError
 from radcal.radar.geometry import Geometry
 from radcal.radar.image import ImageFormation, Reflectivity, decibels, law_tables, reflectivity
 from radcal.radar.laws import EXTERNAL, LAWS, Law, law_for
+from radcal.radar.radiometry import noise_floor_db
 
 __all__ = ["BuiltinSimulator"]
 
@@ -26,7 +27,7 @@ class _Last:
     """What a run leaves for the next."""
 
     noise_seed: int
-    tables: NDArray[np.float32]
+    parameters: Mapping[str, Sequence[float]]
     cells: Reflectivity
     image: NDArray[np.float32]
 
@@ -63,8 +64,8 @@ class BuiltinSimulator:
                     f"materials.{name}.law is {EXTERNAL}, which only simulator.kind: command can simulate, expected "
                     f"one of {sorted(LAWS)}."
                 )
-        self._looks = radar.looks
-        self._formation = ImageFormation(radar, geometry.shape, geometry.points)
+        noise_db = noise_floor_db(radar, geometry.flat_incidence_deg)
+        self._formation = ImageFormation(radar, geometry.shape, noise_db, geometry.points)
         self._last: _Last | None = None
 
     @property
@@ -78,15 +79,16 @@ class BuiltinSimulator:
         What the last run left is used where only some materials have another law: the numbers
         are the same, bit for bit, as of a run from nothing.
         """
-        tables = law_tables(self._geometry.names, self._laws, parameters)
-        last = self._last
+        parameters = {name: tuple(parameters[name]) for name in self._laws if name in self._geometry.names}
+        last, self._last = self._last, None  # its arrays are written over, or their memory is needed
         if last is None or last.noise_seed != noise_seed:
-            self._last = None  # its memory is needed
-            cells = reflectivity(self._geometry, tables)
+            cells = reflectivity(self._geometry, law_tables(self._geometry.names, self._laws, parameters))
             image = self._formation.intensity(cells, noise_seed)
         else:
-            changed = (tables != last.tables).any(axis=1)
+            others = {name: law for name, law in self._laws.items() if parameters[name] != last.parameters[name]}
+            changed = np.array([False, *(name in others for name in self._geometry.names)])
+            tables = law_tables(self._geometry.names, others, parameters)
             cells = reflectivity(self._geometry, tables, last.cells, changed)
             image = self._formation.intensity(cells, noise_seed, last.image, self._formation.touched(cells, changed))
-        self._last = _Last(noise_seed, tables, cells, image)
-        return decibels(image, self._looks)
+        self._last = _Last(noise_seed, parameters, cells, image)
+        return decibels(image)

@@ -1,0 +1,65 @@
+"""What a pixel's number stands for: reference areas, and the noise floor in the same terms."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radcal.config import Radar
+
+__all__ = ["noise_floor_db", "of_sigma0"]
+
+
+def of_sigma0(radiometry: str, incidence_deg: ArrayLike) -> NDArray[np.float64]:
+    """What sigma0 is multiplied by to be brought to a radiometry.
+
+    Parameters
+    ----------
+    radiometry : str
+        ``sigma0_local`` and ``sigma0_ref`` (1), ``beta0`` (1 / sin) or ``gamma0`` (1 / cos).
+    incidence_deg : array_like
+        Incidence on flat ground at the pixel's slant range, within 0 and 90 [deg].
+
+    Returns
+    -------
+    ndarray of the shape of ``incidence_deg`` [linear]
+
+    References
+    ----------
+    Raney, Freeman, Hawkins and Bamler, "A plea for radar brightness", IGARSS (1994): the same
+    echo over the pixel's area on flat ground (sigma0), in the slant plane (beta0), and across the
+    direction to the radar (gamma0).
+    """
+    incidence = np.radians(np.asarray(incidence_deg, dtype=np.float64))
+    match radiometry:
+        case "beta0":
+            return np.asarray(1.0 / np.sin(incidence))
+        case "gamma0":
+            return np.asarray(1.0 / np.cos(incidence))
+        case _:
+            return np.ones_like(incidence)
+
+
+def noise_floor_db(radar: Radar, incidence_deg: ArrayLike) -> NDArray[np.float64]:
+    """Level of an image without any echo.
+
+    Parameters
+    ----------
+    radar : Radar
+        ``nesz_db``, one number or a table over incidence on flat ground, and ``radiometry``.
+    incidence_deg : array_like
+        Incidence on flat ground [deg].
+
+    Returns
+    -------
+    ndarray of the shape of ``incidence_deg``
+        Noise-equivalent sigma0 in the image's radiometry [dB]; between the rows of a table
+        linear in dB, beyond them its nearest.
+    """
+    incidence = np.asarray(incidence_deg, dtype=np.float64)
+    if isinstance(radar.nesz_db, float):
+        sigma0 = np.full_like(incidence, radar.nesz_db)
+    else:
+        angles, levels = zip(*radar.nesz_db, strict=True)
+        sigma0 = np.interp(incidence, angles, levels)
+    return np.asarray(sigma0 + 10.0 * np.log10(of_sigma0(radar.radiometry, incidence)))
