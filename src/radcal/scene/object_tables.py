@@ -279,7 +279,8 @@ def _numbers(table: pd.DataFrame, name: str, path: Path, may_be_empty: bool) -> 
     wrong = ~np.isfinite(values) & ~(empty if may_be_empty else False)
     if wrong.any():
         row = int(np.argmax(wrong))
-        found = "empty" if empty[row] else repr(table[name].iloc[row])
+        value = table[name].iloc[row]
+        found = "empty" if empty[row] else repr(value) if isinstance(value, str) else str(value)
         raise _error(path, f"row {row + 1}: {name} is {found}, expected a finite number.")
     return values
 
@@ -296,7 +297,7 @@ def _checked(table: pd.DataFrame, path: Path, place: Place, curves: Mapping[str,
     for name in table.columns:
         meant = difflib.get_close_matches(name.lower(), _COLUMNS, n=1, cutoff=0.75)
         if name not in _COLUMNS and meant and meant[0] not in table.columns:
-            raise _error(path, f"has a column {name!r}, did you mean {meant[0]!r}?")
+            raise _error(path, f"has an unknown column {name!r} (did you mean {meant[0]!r}?).")
     if not len(table):
         raise _error(path, "has no rows, expected one for each object.")
     classes = _texts(table, "aspect")

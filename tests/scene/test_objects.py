@@ -1,0 +1,392 @@
+"""Objects: aspect, tables and their refusals, the generator, and the way through a scene's file."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Callable
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+from pyproj import CRS
+
+from radcal.config import case_from
+from radcal.errors import ConfigError, SceneError
+from radcal.scene.model import Scene, read_scene, write_scene
+from radcal.scene.object_generator import generate_objects
+from radcal.scene.object_tables import Place, read_objects
+from radcal.scene.objects import Objects, check_curve
+from radcal.scene.sources import make_scene
+
+UTM = "EPSG:32631"
+LOCAL = Place((200.0, 100.0))
+MAP = Place((200.0, 100.0), (600_000.0, 5_780_000.0), UTM)
+ROWS = {
+    "x_m": [10.0, 60.5, 199.0],
+    "y_m": [20.0, 30.25, 99.0],
+    "length_m": [0.0, 12.0, 4.5],
+    "width_m": [0.0, 8.0, 1.8],
+    "heading_deg": [0.0, 30.0, 350.0],
+    "height_m": [3.0, 9.5, 1.5],
+    "rcs_dbsm": [10.0, 25.5, 15.0],
+    "kind": ["reflector", "building", "car"],
+}
+CURVE = [[0.0, 20.0], [90.0, 30.0], [180.0, 10.0], [270.0, 30.0]]
+
+
+def assert_equal(a: Objects, b: Objects) -> None:
+    for item in fields(Objects):
+        x, y = getattr(a, item.name), getattr(b, item.name)
+        if isinstance(x, np.ndarray):
+            assert x.dtype == y.dtype
+            np.testing.assert_array_equal(x, y)
+    assert a.kinds == b.kinds
+    assert {k: np.asarray(v).tolist() for k, v in a.curves.items()} == {
+        k: np.asarray(v).tolist() for k, v in b.curves.items()
+    }
+
+
+def csv(path: Path, **columns: Any) -> Path:
+    table = {name: values for name, values in (ROWS | columns).items() if values is not None}
+    pd.DataFrame(table).to_csv(path / "objects.csv", index=False)
+    return path / "objects.csv"
+
+
+def hdf5(path: Path, curves: dict[str, Any] | None = None, crs: str | None = None, **columns: Any) -> Path:
+    with h5py.File(path / "objects.h5", "w") as file:
+        group = file.create_group("objects")
+        for name, values in (ROWS | columns).items():
+            if values is not None:
+                group[name] = values
+        if crs is not None:
+            group.attrs["crs"] = crs
+        for name, curve in (curves or {}).items():
+            file[f"aspect/{name}"] = curve
+    return path / "objects.h5"
+
+
+def geopackage(
+    path: Path, shapes: list[Any], columns: dict[str, Any], crs: str | None = UTM, envelope: int = 0, layers: int = 1
+) -> Path:
+    """Write a GeoPackage as the standard has it (OGC 12-128r18), without GDAL."""
+    file = path / "objects.gpkg"
+    number = -1 if crs is None else int(crs.split(":")[1])
+    with sqlite3.connect(file) as db:
+        db.execute(
+            "CREATE TABLE gpkg_spatial_ref_sys (srs_name, srs_id, organization, organization_coordsys_id, definition)"
+        )
+        wkt = "undefined" if crs is None else CRS(crs).to_wkt()
+        organisation = "NONE" if crs is None else crs.split(":")[0]
+        db.execute("INSERT INTO gpkg_spatial_ref_sys VALUES (?, ?, ?, ?, ?)", ("x", number, organisation, number, wkt))
+        db.execute("CREATE TABLE gpkg_contents (table_name, data_type, srs_id)")
+        db.execute("CREATE TABLE gpkg_geometry_columns (table_name, column_name, geometry_type_name, srs_id)")
+        for k in range(layers):
+            name = f"layer {k}"
+            db.execute("INSERT INTO gpkg_contents VALUES (?, 'features', ?)", (name, number))
+            db.execute("INSERT INTO gpkg_geometry_columns VALUES (?, 'geom', 'GEOMETRY', ?)", (name, number))
+            size = {0: 0, 1: 32, 2: 48}[envelope]
+            blobs = [b"GP\x00" + bytes([1 | envelope << 1]) + b"\0" * (4 + size) + shapely.to_wkb(s) for s in shapes]
+            pd.DataFrame({"fid": range(1, len(shapes) + 1), "geom": blobs, **columns}).to_sql(name, db, index=False)
+    db.close()
+    return file
+
+
+# --- aspect
+
+
+def towards(curve: Any, heading: Any, bearing: float) -> np.ndarray:
+    heading = np.atleast_1d(np.asarray(heading, dtype=float))
+    zero = np.zeros(heading.size)
+    first = np.zeros(heading.size, np.int16)
+    curves = {"a": np.asarray(curve, dtype=float)}
+    some = Objects(zero, zero, zero, zero, heading, zero, zero + np.nan, first, first, ("",), curves)
+    return 10 * np.log10(some.cross_section_m2(bearing))
+
+
+@pytest.mark.parametrize(
+    ("heading", "bearing", "dbsm"),
+    [(0, 0, 20), (0, 90, 30), (90, 90, 20), (90, 270, 10), (45, 90, 25), (0, 315, 25), (10, 270, 27 + 7 / 9),
+     (-90, 270, 20),
+     (270, 270, 20), (0, 225, 20)],
+)  # fmt: skip
+def test_aspect_is_the_radars_bearing_less_the_heading(heading: float, bearing: float, dbsm: float) -> None:
+    assert towards(CURVE, heading, bearing)[0] == pytest.approx(dbsm)
+
+
+@given(heading=st.floats(-360, 360), bearing=st.floats(0, 360), turns=st.integers(-2, 2))
+def test_aspect_has_a_period_of_a_turn(heading: float, bearing: float, turns: int) -> None:
+    once, again = towards(CURVE, [heading, heading + 360.0 * turns], bearing)
+    assert again == pytest.approx(once, abs=1e-9)
+    same = [[180.0, 10.0], [-90.0, 30.0], [0.0, 20.0], [90.0, 30.0]]  # another order, and angles below zero
+    assert towards(same, heading, bearing)[0] == pytest.approx(once, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("curve", "says"),
+    [
+        ([[0.0, 1.0]], "at least two pairs"),
+        ([1.0, 2.0], "at least two pairs"),
+        ([[0.0, 1.0], [np.nan, 2.0]], "not finite"),
+        ([[0.0, 1.0], [400.0, 2.0]], "aspect of 400 degrees, expected -180 to 360"),
+        ([[0.0, 1.0], [90.0, 3.0], [360.0, 2.0]], "aspect 360 degrees twice"),
+        ([[0.0, 1.0], [90.0, 5000.0]], "cross-section of 5000, expected -100 to 70 dBsm"),
+    ],
+)
+def test_wrong_curves(curve: Any, says: str) -> None:
+    assert says in str(check_curve(curve))
+    assert check_curve(CURVE) is None
+
+
+# --- tables
+
+
+@pytest.mark.parametrize("write", [csv, hdf5])
+def test_a_table_is_read_as_it_is(write: Callable[..., Path], tmp_path: Path) -> None:
+    found = read_objects(write(tmp_path), LOCAL)
+    assert len(found) == 3
+    for name in ("x_m", "y_m", "length_m", "width_m", "heading_deg", "height_m", "rcs_dbsm"):
+        assert getattr(found, name).tolist() == ROWS[name]
+    assert [found.kinds[k] for k in found.kind] == ROWS["kind"]
+    assert found.extended.tolist() == [False, True, True]
+    np.testing.assert_allclose(found.cross_section_m2(270.0), [10.0, 10**2.55, 10**1.5])
+
+
+def test_coordinates_of_the_map_become_those_of_the_scene(tmp_path: Path) -> None:
+    east, north = np.array(ROWS["x_m"]) + 600_000.0, np.array(ROWS["y_m"]) + 5_780_000.0
+    on_map = read_objects(hdf5(tmp_path, x_m=east, y_m=north, crs=UTM), MAP)
+    assert_equal(on_map, read_objects(csv(tmp_path), LOCAL))
+
+
+def test_the_smallest_table_is_of_points(tmp_path: Path) -> None:
+    found = read_objects(csv(tmp_path, length_m=None, width_m=None, heading_deg=None, kind=None), LOCAL)
+    assert not found.extended.any()
+    assert found.kinds == ("",)
+
+
+@pytest.mark.parametrize("envelope", [0, 1, 2])
+def test_polygons_of_a_geopackage_are_rectangles(tmp_path: Path, envelope: int) -> None:
+    def box(x: float, y: float, length: float, width: float, heading: float) -> Any:
+        b = np.radians(heading)
+        along, across = np.array([np.sin(b), np.cos(b)]), np.array([np.cos(b), -np.sin(b)])
+        corners = [(i * length / 2 * along + j * width / 2 * across) for i, j in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
+        return shapely.Polygon(np.array(corners) + [600_000.0 + x, 5_780_000.0 + y])
+
+    shapes = [
+        shapely.Point(600_010.0, 5_780_020.0),
+        box(60.0, 40.0, 12.0, 8.0, 30.0),
+        shapely.MultiPolygon([box(100.0, 50.0, 20.0, 4.0, 200.0)]),
+        shapely.Point(600_030.0, 5_780_020.0),
+    ]
+    columns = {
+        "height_m": [2, 9, 5, 3], "rcs_dbsm": [10.0, 20.0, 30.0, 5.0], "heading_deg": [90.0, 10.0, 190.0, 45.0],
+        "length_m": [0.0, None, None, 6.0], "width_m": [0.0, None, None, 2.0],
+    }  # fmt: skip
+    found = read_objects(geopackage(tmp_path, shapes, columns, envelope=envelope), MAP)
+    np.testing.assert_allclose(found.x_m, [10.0, 60.0, 100.0, 30.0], atol=1e-3)  # of GEOS at such coordinates
+    np.testing.assert_allclose(found.y_m, [20.0, 40.0, 50.0, 20.0], atol=1e-3)
+    np.testing.assert_allclose(found.length_m, [0.0, 12.0, 20.0, 6.0], atol=1e-3)
+    np.testing.assert_allclose(found.width_m, [0.0, 8.0, 4.0, 2.0], atol=1e-3)
+    # of the rectangle's two ends the one that the column's heading is nearer to
+    np.testing.assert_allclose(found.heading_deg, [90.0, 30.0, 200.0, 45.0], atol=0.01)
+
+
+def refused(path: Path, place: Place = LOCAL, **keys: Any) -> str:
+    with pytest.raises(SceneError) as caught:
+        read_objects(path, place, **keys)
+    text = str(caught.value)
+    assert str(path) in text
+    assert text.endswith(".")
+    assert "\n" not in text
+    return text
+
+
+@pytest.mark.parametrize(
+    ("columns", "says"),
+    [
+        ({"height_m": None}, "has no column 'height_m', found "),
+        ({"rcs_dbsm": None}, "has no column 'rcs_dbsm'"),
+        ({"height_m": [1.0, np.nan, 2.0]}, "row 2: height_m is empty, expected a finite number"),
+        ({"height_m": ["1", "high", "2"]}, "row 2: height_m is 'high', expected a finite number"),
+        ({"x_m": [1.0, 2.0, np.inf]}, "row 3: x_m is inf, expected a finite number"),
+        ({"length_m": [0.0, -12.0, 4.5]}, "row 2: length_m is -12, expected 0 to 10000 m"),
+        ({"height_m": [-1.0, 0.0, 0.0]}, "row 1: height_m is -1, expected 0 to 1000 m"),
+        ({"rcs_dbsm": [10.0, 20.0, 25_000.0]}, "row 3: rcs_dbsm is 25000, expected -100 to 70 dBsm (10 log10 of"),
+        ({"width_m": [0.0, 0.0, 1.0]}, "row 2: width_m is 0, expected length_m and width_m both positive"),
+        ({"length_m": [0.0, 5.0, 0.0]}, "row 3: length_m is 0, expected length_m and width_m both positive"),
+        ({"x_m": [10.0, 60.0, 201.0]}, "row 3: x_m is 201, expected 0 to 200, the scene's extent"),
+        ({"y_m": [-0.5, 60.0, 20.0]}, "row 1: y_m is -0.5, expected 0 to 100, the scene's extent"),
+        ({"aspect": ["", "", "lorry"], "rcs_dbsm": [1.0, 2.0, np.nan]}, "row 3: aspect is 'lorry', expected a class"),
+        ({"aspect": ["", "", "car"]}, "row 3: rcs_dbsm is 15, expected it empty where the row has an aspect class"),
+        ({"aspect": ["", "", "car"], "rcs_dbsm": [1.0, np.nan, np.nan]}, "row 2: rcs_dbsm is empty"),
+        ({"length_m": None, "lenght_m": [0.0, 1.0, 2.0]}, "unknown column 'lenght_m' (did you mean 'length_m'?)"),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("write", [csv, hdf5])
+def test_wrong_rows(write: Callable[..., Path], columns: dict[str, Any], says: str, tmp_path: Path) -> None:
+    if write is hdf5 and any(isinstance(v, list) and isinstance(v[0], str) and "high" in v for v in columns.values()):
+        columns = {"height_m": np.array(columns["height_m"], dtype=h5py.string_dtype())}
+    text = refused(write(tmp_path, **columns), curves={"car": CURVE})
+    assert says in text
+    assert text.startswith("scene.objects.path")
+
+
+def test_wrong_files(tmp_path: Path) -> None:
+    for name, content, says in [
+        ("a.csv", "", "cannot be read as CSV"),
+        ("b.csv", "x_m,y_m,height_m,rcs_dbsm\n", "has no rows"),
+        ("c.csv", b"\xff\xfe\x00\x01,2\n\x80", "cannot be read as CSV"),
+        ("d.h5", "no HDF5", "cannot be read as HDF5"),
+        ("e.gpkg", "no SQLite, but long enough to be a database of some sort", "cannot be read as GeoPackage"),
+        ("f.txt", "x", "expected a file ending with .csv, .gpkg, .h5 or .hdf5"),
+    ]:
+        path = tmp_path / name
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        assert says in refused(path)
+    with h5py.File(tmp_path / "g.h5", "w") as file:
+        file["x_m"] = [1.0]
+    assert "has no group 'objects'" in refused(tmp_path / "g.h5")
+    assert "x_m has 2 entries" in refused(hdf5(tmp_path, x_m=[1.0, 2.0]))
+    wrong = hdf5(tmp_path, curves={"car": [[0.0, 1e6], [90.0, 1.0]]})
+    assert "aspect/car has a cross-section of 1e+06" in refused(wrong)
+    with pytest.raises(SceneError, match=r"scene\.objects\.aspect\.car: .* has a class of that name, too"):
+        read_objects(hdf5(tmp_path, curves={"car": CURVE}), LOCAL, curves={"car": CURVE})
+
+
+def test_wrong_crs_and_layers(tmp_path: Path) -> None:
+    attributes = {"height_m": [2.0], "rcs_dbsm": [10.0]}
+    here = [shapely.Point(600_010.0, 5_780_020.0)]
+
+    def written(**keys: Any) -> Path:
+        (tmp_path / "objects.gpkg").unlink(missing_ok=True)
+        return geopackage(tmp_path, keys.pop("shapes", here), attributes, **keys)
+
+    says = refused(written(crs="EPSG:32632"), MAP)
+    assert "is in EPSG:32632 (WGS 84 / UTM zone 32N), the scene in EPSG:32631" in says
+    assert "the scene has no CRS" in refused(written(), LOCAL)
+    assert "layer 'layer 0' has no CRS, expected EPSG:32631" in refused(written(crs=None), MAP)
+    assert "is in EPSG:4326" in refused(hdf5(tmp_path, crs="EPSG:4326"), MAP)
+    assert "no known CRS" in refused(hdf5(tmp_path, crs="nowhere"), MAP)
+    assert "has the layers layer 0, layer 1: name one as scene.objects.layer" in refused(written(layers=2), MAP)
+    assert "scene.objects.layer is 'cars'" in refused(written(layers=2), MAP, layer="cars")
+    assert len(read_objects(written(layers=2), MAP, layer="layer 1")) == 1
+    line = shapely.LineString([(0, 0), (1, 1)])
+    assert "row 1 is 'LINESTRING (0 0, 1 1)', expected a point or a polygon" in refused(written(shapes=[line]), MAP)
+    assert len(read_objects(written(crs=None, shapes=[shapely.Point(3.0, 4.0)]), LOCAL)) == 1
+
+
+# --- scene and configuration
+
+
+def test_round_trip_through_the_scenes_file_is_exact(build_scene: Callable[..., Scene], tmp_path: Path) -> None:
+    path = hdf5(tmp_path, curves={"zug": CURVE, "auto": CURVE[:3]}, aspect_="", rcs_dbsm=[1.0, np.nan, np.nan])
+    with h5py.File(path, "a") as file:
+        del file["objects/aspect_"]
+        file["objects/aspect"] = ["", "zug", "auto"]
+    made = read_objects(path, LOCAL)
+    assert [list(made.curves)[k] for k in made.aspect[1:]] == ["zug", "auto"]
+    scene = replace(build_scene(lambda east, north: 0 * east), objects=made)
+    write_scene(tmp_path / "scene.h5", scene)
+    found = read_scene(tmp_path / "scene.h5").objects
+    assert found is not None
+    assert_equal(found, made)
+    assert found.identity == made.identity
+    np.testing.assert_array_equal(found.cross_section_m2(270.0), made.cross_section_m2(270.0))
+    write_scene(tmp_path / "scene.h5", replace(scene, objects=None))
+    assert read_scene(tmp_path / "scene.h5").objects is None
+
+
+def test_identity_knows_all_that_an_image_depends_on(tmp_path: Path) -> None:
+    made = read_objects(csv(tmp_path), LOCAL)
+    others = [
+        replace(made, **{name: getattr(made, name) + 1}) for name in ("x_m", "height_m", "rcs_dbsm", "heading_deg")
+    ]
+    others.append(replace(made, curves={"a": np.array(CURVE)}))
+    assert len({made.identity, *(other.identity for other in others)}) == 6
+    assert replace(made, kinds=("a", "b", "c")).identity == made.identity
+
+
+def configured(objects: Any) -> Any:
+    return case_from({"scene": {"source": "builtin", "objects": objects}}).scene
+
+
+def test_a_configured_scene_has_its_objects(tmp_path: Path) -> None:
+    materials = ["dyke", "water", "grass", "forest", "crops", "bare_soil", "road"]
+    bare = make_scene(case_from({}).scene, materials)
+    scene = make_scene(configured({"path": str(csv(tmp_path))}), materials)
+    assert scene.objects is not None
+    assert len(scene.objects) == 3
+    assert scene.identity != bare.identity
+    assert scene.notes[-1] == "3 objects, 1 of them points"
+    np.testing.assert_array_equal(scene.material, bare.material)
+    made = make_scene(configured({"generate": {"trees": 5, "cars": 2, "seed": 3}}), materials).objects
+    assert made is not None
+    assert len(made) == 7
+    with pytest.raises(ConfigError, match=r"scene\.objects\.path: the file .*no\.csv does not exist"):
+        make_scene(configured({"path": str(tmp_path / "no.csv")}), materials)
+
+
+@pytest.mark.parametrize(
+    ("objects", "says"),
+    [
+        ({}, "scene.objects: has neither path and generate, expected one of them"),
+        ({"path": "a.csv", "generate": {"trees": 1}}, "scene.objects: has both path and generate"),
+        ({"generate": {}}, "scene.objects.generate: has no object, expected a number of trees"),
+        ({"generate": {"trees": -1}}, "scene.objects.generate.trees is -1"),
+        ({"generate": {"trees": 1}, "aspect": {"a": CURVE}}, "aspect is for a table"),
+        ({"path": "a.csv", "aspect": {"a": [[0, 1], [90, 500]]}}, "aspect.a has a cross-section of 500"),
+        ({"pth": "a.csv"}, "unknown key scene.objects.pth (did you mean 'path'?)"),
+    ],
+)
+def test_wrong_configurations(objects: Any, says: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        configured(objects)
+    assert says in str(caught.value)
+
+
+# --- generator
+
+
+def test_the_generator_is_that_of_its_seed() -> None:
+    keys = {"trees": 300, "cars": 50, "buildings": 60}
+    first, again, other = (generate_objects((900.0, 700.0), seed, **keys) for seed in (4, 4, 5))
+    assert_equal(first, again)
+    assert not np.isin(first.x_m, other.x_m).any()
+    more = generate_objects((900.0, 700.0), 4, **(keys | {"cars": 70}))
+    np.testing.assert_array_equal(more.x_m[:360], first.x_m[:360])  # kinds have streams of their own
+
+
+def corners(objects: Objects) -> np.ndarray:
+    bearing = np.radians(objects.heading_deg)[:, None]
+    along = np.array([1, 1, -1, -1]) * objects.length_m[:, None] / 2
+    across = np.array([1, -1, -1, 1]) * objects.width_m[:, None] / 2
+    x = objects.x_m[:, None] + along * np.sin(bearing) + across * np.cos(bearing)
+    y = objects.y_m[:, None] + along * np.cos(bearing) - across * np.sin(bearing)
+    return np.stack([x, y], axis=-1)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_buildings_do_not_overlap_and_nothing_stands_in_them(seed: int) -> None:
+    made = generate_objects((600.0, 400.0), seed, trees=3000, cars=500, buildings=250)
+    counts = np.bincount(made.kind)
+    assert dict(zip(made.kinds, counts, strict=True)) == {"building": 250, "tree": 3000, "car": 500}
+    shapes = shapely.polygons(corners(made))
+    houses, others = shapes[:250], shapely.points(made.x_m[250:], made.y_m[250:])
+    pairs = shapely.STRtree(houses).query(houses, predicate="intersects")
+    assert (pairs[0] == pairs[1]).all()
+    assert not shapely.STRtree(houses).query(others, predicate="within").size
+    assert shapely.box(0, 0, 600, 400).buffer(1e-6).contains(houses).all()
+    assert (made.width_m <= made.length_m).all()
+    assert made.height_m.min() > 1.0
+
+
+def test_a_crowd_of_buildings_is_refused() -> None:
+    with pytest.raises(SceneError, match=r"generate\.buildings is 99, expected at most 9: one for each 28 m x 28 m"):
+        generate_objects((100.0, 100.0), 1, buildings=99)
+    assert len(generate_objects((10.0, 10.0), 1, trees=3)) == 3
