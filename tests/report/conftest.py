@@ -103,6 +103,7 @@ def make_archive(
         incidence_deg=incidence,
         layover=np.zeros(shape, dtype=bool),
         shadow=np.zeros(shape, dtype=bool),
+        flat_incidence_deg=np.linspace(20.0, 50.0, shape[0]),
         ground=np.full((2, *shape), np.nan, dtype=np.float32),
     )
 

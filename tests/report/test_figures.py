@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import warnings
+from dataclasses import replace
 
 import h5py
 import matplotlib as mpl
@@ -13,7 +14,9 @@ import pytest
 
 from radcal.report import figures as module
 from radcal.report import map_figures
+from radcal.report.archive import write_archive
 from radcal.report.figures import write_figures
+from radcal.scene.objects import Objects
 
 MANY = [f"material {n}" for n in range(13)] + ["a_name_" * 12, "two words", "two_words"]
 
@@ -210,3 +213,30 @@ def test_label_points_lie_inside():
     other = map_figures._middle(inside, [(row, column)])
     assert inside[other]
     assert abs(other[1] - column) > 4
+
+
+def test_objects_are_dots_in_the_scene(made, tmp_path):
+    places = np.random.default_rng(3).uniform(0.0, 100.0, (2, 45_001))
+    n = places.shape[1]
+    zero = np.zeros(n)
+    objects = Objects(*places, zero, zero, zero, zero, zero, np.full(n, -1, np.int16), np.zeros(n, np.int16))
+    path = tmp_path / "calibration.h5"
+    write_archive(
+        path, case=made.case, stop=made.stop, history=made.history, scene=replace(made.scene, objects=objects),
+        geometry=made.geometry, registered=made.registered, targets=made.targets, runs=made.path.parent / "runs",
+        final=made.final,
+    )  # fmt: skip
+    with h5py.File(path) as file:
+        assert file["scene/objects"].attrs["count"] == n
+        np.testing.assert_allclose(file["scene/objects"], places.T[::3], rtol=1e-6)
+    case = module.read_case(path)
+    with mpl.rc_context(module.STYLE):
+        canvas, caption, _ = module.scene(case)
+        assert not drawn(canvas)
+    dots = [line for axes in canvas.axes for line in axes.lines if line.get_marker() == ","]
+    assert len(dots) == 1
+    np.testing.assert_allclose(dots[0].get_xydata(), places.T[::3] / 1000.0, rtol=1e-6)
+    assert "Objects are dots" in caption
+    plain, caption, _ = module.scene(module.read_case(made.path))
+    assert not any(axes.lines for axes in plain.axes if axes.get_title() == "materials")
+    assert "Objects" not in caption

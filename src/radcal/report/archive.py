@@ -33,6 +33,8 @@ Layout of the archive (schema 1); backscatter in dB, angles in degrees:
 ``  incidence_deg``
 ``scene/material, elevation_m``           materials and elevation [m] of the scene, row 0 in the south, every
                                           ``step``-th cell (attribute; ``cell_m`` [m] is that of the scene)
+``scene/objects``                         middle [m] of objects, east and north of the south-west corner, evenly spaced
+                                          ones where there are many (attribute ``count`` is of all); only if any
 ``laws/<m>``                              parameters of every material's law in the final runs; the law's
                                           name is an attribute of ``laws``
 ``laws/<m>``, ``materials/<m>/start``     what evaluating their law takes: ``law``, ``polarisation``, and
@@ -79,6 +81,7 @@ __all__ = ["read_law", "write_archive", "write_table"]
 
 _REGISTRATION = ("unregistered_db", "displacement_px", "uncertainty_px")
 _LARGEST_SCENE = 1200  # cells per side
+_MOST_OBJECTS = 20_000  # more dots than a picture tells apart
 _PACKAGES = ("radcal", "numpy", "scipy", "smt", "platypus-opt", "h5py", "snakemake")
 
 
@@ -266,6 +269,11 @@ def _put_scene(group: h5py.Group, scene: Scene) -> None:
         if (values := getattr(scene, name)) is not None:
             values = values[::step, ::step].astype(np.uint8 if name == "material" else np.float32)
             group.create_dataset(name, data=values, compression="gzip", compression_opts=1)
+    if scene.objects is not None and (count := len(scene.objects)):
+        every = -(-count // _MOST_OBJECTS)
+        places = np.stack([scene.objects.x_m, scene.objects.y_m], axis=1)[::every].astype(np.float32)
+        group.create_dataset("objects", data=places, compression="gzip", compression_opts=1)
+        group["objects"].attrs["count"] = count
 
 
 def _versions() -> dict[str, str]:

@@ -52,7 +52,13 @@ def scene(case: CaseData) -> tuple[Canvas, str, str] | None:
     flat[0].imshow(light.hillshade(elevation, dx=cell_m, dy=cell_m), cmap="gray", origin="lower", extent=sides)
     flat[0].set_title("shaded relief, light from north-west")
     flat[1].imshow(material, cmap=cmap, norm=norm, origin="lower", extent=sides, interpolation="nearest")
-    flat[1].set_title("materials")
+    objects = case.scene.get("objects")
+    if objects is not None:
+        flat[1].plot(
+            *objects.T / 1000.0, ",", color="black", rasterized=True
+        )  # a pixel each: cheap, whatever their number
+        flat[1].set(xlim=sides[:2], ylim=sides[2:])
+    flat[1].set_title("materials" if objects is None else "materials and objects (black)")
     shown = flat[2].imshow(elevation, cmap="terrain", origin="lower", extent=sides)
     flat[2].set_title("elevation")
     bar = canvas.colorbar(shown, ax=flat[2], fraction=0.046, pad=0.03)
@@ -88,6 +94,8 @@ def scene(case: CaseData) -> tuple[Canvas, str, str] | None:
         f"The scene: {nx * cell_m / 1000.0:.3g} by {ny * cell_m / 1000.0:.3g} km, heights from {elevation.min():.0f} "
         f"to {elevation.max():.0f} m."
     )
+    if objects is not None:
+        caption += " Objects are dots, whatever their size."
     return canvas, caption, "Shaded relief, material map, elevation map and a view of the terrain."
 
 
