@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal import skewnormal
 from radcal.radar.laws import Law
-from radcal.report.archive import read_law
+from radcal.report.law_records import read_law
 
 __all__ = ["law_difference_db", "sentences", "summarise", "wall_seconds"]
 
