@@ -286,6 +286,23 @@ def test_bad_values_are_refused_in_a_sentence(data: dict[str, Any], words: list[
         assert word in text, text
 
 
+@pytest.mark.parametrize(
+    ("data", "key"),
+    [
+        ({"seed": True}, "seed"),
+        ({"radar": {"looks": True}}, "radar.looks"),
+        ({"radar": {"frequency_ghz": True}}, "radar.frequency_ghz"),
+        ({"target": {"pixels": True}}, "target.pixels"),
+        ({"stop": {"stagnation_runs": True}}, "stop.stagnation_runs"),
+        (dyke(bounds=[[True, 50.0], *[[0.0, 50.0]] * 3]), "materials.dyke.bounds.0.0"),
+        (dyke(start=[True, 10.0, 10.0, 10.0]), "materials.dyke.start.0"),
+        (synthetic(parameters={"dyke": [*X[:3], True]}), "measurement.synthetic.parameters.dyke.3"),
+    ],
+)
+def test_yes_and_no_are_no_numbers(data: dict[str, Any], key: str) -> None:
+    assert message(data) == f"some.yaml: {key} is True, expected a number."
+
+
 def test_more_than_one_mistake_is_counted() -> None:
     assert "(and 2 more)" in message({"seed": -1, "radar": {"looks": 0}, "stop": {"rms": -1}})
 
