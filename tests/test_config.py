@@ -497,6 +497,20 @@ def test_bounds_of_absurd_size_are_refused() -> None:
         case_from({"materials": {"dyke": {"calibrate": True, "bounds": [[0, 1e30]] * 4}}})
 
 
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        ({"materials": {"road": {"parameters": [1001, 0, 0, 0]}}}, "materials.road: parameters: X1 of law 'mangia' is"),
+        (synthetic(parameters={"dyke": [0, -1e30, 0, 0]}), "parameters.dyke: X2 of law 'mangia' is -1e+30, expected"),
+        (dyke(start={"law": "constant_gamma", "parameters": [2000]}), "gamma of law 'constant_gamma' is 2000,"),
+    ],
+)
+def test_parameters_of_absurd_size_are_refused(data: dict[str, Any], words: str) -> None:
+    text = message(data)
+    assert words in text
+    assert "expected -1000 to 1000" in text
+
+
 def test_the_default_truth_does_not_bind_other_materials() -> None:
     case = case_from({"materials": {"grass": {"calibrate": True}}})
     assert case.calibrated == ["grass"]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import difflib
 import itertools
+import math
 import os
 import re
 import shutil
@@ -253,7 +254,10 @@ def _check_parameters(key: str, values: Sequence[float], law: Law, name: str) ->
     """Refuse parameters of the wrong number, or that the law has no value for."""
     if len(values) != len(law.names):
         raise ValueError(f"{key} has {len(values)} numbers, {_takes(law, name)}")
-    for parameter, x, (low, high) in zip(law.names, values, law.limits or (), strict=law.limits is not None):
+    # what is large for a parameter of somebody else's, only they could say
+    largest = _LARGEST if law.has_curve else math.inf
+    limits = law.limits or ((-largest, largest),) * len(law.names)
+    for parameter, x, (low, high) in zip(law.names, values, limits, strict=True):
         if not low <= x <= high:
             raise ValueError(f"{key}: {parameter} of law {name!r} is {x:g}, expected {low:g} to {high:g}")
 
@@ -444,7 +448,6 @@ class Material(_Strict):
         for name, (low, high) in zip(law.names, self.box, strict=True):
             if not low < high:
                 raise ValueError(f"bounds of {name} are [{low:g}, {high:g}], expected lower < upper")
-            # what is large for a parameter of somebody else's, only they could say
             if law.has_curve and max(abs(low), abs(high)) > _LARGEST:
                 raise ValueError(f"bounds of {name} are [{low:g}, {high:g}], expected within +-{_LARGEST:g}")
         for values in zip(*self.box, strict=True):
