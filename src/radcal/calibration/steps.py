@@ -20,7 +20,7 @@ from radcal.calibration.stopping import decide
 from radcal.calibration.surrogate import OUTPUTS, Surrogate
 from radcal.config import Case, CommandSimulation, Optimiser, Stop
 from radcal.measurement.target import Targets
-from radcal.radar.geometry import read_geometry
+from radcal.radar.geometry import Geometry, read_geometry
 from radcal.scene.model import read_scene
 from radcal.seeds import derived_seed
 from radcal.simulators.builtin import BuiltinSimulator
@@ -54,8 +54,17 @@ def noise_seed(case: Case, fresh: bool = False) -> int:
     return derived_seed(case.seed, "runs", "fresh" if fresh else "common")
 
 
-def make_simulator(case: Case, geometry_path: str | Path) -> Simulator:
-    """The configured simulator on a geometry file.
+def make_simulator(case: Case, geometry: Geometry, geometry_path: str | Path) -> Simulator:
+    """The configured simulator on a geometry.
+
+    Parameters
+    ----------
+    case : Case
+        Sections ``simulator``, ``materials`` and ``radar`` are read.
+    geometry : Geometry
+        Of the pass.
+    geometry_path : path
+        Its file, which an external simulator may be told.
 
     Raises
     ------
@@ -65,19 +74,15 @@ def make_simulator(case: Case, geometry_path: str | Path) -> Simulator:
     if isinstance(case.simulator, CommandSimulation):
         plan = CommandPlan(case.simulator, case.materials)
         work = Path(geometry_path).parent / "work"
-        return CommandSimulator(plan, case.materials, case.radar, read_geometry(geometry_path), geometry_path, work)
-    return BuiltinSimulator(read_geometry(geometry_path), case.radar, case.laws)
+        return CommandSimulator(plan, case.materials, case.radar, geometry, geometry_path, work)
+    return BuiltinSimulator(geometry, case.radar, case.laws)
 
 
 def make_runner(case: Case, scene_path: str | Path, geometry_path: str | Path, runs: str | Path) -> Runner:
     """The configured simulator behind the case's run store."""
-    return Runner(
-        RunStore(runs),
-        make_simulator(case, geometry_path),
-        read_geometry(geometry_path),
-        read_scene(scene_path).identity,
-        case,
-    )
+    geometry = read_geometry(geometry_path)
+    simulator = make_simulator(case, geometry, geometry_path)
+    return Runner(RunStore(runs), simulator, geometry, read_scene(scene_path).identity, case)
 
 
 def reference_parameters(case: Case) -> dict[str, list[float]]:
