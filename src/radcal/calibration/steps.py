@@ -30,6 +30,7 @@ from radcal.store import Parameters, Record, Runner, RunStore
 
 __all__ = [
     "all_parameters",
+    "design_line",
     "make_runner",
     "make_simulator",
     "noise_seed",
@@ -295,6 +296,32 @@ def verify(proposals: Mapping[str, Proposal], targets: Targets, runner: Runner, 
     parameters = all_parameters(case, {name: proposal.parameters for name, proposal in proposals.items()})
     record = runner.run(parameters, noise_seed(case))
     return score("infill", iteration, record, parameters, targets, proposals)
+
+
+def design_line(number: int, size: int, record: Record, targets: Targets) -> str:
+    """One run of the design in one line.
+
+    Parameters
+    ----------
+    number, size : int
+        Which run, from 1, of how many.
+    record : Record
+        The run.
+    targets : mapping
+        Target by calibrated material.
+
+    Returns
+    -------
+    str
+        Its wall time [s] and its rms, the smallest and the largest of several materials.
+    """
+    rms = {name: value for name, (_, value) in targets.score(record.pixels_db).items()}
+    if len(rms) == 1:
+        text = f"rms {next(iter(rms.values())):.2e}"
+    else:
+        low, high = (pick(rms, key=lambda name: rms[name]) for pick in (min, max))
+        text = f"rms {rms[low]:.2e} ({low}) to {rms[high]:.2e} ({high})"
+    return f"design run {number} of {size}: {record.seconds:.1f} s, {text}"
 
 
 def progress_line(history: History, materials: Sequence[str], stop: Stop) -> str:
