@@ -8,7 +8,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,6 @@ from radcal.calibration.infill import propose
 from radcal.calibration.stopping import decide
 from radcal.calibration.surrogate import OUTPUTS, Surrogate
 from radcal.config import Case, CommandSimulation, Optimiser, Stop
-from radcal.measurement.target import Targets
 from radcal.radar.geometry import Geometry, read_geometry
 from radcal.scene.model import read_scene
 from radcal.seeds import derived_seed
@@ -27,6 +26,9 @@ from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.command import CommandPlan, CommandSimulator
 from radcal.simulators.protocol import Simulator
 from radcal.store import Parameters, Record, Runner, RunStore
+
+if TYPE_CHECKING:
+    from radcal.measurement.target import Targets
 
 __all__ = [
     "all_parameters",
