@@ -60,9 +60,10 @@ def dense_search(name: str, sample: int = 256, starts: int = 6) -> float:
     """Smallest density rms [1/dB] that a search on the simulator itself finds."""
     folder = ROOT / "results" / name
     case = load([folder / "case.yaml"])
-    simulator = make_simulator(case, folder / "geometry.h5")
+    geometry = read_geometry(folder / "geometry.h5")
+    simulator = make_simulator(case, geometry, folder / "geometry.h5")
     target = read_targets(folder / "target.h5")["dyke"]
-    pixels = read_geometry(folder / "geometry.h5").pixels("dyke")[target.order]
+    pixels = geometry.pixels("dyke")[target.order]
     low, high = np.array(case.materials["dyke"].box).T
     grid = skewnormal.target_grid(target.dp, 200)
     goal = skewnormal.density(grid, target.dp)

@@ -9,7 +9,7 @@ started from its own default. Times are medians at n = 1,000.
 
 The second table says how often the 95 % intervals of ``skewnormal.intervals`` hold the truth.
 ``--critical`` prints instead what they stand on, the table of critical values of the likelihood
-ratio of a true skewness, simulated (about 10 minutes): see ``_RATIOS`` in ``skewnormal``.
+ratio of a true skewness, simulated (about 10 minutes): see ``_RATIOS`` in ``skewnormal.profile``.
 """
 
 from __future__ import annotations

@@ -290,6 +290,23 @@ def test_bad_values_are_refused_in_a_sentence(data: dict[str, Any], words: list[
         assert word in text, text
 
 
+@pytest.mark.parametrize(
+    ("data", "key"),
+    [
+        ({"seed": True}, "seed"),
+        ({"radar": {"looks": True}}, "radar.looks"),
+        ({"radar": {"frequency_ghz": True}}, "radar.frequency_ghz"),
+        ({"target": {"pixels": True}}, "target.pixels"),
+        ({"stop": {"stagnation_runs": True}}, "stop.stagnation_runs"),
+        (dyke(bounds=[[True, 50.0], *[[0.0, 50.0]] * 3]), "materials.dyke.bounds.0.0"),
+        (dyke(start=[True, 10.0, 10.0, 10.0]), "materials.dyke.start.0"),
+        (synthetic(parameters={"dyke": [*X[:3], True]}), "measurement.synthetic.parameters.dyke.3"),
+    ],
+)
+def test_yes_and_no_are_no_numbers(data: dict[str, Any], key: str) -> None:
+    assert message(data) == f"some.yaml: {key} is True, expected a number."
+
+
 def test_more_than_one_mistake_is_counted() -> None:
     assert "(and 2 more)" in message({"seed": -1, "radar": {"looks": 0}, "stop": {"rms": -1}})
 
@@ -482,6 +499,20 @@ def test_sections_rebuild_a_case_without_the_rest() -> None:
 def test_bounds_of_absurd_size_are_refused() -> None:
     with pytest.raises(ConfigError, match=r"bounds of X1 are \[0, 1e\+30\], expected within"):
         case_from({"materials": {"dyke": {"calibrate": True, "bounds": [[0, 1e30]] * 4}}})
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        ({"materials": {"road": {"parameters": [1001, 0, 0, 0]}}}, "materials.road: parameters: X1 of law 'mangia' is"),
+        (synthetic(parameters={"dyke": [0, -1e30, 0, 0]}), "parameters.dyke: X2 of law 'mangia' is -1e+30, expected"),
+        (dyke(start={"law": "constant_gamma", "parameters": [2000]}), "gamma of law 'constant_gamma' is 2000,"),
+    ],
+)
+def test_parameters_of_absurd_size_are_refused(data: dict[str, Any], words: str) -> None:
+    text = message(data)
+    assert words in text
+    assert "expected -1000 to 1000" in text
 
 
 def test_the_default_truth_does_not_bind_other_materials() -> None:

@@ -12,6 +12,7 @@ from scipy import integrate, optimize, stats
 
 from radcal import skewnormal
 from radcal.errors import FitError
+from radcal.skewnormal import likelihood, profile
 
 DP = [(0.0, 1.0, 0.0), (-3.0, 2.5, 4.0), (12.0, 0.3, -1.5), (40.0, 8.0, -30.0), (1.0, 1.0, 1e-5)]
 
@@ -266,18 +267,18 @@ def test_the_search_matrix_is_the_hessian_at_the_optimum(skewness: float) -> Non
     rng = np.random.default_rng(3)
     xi, omega, alpha = skewnormal.direct([0.0, 1.0, skewness])
     x = stats.skewnorm.rvs(alpha, xi, omega, size=2000, random_state=rng)
-    u, value = skewnormal._search(np.array([0.0, 0.0, np.arctanh(skewness)]), x)
-    _, gradient, matrix = skewnormal._objective(u, x)
+    u, value = likelihood.search(np.array([0.0, 0.0, np.arctanh(skewness)]), x)
+    _, gradient, matrix = likelihood.objective(u, x)
     assert np.abs(gradient).max() < 1e-8
     step = 1e-5
     numeric = np.array(
         [
-            (skewnormal._objective(u + step * e, x)[1] - skewnormal._objective(u - step * e, x)[1]) / (2 * step)
+            (likelihood.objective(u + step * e, x)[1] - likelihood.objective(u - step * e, x)[1]) / (2 * step)
             for e in np.eye(3)
         ]
     )
     np.testing.assert_allclose(matrix, numeric, rtol=1e-4, atol=1e-4)
-    assert value == pytest.approx(-stats.skewnorm.logpdf(x, *np.roll(skewnormal._unpack(u)[0], 1)).mean())
+    assert value == pytest.approx(-stats.skewnorm.logpdf(x, *np.roll(likelihood._unpack(u)[0], 1)).mean())
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
@@ -343,7 +344,7 @@ def slope_of_penalty(alpha: float) -> float:
 
 @pytest.mark.parametrize(("alpha", "tolerance"), [(1e-3, 1e-3), (1.0, 0.03), (4.0, 0.03), (100.0, 1e-3)])
 def test_penalty_stands_for_the_modified_score(alpha: float, tolerance: float) -> None:
-    c1, c2 = skewnormal._C1, skewnormal._C2
+    c1, c2 = likelihood._C1, likelihood._C2
     assert 2 * c1 * c2 * alpha / (1 + c2 * alpha**2) == pytest.approx(slope_of_penalty(alpha), rel=tolerance)
 
 
@@ -400,9 +401,9 @@ def test_penalised_fit_of_a_nearly_symmetric_sample_is_normal() -> None:
 def test_gradient_and_hessian_of_the_search_anywhere(v: float, penalty: float) -> None:
     x = stats.skewnorm.rvs(3.0, -1.0, 1.5, size=60, random_state=3)
     u = np.array([0.2, 0.4, v])
-    _, gradient, hessian = skewnormal._objective(u, x, penalty)
+    _, gradient, hessian = likelihood.objective(u, x, penalty)
     steps = 1e-6 * np.eye(3)
-    pairs = [(skewnormal._objective(u + s, x, penalty), skewnormal._objective(u - s, x, penalty)) for s in steps]
+    pairs = [(likelihood.objective(u + s, x, penalty), likelihood.objective(u - s, x, penalty)) for s in steps]
     np.testing.assert_allclose([(a[0] - b[0]) / 2e-6 for a, b in pairs], gradient, rtol=1e-6, atol=1e-7)
     numeric = np.array([(a[1] - b[1]) / 2e-6 for a, b in pairs])
     np.testing.assert_allclose(hessian, numeric, rtol=1e-5, atol=1e-6 * np.abs(hessian).max())
@@ -414,8 +415,8 @@ def test_fit_finds_the_highest_of_several_maxima() -> None:
     for _ in range(60):
         x = skewnormal.sample(skewnormal.direct([0.0, 1.0, rng.choice([0.0, 0.8, 0.95])]), 50, rng)
         y = (x - x.mean()) / x.std()
-        ends = [skewnormal._search(np.array([0.0, 0.0, v]), y) for v in (-1.5, 0.2, 0.8, 1.4, 2.0, 3.0)]
-        tops = [value for u, value in ends if np.abs(skewnormal._objective(u, y)[1]).max() < 1e-6]
+        ends = [likelihood.search(np.array([0.0, 0.0, v]), y) for v in (-1.5, 0.2, 0.8, 1.4, 2.0, 3.0)]
+        tops = [value for u, value in ends if np.abs(likelihood.objective(u, y)[1]).max() < 1e-6]
         several += len(tops) > 1 and np.ptp(tops) > 1e-4
         assert -skewnormal.log_likelihood(y, skewnormal.fit(y).dp) / y.size < min(value for _, value in ends) + 1e-8
     assert several
@@ -477,7 +478,7 @@ def test_profile_intervals_end_where_the_likelihood_ratio_says(kind: str) -> Non
             assert 2 * (lowest - least) == pytest.approx(stats.t.ppf(0.975, n - 3) ** 2, abs=0.05)
     low, high = intervals[2]
     ratio = skewnormal.likelihood_ratio(x, low)
-    assert ratio == pytest.approx(skewnormal._critical(n, np.arctanh(low / skewnormal.MAX_SKEWNESS), 0.95), rel=1e-2)
+    assert ratio == pytest.approx(profile._critical(n, np.arctanh(low / skewnormal.MAX_SKEWNESS), 0.95), rel=1e-2)
     assert (high == skewnormal.MAX_SKEWNESS) == (kind == "half-normal")
 
 
@@ -521,9 +522,9 @@ def test_large_samples_have_walds_intervals() -> None:
         expected = np.stack([found.cp - z * error, found.cp + z * error], axis=1)
         np.testing.assert_allclose(skewnormal.intervals(x, found, level), expected, atol=1e-6)
     # the two kinds agree where both hold
-    profile = skewnormal.intervals(x, found, effective=999.0)
+    by_profile = skewnormal.intervals(x, found, effective=999.0)
     wald = skewnormal.intervals(x, found, effective=1001.0)
-    assert np.all(np.abs(profile - wald) < 0.1 * np.ptp(wald, axis=1)[:, None])
+    assert np.all(np.abs(by_profile - wald) < 0.1 * np.ptp(wald, axis=1)[:, None])
 
 
 @pytest.mark.parametrize("sample", [stats.skewnorm(2.0), stats.halfnorm()], ids=["skewed", "half-normal"])
@@ -550,7 +551,7 @@ def test_at_the_boundary_the_interval_of_the_skewness_is_one_sided(sign: float) 
     assert high == skewnormal.MAX_SKEWNESS
     assert low < 0.995
     ratio = skewnormal.likelihood_ratio(x, sign * low)
-    assert ratio == pytest.approx(skewnormal._critical(60, np.arctanh(low / high), 0.95), rel=1e-2)
+    assert ratio == pytest.approx(profile._critical(60, np.arctanh(low / high), 0.95), rel=1e-2)
 
 
 def test_intervals_do_not_depend_on_the_penalty() -> None:

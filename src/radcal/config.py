@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import difflib
 import itertools
+import math
 import os
 import re
 import shutil
@@ -34,6 +35,7 @@ from pydantic import (
     field_validator,
     model_validator,
 )
+from pydantic_core import PydanticCustomError
 
 from radcal.errors import ConfigError
 from radcal.radar.bands import same_label, within_band
@@ -77,10 +79,21 @@ __all__ = [
 ]
 
 ALL_PIXELS = 2**31 - 1  # more than any material has: what "all" stands for
-Seed = Annotated[int, Field(ge=0, lt=2**63)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Count = Annotated[int, Field(ge=1)]
+
+
+def _not_bool(value: object) -> object:
+    """Refuse YAML's yes, no, on, off, true and false where a number is asked for: Python would take them as 1 and 0."""
+    if isinstance(value, bool):
+        raise PydanticCustomError("bool_as_number", "a number")
+    return value
+
+
+Integer = Annotated[int, BeforeValidator(_not_bool)]
+Real = Annotated[float, BeforeValidator(_not_bool)]
+Seed = Annotated[Integer, Field(ge=0, lt=2**63)]
+Positive = Annotated[Real, Field(gt=0, allow_inf_nan=False)]
+Finite = Annotated[Real, Field(allow_inf_nan=False)]
+Count = Annotated[Integer, Field(ge=1)]
 Radiometry = Literal["sigma0_local", "sigma0_ref", "beta0", "gamma0"]
 
 
@@ -149,10 +162,10 @@ class SlantRangeScene(_Strict):
     source: Literal["slant_range"] = "slant_range"
     labels: str = Field(description="GeoTIFF of material ids, 0 = no material")
     names: str = Field(description="JSON file: material id -> name")
-    near_incidence_deg: Annotated[float, Field(gt=0, lt=90)] = Field(
+    near_incidence_deg: Annotated[Real, Field(gt=0, lt=90)] = Field(
         description="local incidence angle at the first row [deg]"
     )
-    far_incidence_deg: Annotated[float, Field(gt=0, lt=90)] = Field(
+    far_incidence_deg: Annotated[Real, Field(gt=0, lt=90)] = Field(
         description="local incidence angle at the last row [deg]"
     )
 
@@ -204,7 +217,7 @@ class Radar(_Strict):
     """One pass: track, sensor and image grid."""
 
     altitude_m: Positive = Field(4000.0, description="height of the track above the scene's mean elevation [m]")
-    depression_deg: Annotated[float, Field(gt=5, lt=85)] = Field(
+    depression_deg: Annotated[Real, Field(gt=5, lt=85)] = Field(
         45.0, description="depression angle towards the scene's centre [deg]"
     )
     look_side: Literal["right", "left"] = Field(
@@ -217,10 +230,10 @@ class Radar(_Strict):
     azimuth_resolution_m: Positive = Field(3.5, description="-3 dB width in azimuth [m]")
     range_spacing_m: Positive = Field(1.5, description="pixel spacing in slant range [m]")
     azimuth_spacing_m: Positive = Field(2.5, description="pixel spacing in azimuth [m]")
-    looks: Annotated[int, Field(ge=1, le=64)] = Field(4, description="independent looks averaged in power")
+    looks: Annotated[Integer, Field(ge=1, le=64)] = Field(4, description="independent looks averaged in power")
     nesz_db: Annotated[
         Annotated[Finite, Tag("one level")]
-        | Annotated[list[tuple[Annotated[float, Field(ge=0, lt=90)], Finite]], Field(min_length=2), Tag("a table")],
+        | Annotated[list[tuple[Annotated[Real, Field(ge=0, lt=90)], Finite]], Field(min_length=2), Tag("a table")],
         Discriminator(lambda value: "a table" if isinstance(value, list) else "one level"),
     ] = Field(
         -20.0, description="noise-equivalent sigma0 [dB], or a table of [incidence on flat ground in degrees, dB]"
@@ -252,7 +265,7 @@ class BuiltinSimulation(_Strict):
     keep_images: bool = Field(False, description="keep the whole image in every run record")
 
 
-Knots = Annotated[list[Annotated[float, Field(ge=0, le=90)]], Field(min_length=2)]
+Knots = Annotated[list[Annotated[Real, Field(ge=0, le=90)]], Field(min_length=2)]
 
 
 def _law_of(
@@ -301,7 +314,10 @@ def _check_parameters(key: str, values: Sequence[float], law: Law, name: str) ->
     """Refuse parameters of the wrong number, or that the law has no value for."""
     if len(values) != len(law.names):
         raise ValueError(f"{key} has {len(values)} numbers, {_takes(law, name)}")
-    for parameter, x, (low, high) in zip(law.names, values, law.limits or (), strict=law.limits is not None):
+    # what is large for a parameter of somebody else's, only they could say
+    largest = _LARGEST if law.has_curve else math.inf
+    limits = law.limits or ((-largest, largest),) * len(law.names)
+    for parameter, x, (low, high) in zip(law.names, values, limits, strict=True):
         if not low <= x <= high:
             raise ValueError(f"{key}: {parameter} of law {name!r} is {x:g}, expected {low:g} to {high:g}")
 
@@ -377,7 +393,7 @@ class Output(_Strict):
     shape: tuple[Count, Count] | None = Field(
         None, description="[rows, columns] of a raw file as written; the simulated image's if missing"
     )
-    header_bytes: Annotated[int, Field(ge=0)] | None = Field(None, description="bytes before a raw file's numbers")
+    header_bytes: Annotated[Integer, Field(ge=0)] | None = Field(None, description="bytes before a raw file's numbers")
     transpose: bool = Field(False, description="the file's rows are columns of the image (azimuth)")
     flip_rows: bool = Field(False, description="the last row is the nearest in slant range (after transpose)")
     flip_columns: bool = Field(False, description="columns run against the flight (after transpose)")
@@ -413,11 +429,11 @@ class CommandSimulation(_Strict):
     links: list[str] = Field(default_factory=list, description="files or folders linked into each run's folder")
     environment: dict[str, str] = Field(default_factory=dict, description="environment variables, besides radcal's own")
     timeout_s: Positive = Field(3600.0, description="a run that takes longer is killed [s]")
-    retries: Annotated[int, Field(ge=0, le=20)] = Field(0, description="times that a failed run is tried again")
-    retry_wait_s: Annotated[float, Field(ge=0, allow_inf_nan=False)] = Field(
+    retries: Annotated[Integer, Field(ge=0, le=20)] = Field(0, description="times that a failed run is tried again")
+    retry_wait_s: Annotated[Real, Field(ge=0, allow_inf_nan=False)] = Field(
         1.0, description="wait before the first retry [s]; doubles each time"
     )
-    accept_exit_codes: Annotated[list[Annotated[int, Field(ge=-64, le=255)]], Field(min_length=1)] = Field(
+    accept_exit_codes: Annotated[list[Annotated[Integer, Field(ge=-64, le=255)]], Field(min_length=1)] = Field(
         default_factory=lambda: [0],
         description="exit codes of a complete output; -11: ended by signal 11",
     )
@@ -492,7 +508,6 @@ class Material(_Strict):
         for name, (low, high) in zip(law.names, self.box, strict=True):
             if not low < high:
                 raise ValueError(f"bounds of {name} are [{low:g}, {high:g}], expected lower < upper")
-            # what is large for a parameter of somebody else's, only they could say
             if law.has_curve and max(abs(low), abs(high)) > _LARGEST:
                 raise ValueError(f"bounds of {name} are [{low:g}, {high:g}], expected within +-{_LARGEST:g}")
         for values in zip(*self.box, strict=True):
@@ -571,7 +586,7 @@ class Synthetic(_Strict):
 
     seed: Seed = Field(2, description="seed of the measurement's speckle, noise and warp")
     offset_db: Finite = Field(0.0, description="level offset of the measurement [dB]")
-    warp_px: Annotated[float, Field(ge=0, le=50)] = Field(2.0, description="rms misregistration [pixels]")
+    warp_px: Annotated[Real, Field(ge=0, le=50)] = Field(2.0, description="rms misregistration [pixels]")
 
 
 class SyntheticMeasurement(_Strict):
@@ -608,7 +623,7 @@ class Registration(_Strict):
         "gefolki", description="gefolki, ilk (scikit-image) or none: the image is taken as it lies"
     )
     global_shift: bool = Field(False, description="find one shift for the whole image first, by phase correlation")
-    max_displacement_px: Annotated[float, Field(gt=0, le=1000)] = Field(
+    max_displacement_px: Annotated[Real, Field(gt=0, le=1000)] = Field(
         20.0, description="a registration that moves further is not used [pixels]"
     )
 
@@ -616,10 +631,10 @@ class Registration(_Strict):
 class Target(_Strict):
     """Which pixels of a material make its target density."""
 
-    pixels: Annotated[int, Field(ge=50), BeforeValidator(lambda value: ALL_PIXELS if value == "all" else value)] = (
+    pixels: Annotated[Integer, Field(ge=50), BeforeValidator(lambda value: ALL_PIXELS if value == "all" else value)] = (
         Field(1000, description="pixels drawn without replacement, or all")
     )
-    margin_px: Annotated[int, Field(ge=0, le=100)] = Field(
+    margin_px: Annotated[Integer, Field(ge=0, le=100)] = Field(
         1, description="pixels this near to another material are left out"
     )
     fit: Literal["likelihood", "penalised"] = Field(
@@ -643,8 +658,10 @@ class Design(_Strict):
     sampler: Literal["monte_carlo", "latin_hypercube", "sobol"] = Field(
         "sobol", description="monte_carlo, latin_hypercube or sobol"
     )
-    size: Annotated[int, Field(ge=2, le=100_000)] = Field(16, description="runs; a larger design keeps a smaller one's")
-    chunk: Annotated[int, Field(ge=1, le=1000)] = Field(4, description="runs per workflow job")
+    size: Annotated[Integer, Field(ge=2, le=100_000)] = Field(
+        16, description="runs; a larger design keeps a smaller one's"
+    )
+    chunk: Annotated[Integer, Field(ge=1, le=1000)] = Field(4, description="runs per workflow job")
 
 
 class Surrogate(_Strict):
@@ -667,8 +684,8 @@ class Optimiser(_Strict):
     )
     # Platypus sorts in pure Python, with time growing as evaluations times population; the polish and
     # the multi-start search make up for a small population
-    population: Annotated[int, Field(ge=4)] = Field(40, description="solutions in a generation")
-    evaluations: Annotated[int, Field(ge=1)] = Field(1600, description="evaluations of the surrogate")
+    population: Annotated[Integer, Field(ge=4)] = Field(40, description="solutions in a generation")
+    evaluations: Annotated[Integer, Field(ge=1)] = Field(1600, description="evaluations of the surrogate")
     polish: bool = Field(True, description="least squares in theta from NSGA-II's best point")
 
 

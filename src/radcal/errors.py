@@ -8,7 +8,6 @@ from __future__ import annotations
 
 __all__ = [
     "ConfigError",
-    "DesignError",
     "FitError",
     "MeasurementError",
     "RadcalError",
@@ -37,10 +36,6 @@ class MeasurementError(RadcalError):
 
 class FitError(RadcalError):
     """A density cannot be fitted to the pixels."""
-
-
-class DesignError(RadcalError):
-    """The design of experiments cannot be made or is incomplete."""
 
 
 class SurrogateError(RadcalError):

@@ -252,7 +252,8 @@ def raster_band(raster: Any, file: ImageFile) -> Values:
     Returns
     -------
     ndarray, shape (rows, columns)
-        float64 or complex128, NaN where the file masks it.
+        float64 or complex128, NaN where the file masks it. Where the band has a scale and an offset (GDAL's raster
+        data model), the file's numbers times the scale plus the offset.
 
     Raises
     ------
@@ -271,7 +272,11 @@ def raster_band(raster: Any, file: ImageFile) -> Values:
     values = raster.read(band, masked=True)
     if values.dtype.kind not in "fiuc":
         raise file.refused(f"{file.path} holds {values.dtype}, expected real or complex numbers.")
-    return np.asarray(values.astype(np.complex128 if values.dtype.kind == "c" else np.float64).filled(np.nan))
+    numbers = values.astype(np.complex128 if values.dtype.kind == "c" else np.float64).filled(np.nan)
+    scale, offset = raster.scales[band - 1], raster.offsets[band - 1]
+    if (scale, offset) != (1.0, 0.0):
+        numbers = numbers * scale + offset
+    return np.asarray(numbers)
 
 
 def _raster(file: ImageFile) -> Values:

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
@@ -27,9 +27,11 @@ from numpy.typing import NDArray
 from radcal.config import Case, Material, Radar
 from radcal.errors import SimulatorError, StoreError
 from radcal.files import digest, write_hdf5
-from radcal.radar.geometry import Geometry
 from radcal.radar.laws import EXTERNAL
 from radcal.simulators.protocol import Simulator
+
+if TYPE_CHECKING:
+    from radcal.radar.geometry import Geometry
 
 __all__ = ["Parameters", "Record", "RunStore", "Runner"]
 

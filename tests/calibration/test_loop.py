@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from radcal.calibration.loop import calibrate
-from radcal.calibration.steps import progress_line, propose_all, train_all
+from radcal.calibration.steps import design_line, progress_line, propose_all, train_all
 from radcal.config import Stop, case_from
 from radcal.measurement.sources import make_measurement
 from radcal.measurement.target import Targets, make_target
@@ -112,3 +112,15 @@ def test_the_progress_line_counts_and_names_the_worst(parts, calibrated):
     several = progress_line(design, list(targets), Stop(rms=1e-9))
     assert several.startswith("run  12 (iteration 0): 0 of 2 materials within tolerance, worst ")
     assert "best rms" in progress_line(design, ["field"], Stop(rms=1e-9))
+
+
+def test_the_line_of_a_design_run_tells_how_near_it_is(parts, calibrated):
+    *_, targets = parts
+    history, _, store, _ = calibrated
+    run = history.runs[3]
+    record = store.get(run.key, list(targets))
+    (low, best), (high, worst) = sorted(run.rms.items(), key=lambda item: item[1])
+    line = f"design run 3 of 12: {record.seconds:.1f} s, rms "
+    assert design_line(3, 12, record, targets) == f"{line}{best:.2e} ({low}) to {worst:.2e} ({high})"
+    one = Targets({"lake": targets["lake"]})
+    assert design_line(3, 12, record, one) == f"{line}{run.rms['lake']:.2e}"

@@ -117,6 +117,22 @@ def test_masked_pixels_are_counted(tmp_path):
     assert read_image(tmp_path / "a.tif", FileMeasurement(path="a.tif", scale="power")).counts == Counts(600, 4, 2, 0)
 
 
+def test_scale_and_offset_of_the_band_are_heeded(tmp_path):
+    path = tmp_path / "a.tif"
+    stored = np.round((DB + 30.0) / 0.01).astype(np.int16)
+    stored[3, 4] = -9999
+    write_tif(path, np.stack([np.zeros_like(stored), stored]))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)
+        with rasterio.open(path, "r+") as raster:
+            raster.nodata = -9999
+            raster.scales, raster.offsets = (1.0, 0.01), (0.0, -30.0)
+    image_db = read(path, "db", band=2)
+    expected = DB.copy()
+    expected[3, 4] = np.nan
+    np.testing.assert_allclose(image_db, expected, atol=0.0051)
+
+
 def test_counts_in_words():
     assert str(Counts(768000, 2915, 0, 1)) == (
         "768,000 pixels, 2,915 without data, 0 zero, 1 negative: NaN in the image"

@@ -10,7 +10,8 @@ import pandas as pd
 import pytest
 
 from radcal.errors import StoreError
-from radcal.report.archive import read_law, write_archive, write_table
+from radcal.report.archive import write_archive, write_table
+from radcal.report.law_records import read_law
 from radcal.report.summary import summarise
 
 

@@ -11,7 +11,7 @@ import pytest
 from scipy.special import ndtr
 
 from radcal.radar.laws import LAWS
-from radcal.report.summary import law_difference_db, sentences, summarise, wall_seconds
+from radcal.report.summary import law_difference_db, numbered_jobs, sentences, summarise, wall_seconds
 
 INCIDENCE = np.linspace(30.0, 50.0, 1001)  # 5 to 95 %: 31 to 49 deg
 
@@ -106,3 +106,14 @@ def test_wall_seconds_by_stage(tmp_path):
     (tmp_path / "notes.txt").write_text("no benchmark")
     assert wall_seconds(tmp_path) == {"geometry": 1.25, "design": 2.75, "final_runs": 3.0}
     assert wall_seconds(tmp_path / "nowhere") == {}
+    # design_12 is left over from a larger design
+    assert wall_seconds(tmp_path, {"design": 12, "verify": 0}) == {"geometry": 1.25, "design": 2.0, "final_runs": 3.0}
+    assert wall_seconds(tmp_path, {"design": 13})["design"] == 2.75
+
+
+def test_numbered_jobs_are_those_of_the_archive(made):
+    iterations = len(made.history.infill)
+    chunks = -(-made.case.design.size // made.case.design.chunk)
+    expected = {"design": chunks, "train": iterations, "propose": iterations, "verify": iterations}
+    assert numbered_jobs(made.path) == expected
+    assert iterations > 0

@@ -1,18 +1,20 @@
 """Simulate one chunk of the design."""
 
 from radcal.calibration.design import design_points
-from radcal.calibration.steps import make_runner, noise_seed
+from radcal.calibration.steps import design_line, make_runner, noise_seed
 from radcal.config import Case
 from radcal.files import write_json
 from radcal.jobs import logged, progress
+from radcal.measurement.target import read_targets
 
 with logged(snakemake.log[0]):
     case = Case.of_sections(snakemake.params.case)
     runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
+    targets = read_targets(snakemake.input.target)
     first = int(snakemake.wildcards.chunk) * case.design.chunk
     index = []
     for k, parameters in list(enumerate(design_points(case)))[first : first + case.design.chunk]:
         record = runner.run(parameters, noise_seed(case))
         index.append({"key": record.key, "parameters": parameters})
-        progress(f"design run {k + 1} of {case.design.size}: {record.seconds:.1f} s")
+        progress(design_line(k + 1, case.design.size, record, targets))
     write_json(snakemake.output.index, index)

@@ -11,8 +11,9 @@ from radcal.scene.model import read_scene
 with logged(snakemake.log[0]):
     case = Case.of_sections(snakemake.params.case)
     scene = read_scene(snakemake.input.scene)
-    simulator = make_simulator(case, snakemake.input.geometry)
-    measurement = make_measurement(case, read_geometry(snakemake.input.geometry), simulator, scene)
+    geometry = read_geometry(snakemake.input.geometry)
+    simulator = make_simulator(case, geometry, snakemake.input.geometry)
+    measurement = make_measurement(case, geometry, simulator, scene)
     write_measurement(snakemake.output.measurement, measurement)
     progress(f"measured image: {measurement.source}")
     for note in measurement.notes:

@@ -2,10 +2,11 @@
 
 from radcal.files import write_json
 from radcal.jobs import logged, progress
-from radcal.report.summary import sentences, summarise, wall_seconds
+from radcal.report.summary import numbered_jobs, sentences, summarise, wall_seconds
 
 with logged(snakemake.log[0]):
-    summary = summarise(snakemake.input.archive, wall_seconds(snakemake.params.benchmarks))
+    archive = snakemake.input.archive
+    summary = summarise(archive, wall_seconds(snakemake.params.benchmarks, numbered_jobs(archive)))
     write_json(snakemake.output.summary, summary)
-    for sentence in sentences(snakemake.input.archive):
+    for sentence in sentences(archive):
         progress(sentence)

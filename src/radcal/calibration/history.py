@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radcal.errors import StoreError
 from radcal.files import read_json, write_json
-from radcal.measurement.target import Targets
 from radcal.store import Parameters, Record, RunStore
+
+if TYPE_CHECKING:
+    from radcal.measurement.target import Targets
 
 __all__ = [
     "History",

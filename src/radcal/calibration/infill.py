@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import least_squares
 
 from radcal import skewnormal
 from radcal.calibration.history import Proposal
@@ -146,6 +145,8 @@ class Search:
         self, residuals: Any, start: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """Bounded least squares from a point, the Jacobian from one batched call."""
+        from scipy.optimize import least_squares
+
         d = self.dimension
 
         def fun(unit: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -8,7 +8,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,7 @@ from radcal.calibration.infill import propose
 from radcal.calibration.stopping import decide
 from radcal.calibration.surrogate import OUTPUTS, Surrogate
 from radcal.config import Case, CommandSimulation, Optimiser, Stop
-from radcal.measurement.target import Targets
-from radcal.radar.geometry import read_geometry
+from radcal.radar.geometry import Geometry, read_geometry
 from radcal.scene.model import read_scene
 from radcal.seeds import derived_seed
 from radcal.simulators.builtin import BuiltinSimulator
@@ -28,8 +27,12 @@ from radcal.simulators.command import CommandPlan, CommandSimulator
 from radcal.simulators.protocol import Simulator
 from radcal.store import Parameters, Record, Runner, RunStore
 
+if TYPE_CHECKING:
+    from radcal.measurement.target import Targets
+
 __all__ = [
     "all_parameters",
+    "design_line",
     "make_runner",
     "make_simulator",
     "noise_seed",
@@ -54,8 +57,17 @@ def noise_seed(case: Case, fresh: bool = False) -> int:
     return derived_seed(case.seed, "runs", "fresh" if fresh else "common")
 
 
-def make_simulator(case: Case, geometry_path: str | Path) -> Simulator:
-    """The configured simulator on a geometry file.
+def make_simulator(case: Case, geometry: Geometry, geometry_path: str | Path) -> Simulator:
+    """The configured simulator on a geometry.
+
+    Parameters
+    ----------
+    case : Case
+        Sections ``simulator``, ``materials`` and ``radar`` are read.
+    geometry : Geometry
+        Of the pass.
+    geometry_path : path
+        Its file, which an external simulator may be told.
 
     Raises
     ------
@@ -65,19 +77,15 @@ def make_simulator(case: Case, geometry_path: str | Path) -> Simulator:
     if isinstance(case.simulator, CommandSimulation):
         plan = CommandPlan(case.simulator, case.materials)
         work = Path(geometry_path).parent / "work"
-        return CommandSimulator(plan, case.materials, case.radar, read_geometry(geometry_path), geometry_path, work)
-    return BuiltinSimulator(read_geometry(geometry_path), case.radar, case.laws)
+        return CommandSimulator(plan, case.materials, case.radar, geometry, geometry_path, work)
+    return BuiltinSimulator(geometry, case.radar, case.laws)
 
 
 def make_runner(case: Case, scene_path: str | Path, geometry_path: str | Path, runs: str | Path) -> Runner:
     """The configured simulator behind the case's run store."""
-    return Runner(
-        RunStore(runs),
-        make_simulator(case, geometry_path),
-        read_geometry(geometry_path),
-        read_scene(scene_path).identity,
-        case,
-    )
+    geometry = read_geometry(geometry_path)
+    simulator = make_simulator(case, geometry, geometry_path)
+    return Runner(RunStore(runs), simulator, geometry, read_scene(scene_path).identity, case)
 
 
 def reference_parameters(case: Case) -> dict[str, list[float]]:
@@ -290,6 +298,32 @@ def verify(proposals: Mapping[str, Proposal], targets: Targets, runner: Runner, 
     parameters = all_parameters(case, {name: proposal.parameters for name, proposal in proposals.items()})
     record = runner.run(parameters, noise_seed(case))
     return score("infill", iteration, record, parameters, targets, proposals)
+
+
+def design_line(number: int, size: int, record: Record, targets: Targets) -> str:
+    """One run of the design in one line.
+
+    Parameters
+    ----------
+    number, size : int
+        Which run, from 1, of how many.
+    record : Record
+        The run.
+    targets : mapping
+        Target by calibrated material.
+
+    Returns
+    -------
+    str
+        Its wall time [s] and its rms, the smallest and the largest of several materials.
+    """
+    rms = {name: value for name, (_, value) in targets.score(record.pixels_db).items()}
+    if len(rms) == 1:
+        text = f"rms {next(iter(rms.values())):.2e}"
+    else:
+        low, high = (pick(rms, key=lambda name: rms[name]) for pick in (min, max))
+        text = f"rms {rms[low]:.2e} ({low}) to {rms[high]:.2e} ({high})"
+    return f"design run {number} of {size}: {record.seconds:.1f} s, {text}"
 
 
 def progress_line(history: History, materials: Sequence[str], stop: Stop) -> str:

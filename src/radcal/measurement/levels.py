@@ -64,7 +64,7 @@ class Levels:
                 "laws of other materials shift and stretch what is found"
             )
             if not self.others_db.size:
-                text += "; all materials are calibrated, so that a level common to all laws (X1) is not identified"
+                text += "; all materials are calibrated, so that a level common to all laws is not identified"
             return f"{text}."
         if not self.references:
             return "the measured image is taken at its own level; no material of a fixed law checks it."

@@ -12,6 +12,7 @@ from scipy.ndimage import binary_dilation, uniform_filter
 from radcal.config import Radar
 from radcal.config import Target as TargetConfig
 from radcal.errors import MeasurementError
+from radcal.measurement.looks import looks_of_log_variance
 from radcal.measurement.model import Measurement
 from radcal.radar.geometry import Geometry
 
@@ -132,8 +133,6 @@ def point_targets(image_db: NDArray[np.float32], material: NDArray[np.uint8], ra
 
 def _looks_of_spread(iqr_db: float) -> float:
     """Looks of gamma speckle from the interquartile range of its dB values [dB]."""
-    from radcal.measurement.looks import looks_of_log_variance
-
     return looks_of_log_variance((max(iqr_db, 1e-3) / _IQR_OF_NORMAL) ** 2)
 
 

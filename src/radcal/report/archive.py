@@ -66,18 +66,18 @@ import numpy as np
 from radcal.calibration.history import History
 from radcal.calibration.steps import repeatability
 from radcal.calibration.stopping import decide
-from radcal.config import Case, Material, Radar, Stop
+from radcal.config import Case, Stop
 from radcal.errors import StoreError
 from radcal.files import atomic, write_hdf5
 from radcal.measurement.registration import Registered
 from radcal.measurement.target import Targets
 from radcal.radar.geometry import Geometry
-from radcal.radar.laws import EXTERNAL, Law, law_for
 from radcal.report.law_notes import law_notes
+from radcal.report.law_records import put_law
 from radcal.scene.model import Scene
 from radcal.store import Record, RunStore
 
-__all__ = ["read_law", "write_archive", "write_table"]
+__all__ = ["write_archive", "write_table"]
 
 _REGISTRATION = ("unregistered_db", "displacement_px", "uncertainty_px")
 _LARGEST_SCENE = 1200  # cells per side
@@ -167,7 +167,7 @@ def write_archive(
         for name, material in case.materials.items():
             laws.attrs[name] = material.law
             laws[name] = final_parameters[name]
-            _put_law(laws[name], material, case.radar)
+            put_law(laws[name], material, case.radar)
         file.attrs["law_notes"] = law_notes(case, geometry, final_parameters)
         group = file.create_group("levels")
         for key in ("normalisation", "offset_db", "offset_error_db", "scale", "sentence", "doubtful", "unit"):
@@ -208,12 +208,12 @@ def write_archive(
             group.attrs["best"] = history.runs.index(history.best(name))
             unknown = [np.nan] * len(material.parameter_names)
             group["parameters"] = [unknown if name in run.other_law else run.parameters[name] for run in history.runs]
-            _put_law(group["parameters"], material, case.radar)
+            put_law(group["parameters"], material, case.radar)
             group["dp"] = [run.dp[name] for run in history.runs]
             group["rms"] = [run.rms[name] for run in history.runs]
             group["bounds"] = material.box
             group["start"] = material.start_parameters
-            _put_law(group["start"], material.at_start, case.radar)
+            put_law(group["start"], material.at_start, case.radar)
             if name in measurement.hidden:
                 group["hidden"] = measurement.hidden[name]
             group["target_dp"] = target.dp
@@ -231,33 +231,6 @@ def write_archive(
             for key in ("predicted_rms", "floor_rms"):
                 group[key] = np.array([getattr(p, key) for p in proposals], dtype=np.float64)
             group["mode"] = np.array([p.mode for p in proposals], dtype=h5py.string_dtype())
-
-
-def _put_law(parameters: h5py.Dataset, material: Material, radar: Radar) -> None:
-    """What it takes to evaluate a law, beside its parameters."""
-    parameters.attrs["law"] = material.law
-    parameters.attrs["polarisation"] = radar.polarisation
-    if radar.frequency_ghz is not None:
-        parameters.attrs["frequency_ghz"] = radar.frequency_ghz
-    if material.angles_deg is not None:
-        parameters.attrs["angles_deg"] = material.angles_deg
-    if material.law == EXTERNAL:
-        text = h5py.string_dtype()  # said, because there may be none
-        parameters.attrs["names"] = np.array(material.parameter_names, dtype=text)
-        parameters.attrs["units"] = np.array(material.parameter_units, dtype=text)
-
-
-def read_law(parameters: h5py.Dataset) -> Law:
-    """The law of the parameters in ``laws/<m>``, ``materials/<m>/parameters`` or ``materials/<m>/start``."""
-    known = parameters.attrs
-    return law_for(
-        str(known["law"]),
-        polarisation=str(known["polarisation"]),
-        frequency_ghz=float(known["frequency_ghz"]) if "frequency_ghz" in known else None,
-        angles_deg=[float(angle) for angle in known["angles_deg"]] if "angles_deg" in known else None,
-        names=[str(name) for name in known["names"]] if "names" in known else None,
-        units=[str(unit) for unit in known["units"]] if "units" in known else None,
-    )
 
 
 def _put_scene(group: h5py.Group, scene: Scene) -> None:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.radar.laws import Law
-from radcal.report.archive import read_law
+from radcal.report.law_records import read_law
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas

@@ -16,9 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal import skewnormal
 from radcal.radar.laws import Law
-from radcal.report.archive import read_law
+from radcal.report.law_records import read_law
 
-__all__ = ["law_difference_db", "sentences", "summarise", "wall_seconds"]
+__all__ = ["law_difference_db", "numbered_jobs", "sentences", "summarise", "wall_seconds"]
 
 
 def law_difference_db(law: Law, found: ArrayLike, hidden: ArrayLike, incidence_deg: ArrayLike) -> float:
@@ -43,11 +43,49 @@ def law_difference_db(law: Law, found: ArrayLike, hidden: ArrayLike, incidence_d
     return float(np.max(np.abs(law(phi, found) - law(phi, hidden))))
 
 
-def wall_seconds(folder: str | Path) -> dict[str, float]:
-    """Wall time by stage, from Snakemake's benchmark files ``<stage>[_number].tsv``."""
+def numbered_jobs(archive: str | Path) -> dict[str, int]:
+    """Number of jobs of each stage that the workflow numbers.
+
+    Parameters
+    ----------
+    archive : path
+        ``calibration.h5``.
+
+    Returns
+    -------
+    dict
+        Chunks of the design; iterations for train, propose and verify.
+    """
+    with h5py.File(archive, "r") as file:
+        iterations = int(np.count_nonzero(file["runs/kind"].asstr()[()] == "infill"))
+        design = json.loads(str(file.attrs["config"]))["design"]
+    chunks = -(-int(design["size"]) // int(design["chunk"]))
+    return {"design": chunks, **dict.fromkeys(("train", "propose", "verify"), iterations)}
+
+
+def wall_seconds(folder: str | Path, jobs: Mapping[str, int] | None = None) -> dict[str, float]:
+    """Wall time by stage, from Snakemake's benchmark files ``<stage>[_number].tsv``.
+
+    Parameters
+    ----------
+    folder : path
+        Where the files are.
+    jobs : mapping, optional
+        Number of jobs of numbered stages, counted from 0: files beyond are left over from an
+        earlier calibration of the case. All files count for stages that are not named.
+
+    Returns
+    -------
+    dict
+        Seconds by stage; none for a stage without a file.
+    """
     seconds: dict[str, float] = defaultdict(float)
     for file in sorted(Path(folder).glob("*.tsv")):
-        stage = file.stem.rstrip("0123456789").rstrip("_")
+        stage, _, number = file.stem.rpartition("_")
+        if not number.isdigit():
+            stage, number = file.stem, "0"
+        if int(number) >= (jobs or {}).get(stage, math.inf):
+            continue
         with file.open(encoding="utf-8") as handle:
             seconds[stage] += sum(float(row["s"]) for row in csv.DictReader(handle, delimiter="\t"))
     return {stage: round(value, 3) for stage, value in seconds.items()}

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-import warnings
 
 import numpy as np
-import rasterio
 from numpy.typing import NDArray
-from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
 from radcal.config import SlantRangeScene, expand_path
 from radcal.errors import SceneError
 from radcal.files import digest
+from radcal.images import open_raster
 from radcal.scene.model import Scene
 from radcal.scene.names import by_id, read_names
 
@@ -53,15 +51,15 @@ def slant_range_scene(config: SlantRangeScene) -> Scene:
     SceneError
         A file cannot be read, holds something else, or lacks a name.
     """
+    from rasterio.errors import RasterioError
+
     labels_path = expand_path(config.labels, "scene.labels")
     names_path = expand_path(config.names, "scene.names")
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", NotGeoreferencedWarning)
-            with rasterio.open(labels_path) as raster:
-                if raster.count != 1:
-                    raise SceneError(f"scene.labels: {labels_path} has {raster.count} bands, expected one.")
-                labels = raster.read(1)
+        with open_raster(labels_path) as raster:
+            if raster.count != 1:
+                raise SceneError(f"scene.labels: {labels_path} has {raster.count} bands, expected one.")
+            labels = raster.read(1)
     except RasterioError as error:
         raise SceneError(f"scene.labels: {labels_path} cannot be read as a raster ({error}).") from None
     if labels.dtype.kind not in "ui" or labels.min() < 0 or labels.max() > 255:

@@ -1,0 +1,127 @@
+"""Density and parametrisations of the skew normal, and draws of it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import log_ndtr, ndtr, owens_t
+
+__all__ = ["MAX_R", "MAX_SKEWNESS", "B", "cdf", "centred", "density", "direct", "log_likelihood", "sample"]
+
+B = np.sqrt(2.0 / np.pi)  # mean of the half-normal
+# skewness of the half-normal, the limit of large |alpha|
+MAX_SKEWNESS = float((4.0 - np.pi) / 2.0 * B**3 / (1.0 - B**2) ** 1.5)
+MAX_R = float(B / np.sqrt(1.0 - B**2))  # mean over sd of the half-normal
+
+
+def direct(cp: ArrayLike) -> NDArray[np.float64]:
+    """Centred to direct parameters.
+
+    Parameters
+    ----------
+    cp : array_like, shape (..., 3)
+        Mean [dB], standard deviation [dB], skewness, |skewness| < 0.99527.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        xi [dB], omega [dB], alpha.
+
+    Raises
+    ------
+    ValueError
+        A standard deviation is not positive or a skewness is out of reach.
+    """
+    mean, sd, skewness = np.moveaxis(np.asarray(cp, dtype=np.float64), -1, 0)
+    if np.any(sd <= 0) or np.any(np.abs(skewness) >= MAX_SKEWNESS):
+        raise ValueError(f"expected sd > 0 and |skewness| < {MAX_SKEWNESS:.5f}")
+    # skewness = (4-pi)/2 r^3 with r = b delta / sqrt(1 - b^2 delta^2)
+    r = np.cbrt(2.0 * skewness / (4.0 - np.pi))
+    delta = r / (B * np.sqrt(1.0 + r**2))
+    omega = sd * np.sqrt(1.0 + r**2)
+    return np.stack([mean - sd * r, omega, delta / np.sqrt(1.0 - delta**2)], axis=-1)
+
+
+def centred(dp: ArrayLike) -> NDArray[np.float64]:
+    """Direct to centred parameters.
+
+    Parameters
+    ----------
+    dp : array_like, shape (..., 3)
+        xi [dB], omega [dB], alpha.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        Mean [dB], standard deviation [dB], skewness.
+
+    Raises
+    ------
+    ValueError
+        An omega is not positive.
+    """
+    xi, omega, alpha = np.moveaxis(np.asarray(dp, dtype=np.float64), -1, 0)
+    if np.any(omega <= 0):
+        raise ValueError("expected omega > 0")
+    shift = B * alpha / np.hypot(1.0, alpha)
+    spread = np.sqrt(1.0 - shift**2)
+    return np.stack([xi + omega * shift, omega * spread, (4.0 - np.pi) / 2.0 * (shift / spread) ** 3], axis=-1)
+
+
+def _log_density(x: NDArray[np.float64], dp: NDArray[np.float64]) -> NDArray[np.float64]:
+    xi, omega, alpha = dp
+    z = (x - xi) / omega
+    return np.asarray(0.5 * np.log(2.0 / np.pi) - np.log(omega) - 0.5 * z**2 + log_ndtr(alpha * z))
+
+
+def density(x: ArrayLike, dp: ArrayLike) -> NDArray[np.float64]:
+    """Probability density (2 / omega) N(z) Phi(alpha z), z = (x - xi) / omega.
+
+    Parameters
+    ----------
+    x : array_like
+        Backscatter [dB], any shape.
+    dp : array_like, shape (3,)
+        xi [dB], omega [dB], alpha.
+
+    Returns
+    -------
+    ndarray
+        Density [1/dB], shape of ``x``.
+    """
+    return np.exp(_log_density(np.asarray(x, dtype=np.float64), np.asarray(dp, dtype=np.float64)))
+
+
+def cdf(x: ArrayLike, dp: ArrayLike) -> NDArray[np.float64]:
+    """Distribution function Phi(z) - 2 T(z, alpha), T Owen's function; shapes as :func:`density`."""
+    xi, omega, alpha = np.asarray(dp, dtype=np.float64)
+    z = (np.asarray(x, dtype=np.float64) - xi) / omega
+    return np.asarray(np.clip(ndtr(z) - 2.0 * owens_t(z, alpha), 0.0, 1.0))
+
+
+def log_likelihood(x: ArrayLike, dp: ArrayLike) -> float:
+    """Sum of the log density over the sample ``x`` [dB]."""
+    return float(_log_density(np.asarray(x, dtype=np.float64), np.asarray(dp, dtype=np.float64)).sum())
+
+
+def sample(dp: ArrayLike, n: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Draw skew-normal numbers.
+
+    Parameters
+    ----------
+    dp : array_like, shape (3,)
+        xi [dB], omega [dB], alpha.
+    n : int
+        How many.
+    rng : Generator
+        Source of the numbers.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        delta |U0| + sqrt(1 - delta^2) U1, scaled and shifted (Azzalini and Capitanio 2014, eq. 2.13) [dB].
+    """
+    xi, omega, alpha = np.asarray(dp, dtype=np.float64)
+    delta = alpha / np.hypot(1.0, alpha)
+    u0, u1 = rng.standard_normal((2, n))
+    return np.asarray(xi + omega * (delta * np.abs(u0) + u1 / np.hypot(1.0, alpha)))

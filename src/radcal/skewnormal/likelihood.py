@@ -1,0 +1,365 @@
+"""Maximum likelihood of the skew normal, plain and penalised, and the covariance of a fit."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import log_ndtr
+
+from radcal.errors import FitError
+from radcal.skewnormal.distribution import MAX_R, MAX_SKEWNESS, B, centred, log_likelihood
+
+__all__ = ["Fit", "covariance", "farthest", "fit", "objective", "search", "standardised"]
+
+_ALPHA_LIMIT = 1e7  # stands for infinity
+# the penalty c1 log(1 + c2 alpha^2) has the slope alpha / (2 (e1 + e2 alpha^2)) of the modified score, e1 = 1/3 from
+# small alpha, e2 = int u^2 N(u)^2 / Phi(u) du / int u^4 N(u)^2 / Phi(u) du from large: c1 = 1 / (4 e2), c2 = e2 / e1
+_C1 = 0.8759126
+_C2 = 0.8562498
+_NORMAL = 0.5 * float(np.log(2.0 * np.pi) + 1.0)  # mean negative log-likelihood of a standardised sample as a normal
+_SCAN = (-1.0, -0.3, 0.1, 0.4, 0.8, 1.2, 1.7, 2.3, 3.0, 4.0)  # artanh of the share of the largest skewness
+_STEPS = 60
+_GRADIENT = 1e-9
+_ROUNDING = 1e-14  # of a mean log-likelihood of standardised values
+# a smaller skewness changes no density by more than rounding, but divides by zero on the way to alpha
+_SHARE_FLOOR = 1e-6
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A maximum likelihood fit.
+
+    Attributes
+    ----------
+    dp, cp : ndarray, shape (3,)
+        Direct and centred parameters.
+    n : int
+        Sample size.
+    at_boundary : bool
+        The likelihood grows up to the largest skewness: alpha stands for infinity.
+    penalised : bool
+        The penalised likelihood was maximised.
+    """
+
+    dp: NDArray[np.float64]
+    cp: NDArray[np.float64]
+    n: int
+    at_boundary: bool
+    penalised: bool = False
+
+
+def _unpack(
+    u: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """(mean, log sd, v) to DP, d DP / du and d^2 DP / du^2, with skewness = largest tanh v."""
+    mean, log_sd, v = map(float, u)
+    sd = math.exp(log_sd)
+    t, log_t = math.tanh(v), math.log(_SHARE_FLOOR)
+    if abs(t) < _SHARE_FLOOR:
+        t = math.copysign(_SHARE_FLOOR, v)
+    else:
+        log_t = math.log1p(-2.0 / (math.exp(2.0 * abs(v)) + 1.0))
+    root3 = math.copysign(abs(t) ** (1.0 / 3.0), t)
+    r = MAX_R * root3
+    root = math.sqrt(1.0 + r**2)
+    # alpha = r / (b sqrt(rest)); without cancellation alpha grows as exp(v), so that v is of use up to any alpha
+    rest = -math.expm1(2.0 / 3.0 * log_t)
+    bend = 1.0 / math.cosh(v) ** 2
+    r1 = MAX_R / 3.0 / root3**2 * bend
+    r2 = -2.0 * r1 * (bend / (3.0 * t) + t)
+    alpha1 = rest**-1.5 / B
+    alpha2 = 3.0 * (1.0 - B**2) * r * rest**-2.5 / B**3
+    dp = np.array([mean - sd * r, sd * root, r / (B * math.sqrt(rest))])
+    jacobian = np.array([[1.0, -sd * r, -sd * r1], [0.0, sd * root, sd * r / root * r1], [0.0, 0.0, alpha1 * r1]])
+    by_sd = (-sd * r1, sd * r / root * r1, 0.0)
+    second = np.zeros((3, 3, 3))
+    second[:, 1, 1] = -sd * r, sd * root, 0.0
+    second[:, 1, 2] = by_sd
+    second[:, 2, 1] = by_sd
+    second[:, 2, 2] = -sd * r2, sd * (r1**2 / root**3 + r / root * r2), alpha2 * r1**2 + alpha1 * r2
+    return dp, jacobian, second
+
+
+def objective(
+    u: NDArray[np.float64], x: NDArray[np.float64], penalty: float = 0.0
+) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
+    """Negative mean log-likelihood, its gradient and its Hessian.
+
+    Parameters
+    ----------
+    u : ndarray, shape (3,)
+        Mean, log of the standard deviation, and v, with skewness = 0.99527 tanh v.
+    x : ndarray, shape (n,)
+        Standardised values.
+    penalty : float
+        Factor of c1 log(1 + c2 alpha^2): 1/n in a penalised fit of n values.
+
+    Returns
+    -------
+    value : float
+    gradient : ndarray, shape (3,)
+        In u.
+    hessian : ndarray, shape (3, 3)
+        In u.
+
+    References
+    ----------
+    Azzalini and Capitanio 2014, section 3.1.1.
+    """
+    dp, jacobian, second = _unpack(u)
+    xi, omega, alpha = dp.tolist()
+    z = (x - xi) / omega
+    w = alpha * z
+    log_phi = log_ndtr(w)
+    n = x.size
+    ratio = np.exp(-0.5 * w * w - 0.5 * math.log(2.0 * math.pi) - log_phi)  # N(w) / Phi(w)
+    curved = -ratio * (w + ratio)  # its derivative
+    one = np.ones(n)
+    sums = np.stack([one, z, z * z]) @ np.stack([z, ratio, curved, log_phi], axis=1) / n
+    z1, r0, c0, mean_log_phi = sums[0].tolist()
+    z2, r1, c1, _ = sums[1].tolist()
+    c2 = float(sums[2, 2])
+    value = math.log(omega) + 0.5 * z2 - mean_log_phi - 0.5 * math.log(2.0 / math.pi)
+    gradient = np.array([(alpha * r0 - z1) / omega, (1.0 - z2 + alpha * r1) / omega, -r1])
+    # Azzalini and Capitanio 2014, section 3.1.1
+    mixed = (r0 + alpha * c1) / omega
+    ab = (2.0 * z1 - alpha * r0 - alpha**2 * c1) / omega**2
+    bc = (r1 + alpha * c2) / omega
+    hessian = np.array(
+        [
+            [(1.0 - alpha**2 * c0) / omega**2, ab, mixed],
+            [ab, (3.0 * z2 - 1.0 - 2.0 * alpha * r1 - alpha**2 * c2) / omega**2, bc],
+            [mixed, bc, -c2],
+        ]
+    )
+    if penalty:
+        q = 1.0 + _C2 * alpha**2
+        value += penalty * _C1 * math.log(q)
+        gradient[2] += penalty * 2.0 * _C1 * _C2 * alpha / q
+        hessian[2, 2] += penalty * 2.0 * _C1 * _C2 * (2.0 - q) / q**2
+    return value, gradient @ jacobian, jacobian.T @ hessian @ jacobian + (gradient @ second.reshape(3, 9)).reshape(3, 3)
+
+
+def search(
+    u: NDArray[np.float64],
+    x: NDArray[np.float64],
+    penalty: float = 0.0,
+    free: tuple[int, ...] = (0, 1, 2),
+    tolerance: float = _GRADIENT,
+) -> tuple[NDArray[np.float64], float]:
+    """Minimise the objective by Newton's method with a positive definite matrix and step halving.
+
+    The search ends where alpha is so large that the sample cannot tell the density from the
+    half-normal limit (see :func:`_limit`), unless a penalty draws it back.
+
+    Parameters
+    ----------
+    u : ndarray, shape (3,)
+        Start, as for :func:`objective`.
+    x, penalty
+        As for :func:`objective`.
+    free : tuple of int
+        Coordinates of u that move.
+    tolerance : float
+        Largest component of the gradient at which it ends.
+
+    Returns
+    -------
+    u : ndarray, shape (3,)
+        Where it ended.
+    value : float
+        The objective there.
+    """
+    far = np.inf if penalty else farthest(x.size)
+    moving = np.array(free)
+    value, gradient, hessian = objective(u, x, penalty)
+    for _ in range(_STEPS):
+        slope = gradient[moving]
+        if np.abs(slope).max() < tolerance:
+            break
+        scales, directions = np.linalg.eigh(hessian[np.ix_(moving, moving)])
+        scales = np.maximum(np.abs(scales), 1e-6 * np.abs(scales).max())
+        step = np.zeros(3)
+        step[moving] = -directions @ ((directions.T @ slope) / scales)
+        step *= min(1.0, 2.0 / np.abs(step).max())  # far out in v the likelihood is flat
+        expected = gradient @ step
+        while -expected > _ROUNDING:
+            trial = objective(u + step, x, penalty)
+            if trial[0] <= value + 1e-4 * expected:
+                break
+            step *= 0.5
+            expected *= 0.5
+        else:  # no step lowers it by more than rounding: what is left shows in the gradient only
+            trial = objective(u + step, x, penalty)
+            if np.abs(trial[1][moving]).max() < np.abs(slope).max():
+                u, value = u + step, trial[0]
+            break
+        # the penalty's own cusp at alpha = 0 is reached by ever shorter steps from both sides
+        caught = penalty > 0.0 and u[2] * (u[2] + step[2]) < 0.0 and max(abs(u[2]), abs(u[2] + step[2])) < 0.1
+        u = u + step
+        value, gradient, hessian = trial
+        if caught or (abs(u[2]) > far and 2 in free):
+            break
+    return u, value
+
+
+def farthest(n: int) -> float:
+    """Value of v whose density n values cannot tell from the limit: alpha times the smallest z is about 10.
+
+    Parameters
+    ----------
+    n : int
+        Sample size.
+    """
+    return math.log(8.0 * n)
+
+
+def _valleys(
+    x: NDArray[np.float64], sign: float, penalty: float
+) -> list[tuple[NDArray[np.float64], tuple[float, float]]]:
+    """Minima of the objective over mean and sd on a grid of the skewness, and between which v they lie."""
+    u, path = np.array([0.0, 0.0, sign * _SCAN[0]]), []
+    for v in _SCAN:
+        u, value = search(np.array([u[0], u[1], sign * v]), x, penalty, (0, 1), 1e-2)
+        path.append((value, u))
+    values = np.array([np.inf, *(value for value, _ in path), np.inf])
+    lowest = np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:]))
+    ends = (-np.inf, *_SCAN, np.inf)
+    return [(path[k][1], (ends[k], ends[k + 2])) for k in lowest]
+
+
+def _limit(x: NDArray[np.float64], sign: float) -> NDArray[np.float64]:
+    """Fit of the half-normal distribution, which large alpha tends to, as DP."""
+    y = sign * x
+    omega = float(np.sqrt(np.mean((y - y.min()) ** 2)))
+    # the smallest value lies where Phi(alpha z) has just become 1
+    return np.array([sign * (y.min() - 6.0 * omega / _ALPHA_LIMIT), omega, sign * _ALPHA_LIMIT])
+
+
+def standardised(sample: ArrayLike) -> tuple[NDArray[np.float64], float, float]:
+    """Values less their mean over their standard deviation, the mean and the deviation.
+
+    Parameters
+    ----------
+    sample : array_like
+        Backscatter [dB].
+
+    Raises
+    ------
+    FitError
+        Fewer than 8 values, values that are not finite or all equal.
+    """
+    x = np.asarray(sample, dtype=np.float64).ravel()
+    if x.size < 8:
+        raise FitError(f"a skew-normal fit needs at least 8 values, found {x.size}.")
+    if not np.isfinite(x).all():
+        raise FitError(
+            f"a skew-normal fit needs finite values, found {np.count_nonzero(~np.isfinite(x))} that are not."
+        )
+    centre, scale = float(x.mean()), float(x.std())
+    if scale <= 1e-9 * max(1.0, abs(centre)):
+        raise FitError(f"a skew-normal fit needs values that differ, all {x.size} are {centre:g} dB.")
+    return (x - centre) / scale, centre, scale
+
+
+def fit(sample: ArrayLike, penalised: bool = False) -> Fit:
+    """Maximum likelihood fit of a skew normal.
+
+    The search runs in (mean, log sd, skewness), where the likelihood is regular at
+    alpha = 0 (Azzalini and Capitanio 2014, section 3.1.4), from the sample's moments, by
+    Newton's method. Where the likelihood grows up to the largest skewness, the limit, a
+    half-normal distribution, is tried too.
+
+    The penalised log-likelihood is less by c1 log(1 + c2 alpha^2), which stands for the first
+    order bias correction of alpha: its maximum is at a finite alpha for every sample. It is
+    never smooth at alpha = 0, where it always has a local maximum: a sample whose skewness is
+    less than about 0.8 standard errors is fitted by a normal density.
+
+    Parameters
+    ----------
+    sample : array_like, shape (n,)
+        Backscatter [dB].
+    penalised : bool
+        Maximise the penalised likelihood.
+
+    Returns
+    -------
+    Fit
+
+    Raises
+    ------
+    FitError
+        Fewer than 8 values, values that are not finite or all equal.
+
+    References
+    ----------
+    Azzalini and Arellano-Valle, "Maximum penalized likelihood estimation for skew-normal and
+    skew-t distributions", J. Stat. Plan. Inference 143 (2013); Azzalini and Capitanio 2014,
+    section 3.1.8.
+    """
+    y, centre, scale = standardised(sample)
+    penalty = 1.0 / y.size if penalised else 0.0
+    skewness = np.mean(y**3)
+    sign = float(np.sign(skewness) or 1.0)
+    limit = _limit(y, sign)
+    limit_value = -log_likelihood(y, limit) / y.size
+    u, lowest = search(np.array([0.0, 0.0, np.arctanh(np.clip(skewness, -0.9, 0.9))]), y, penalty)
+    # small or very skewed samples may have several maxima, or none before the limit
+    if y.size < 200 or abs(skewness) > 0.7 or limit_value < lowest + 0.05:
+        for start, (below, above) in _valleys(y, sign, penalty):
+            if not below < sign * u[2] < above:  # that one is known
+                other, value = search(start, y, penalty)
+                if value < lowest:
+                    u, lowest = other, value
+    dp = _unpack(u)[0]
+    at_boundary = not penalised and bool(limit_value < lowest + _GRADIENT)
+    if at_boundary:
+        dp = limit
+    elif lowest >= _NORMAL:  # the search divides by alpha
+        dp = np.array([0.0, 1.0, 0.0])
+    dp = np.array([centre + scale * dp[0], scale * dp[1], dp[2]])
+    return Fit(dp=dp, cp=centred(dp), n=y.size, at_boundary=at_boundary, penalised=penalised)
+
+
+def covariance(sample: ArrayLike, found: Fit, effective: float | None = None) -> NDArray[np.float64]:
+    """Covariance of a fit's centred parameters, from the observed information.
+
+    Parameters
+    ----------
+    sample : array_like, shape (n,)
+        What was fitted [dB].
+    found : Fit
+        Its fit.
+    effective : float, optional
+        Number of independent values that the sample stands for; n without it.
+
+    Returns
+    -------
+    ndarray, shape (3, 3)
+        Covariance of (mean [dB], standard deviation [dB], skewness). NaN at the boundary,
+        where the likelihood has no maximum inside.
+
+    References
+    ----------
+    Azzalini and Capitanio 2014, section 3.1.4: the information is regular in these
+    parameters, at alpha = 0 too.
+    """
+    if found.at_boundary:
+        return np.full((3, 3), np.nan)
+    x = np.asarray(sample, dtype=np.float64).ravel()
+    mean, sd, skewness = found.cp
+    y = (x - mean) / sd
+    u = np.array([0.0, 0.0, np.arctanh(skewness / MAX_SKEWNESS)])
+    # near alpha = 0 the likelihood has a term in |skewness|^(4/3) times the sample's excess kurtosis, whose second
+    # derivative is infinite there: the curvature is taken over the reach of the skewness' standard error instead
+    reach = np.array([0.0, 0.0, min(0.3, math.sqrt(6.0 / x.size))])
+    information = objective(u, y)[2]
+    information[2] = (objective(u + reach, y)[1] - objective(u - reach, y)[1]) / (2.0 * reach[2])
+    information[:2, 2] = information[2, :2]
+    scales = np.array([sd, sd, MAX_SKEWNESS * (1.0 - (skewness / MAX_SKEWNESS) ** 2)])
+    if np.linalg.eigvalsh(information)[0] <= 0.0:
+        return np.full((3, 3), np.nan)
+    return np.asarray(np.linalg.inv(information) * np.outer(scales, scales) / (effective or x.size))
