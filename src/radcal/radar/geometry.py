@@ -356,8 +356,8 @@ def _refined(
     """Elevation between the cells' middles: a cubic spline, bilinear along walls, where a spline would swing."""
     at = np.meshgrid(rows, columns, indexing="ij")
     fine = map_coordinates(block, at, order=3, mode="nearest")
-    # steeper than 45 degrees over the two cells between a cell's neighbours
-    wall = maximum_filter(block, 3) - minimum_filter(block, 3) > 2.0 * cell_m
+    # three times as high as wide, over the two cells between a cell's neighbours
+    wall = maximum_filter(block, 3) - minimum_filter(block, 3) > 6.0 * cell_m
     if wall.any():
         steep = map_coordinates(wall.astype(np.uint8), at, order=0, mode="nearest") > 0
         fine = np.where(steep, map_coordinates(block, at, order=1, mode="nearest"), fine)
