@@ -702,7 +702,8 @@ _SYNTHETIC_MATERIALS: dict[str, dict[str, Any]] = {
         "calibrate": True,
         "law": "mangia",
         "bounds": [[0, 50], [0, 50], [0, 50], [0, 50]],
-        "start": [10.0, 10.0, 10.0, 10.0],
+        # bare soil of Oh et al. 1992 (docs/laws.md), at the level of this case's other laws: 30 dB up
+        "start": [0.0, 13.07, 12.17, 0.09],
     },
     "water": {"parameters": [2.0, 3.0, 22.0, 6.0]},
     "grass": {"parameters": [10.0, 14.0, 6.0, 4.0]},

@@ -8,7 +8,8 @@ from scipy import special
 
 from radcal.config import Radar
 from radcal.measurement.looks import estimate_looks, looks_of_log_variance
-from radcal.radar.image import ImageFormation, uniform
+from radcal.radar.image import ImageFormation
+from radcal.radar.reflectivity import uniform
 
 SHAPE = (400, 400)
 ONE = np.ones(SHAPE, dtype=np.uint8)

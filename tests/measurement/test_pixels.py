@@ -13,7 +13,8 @@ from radcal.errors import MeasurementError
 from radcal.measurement.model import Measurement
 from radcal.measurement.pixels import eligible_pixels, noise_limited, point_targets
 from radcal.radar.geometry import Geometry
-from radcal.radar.image import ImageFormation, uniform
+from radcal.radar.image import ImageFormation
+from radcal.radar.reflectivity import uniform
 
 CONFIG = TargetConfig(margin_px=0)
 SHAPE = (200, 200)

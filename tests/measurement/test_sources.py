@@ -16,7 +16,8 @@ from radcal.errors import ConfigError, MeasurementError
 from radcal.measurement.model import Measurement, read_measurement, write_measurement
 from radcal.measurement.sources import make_measurement, smooth_warp
 from radcal.radar.geometry import Geometry, make_geometry
-from radcal.radar.image import ImageFormation, uniform
+from radcal.radar.image import ImageFormation
+from radcal.radar.reflectivity import uniform
 from radcal.scene.model import Scene
 from radcal.simulators.builtin import BuiltinSimulator
 

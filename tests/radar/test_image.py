@@ -12,8 +12,9 @@ from radcal.config import Radar
 from radcal.errors import ConfigError
 from radcal.radar.gaussian import circular_gaussian
 from radcal.radar.geometry import Geometry, make_geometry
-from radcal.radar.image import ImageFormation, law_tables, reflectivity, uniform
+from radcal.radar.image import ImageFormation
 from radcal.radar.laws import LAWS, Law
+from radcal.radar.reflectivity import law_tables, reflectivity, uniform
 from radcal.radar.speckle import impulse_response
 from radcal.scene.model import Scene
 from radcal.simulators.builtin import BuiltinSimulator

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from radcal.config import Case
 from radcal.errors import ConfigError
 from radcal.radar.laws import LAWS, Law, constant_gamma, law_for, laws_table, mangia, tabulated, ulaby_dobson
 
@@ -246,3 +247,10 @@ def test_the_documentation_has_the_table_of_the_code() -> None:
     assert laws_table() in page
     done = subprocess.run([sys.executable, "-m", "radcal.radar.laws"], capture_output=True, text=True, check=True)
     assert done.stdout == laws_table()
+
+
+def test_the_default_case_starts_from_bare_soil() -> None:
+    phi = np.radians(np.linspace(5.0, 50.0, 91))
+    soil = ready("oh1992", "HH")(phi, [8.0, 1.5, 2.0])
+    start = Case().materials["dyke"].start_parameters
+    np.testing.assert_allclose(mangia(phi, start), soil + 30.0, atol=0.25)

@@ -16,9 +16,10 @@ from scipy import signal
 from radcal.config import Radar
 from radcal.errors import SceneError
 from radcal.radar.geometry import Geometry, make_geometry, read_geometry, write_geometry
-from radcal.radar.image import ImageFormation, law_tables, reflectivity, uniform
+from radcal.radar.image import ImageFormation
 from radcal.radar.laws import LAWS
 from radcal.radar.points import Points, phased
+from radcal.radar.reflectivity import law_tables, reflectivity, uniform
 from radcal.radar.speckle import impulse_response, width_factor
 from radcal.scene.model import Scene
 from radcal.scene.objects import Objects
@@ -193,7 +194,7 @@ def test_point_lies_at_its_place_with_its_energy(
     geometry = make_geometry(with_objects(flat, x_m=x, y_m=y, height_m=z, rcs_dbsm=dbsm), radar)
     formation = ImageFormation(radar, geometry.shape, QUIET, geometry.points)
     dark = uniform(np.zeros(geometry.shape, dtype=np.float32))
-    power = formation.intensity(dark, 3).astype(float) / 2
+    power = formation.intensity(dark, 3).astype(float)
     away = slant(x if side == "right" else NX - x, z)
     row, column = away - NEAR - 0.5, y - 0.5
     # centre of energy: the impulse response is symmetric

@@ -15,7 +15,8 @@ from scipy.signal import windows
 from radcal.config import Radar
 from radcal.radar.gaussian import circular_gaussian
 from radcal.radar.geometry import local_incidence_cosine, make_geometry
-from radcal.radar.image import ImageFormation, Reflectivity, uniform
+from radcal.radar.image import ImageFormation
+from radcal.radar.reflectivity import Reflectivity, uniform
 from radcal.scene.model import Scene
 from radcal.simulators.builtin import BuiltinSimulator
 

@@ -1,9 +1,7 @@
-"""Image formation: reflectivity of facets to complex looks and a multilooked intensity image."""
+"""Image formation: reflectivity to complex looks and a multilooked intensity image."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,135 +11,15 @@ from numpy.typing import ArrayLike, NDArray
 from radcal.config import Radar
 from radcal.errors import ConfigError
 from radcal.radar.gaussian import gaussian_row, seed_words
-from radcal.radar.geometry import Geometry
-from radcal.radar.laws import Law
 from radcal.radar.points import Points, add_points, fine_taps, phased
+from radcal.radar.reflectivity import Reflectivity
 from radcal.radar.speckle import impulse_response, width_factor
 
-__all__ = ["ImageFormation", "Reflectivity", "law_tables", "reflectivity", "uniform"]
+__all__ = ["ImageFormation", "decibels"]
 
 THERMAL = 256  # stream of the thermal noise; materials are 1 to 255
-_LEVELS = 65536  # of the incidence angle between 0 and 90 degrees
 _TILE = 256  # pixels a side: what neighbours need of one another is formed twice, a fifth of the work
 _PATCH = 64  # of what is formed anew where a law has changed, up to a tile in a row
-
-
-@dataclass(frozen=True)
-class Reflectivity:
-    """Expected power by pixel and material.
-
-    A *cell* is what one material contributes to one pixel.
-
-    Attributes
-    ----------
-    shape : (int, int)
-        Image size.
-    start : ndarray of int32, shape (pixels + 1,)
-        First cell of each pixel.
-    material : ndarray of uint8, shape (cells,)
-        Material id.
-    power : ndarray of float32, shape (cells,)
-        Expected power in the configured radiometry, without noise or resolution [linear].
-    """
-
-    shape: tuple[int, int]
-    start: NDArray[np.int32]
-    material: NDArray[np.uint8]
-    power: NDArray[np.float32]
-
-    @property
-    def image(self) -> NDArray[np.float32]:
-        """Sum over the materials of each pixel [linear power], shape ``shape``."""
-        total = np.concatenate([[0.0], np.cumsum(self.power, dtype=np.float64)])
-        return np.asarray(total[self.start[1:]] - total[self.start[:-1]], dtype=np.float32).reshape(self.shape)
-
-
-def uniform(power: NDArray[np.float32]) -> Reflectivity:
-    """Reflectivity of one material from a map of its power [linear], shape (rows, columns)."""
-    n = power.size
-    shape = (power.shape[0], power.shape[1])
-    return Reflectivity(
-        shape,
-        np.arange(n + 1, dtype=np.int32),
-        np.ones(n, dtype=np.uint8),
-        np.ascontiguousarray(power, dtype=np.float32).ravel(),
-    )
-
-
-def law_tables(
-    names: tuple[str, ...], laws: Mapping[str, Law], parameters: Mapping[str, ArrayLike]
-) -> NDArray[np.float32]:
-    """Every material's law as a table over incidence.
-
-    Parameters
-    ----------
-    names : tuple of str
-        Materials; id k is ``names[k - 1]``.
-    laws, parameters : mapping
-        Backscatter law and its parameters by material; a material without a law is dark.
-
-    Returns
-    -------
-    ndarray of float32, shape (materials + 2, 65536)
-        sigma0 [linear power] at incidence i / 65535 times 90 degrees; row 0 is no material, the
-        last is 1 for objects, whose weights hold their cross-section.
-    """
-    phi = np.linspace(0.0, np.pi / 2.0, _LEVELS)
-    tables = np.zeros((len(names) + 2, _LEVELS), dtype=np.float32)
-    tables[-1] = 1.0
-    for k, name in enumerate(names, start=1):
-        if name in laws:
-            tables[k] = 10.0 ** (laws[name](phi, parameters[name]) / 10.0)
-    return tables
-
-
-@njit(cache=True, parallel=True)
-def _colour(material: Any, first: Any, incidence: Any, weight: Any, tables: Any, changed: Any, power: Any) -> None:
-    """Power of every cell of the changed materials."""
-    n = material.size
-    chunk = 65536
-    for part in prange((n + chunk - 1) // chunk):
-        for i in range(part * chunk, min(n, (part + 1) * chunk)):
-            k = material[i]
-            if changed[k]:
-                total = np.float32(0.0)
-                for j in range(first[i], first[i + 1]):
-                    total += weight[j] * tables[k, incidence[j]]
-                power[i] = total
-
-
-def reflectivity(
-    geometry: Geometry, tables: NDArray[np.float32], before: Reflectivity | None = None,
-    changed: NDArray[np.bool_] | None = None,
-) -> Reflectivity:  # fmt: skip
-    """Expected power of each pixel and material, without noise or resolution.
-
-    Parameters
-    ----------
-    geometry : Geometry
-        Facets of the pass, with their weights in the configured radiometry.
-    tables : ndarray, shape (materials + 2, 65536)
-        Laws, as :func:`law_tables` gives them.
-    before, changed : optional
-        Reflectivity of other laws, and the ids of materials (bool, shape (materials + 2,))
-        whose law is another now: only their cells are made anew, in place.
-
-    Returns
-    -------
-    Reflectivity
-        Sum over the visible facets of weight times sigma0(phi).
-    """
-    power = np.zeros(geometry.cell_material.size, dtype=np.float32) if before is None else before.power
-    _colour(
-        geometry.cell_material,
-        geometry.facet_start,
-        geometry.facet_incidence,
-        geometry.facet_weight,
-        tables,
-        np.ones(len(tables), dtype=np.bool_) if changed is None else changed,
-        power,
-    )
-    return Reflectivity(geometry.shape, geometry.cell_start, geometry.cell_material, power)
 
 
 @njit(cache=True, parallel=True)
@@ -409,16 +287,17 @@ class ImageFormation:
         intensity: NDArray[np.float32], field: NDArray[np.float32] | None,
     ) -> None:  # fmt: skip
         rows, columns = self._shape
-        across = self._across
-        if field is None:  # the mean of the looks is the sum of what this makes of each
-            field, across = np.empty((0, 0), dtype=np.float32), across / np.float32(np.sqrt(looks))
+        across, points = self._across, phased(self._points, noise_seed)
+        if field is None:  # the mean of the looks is the sum of what these make of each
+            share = np.float32(np.sqrt(looks))
+            field, across, points = np.empty((0, 0), dtype=np.float32), across / share, points / share
         stretch = _TILE + len(self._across)
         # room for the random numbers of the longest stretch of a row
         most = int(np.diff(reflectivity.start).max(initial=1))
         _form(
             tiles, rows, columns, reflectivity.start, reflectivity.material, reflectivity.power,
             self._noise, seed_words(noise_seed), first, looks, self._down, across,
-            stretch * max(1, most), self._points.row, self._points.column, phased(self._points, noise_seed),
+            stretch * max(1, most), self._points.row, self._points.column, points,
             self._fine_down, self._fine_across, intensity, field,
         )  # fmt: skip
 

@@ -37,10 +37,9 @@ class Kind:
     spread_db: float
 
 
-# round crowns; -6 dB per square metre is the sigma0 of forest at X band (Ulaby and Dobson, "Handbook of Radar
-# Scattering Statistics for Terrain" (1989), trees) within its spread
+# round crowns; of the order of a forest's sigma0 at X band
 TREE = Kind((3.0, 9.0), (3.0, 9.0), (4.0, 20.0), -6.0, 3.0)
-# about 100 m2 for a footprint of 8 m2: Skolnik, "Introduction to Radar Systems" (3rd edition, 2001), table 2.2
+# about 100 m2 for a footprint of 8 m2, as textbooks of radar give it (Skolnik, "Introduction to Radar Systems")
 CAR = Kind((3.8, 5.0), (1.7, 1.95), (1.4, 1.9), 11.0, 5.0)
 # no one number holds for buildings, whose walls and corners make it: chosen to stand out from the ground
 BUILDING = Kind((8.0, 24.0), (7.0, 14.0), (3.0, 15.0), 3.0, 4.0)

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from radcal.config import Radar
 from radcal.errors import ConfigError
 from radcal.radar.geometry import Geometry
-from radcal.radar.image import ImageFormation, Reflectivity, decibels, law_tables, reflectivity
+from radcal.radar.image import ImageFormation, decibels
 from radcal.radar.laws import EXTERNAL, LAWS, Law, law_for
 from radcal.radar.radiometry import noise_floor_db
+from radcal.radar.reflectivity import Reflectivity, law_tables, reflectivity
 
 __all__ = ["BuiltinSimulator"]
 
