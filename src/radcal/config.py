@@ -190,6 +190,11 @@ class BuiltinSimulation(_Strict):
     kind: Literal["builtin"] = Field("builtin", description="builtin (radcal's own) or command (any other program)")
     keep_images: bool = Field(False, description="keep the whole image in every run record")
 
+    @property
+    def longest_run_s(self) -> float:
+        """What a run takes at most, and far more than it does [s]."""
+        return 900.0
+
 
 Knots = Annotated[list[Annotated[float, Field(ge=0, le=90)]], Field(min_length=2)]
 _START_AS_LIST, _START_AS_LAW = "a list", "a law"  # of pydantic's union; people never wrote them
@@ -366,6 +371,12 @@ class CommandSimulation(_Strict):
     )
     keep_images: bool = Field(False, description="keep the whole image in every run record")
     keep_folders: bool = Field(False, description="keep the folders of successful runs too")
+
+    @property
+    def longest_run_s(self) -> float:
+        """What a run takes at most, with all its retries [s]."""
+        waits = self.retry_wait_s * (2.0**self.retries - 1.0)
+        return self.timeout_s * (self.retries + 1) + waits
 
     @model_validator(mode="after")
     def _names(self) -> Self:
