@@ -6,6 +6,7 @@ snakemake --cores 2 reference                           one run: is everything w
 snakemake --cores 2 design                              the initial runs only
 """
 
+import math
 import os
 import sys
 import time

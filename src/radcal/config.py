@@ -264,6 +264,11 @@ class BuiltinSimulation(_Strict):
     kind: Literal["builtin"] = Field("builtin", description="builtin (radcal's own) or command (any other program)")
     keep_images: bool = Field(False, description="keep the whole image in every run record")
 
+    @property
+    def longest_run_s(self) -> float:
+        """What a run takes at most, and far more than it does [s]."""
+        return 900.0
+
 
 Knots = Annotated[list[Annotated[Real, Field(ge=0, le=90)]], Field(min_length=2)]
 
@@ -354,7 +359,35 @@ def _inside(value: str) -> str:
     return value
 
 
-Argument = Annotated[str, BeforeValidator(_braced)]
+def _listed(value: object) -> object:
+    """Refuse a command line written as for a shell."""
+    if isinstance(value, str):
+        raise ValueError(f"is {value!r}, expected a list of program and arguments: no shell takes it apart")
+    return value
+
+
+def _without_null(value: str) -> str:
+    """Refuse what no program can be handed."""
+    if "\0" in value:
+        raise ValueError(f"is {value!r}, expected text without the character 0")
+    return value
+
+
+def _environment(value: dict[str, str]) -> dict[str, str]:
+    for name in value:
+        if not name or "=" in name or "\0" in name:
+            raise ValueError(f"{name!r} is no name of an environment variable")
+    return value
+
+
+def _number_as_text(value: object) -> object:
+    """YAML reads OMP_NUM_THREADS: 1 as a number."""
+    return str(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+Argument = Annotated[str, BeforeValidator(_braced), AfterValidator(_without_null)]
+Variable = Annotated[str, BeforeValidator(_number_as_text), AfterValidator(_without_null)]
+Words = Annotated[list[Argument], Field(min_length=1), BeforeValidator(_listed)]
 FileName = Annotated[str, AfterValidator(_inside)]
 
 
@@ -375,6 +408,11 @@ class Template(_Strict):
     )
 
 
+RawType = Literal[
+    "float32", "float64", "complex64", "complex128", "int8", "uint8", "int16", "uint16", "int32", "uint32"
+]
+
+
 class Output(_Strict):
     """The image that the program writes."""
 
@@ -385,10 +423,7 @@ class Output(_Strict):
     )
     band: Count | None = Field(None, description="band of a raster, from 1; needed where it has several")
     dataset: str | None = Field(None, description="name in npz, mat or HDF5; needed where they hold several")
-    dtype: (
-        Literal["float32", "float64", "complex64", "complex128", "int8", "uint8", "int16", "uint16", "int32", "uint32"]
-        | None
-    ) = Field(None, description="numbers of a raw file, row by row")
+    dtype: RawType | None = Field(None, description="numbers of a raw file, row by row")
     byte_order: Literal["little", "big"] | None = Field(None, description="of a raw file; little if missing")
     shape: tuple[Count, Count] | None = Field(
         None, description="[rows, columns] of a raw file as written; the simulated image's if missing"
@@ -413,21 +448,21 @@ class CommandSimulation(_Strict):
     """Any other program, called once for each run in a folder of its own."""
 
     kind: Literal["command"] = "command"
-    command: Annotated[list[Argument], Field(min_length=1)] = Field(
+    command: Words = Field(
         description="program and arguments; no shell reads them. {input}, {output}, {folder}, {geometry}, {python}, "
         "{noise_seed} and {material.parameter} are filled in"
     )
     output: Output
     name: str | None = Field(None, description="of the simulator; the program's file name if missing")
     version: str | None = Field(None, description="of the simulator, if version_command does not tell it")
-    version_command: Annotated[list[Argument], Field(min_length=1)] | None = Field(
-        None, description="program and arguments that print the version"
-    )
+    version_command: Words | None = Field(None, description="program and arguments that print the version")
     input: InputFile | None = Field(None, description="write all parameters to a file")
     templates: list[Template] = Field(default_factory=list, description="the program's input files, to be filled in")
     files: list[str] = Field(default_factory=list, description="files copied into each run's folder")
     links: list[str] = Field(default_factory=list, description="files or folders linked into each run's folder")
-    environment: dict[str, str] = Field(default_factory=dict, description="environment variables, besides radcal's own")
+    environment: Annotated[dict[str, Variable], AfterValidator(_environment)] = Field(
+        default_factory=dict, description="environment variables, besides radcal's own"
+    )
     timeout_s: Positive = Field(3600.0, description="a run that takes longer is killed [s]")
     retries: Annotated[Integer, Field(ge=0, le=20)] = Field(0, description="times that a failed run is tried again")
     retry_wait_s: Annotated[Real, Field(ge=0, allow_inf_nan=False)] = Field(
@@ -443,6 +478,12 @@ class CommandSimulation(_Strict):
     keep_images: bool = Field(False, description="keep the whole image in every run record")
     keep_folders: bool = Field(False, description="keep the folders of successful runs too")
 
+    @property
+    def longest_run_s(self) -> float:
+        """What a run takes at most, with all its retries [s]."""
+        waits = self.retry_wait_s * (2.0**self.retries - 1.0)
+        return self.timeout_s * (self.retries + 1) + waits
+
     @model_validator(mode="after")
     def _names(self) -> Self:
         if self.version is not None and self.version_command is not None:
@@ -454,11 +495,19 @@ class CommandSimulation(_Strict):
             *((f"files.{k}", Path(item).name) for k, item in enumerate(self.files)),
             *((f"links.{k}", Path(item).name) for k, item in enumerate(self.links)),
         ]
-        taken: dict[str, str] = {}
+        taken: dict[Path, str] = {}
         for key, name in names:
-            if name in taken:
-                raise ValueError(f"{key} and {taken[name]} are both {name!r} in the run's folder")
-            taken[name] = key
+            if Path(name) in taken:
+                raise ValueError(f"{key} and {taken[Path(name)]} are both {name!r} in the run's folder")
+            taken[Path(name)] = key
+        for path, key in taken.items():
+            # a link leads out of the run's folder, where runs would write into one another's files
+            for above in path.parents:
+                if above in taken:
+                    raise ValueError(
+                        f"{key} is {str(path)!r}, inside of {taken[above]}: expected a name of its own in the run's "
+                        "folder"
+                    )
         return self
 
 
@@ -967,6 +1016,8 @@ def executable_path(word: str, key: str, environment: Mapping[str, str]) -> Path
     """
     if word == "{python}":
         return Path(sys.executable)
+    if not word.strip():
+        raise ConfigError(f"{key}: its first word is empty, expected a program.")
     if "/" not in word:
         found = shutil.which(word, path=environment.get("PATH"))
         if found is None:

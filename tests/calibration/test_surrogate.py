@@ -160,3 +160,41 @@ def test_a_noisy_surrogate_smooths_and_stays_the_same_when_rebuilt(tmp_path) -> 
     rebuilt = read_surrogates(tmp_path / "s.h5")["a"]
     np.testing.assert_array_equal(rebuilt.predict(new), surrogate.predict(new))
     np.testing.assert_array_equal(rebuilt.standard_error(new), surrogate.standard_error(new))
+
+
+def few_noisy_runs(n: int, noise_db: float) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(2)
+    x = rng.random((n, 2))
+    mean = 10.0 * np.sin(2.0 * x[:, 0]) + 5.0 * x[:, 1] ** 2 + noise_db * rng.standard_normal(n)
+    log_sd, skewness = 1.0 + x[:, 0] + 0.02 * rng.standard_normal(n), 0.3 * x[:, 1] + 0.05 * rng.standard_normal(n)
+    return x, skewnormal.direct(np.column_stack([mean, np.exp(log_sd), skewness]))
+
+
+def test_a_measured_noise_bounds_the_nugget_from_below() -> None:
+    """Six runs pass for exact ones in the likelihood: only what was measured says otherwise."""
+    x, dp = few_noisy_runs(6, 0.5)
+    variance = np.array([0.5**2, 0.02**2, 0.05**2])
+    guessed = Surrogate([[0, 1], [0, 1]], x, dp, noisy=True).train()
+    told = Surrogate([[0, 1], [0, 1]], x, dp, noisy=True, noise_variance=variance).train()
+    assert guessed.nugget[0] < 1e-6
+    process = np.array([float(np.ravel(model.optimal_par["sigma2"])[0]) for model in told.models()])
+    inside = told.nugget < 9.99
+    assert inside[0]
+    assert ((told.nugget * process)[inside] > 0.95 * variance[inside]).all()
+    assert (told.nugget * process)[0] == pytest.approx(variance[0], rel=0.05)
+    mean = skewnormal.centred(dp)[:, 0]
+    assert np.abs(guessed.predict(x)[:, 0] - mean).max() < 1e-3 < np.abs(told.predict(x)[:, 0] - mean).max()
+    assert told.standard_error(x)[:, 0].min() > 0.1 > guessed.standard_error(x)[:, 0].max()
+
+
+def test_a_smaller_measured_noise_changes_nothing() -> None:
+    x, dp = few_noisy_runs(30, 0.5)
+    alone = Surrogate([[0, 1], [0, 1]], x, dp, noisy=True).train()
+    told = Surrogate([[0, 1], [0, 1]], x, dp, noisy=True, noise_variance=[1e-6, 1e-9, 1e-9]).train()
+    np.testing.assert_array_equal(told.nugget, alone.nugget)
+    np.testing.assert_array_equal(told.theta, alone.theta)
+    # nor does any where runs repeat, or where xi, omega and alpha are learnt
+    exact = Surrogate([[0, 1], [0, 1]], x, dp, noise_variance=[1.0, 1.0, 1.0])
+    direct = Surrogate([[0, 1], [0, 1]], x, dp, "direct", noisy=True, noise_variance=[1.0, 1.0, 1.0])
+    assert not exact.noise_variance.any()
+    assert not direct.noise_variance.any()

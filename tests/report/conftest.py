@@ -59,6 +59,7 @@ def make_archive(
     pixels: int = 120,
     moved: bool = False,
     external: Sequence[str] = (),
+    other_start: Sequence[str] = (),
 ) -> Made:
     """Write an archive: every material a stripe, all numbers made up but consistent."""
     shifts = SHIFTS if shifts is None else shifts
@@ -70,6 +71,8 @@ def make_archive(
         **{name: {"calibrate": True, "start": [10.0, 10.0, 10.0, 10.0]} for name in shifts},
         "unused": {"parameters": [1.0, 2.0, 3.0, 4.0]},
     }
+    for name in other_start:
+        materials[name]["start"] = {"law": "constant_gamma", "parameters": [-12.0]}
     for name in external:
         if name == "unused":
             materials[name] = {"law": "external"}
@@ -81,7 +84,7 @@ def make_archive(
             "case": "small",
             "simulator": command if external else {},
             "materials": materials,
-            "measurement": {"source": "synthetic", "synthetic": {"parameters": {}}},
+            "measurement": {"source": "synthetic", "synthetic": {"parameters": dict.fromkeys(other_start, HIDDEN)}},
             "design": {"size": len(next(iter(shifts.values()))["design"])},
         }
     )
@@ -165,7 +168,9 @@ def make_archive(
                     key=f"{kind}{index:04d}",
                     seconds=0.1 + 0.2 * index,
                     parameters={
-                        name: [10.0, 10.0, 10.0, 10.0]
+                        name: [-12.0]
+                        if kind == "reference" and name in other_start
+                        else [10.0, 10.0, 10.0, 10.0]
                         if kind == "reference"
                         else [50.0, *rng.uniform(1, 49, 3).tolist()]
                         for name in shifts
@@ -173,6 +178,7 @@ def make_archive(
                     dp=dp,
                     rms={name: skewnormal.density_rms(dp[name], t.dp) for name, t in targets.items()},
                     proposals=proposals,
+                    other_law=list(other_start) if kind == "reference" else [],
                 )
             )
     history = History(runs)

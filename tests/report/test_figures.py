@@ -135,6 +135,24 @@ def test_only_laws_with_a_curve_are_drawn(build_archive, tmp_path):
     assert re.search(r"dyke \d+ to \d+ deg; stem beans \d+ to \d+ deg, -?\d", caption)
 
 
+@pytest.mark.parametrize("references", [1, 2])
+@pytest.mark.parametrize("others", [[], ["dyke"], ["stem beans"], ["dyke", "stem beans"]])
+def test_the_best_run_is_never_one_of_another_law(build_archive, tmp_path, others, references):
+    """The reference run meets every target; it counts only where it is of the law that is calibrated."""
+    numbers = {"reference": [1e-9] * references, "design": [5.0, -6.0, 2.0], "infill": [0.2]}
+    made = build_archive(tmp_path, shifts={"dyke": numbers, "stem beans": numbers}, floors={}, other_start=others)
+    case = module.read_case(made.path)
+    for material in case.materials:
+        with mpl.rc_context(module.STYLE):
+            canvas, _, _ = module.cost(case, material)
+        (best,) = [line for line in canvas.axes[0].lines if line.get_label() == "best so far"]
+        start = references if material.name in others else 0
+        np.testing.assert_array_equal(best.get_xdata(), np.arange(start, references + 4))
+        expected = np.minimum.accumulate([made.history.runs[k].rms[material.name] for k in best.get_xdata()])
+        np.testing.assert_allclose(best.get_ydata(), expected)
+        assert material.best == (references + 3 if material.name in others else 0)
+
+
 def test_same_archive_gives_same_bytes(made, figures, tmp_path):
     case = module.read_case(made.path)
     with mpl.rc_context(module.STYLE):

@@ -199,8 +199,18 @@ def failing(body: str) -> str:
          ["ended with exit code 1", "simulator.accept_exit_codes", '"no licence / for this host"']),
         (failing("import os; os.kill(os.getpid(), 9)"), {}, ["signal 9 (SIGKILL)", "it printed nothing"]),
         (failing("import os; os.abort()"), {}, ["signal 6 (SIGABRT)"]),
-        ("print('done')", {}, ["ended with exit code 0", "wrote no image.raw", "simulator.output.file", '"done"']),
+        ("print('done')", {}, ["ended with exit code 0", "left no file image.raw", "simulator.output.file", '"done"']),
+        ("import os; os.mkdir('image.raw')", {}, ["left a folder image.raw (simulator.output.file)"]),
+        ("import os; os.mkfifo('image.raw')", {}, ["left no file image.raw"]),
+        ("import subprocess; subprocess.Popen(['sh', '-c', 'sleep 0.5; echo > image.raw'])", {}, ["left no file"]),
+        ("import sys\nfor k in range(20): sys.stderr.write(10**6 * 'x')\nsys.exit('full')", {},
+         ["exit code 1", 'xxfull"']),
+        ("import sys; sys.stderr.buffer.write(bytes(range(256))); sys.exit(2)", {}, ["exit code 2", "ABCDEF"]),
+        ("import os; os.mkdir('radcal.log')", {}, ["leaves no place for radcal.log", "Is a directory"]),
+        (WORKING, {"command": ["{python}", "-S", "sim.py", "{input}", 3_000_000 * "x"]},
+         ["python", "cannot be started (Argument list too long)"]),
         (WORKING.replace("rows * columns", "rows"), {}, ["simulator.output.file: ", "bytes, expected"]),
+        (WORKING.replace('array("f"', 'array("d"'), {}, ["of float32: as many as of float64 or complex64"]),
         (WORKING.replace("level +", "float('nan') +"), {}, ["holds no finite number"]),
         (WORKING.replace("level +", "(level if _ % 2 else float('nan')) +"), {}, ["of the", "pixels of dyke", "NaN"]),
         (WORKING.replace("level +", "1e4 +"), {}, ["within +-200 dB", "simulator.output.scale"]),
@@ -208,8 +218,9 @@ def failing(body: str) -> str:
         (WORKING, {"output": {"file": "image.raw", "format": "raw", "dtype": "float32", "scale": "power"}},
          ["negative, which power cannot be", "simulator.output.scale: db"]),
     ],
-    ids=["hanging", "exit 1", "killed", "aborted", "no output", "too short", "all NaN", "half NaN", "200 dB", "not npy",
-         "wrong scale"],
+    ids=["hanging", "exit 1", "killed", "aborted", "no output", "a folder", "a pipe", "late", "huge stderr",
+         "binary stderr", "log barred", "long argument", "too short", "another dtype", "all NaN",
+         "half NaN", "200 dB", "not npy", "wrong scale"],
 )  # fmt: skip
 def test_failures_end_in_one_sentence_and_keep_the_folder(
     make: Make, tmp_path: Path, script: str, changes: dict[str, Any], words: list[str]
@@ -225,9 +236,40 @@ def test_failures_end_in_one_sentence_and_keep_the_folder(
     assert f"kept as {tmp_path / 'work' / kept}." in message
     assert kept.startswith("failed-")
     assert ".partial" not in message
-    assert {"radcal.log", "radcal.stdout", "radcal.stderr", "sim.py", "input.json"} <= set(
-        os.listdir(tmp_path / "work" / kept)
+    # one that could not be started has no log
+    wanted = {"radcal.stdout", "radcal.stderr", "sim.py", "input.json"}
+    if "cannot be started" not in message:
+        wanted.add("radcal.log")
+    assert wanted <= set(os.listdir(tmp_path / "work" / kept))
+
+
+def test_a_program_that_takes_its_folder_away(make: Make, tmp_path: Path) -> None:
+    with pytest.raises(
+        SimulatorError, match=r"^simulator\.command: python.* ended with exit code 0 and leaves no place"
+    ):
+        make("import os, shutil; shutil.rmtree(os.getcwd())").run(X, 1)
+    assert folders(tmp_path) == []
+
+
+def test_a_program_that_reads_its_input_finds_none(make: Make) -> None:
+    np.testing.assert_array_equal(
+        make("import sys\nassert not sys.stdin.read()\n" + WORKING).run(X, 1), make().run(X, 1)
     )
+
+
+def test_names_beyond_ascii(make: Make, tmp_path: Path) -> None:
+    (tmp_path / "Gelände ☃.dat").write_text("1")
+    (tmp_path / "ü.tpl").write_text("Höhe ☃ @dyke.mv@\n", encoding="utf-8")
+    simulator = make(
+        WORKING + "assert open(sys.argv[2]).read() == '1' and sys.argv[2][0] == 'G'\n"
+        "assert open('ü.inp', encoding='utf-8').read() == 'Höhe ☃ 0.1\\n'\n",
+        command=["{python}", "-S", "-X", "utf8", "sim.py", "{input}", "Gelände ☃.dat"],
+        files=[str(tmp_path / "sim.py"), str(tmp_path / "Gelände ☃.dat")],
+        templates=[{"template": str(tmp_path / "ü.tpl"), "file": "ü.inp"}],
+        output={"file": "Bild ☃.raw", "format": "raw", "dtype": "float32", "scale": "db"},
+        environment={"GELÄNDE": "☃"},
+    )
+    np.testing.assert_array_equal(simulator.run(X, 1), make().run(X, 1))
 
 
 def test_an_image_of_another_shape_is_told_how_to_turn(make: Make, geometry: Geometry, tmp_path: Path) -> None:
@@ -273,18 +315,6 @@ def test_programs_that_fail_after_their_output_can_be_accepted(make: Make) -> No
     np.testing.assert_array_equal(make(failing("sys.exit(4)"), accept_exit_codes=[0, 4]).run(X, 5), expected)
     crashing = failing("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)")
     np.testing.assert_array_equal(make(crashing, accept_exit_codes=[-11]).run(X, 5), expected)
-
-
-def test_an_output_of_an_earlier_run_is_never_read(make: Make, tmp_path: Path) -> None:
-    (tmp_path / "out").mkdir()
-    simulator = make(
-        links=[str(tmp_path / "out")],
-        output={"file": "out/image.raw", "format": "raw", "dtype": "float32", "scale": "db"},
-        command=["{python}", "sim.py", "{input}"],
-    )
-    simulator.run(X, 1)
-    with pytest.raises(ConfigError, match=r"out/image\.raw, the name of simulator\.output\.file, is there before"):
-        simulator.run(X, 2)
 
 
 def alive(pid: int) -> bool:
@@ -375,6 +405,22 @@ def test_identity_tells_all_that_may_change_the_image(make: Make, tmp_path: Path
     assert folders(tmp_path) == []
 
 
+@pytest.mark.parametrize("first_line", [b"#!/no/such/interpreter\n", b"#!/bin/sh\r\n"])
+def test_a_script_without_its_interpreter(make: Make, tmp_path: Path, first_line: bytes) -> None:
+    (tmp_path / "sim").write_bytes(first_line)
+    (tmp_path / "sim").chmod(0o755)
+    with pytest.raises(SimulatorError, match=r"cannot be started: the interpreter of its first line is missing"):
+        make(command=[str(tmp_path / "sim"), "{input}"]).run(X, 1)
+
+
+def test_a_version_command_that_hangs_is_told(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "_VERSION_SECONDS", 0.3)
+    with pytest.raises(
+        SimulatorError, match=r"^simulator\.version_command: python\S* was not done after 0\.3\S* s and was"
+    ):
+        _ = make(version_command=["{python}", "-c", "import time; time.sleep(100)"]).identity
+
+
 def test_a_version_command_that_fails_is_told(make: Make) -> None:
     with pytest.raises(SimulatorError, match=r"^simulator\.version_command: python.* ended with exit code 3"):
         _ = make(version_command=["{python}", "-c", "raise SystemExit(3)"]).identity
@@ -391,6 +437,14 @@ def test_a_version_command_that_fails_is_told(make: Make) -> None:
         ({"command": ["sh", "{dyke.mv}"], "input": None},
          r"^simulator: the parameter dyke\.s never reaches the program \(nor do 4 more\)"),
         ({"files": ["nowhere.dat"]}, r"^simulator\.files\.0: the file nowhere\.dat does not exist"),
+        ({"command": [""]}, r"^simulator\.command: its first word is empty"),
+        ({"command": ["sh", "a\0b"]}, r"simulator\.command\.1: is 'a.+b', expected text without the character 0"),
+        ({"command": "./sim --x {input}"}, r"simulator\.command: is '\./sim --x .+', expected a list of program"),
+        ({"environment": {"A=B": "1"}}, r"simulator\.environment: 'A=B' is no name of an environment variable"),
+        ({"links": [str(Path(__file__).parent)], "input": {"file": "simulators/in.json"}},
+         r"input\.file is 'simulators/in\.json', inside of links\.0"),
+        ({"output": {"file": "sim.py/i.npy", "scale": "db"}}, r"output\.file is 'sim\.py/i\.npy', inside of files\.0"),
+        ({"output": {"file": "./input.json", "scale": "db"}}, r"input\.file and output\.file are both 'input\.json'"),
         ({"templates": [{"template": "no.tpl", "file": "a"}]}, r"^simulator\.templates\.0\.template: the file no\.tpl"),
     ],
 )  # fmt: skip
@@ -398,6 +452,11 @@ def test_refused_before_any_run(make: Make, tmp_path: Path, changes: dict[str, A
     with pytest.raises(ConfigError, match=words):
         make(**changes)
     assert not (tmp_path / "work").exists()
+
+
+def test_numbers_in_the_environment_are_text(make: Make) -> None:
+    checks = "import os; assert (os.environ['THREADS'], os.environ['SCALE']) == ('4', '0.5')\n"
+    make(checks + WORKING, environment={"THREADS": 4, "SCALE": 0.5}).run(X, 1)
 
 
 def test_the_default_case_has_no_command_to_check() -> None:

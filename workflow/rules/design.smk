@@ -5,8 +5,6 @@
 
 # what determines a run's numbers, and which jobs must therefore run again when it changes
 SIMULATION = CASE.sections("seed", "radar", "simulator", "materials")
-# a new build of an external simulator is another simulator
-SIMULATOR_FILES = [FILES[key] for key in FILES if key.startswith("simulator.")]
 CHUNKS = range(-(-CASE.design.size // CASE.design.chunk))
 
 
@@ -25,7 +23,7 @@ rule reference_run:
     threads: 1
     resources:
         mem_mb=2000,
-        runtime=60,
+        runtime=minutes(2),
     params:
         case=SIMULATION,
         runs=f"{OUT}/runs",
@@ -51,7 +49,7 @@ rule design_chunk:
     threads: 1
     resources:
         mem_mb=2000,
-        runtime=60,
+        runtime=minutes(CASE.design.chunk),
     params:
         case=SIMULATION | CASE.sections("design"),
         runs=f"{OUT}/runs",
@@ -77,7 +75,7 @@ checkpoint scores:
         mem_mb=1000,
         runtime=10,
     params:
-        case=CASE.sections("materials"),
+        case=CASE.sections("seed", "materials"),
         runs=f"{OUT}/runs",
     message:
         "scores of the design"

@@ -104,7 +104,7 @@ checkpoint verify:
     threads: 1
     resources:
         mem_mb=2000,
-        runtime=60,
+        runtime=minutes(1),
     params:
         case=SIMULATION,
         runs=f"{OUT}/runs",

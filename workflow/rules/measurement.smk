@@ -1,9 +1,19 @@
 # The measured image and the target densities.
 
+# a new build of an external simulator is another simulator
+SIMULATOR_FILES = [FILES[key] for key in FILES if key.startswith("simulator.")]
+SYNTHETIC = CASE.measurement.source == "synthetic"
+
+
+def minutes(runs):
+    """What a cluster is asked for: so many runs, each as long as it may take."""
+    return 10 + math.ceil(runs * CASE.simulator.longest_run_s / 60)
+
 
 rule measurement:
     input:
         [FILES[key] for key in FILES if key.startswith("measurement.")],
+        SIMULATOR_FILES if SYNTHETIC else [],
         scene=rules.scene.output.scene,
         geometry=rules.geometry.output.geometry,
     output:
@@ -15,7 +25,7 @@ rule measurement:
     threads: 1
     resources:
         mem_mb=2000,
-        runtime=10,
+        runtime=minutes(1 if SYNTHETIC else 0),
     params:
         case=CASE.sections("measurement", "materials", "radar", "simulator", "target"),
     message:

@@ -18,7 +18,7 @@ rule final_runs:
     threads: 1
     resources:
         mem_mb=2000,
-        runtime=60,
+        runtime=minutes(2),
     params:
         case=SIMULATION,
         runs=f"{OUT}/runs",

@@ -81,6 +81,9 @@ class Run:
         theirs, and it counts for nothing but the score at the start.
     repeat_db : float or None
         For a repeated reference run: largest difference of its pixels from the first's [dB].
+    repeat_variance : mapping by material
+        For one that differs: variance among runs of equal parameters of mean [dB2], log standard
+        deviation and skewness.
     """
 
     kind: Kind
@@ -93,6 +96,7 @@ class Run:
     proposals: Mapping[str, Proposal] = field(default_factory=dict)
     other_law: list[str] = field(default_factory=list)
     repeat_db: float | None = None
+    repeat_variance: Mapping[str, list[float]] = field(default_factory=dict)
 
 
 def score(
@@ -140,6 +144,11 @@ class History:
     def repeat_db(self) -> list[float]:
         """Largest difference of each repeated reference run's pixels from the first's [dB]."""
         return [run.repeat_db for run in self.runs if run.repeat_db is not None]
+
+    def noise_variance(self, material: str) -> NDArray[np.float64] | None:
+        """Variance of mean [dB2], log sd and skewness among runs of equal parameters, None where not measured."""
+        found = [run.repeat_variance[material] for run in self.runs if material in run.repeat_variance]
+        return np.mean(found, axis=0) if found else None
 
     def count(self, kind: Kind) -> int:
         """Return the number of runs of a kind."""

@@ -16,12 +16,13 @@ from threadpoolctl import threadpool_limits
 
 from radcal.calibration.history import History, Proposal, Run, score
 from radcal.calibration.infill import propose
+from radcal.calibration.noise import noise_variance
 from radcal.calibration.stopping import decide
 from radcal.calibration.surrogate import OUTPUTS, Surrogate
 from radcal.config import Case, CommandSimulation, Optimiser, Stop
 from radcal.radar.geometry import Geometry, read_geometry
 from radcal.scene.model import read_scene
-from radcal.seeds import derived_seed
+from radcal.seeds import derived_rng, derived_seed
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.command import CommandPlan, CommandSimulator
 from radcal.simulators.protocol import Simulator
@@ -122,7 +123,7 @@ def score_reference(case: Case, records: Sequence[Record], targets: Targets) -> 
     Parameters
     ----------
     case : Case
-        Section ``materials`` is read.
+        Sections ``seed`` and ``materials`` are read.
     records : sequence of Record
         What :func:`reference_runs` gave.
     targets : mapping
@@ -131,14 +132,28 @@ def score_reference(case: Case, records: Sequence[Record], targets: Targets) -> 
     Returns
     -------
     list of Run
-        As many as records; ``repeat_db`` [dB] is that of all but the first.
+        As many as records; ``repeat_db`` [dB] is that of all but the first, ``repeat_variance``
+        that of those which differ from it.
     """
     start, others = reference_parameters(case), case.start_with_another_law
     runs = [score("reference", k, record, start, targets, other_law=others) for k, record in enumerate(records)]
-    return [
-        replace(run, repeat_db=records[0].largest_difference_db(record)) if k else run
-        for k, (run, record) in enumerate(zip(runs, records, strict=True))
-    ]
+    for k, record in enumerate(records[1:], start=1):
+        difference = records[0].largest_difference_db(record)
+        runs[k] = replace(runs[k], repeat_db=difference)
+        if difference > 0:
+            runs[k] = replace(runs[k], repeat_variance=_repeat_variance(case, records[0], record, targets))
+    return runs
+
+
+def _repeat_variance(case: Case, first: Record, again: Record, targets: Targets) -> dict[str, list[float]]:
+    pair = [(record.pixels_db, targets.levels.simulated(record.pixels_db)) for record in (first, again)]
+    found = {}
+    for name, target in targets.items():
+        values = [targets.levels.apply(pixels_db[name][target.order], mapping) for pixels_db, mapping in pair]
+        rng = derived_rng(case.seed, "repeat", name)
+        variance = noise_variance(values[0], values[1], rng, target.effective, target.penalised)
+        found[name] = [float(v) for v in variance]
+    return found
 
 
 def repeatability(case: Case, differences_db: Sequence[float]) -> str:
@@ -226,7 +241,11 @@ def train_all(
     jobs = [
         (
             Surrogate(
-                case.materials[name].box, *history.training(name), case.surrogate.outputs, noisy=_noisy(history, case)
+                case.materials[name].box,
+                *history.training(name),
+                case.surrogate.outputs,
+                noisy=_noisy(history, case),
+                noise_variance=history.noise_variance(name),
             ),
             previous[name].theta if warm and previous is not None else None,
             case.surrogate.training == "warm",

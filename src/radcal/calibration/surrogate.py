@@ -6,7 +6,7 @@ import contextlib
 import io
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -29,6 +29,7 @@ OUTPUTS: dict[Outputs, tuple[str, str, str]] = {
 _SKEWNESS_LIMIT = 0.995
 # the library's default start (it takes one number for all dimensions)
 _THETA0 = 1e-2
+_NUGGETS = (1e-10, 10.0)  # between smt's own jitter and hardly anything but noise
 _RETRIES: tuple[dict[str, Any], ...] = (
     {"n_start": 20, "theta0": [1e-1]},
     {"n_start": 10, "hyper_opt": "Cobyla"},
@@ -137,6 +138,35 @@ def _train_one(x: NDArray[np.float64], y: NDArray[np.float64], options: Mapping[
     return _Trained(model, theta, nugget, leave_one_out_q2(model), status)
 
 
+def _with_noise(x: NDArray[np.float64], y: NDArray[np.float64], found: _Trained, variance: float) -> _Trained:
+    """Raise the nugget until it stands for a noise of this variance, and choose the length scales again with it."""
+    from scipy.optimize import brentq
+
+    def fixed(nugget: float, theta: NDArray[np.float64]) -> _Trained:
+        return _train_one(x, y, {"theta0": theta.tolist(), "nugget": nugget, "hyper_opt": "NoOp"})
+
+    def excess(trained: _Trained) -> float:
+        """Log of the noise that a training stands for, over the variance asked."""
+        process = float(np.ravel(trained.model.optimal_par["sigma2"])[0])
+        return float(np.log(trained.nugget * process / variance))
+
+    def raised(theta: NDArray[np.float64]) -> float:
+        low, high = np.log([_NUGGETS[0], _NUGGETS[1]])
+        # nugget times process variance rises with the nugget, up to the variance of the runs
+        if excess(fixed(_NUGGETS[1], theta)) <= 0.0:
+            return _NUGGETS[1]
+        if excess(fixed(_NUGGETS[0], theta)) >= 0.0:
+            return _NUGGETS[0]
+        return float(np.exp(brentq(lambda log: excess(fixed(float(np.exp(log)), theta)), low, high, xtol=1e-2)))
+
+    if found.nugget > 0.0 and excess(found) >= 0.0:
+        return found
+    theta = found.theta
+    with contextlib.suppress(SurrogateError):
+        theta = _train_one(x, y, {"theta0": theta.tolist(), "nugget": raised(theta)}).theta
+    return replace(fixed(raised(theta), theta), status=found.status)
+
+
 class Surrogate:
     """One kriging model per density parameter, on the unit box of X.
 
@@ -153,6 +183,11 @@ class Surrogate:
     noisy : bool
         Whether equal parameters give unequal densities: a nugget is then estimated with the
         length scales, and the surrogate smooths instead of interpolating.
+    noise_variance : array_like, shape (3,), optional
+        Variance of mean [dB2], log sd and skewness among runs of equal parameters, where it has been
+        measured. The nugget is then taken at least so large that nugget times process variance is
+        this: from few runs the likelihood alone cannot tell noise from a short length scale. Not
+        used for direct outputs.
 
     Raises
     ------
@@ -184,10 +219,13 @@ class Surrogate:
         dp: ArrayLike,
         outputs: Outputs = "centred",
         noisy: bool = False,
+        noise_variance: ArrayLike | None = None,
     ) -> None:
         self.bounds = np.asarray(bounds, dtype=np.float64)
         self.outputs: Outputs = outputs
         self.noisy = noisy
+        known = noise_variance is not None and noisy and outputs == "centred"
+        self.noise_variance = np.asarray(noise_variance if known else [0.0] * 3, dtype=np.float64)
         self.parameters = np.asarray(parameters, dtype=np.float64)
         self.dp = np.asarray(dp, dtype=np.float64)
         for name, array in (("parameters", self.parameters), ("densities", self.dp)):
@@ -254,6 +292,8 @@ class Surrogate:
                     break
             if best is None:
                 raise SurrogateError(f"kriging of {OUTPUTS[self.outputs][k]}: {failure}")
+            if self.noise_variance[k] > 0.0:
+                best = _with_noise(x, self._values[:, k], best, float(self.noise_variance[k]))
             trained.append(best)
         # the models just trained are let go: rebuilt from their length scales they agree to the last
         # bit with those that another job or process rebuilds

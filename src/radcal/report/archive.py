@@ -64,6 +64,7 @@ import h5py
 import numpy as np
 
 from radcal.calibration.history import History
+from radcal.calibration.noise import noise_sentence
 from radcal.calibration.steps import repeatability
 from radcal.calibration.stopping import decide
 from radcal.config import Case, Stop
@@ -129,9 +130,12 @@ def write_archive(
             f"{store.path(history.runs[0].key)}: the reference run is missing or without its image; delete "
             f"{Path(runs).parent / 'reference.json'} and type the same command again to make it again."
         )
-    repeated = repeatability(case, history.repeat_db)
+    repeated = [sentence] if (sentence := repeatability(case, history.repeat_db)) else []
+    if case.surrogate.outputs == "centred":
+        known = {name: history.noise_variance(name) for name in targets}
+        repeated += [noise_sentence(name, variance) for name, variance in known.items() if variance is not None]
     calibrated, fresh = final
-    known = {run.key for run in history.runs}
+    before = {run.key for run in history.runs}
     final_scores = {key: targets.score(record.pixels_db) for key, record in zip(("final", "fresh"), final, strict=True)}
     with write_hdf5(path) as file:
         file.attrs["schema"] = 1
@@ -144,11 +148,11 @@ def write_archive(
         file.attrs["looks"] = case.radar.looks
         file.attrs["measured_looks"] = targets.looks
         file.attrs["measurement"] = measurement.source
-        file.attrs["notes"] = [*measurement.notes, *([repeated] if repeated else [])]
+        file.attrs["notes"] = [*measurement.notes, *repeated]
         file.attrs["simulator"] = json.dumps(store.description(reference.key).get("simulator", {}))
         file.attrs["sentences"] = [decision.materials[name].sentence for name in targets]
         file.attrs["versions"] = json.dumps(_versions())
-        file.attrs["final_runs"] = len({record.key for record in final} - known)
+        file.attrs["final_runs"] = len({record.key for record in final} - before)
         group = file.create_group("registration")
         for key in ("method", "applied", "verdict"):
             group.attrs[key] = getattr(registered, key)

@@ -48,7 +48,7 @@ def cost(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str]:
     bottom = float(positive.min()) / 3.0
     shown = np.where(rms > 0, rms, bottom)
 
-    counted = slice(0 if material.start_law_name is None else 1, None)  # a run of another law is nobody's best
+    counted = np.isfinite(material.parameters).all(axis=1)  # a run of another law is nobody's best
     best = np.minimum.accumulate(shown[counted])
     axes.step(runs[counted], best, where="post", color="black", linewidth=1.6, label="best so far")
     ended = np.zeros(rms.size, dtype=bool)

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from radcal.config import (
     Material,
     Output,
     Radar,
+    RawType,
     executable_path,
     expand_path,
     files_below,
@@ -39,6 +40,7 @@ __all__ = ["CommandPlan", "CommandSimulator", "check_command", "toml_text"]
 _LARGEST_DB = 200.0  # no backscatter, however calibrated, is further from 0 dB: a scale mix-up
 _VERSION_SECONDS = 60.0
 _HASH_CHUNK = 1 << 20
+_RAW_TYPES: tuple[str, ...] = get_args(RawType)
 
 logger = logging.getLogger(__name__)
 
@@ -274,10 +276,13 @@ class CommandSimulator:
                 raise StoreError(f"{folder}: cannot be filled ({error.strerror or error}).") from error
             yield folder
         except (SimulatorError, ConfigError) as error:
+            text = str(error).removesuffix(".")
+            text = text if text.startswith("simulator.") else f"{key}: {text}"
+            if not folder.is_dir():  # the program's own doing
+                raise type(error)(f"{text}{remark}.") from None
             kept = self._work / f"failed-{ended}"
             folder.rename(kept)
-            text = str(error).replace(str(folder), str(kept)).removesuffix(".")
-            text = text if text.startswith("simulator.") else f"{key}: {text}"
+            text = text.replace(str(folder), str(kept))
             raise type(error)(f"{text}; its folder is kept as {kept}{remark}.") from None
         finally:
             if folder.exists():
@@ -306,11 +311,6 @@ class CommandSimulator:
             self._write(folder / config.input.file, self._input_text(parameters, noise_seed))
         for marked, file in self._plan.templates:
             self._write(folder / file, marked.filled(values), "latin-1")
-        if output.exists():
-            raise ConfigError(
-                f"{config.output.file}, the name of simulator.output.file, is there before the program starts; take it "
-                "out of simulator.files or simulator.links"
-            )
         output.parent.mkdir(parents=True, exist_ok=True)
         command = [str(self._plan.executable), *(marked.filled(values) for marked in self._plan.arguments)]
         ended = run_program(command, folder, config.environment, config.timeout_s)
@@ -321,8 +321,9 @@ class CommandSimulator:
             accepted = ", ".join(map(str, config.accept_exit_codes))
             raise _Failed(f"{program} {ended}, expected {accepted} (simulator.accept_exit_codes), {last_words(folder)}")
         if not output.is_file():
+            left = "a folder" if output.is_dir() else "no file"
             raise _Failed(
-                f"{program} {ended} but wrote no {config.output.file} (simulator.output.file), {last_words(folder)}"
+                f"{program} {ended} but left {left} {config.output.file} (simulator.output.file), {last_words(folder)}"
             )
         return self._image(output)
 
@@ -394,7 +395,8 @@ class CommandSimulator:
             command = [str(program), *(text.filled({"folder": str(folder), "python": python}) for text in texts)]
             ended = run_program(command, folder, self._config.environment, _VERSION_SECONDS)
             if ended.code != 0:
-                raise SimulatorError(f"{program.name} {ended}, expected 0, {last_words(folder)}")
+                expected = "" if ended.code is None else ", expected 0"
+                raise SimulatorError(f"{program.name} {ended}{expected}, {last_words(folder)}")
             printed = " ".join((folder / "radcal.stdout").read_text("utf-8", "replace").split())[:200]
             if not printed:
                 raise SimulatorError(f"{program.name} printed nothing, expected its version")
@@ -407,9 +409,13 @@ def _raw(file: ImageFile, config: Output, shape: tuple[int, int]) -> Values:
     expected = header + shape[0] * shape[1] * dtype.itemsize
     found = file.path.stat().st_size
     if found != expected:
+        pixels = shape[0] * shape[1]
+        others = [name for name in _RAW_TYPES if found == header + pixels * np.dtype(name).itemsize]
+        as_many = f": as many as of {' or '.join(others)}" if others else ""
         raise file.refused(
             f"{file.path} has {found} bytes, expected {expected} for {shape[0]} x {shape[1]} numbers of {config.dtype}"
             f"{f' after a header of {header}' if header else ''}"
+            f"{as_many}"
         )
     return np.fromfile(file.path, dtype=dtype, offset=header).reshape(shape)
 

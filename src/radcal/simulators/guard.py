@@ -35,7 +35,10 @@ def main(arguments: list[str]) -> int:
             arguments[0], arguments, os.environ, file_actions=[(os.POSIX_SPAWN_OPEN, 0, os.devnull, os.O_RDONLY, 0)]
         )
     except OSError as error:
-        sys.stderr.write(f"{arguments[0]} cannot be started: {error.strerror}\n")
+        # a script saved with the line ends of Windows, too, asks for an interpreter that is not there
+        there = isinstance(error, FileNotFoundError) and os.path.exists(arguments[0])
+        reason = "the interpreter of its first line is missing" if there else error.strerror
+        sys.stderr.write(f"{arguments[0]} cannot be started: {reason}\n")
         return 126
     threading.Thread(target=_kill_all_when_orphaned, daemon=True).start()
     _, status = os.waitpid(program, 0)

@@ -160,6 +160,8 @@ def template(text: str, delimiter: str, where: str) -> Marked:
             )
         for k, piece in enumerate(pieces):
             name, _, spec = piece.partition(":")
+            # no name that is known goes beyond ASCII: one that does is shown as people wrote it
+            name = name.encode("latin-1", "replace").decode("utf-8", "replace")
             if k % 2 == 0:
                 parts.append(piece)
             elif name.strip():

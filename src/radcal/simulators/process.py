@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from radcal.errors import SimulatorError
 from radcal.simulators import guard
 
 __all__ = ["LOG", "STDERR", "STDOUT", "Ended", "last_words", "run_program"]
@@ -66,19 +67,27 @@ def run_program(arguments: Sequence[str], folder: Path, environment: Mapping[str
     -------
     Ended
         Nothing of the program's process group is left running.
+
+    Raises
+    ------
+    SimulatorError
+        The system refuses its arguments, or it has taken its folder away.
     """
     command = [sys.executable, "-I", "-S", guard.__file__, *arguments]
     started = time.perf_counter()
     with (folder / STDOUT).open("wb") as out, (folder / STDERR).open("wb") as err:
-        process = subprocess.Popen(  # noqa: S603 - a list of arguments, never a shell
-            command,
-            cwd=folder,
-            env={**os.environ, **environment},
-            stdin=subprocess.PIPE,  # held open: its end tells the guard that this process is gone
-            stdout=out,
-            stderr=err,
-            start_new_session=True,
-        )
+        try:
+            process = subprocess.Popen(  # noqa: S603 - a list of arguments, never a shell
+                command,
+                cwd=folder,
+                env={**os.environ, **environment},
+                stdin=subprocess.PIPE,  # held open: its end tells the guard that this process is gone
+                stdout=out,
+                stderr=err,
+                start_new_session=True,
+            )
+        except OSError as error:
+            raise SimulatorError(f"{Path(arguments[0]).name} cannot be started ({error.strerror}).") from None
         code: int | None = None
         try:
             with contextlib.suppress(subprocess.TimeoutExpired):
@@ -98,7 +107,13 @@ def run_program(arguments: Sequence[str], folder: Path, environment: Mapping[str
         "timed_out": ended.code is None,
         "seconds": round(ended.seconds, 3),
     }
-    (folder / LOG).write_text(json.dumps(log, indent=1) + "\n", encoding="utf-8")
+    try:
+        (folder / LOG).write_text(json.dumps(log, indent=1) + "\n", encoding="utf-8")
+    except OSError as error:
+        name = Path(arguments[0]).name
+        raise SimulatorError(
+            f"{name} {ended} and leaves no place for {LOG} in its folder {folder} ({error.strerror})."
+        ) from None
     return ended
 
 
