@@ -26,11 +26,12 @@ from scipy.stats import qmc
 from threadpoolctl import threadpool_limits
 
 from radcal import skewnormal
-from radcal.calibration.steps import all_parameters, make_simulator, noise_seed
+from radcal.calibration.steps import all_parameters, noise_seed
 from radcal.config import load
 from radcal.measurement.target import read_targets
 from radcal.radar.geometry import read_geometry
 from radcal.seeds import derived_rng
+from radcal.simulators.sources import make_simulator
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 
 from radcal.calibration.loop import calibrate
-from radcal.calibration.steps import make_runner
 from radcal.config import load
 from radcal.measurement.target import read_targets
+from radcal.simulators.sources import make_runner
 
 
 def test_ends_within_the_tolerance_and_keeps_its_contracts(finished):

@@ -1,11 +1,12 @@
 """Simulate one chunk of the design."""
 
 from radcal.calibration.design import design_points
-from radcal.calibration.steps import design_line, make_runner, noise_seed
+from radcal.calibration.steps import design_line, noise_seed
 from radcal.config import Case
 from radcal.files import write_json
 from radcal.jobs import logged, progress
 from radcal.measurement.target import read_targets
+from radcal.simulators.sources import make_runner
 
 with logged(snakemake.log[0]):
     case = Case.of_sections(snakemake.params.case)

@@ -1,10 +1,11 @@
 """Every material's best parameters together, and once more with fresh random numbers."""
 
 from radcal.calibration.history import read_runs
-from radcal.calibration.steps import all_parameters, make_runner, noise_seed
+from radcal.calibration.steps import all_parameters, noise_seed
 from radcal.config import Case
 from radcal.files import write_json
 from radcal.jobs import logged, progress
+from radcal.simulators.sources import make_runner
 
 with logged(snakemake.log[0]):
     case = Case.of_sections(snakemake.params.case)

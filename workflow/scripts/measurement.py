@@ -1,12 +1,12 @@
 """Read or make the measured image and check it against the scene."""
 
-from radcal.calibration.steps import make_simulator
 from radcal.config import Case
 from radcal.jobs import logged, progress
 from radcal.measurement.model import write_measurement
 from radcal.measurement.sources import make_measurement
 from radcal.radar.geometry import read_geometry
 from radcal.scene.model import read_scene
+from radcal.simulators.sources import make_simulator
 
 with logged(snakemake.log[0]):
     case = Case.of_sections(snakemake.params.case)

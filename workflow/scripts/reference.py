@@ -1,9 +1,10 @@
 """Simulate the starting parameters: one run that shows whether everything is wired."""
 
-from radcal.calibration.steps import make_runner, reference_parameters, reference_runs, repeatability
+from radcal.calibration.steps import reference_parameters, reference_runs, repeatability
 from radcal.config import Case
 from radcal.files import write_json
 from radcal.jobs import logged, progress
+from radcal.simulators.sources import make_runner
 
 with logged(snakemake.log[0]):
     case = Case.of_sections(snakemake.params.case)

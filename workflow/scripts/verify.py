@@ -1,11 +1,12 @@
 """Simulate the proposals in one run and score it."""
 
 from radcal.calibration.history import History, read_proposals, read_runs, write_runs
-from radcal.calibration.steps import make_runner, progress_line, verify
+from radcal.calibration.steps import progress_line, verify
 from radcal.config import Case, Stop
 from radcal.files import read_json
 from radcal.jobs import logged, progress
 from radcal.measurement.target import read_targets
+from radcal.simulators.sources import make_runner
 
 with logged(snakemake.log[0]):
     case = Case.of_sections(snakemake.params.case)

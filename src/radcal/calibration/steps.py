@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
-from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -20,13 +19,8 @@ from radcal.calibration.noise import noise_variance
 from radcal.calibration.stopping import decide
 from radcal.calibration.surrogate import OUTPUTS, Surrogate
 from radcal.config import Case, CommandSimulation, Optimiser, Stop
-from radcal.radar.geometry import Geometry, read_geometry
-from radcal.scene.model import read_scene
 from radcal.seeds import derived_rng, derived_seed
-from radcal.simulators.builtin import BuiltinSimulator
-from radcal.simulators.command import CommandPlan, CommandSimulator
-from radcal.simulators.protocol import Simulator
-from radcal.store import Parameters, Record, Runner, RunStore
+from radcal.store import Parameters, Record, Runner
 
 if TYPE_CHECKING:
     from radcal.measurement.target import Targets
@@ -34,8 +28,6 @@ if TYPE_CHECKING:
 __all__ = [
     "all_parameters",
     "design_line",
-    "make_runner",
-    "make_simulator",
     "noise_seed",
     "progress_line",
     "propose_all",
@@ -56,37 +48,6 @@ _Result = TypeVar("_Result")
 def noise_seed(case: Case, fresh: bool = False) -> int:
     """Seed of speckle and thermal noise: one for all runs of a case, another for the final check."""
     return derived_seed(case.seed, "runs", "fresh" if fresh else "common")
-
-
-def make_simulator(case: Case, geometry: Geometry, geometry_path: str | Path) -> Simulator:
-    """The configured simulator on a geometry.
-
-    Parameters
-    ----------
-    case : Case
-        Sections ``simulator``, ``materials`` and ``radar`` are read.
-    geometry : Geometry
-        Of the pass.
-    geometry_path : path
-        Its file, which an external simulator may be told.
-
-    Raises
-    ------
-    ConfigError
-        An external simulator lacks its program, a file or a placeholder.
-    """
-    if isinstance(case.simulator, CommandSimulation):
-        plan = CommandPlan(case.simulator, case.materials)
-        work = Path(geometry_path).parent / "work"
-        return CommandSimulator(plan, case.materials, case.radar, geometry, geometry_path, work)
-    return BuiltinSimulator(geometry, case.radar, case.laws)
-
-
-def make_runner(case: Case, scene_path: str | Path, geometry_path: str | Path, runs: str | Path) -> Runner:
-    """The configured simulator behind the case's run store."""
-    geometry = read_geometry(geometry_path)
-    simulator = make_simulator(case, geometry, geometry_path)
-    return Runner(RunStore(runs), simulator, geometry, read_scene(scene_path).identity, case)
 
 
 def reference_parameters(case: Case) -> dict[str, list[float]]:

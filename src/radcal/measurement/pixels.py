@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,9 @@ from radcal.config import Target as TargetConfig
 from radcal.errors import MeasurementError
 from radcal.measurement.looks import looks_of_log_variance
 from radcal.measurement.model import Measurement
-from radcal.radar.geometry import Geometry
+
+if TYPE_CHECKING:
+    from radcal.radar.geometry import Geometry
 
 __all__ = ["MINIMUM_PIXELS", "Eligible", "eligible_pixels", "noise_limited", "point_targets"]
 

@@ -22,12 +22,12 @@ from radcal.measurement.levels import Levels, image_levels, offset_levels
 from radcal.measurement.looks import estimate_looks, local_looks
 from radcal.measurement.model import Measurement
 from radcal.measurement.pixels import eligible_pixels, noise_limited, point_targets
-from radcal.radar.geometry import Geometry
 from radcal.radar.radiometry import noise_floor_db
 from radcal.seeds import derived_rng
 
 if TYPE_CHECKING:
     from radcal.measurement.registration import Registered
+    from radcal.radar.geometry import Geometry
 
 __all__ = [
     "Target",

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,9 +31,11 @@ from radcal.config import (
 from radcal.errors import ConfigError, SimulatorError, StoreError
 from radcal.files import working_folder
 from radcal.images import ImageFile, Values, read_array, reading, to_db
-from radcal.radar.geometry import Geometry
 from radcal.simulators.placeholders import Marked, argument, template
 from radcal.simulators.process import last_words, run_program
+
+if TYPE_CHECKING:
+    from radcal.radar.geometry import Geometry
 
 __all__ = ["CommandPlan", "CommandSimulator", "check_command", "toml_text"]
 

@@ -1,0 +1,46 @@
+"""The simulator that a case names, and its runs behind the store."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from radcal.config import Case, CommandSimulation
+from radcal.radar.geometry import Geometry, read_geometry
+from radcal.scene.model import read_scene
+from radcal.simulators.builtin import BuiltinSimulator
+from radcal.simulators.command import CommandPlan, CommandSimulator
+from radcal.simulators.protocol import Simulator
+from radcal.store import Runner, RunStore
+
+__all__ = ["make_runner", "make_simulator"]
+
+
+def make_simulator(case: Case, geometry: Geometry, geometry_path: str | Path) -> Simulator:
+    """The configured simulator on a geometry.
+
+    Parameters
+    ----------
+    case : Case
+        Sections ``simulator``, ``materials`` and ``radar`` are read.
+    geometry : Geometry
+        Of the pass.
+    geometry_path : path
+        Its file, which an external simulator may be told.
+
+    Raises
+    ------
+    ConfigError
+        An external simulator lacks its program, a file or a placeholder.
+    """
+    if isinstance(case.simulator, CommandSimulation):
+        plan = CommandPlan(case.simulator, case.materials)
+        work = Path(geometry_path).parent / "work"
+        return CommandSimulator(plan, case.materials, case.radar, geometry, geometry_path, work)
+    return BuiltinSimulator(geometry, case.radar, case.laws)
+
+
+def make_runner(case: Case, scene_path: str | Path, geometry_path: str | Path, runs: str | Path) -> Runner:
+    """The configured simulator behind the case's run store."""
+    geometry = read_geometry(geometry_path)
+    simulator = make_simulator(case, geometry, geometry_path)
+    return Runner(RunStore(runs), simulator, geometry, read_scene(scene_path).identity, case)
