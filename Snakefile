@@ -57,6 +57,7 @@ logger.addFilter(for_people)
 
 
 include: "workflow/rules/scene.smk"
+include: "workflow/rules/simulator.smk"
 include: "workflow/rules/measurement.smk"
 include: "workflow/rules/design.smk"
 include: "workflow/rules/loop.smk"

@@ -72,6 +72,17 @@ def test_the_example_in_c(project):
     after = project.records("command_c")
     assert {name: after.get(name) for name in before} == before
     assert len(after) == len(before) + 2
+    # and so it is with another setting
+    case = project.folder / "examples/command_c/case.yaml"
+    case.write_text(case.read_text().replace("  timeout_s: 60", "  timeout_s: 60\n  environment: {LOOKS: 4}"))
+    done = project.run("reference", "--configfile", "examples/command_c/case.yaml")
+    assert done.returncode == 0, done.stdout
+    assert len(project.records("command_c")) == len(after) + 2
+    # what does not change the numbers makes no new run
+    case.write_text(case.read_text().replace("  timeout_s: 60", "  timeout_s: 61"))
+    done = project.run("reference", "--configfile", "examples/command_c/case.yaml")
+    assert done.returncode == 0, done.stdout
+    assert len(project.records("command_c")) == len(after) + 2
 
 
 def test_the_example_in_python_with_parameters_of_its_own(project):

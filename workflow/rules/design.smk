@@ -10,7 +10,7 @@ CHUNKS = range(-(-CASE.design.size // CASE.design.chunk))
 
 rule reference_run:
     input:
-        SIMULATOR_FILES,
+        SIMULATOR,
         scene=rules.scene.output.scene,
         geometry=rules.geometry.output.geometry,
         measurement=ancient(f"{OUT}/measurement.h5"),
@@ -35,7 +35,7 @@ rule reference_run:
 
 rule design_chunk:
     input:
-        SIMULATOR_FILES,
+        SIMULATOR,
         scene=rules.scene.output.scene,
         geometry=rules.geometry.output.geometry,
         target=ancient(f"{OUT}/target.h5"),

@@ -87,7 +87,7 @@ rule propose:
 
 checkpoint verify:
     input:
-        SIMULATOR_FILES,
+        SIMULATOR,
         scene=rules.scene.output.scene,
         geometry=rules.geometry.output.geometry,
         target=rules.target.output.target,

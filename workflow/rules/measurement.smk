@@ -1,19 +1,10 @@
 # The measured image and the target densities.
 
-# a new build of an external simulator is another simulator
-SIMULATOR_FILES = [FILES[key] for key in FILES if key.startswith("simulator.")]
-SYNTHETIC = CASE.measurement.source == "synthetic"
-
-
-def minutes(runs):
-    """What a cluster is asked for: so many runs, each as long as it may take."""
-    return 10 + math.ceil(runs * CASE.simulator.longest_run_s / 60)
-
 
 rule measurement:
     input:
         [FILES[key] for key in FILES if key.startswith("measurement.")],
-        SIMULATOR_FILES if SYNTHETIC else [],
+        SIMULATOR if SYNTHETIC else [],
         scene=rules.scene.output.scene,
         geometry=rules.geometry.output.geometry,
     output:

@@ -3,7 +3,7 @@
 
 rule final_runs:
     input:
-        SIMULATOR_FILES,
+        SIMULATOR,
         scene=rules.scene.output.scene,
         geometry=rules.geometry.output.geometry,
         target=rules.target.output.target,
