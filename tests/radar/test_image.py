@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable
 
 import numpy as np
@@ -229,3 +231,18 @@ def test_noise_follows_the_rows(geometry: Geometry, radar: Radar) -> None:
         expected = (10 ** (nesz / 10) / np.sin(incidence)).mean()  # beta0 is sigma0 over the sine
         # 3 sigma; a resolution cell is at least two of these pixels
         assert power.mean() == pytest.approx(expected, rel=3 / np.sqrt(16 * power.size / 4))
+
+
+def test_another_process_does_not_compile_again() -> None:
+    """What this process has compiled is on disk: jobs of a workflow load it."""
+    program = (
+        "import numpy as np\n"
+        "from radcal.config import Radar\n"
+        "from radcal.radar import image\n"
+        "from radcal.radar.reflectivity import uniform\n"
+        "image.ImageFormation(Radar(), (20, 20), -20.0).intensity(uniform(np.ones((20, 20), np.float32)), 1)\n"
+        "print(sum(image._form.stats.cache_hits.values()), sum(image._form.stats.cache_misses.values()))"
+    )
+    ImageFormation(Radar(), (20, 20), -20.0).intensity(uniform(np.ones((20, 20), np.float32)), 1)
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["1", "0"]
