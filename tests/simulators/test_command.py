@@ -354,7 +354,9 @@ def test_a_time_out_ends_the_programs_children_too(make: Make, tmp_path: Path) -
 def test_the_program_dies_with_radcal(tmp_path: Path, number: int) -> None:
     path = tmp_path / "pids"
     (tmp_path / "sim.py").write_text(FAMILY.format(path=str(path)))
-    radcal = "from pathlib import Path; from radcal.simulators.process import run_program; " + (
+    # a shell's background jobs, and what they start, ignore Ctrl-C
+    radcal = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
+    radcal += "from pathlib import Path; from radcal.simulators.process import run_program; " + (
         f"run_program([{sys.executable!r}, 'sim.py'], Path({str(tmp_path)!r}), {{}}, 300)"
     )
     process = subprocess.Popen([sys.executable, "-c", radcal], stderr=subprocess.DEVNULL)
