@@ -6,28 +6,32 @@ import logging
 import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from radcal.errors import RadcalError
+from radcal.records import provenance
 
-__all__ = ["FAILURE", "STARTED", "elapsed", "logged", "progress"]
+__all__ = ["CASE", "FAILURE", "STARTED", "elapsed", "logged", "progress"]
 
 # environment variables that the Snakefile sets for its jobs
+CASE = "RADCAL_CASE"  # name of the case
 STARTED = "RADCAL_STARTED"  # when this invocation began [s since 1970]
 FAILURE = "RADCAL_FAILURE"  # file that takes a failed job's sentence
 
 
 @contextmanager
-def logged(path: str | Path) -> Iterator[None]:
+def logged(path: str | Path, config: Mapping[str, Any] | None = None) -> Iterator[None]:
     """Log to a file; end a :class:`RadcalError` with its sentence, anything else with where to look.
 
     Parameters
     ----------
     path : path
         The job's log file.
+    config : mapping, optional
+        Sections of the configuration that the job depends on, for the files that it writes.
     """
     logging.basicConfig(
         filename=path,
@@ -38,7 +42,8 @@ def logged(path: str | Path) -> Iterator[None]:
     )
     logging.captureWarnings(True)
     try:
-        yield
+        with provenance(os.environ.get(CASE), config):
+            yield
     except RadcalError as error:
         _fail(f"radcal: {error}")
     except Exception as error:
