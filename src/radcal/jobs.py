@@ -46,6 +46,11 @@ def logged(path: str | Path, config: Mapping[str, Any] | None = None) -> Iterato
             yield
     except RadcalError as error:
         _fail(f"radcal: {error}")
+    except MemoryError as error:
+        _fail(
+            f"radcal: not enough memory ({str(error) or 'no more was given'}): use fewer --cores, larger pixels or a "
+            "smaller scene, or a larger machine (finished runs are kept)."
+        )
     except Exception as error:
         _fail(f"radcal: internal error, {type(error).__name__}: {error} (the traceback is in {path}).")
 
