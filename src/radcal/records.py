@@ -258,6 +258,8 @@ def inspect_file(path: Path, kind: str | None, most_bytes: int | None = None) ->
         with h5py.File(path, "r", locking=False) as file:
             found = {name: file.attrs.get(name) for name in ("kind", "schema", "case")}
     except (OSError, RuntimeError) as error:
+        if isinstance(error, OSError) and error.errno is not None:
+            raise  # the system's word that it cannot be reached
         # only where the whole was not compared
         raise _Fault(f"is damaged ({error})") from None
     if found["kind"] != kind:
