@@ -7,7 +7,7 @@ import os
 import sys
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -33,13 +33,17 @@ def logged(path: str | Path, config: Mapping[str, Any] | None = None) -> Iterato
     config : mapping, optional
         Sections of the configuration that the job depends on, for the files that it writes.
     """
-    logging.basicConfig(
-        filename=path,
-        filemode="w",
-        level=logging.INFO,
-        format="%(asctime)s %(levelname)s %(name)s: %(message)s",
-        force=True,
-    )
+    logging.raiseExceptions = False  # a full disk is told once, by what needed it
+    try:
+        logging.basicConfig(
+            filename=path,
+            filemode="w",
+            level=logging.INFO,
+            format="%(asctime)s %(levelname)s %(name)s: %(message)s",
+            force=True,
+        )
+    except OSError as error:
+        sys.exit(f"radcal: {path}: cannot be written ({error.strerror or error}).")
     logging.captureWarnings(True)
     try:
         with provenance(os.environ.get(CASE), config):
@@ -59,7 +63,8 @@ def _fail(sentence: str) -> NoReturn:
     """Leave with a sentence; the traceback goes to the log, and the workflow is told not to add its own words."""
     logging.getLogger("radcal").exception("failed")
     if FAILURE in os.environ:
-        Path(os.environ[FAILURE]).write_text(sentence + "\n", encoding="utf-8")
+        with suppress(OSError):  # a full disk, which the sentence may be about
+            Path(os.environ[FAILURE]).write_text(sentence + "\n", encoding="utf-8")
     sys.exit(sentence)
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import io
 import json
 import os
 import platform
@@ -119,18 +120,21 @@ def write_hdf5(path: str | Path, kind: str, track_order: bool = False) -> Iterat
         The folder or the disk refuses the file.
     """
     path = Path(path)
+    # made in memory: on a full disk HDF5 tries again and again to write what it holds, with an exception each
+    # time that nobody can catch
+    made = io.BytesIO()
     with atomic(path) as partial:
-        with h5py.File(partial, "w", track_order=track_order, userblock_size=_BLOCK) as file:
+        with h5py.File(made, "w", track_order=track_order, userblock_size=_BLOCK) as file:
             file.attrs["kind"] = kind
             file.attrs["schema"] = SCHEMAS[kind]
             if (case := _origin.get().case) is not None:
                 file.attrs["case"] = case
             yield file
-        content = _sha256_after(partial, _BLOCK)
+        content = hashlib.sha256(made.getbuffer()[_BLOCK:]).hexdigest()
         if _holds(path, kind, content):
             shutil.copyfile(path, partial)
             return
-        with h5py.File(partial, "r+") as file:
+        with h5py.File(made, "r+") as file:
             file.attrs["content"] = content
             file.attrs["created"] = datetime.now(UTC).isoformat(timespec="seconds")
             file.attrs["radcal"] = version("radcal")
@@ -141,7 +145,14 @@ def write_hdf5(path: str | Path, kind: str, track_order: bool = False) -> Iterat
             if config is not None and "config" not in file.attrs:
                 # a dataset: HDF5 bounds the size of attributes
                 file["config"] = json.dumps(config, sort_keys=True, default=str)
-        seal(partial)
+        with made.getbuffer() as whole:
+            whole[:_BLOCK] = _header(hashlib.sha256(whole[_BLOCK:]).hexdigest(), len(whole))
+            partial.write_bytes(whole)
+
+
+def _header(total: str, size: int) -> bytes:
+    """The first bytes of an HDF5 file of this size and this SHA-256 of the rest."""
+    return f"radcal sha256 {total} bytes {size - _BLOCK}\n".encode().ljust(_BLOCK, b"\0")
 
 
 def _holds(path: Path, kind: str, content: str) -> bool:
@@ -312,12 +323,6 @@ def _sha256(handle: IO[bytes]) -> str:
     return total.hexdigest()
 
 
-def _sha256_after(path: Path, start: int) -> str:
-    with path.open("rb") as handle:
-        handle.seek(start)
-        return _sha256(handle)
-
-
 def is_sealed(path: str | Path) -> bool:
     """Whether an HDF5 file is not one of the time before there were checksums.
 
@@ -344,9 +349,11 @@ def seal(path: str | Path) -> None:
         It cannot be read or written.
     """
     path = Path(path)
-    header = f"radcal sha256 {_sha256_after(path, _BLOCK)} bytes {path.stat().st_size - _BLOCK}\n".encode()
     with path.open("r+b") as handle:
-        handle.write(header.ljust(_BLOCK, b"\0"))
+        handle.seek(_BLOCK)
+        header = _header(_sha256(handle), path.stat().st_size)
+        handle.seek(0)
+        handle.write(header)
 
 
 def kind_of(path: str | Path) -> str | None:
