@@ -125,7 +125,7 @@ def kill(process: subprocess.Popen[bytes], kind: str, draw: random.Random) -> li
             victim.kill()
         except psutil.NoSuchProcess:
             return []
-        process.wait(timeout=300)
+        process.wait(timeout=900)
         return []
     if kind == "group":
         os.killpg(process.pid, signal.SIGKILL)
@@ -151,7 +151,7 @@ def calibrate(project: Project, tally: Tally, most: int, draw: random.Random, lo
             tally.kills[kind] += 1
             killed += 1
         watch.look(tally)
-    code = start(project, log).wait(timeout=600)
+    code = start(project, log).wait(timeout=3600)
     psutil.wait_procs(orphans, timeout=60)
     watch.look(tally)
     output = log.read_text(errors="replace")
@@ -181,14 +181,18 @@ def main() -> int:
     parser.add_argument("--each", type=int, default=20, help="most kills of one calibration")
     parser.add_argument("--longest", type=float, default=15.0, help="longest time to a kill [s]")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--folder", type=Path, help="where the projects go; kept")
+    parser.add_argument("--folder", type=Path, help="where the projects go; an undisturbed one that is there is used")
     options = parser.parse_args()
     folder = options.folder or Path(tempfile.mkdtemp(prefix="radcal-kills-"))
-    undisturbed = make_project(folder / "undisturbed")
     started = time.perf_counter()
-    done = undisturbed.run(*COMMAND)
-    assert done.returncode == 0, done.stdout
-    print(f"undisturbed: {time.perf_counter() - started:.0f} s, {len(undisturbed.records())} runs, in {folder}")
+    if (folder / "undisturbed").is_dir():
+        undisturbed = Project(folder / "undisturbed")
+    else:
+        undisturbed = make_project(folder / "undisturbed")
+        code = start(undisturbed, folder / "undisturbed/output.txt").wait()
+        assert code == 0, (folder / "undisturbed/output.txt").read_text()
+    seconds, runs = time.perf_counter() - started, len(undisturbed.records())
+    print(f"undisturbed: {seconds:.0f} s, {runs} runs, in {folder}", flush=True)
     tally = campaign(folder, options.kills, options.seed, options.longest, options.each, result(undisturbed))
     for text in (*tally.tracebacks, *tally.different, *tally.left, *tally.aside):
         print(text)

@@ -6,7 +6,7 @@ import logging
 from pathlib import Path
 
 from radcal.errors import DamagedError, StoreError
-from radcal.records import SCHEMAS, inspect, kind_of, provenance, read_json
+from radcal.records import SCHEMAS, inspect, is_sealed, kind_of, provenance, read_json
 from radcal.store import RunStore
 
 __all__ = ["salvage"]
@@ -87,7 +87,7 @@ def _records(folder: Path, sentences: list[str]) -> set[str]:
     found = set()
     for path in sorted(folder.glob("[!.]*.h5")):
         try:
-            if path.stat().st_size > _MOST_BYTES:
+            if is_sealed(path):
                 inspect(path, "run", _MOST_BYTES)
             elif store.get(path.stem, ()) is None:
                 aside = path.with_suffix(".damaged").name
@@ -96,7 +96,7 @@ def _records(folder: Path, sentences: list[str]) -> set[str]:
         except DamagedError as error:
             sentences.append(_here(error))
             continue
-        except StoreError as error:
+        except (StoreError, OSError) as error:
             logger.info("%s", error)
         found.add(path.stem)
     return found
