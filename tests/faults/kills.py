@@ -162,11 +162,20 @@ def calibrate(project: Project, tally: Tally, most: int, draw: random.Random, lo
     tally.calibrations += 1
 
 
-def campaign(folder: Path, kills: int, seed: int, longest_s: float, each: int, expected: dict[str, Any]) -> Tally:
+def prepare(folder: Path, most_runs: int) -> Project:
+    """A new project that ends after so many runs of design and loop, if not before."""
+    project = make_project(folder)
+    project.write(stop={"rms": 1e-3, "max_runs": most_runs, "stagnation_runs": 20})
+    return project
+
+
+def campaign(
+    folder: Path, kills: int, seed: int, longest_s: float, each: int, expected: dict[str, Any], most_runs: int = 60
+) -> Tally:
     """So many kills over as many calibrations as they take."""
     tally, draw, started = Tally(), random.Random(seed), time.perf_counter()
     while sum(tally.kills.values()) < kills:
-        project = make_project(folder / f"killed-{tally.calibrations}")
+        project = prepare(folder / f"killed-{tally.calibrations}", most_runs)
         calibrate(project, tally, min(each, kills - sum(tally.kills.values())), draw, longest_s)
         if result(project) != expected:
             tally.different.append(str(project.folder))
@@ -179,6 +188,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--kills", type=int, default=200)
     parser.add_argument("--each", type=int, default=20, help="most kills of one calibration")
+    parser.add_argument("--max-runs", type=int, default=60, help="runs of a calibration; fewer make it shorter")
     parser.add_argument("--longest", type=float, default=15.0, help="longest time to a kill [s]")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--folder", type=Path, help="where the projects go; an undisturbed one that is there is used")
@@ -188,12 +198,14 @@ def main() -> int:
     if (folder / "undisturbed").is_dir():
         undisturbed = Project(folder / "undisturbed")
     else:
-        undisturbed = make_project(folder / "undisturbed")
+        undisturbed = prepare(folder / "undisturbed", options.max_runs)
         code = start(undisturbed, folder / "undisturbed/output.txt").wait()
         assert code == 0, (folder / "undisturbed/output.txt").read_text()
     seconds, runs = time.perf_counter() - started, len(undisturbed.records())
     print(f"undisturbed: {seconds:.0f} s, {runs} runs, in {folder}", flush=True)
-    tally = campaign(folder, options.kills, options.seed, options.longest, options.each, result(undisturbed))
+    tally = campaign(
+        folder, options.kills, options.seed, options.longest, options.each, result(undisturbed), options.max_runs
+    )
     for text in (*tally.tracebacks, *tally.different, *tally.left, *tally.aside):
         print(text)
     print(json.dumps(tally.as_json()))
