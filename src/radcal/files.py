@@ -15,7 +15,7 @@ from typing import Any
 
 from radcal.errors import StoreError
 
-__all__ = ["atomic", "digest", "sweep", "working_folder"]
+__all__ = ["alive", "atomic", "digest", "sweep", "working_folder"]
 
 _PARTIAL = ".partial-"
 
@@ -81,7 +81,7 @@ def sweep(folder: str | Path) -> int:
     host = socket.gethostname()
     for partial in list(Path(folder).rglob(f"{_PARTIAL}{host}-*")):
         pid = partial.name.removeprefix(f"{_PARTIAL}{host}-").split("-", 1)[0]
-        if not pid.isdigit() or not _alive(int(pid)):
+        if not pid.isdigit() or not alive(int(pid)):
             if partial.is_dir() and not partial.is_symlink():
                 shutil.rmtree(partial, ignore_errors=True)
             else:
@@ -90,7 +90,8 @@ def sweep(folder: str | Path) -> int:
     return removed
 
 
-def _alive(pid: int) -> bool:
+def alive(pid: int) -> bool:
+    """Whether a process of this machine runs."""
     try:
         os.kill(pid, 0)
     except ProcessLookupError:

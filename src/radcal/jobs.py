@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ctypes
 import logging
 import os
+import signal
 import sys
 import time
 from collections.abc import Iterator, Mapping
@@ -14,12 +16,28 @@ from typing import Any, NoReturn
 from radcal.errors import RadcalError
 from radcal.records import provenance
 
-__all__ = ["CASE", "FAILURE", "STARTED", "elapsed", "logged", "progress"]
+__all__ = ["CASE", "FAILURE", "STARTED", "die_with_parent", "elapsed", "logged", "progress"]
 
 # environment variables that the Snakefile sets for its jobs
 CASE = "RADCAL_CASE"  # name of the case
 STARTED = "RADCAL_STARTED"  # when this invocation began [s since 1970]
 FAILURE = "RADCAL_FAILURE"  # file that takes a failed job's sentence
+
+_PR_SET_PDEATHSIG = 1  # linux/prctl.h
+
+
+def die_with_parent() -> None:
+    """Have this process killed when the one that started it ends, however that ends; Linux only.
+
+    A job that outlives its Snakemake would write what the same command, typed again, is making.
+
+    References
+    ----------
+    prctl(2), PR_SET_PDEATHSIG. The parent is the thread that started the process, which waits for it.
+    """
+    if sys.platform == "linux":
+        with suppress(OSError, AttributeError):
+            ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 @contextmanager
@@ -33,6 +51,8 @@ def logged(path: str | Path, config: Mapping[str, Any] | None = None) -> Iterato
     config : mapping, optional
         Sections of the configuration that the job depends on, for the files that it writes.
     """
+    if FAILURE in os.environ:
+        die_with_parent()
     logging.raiseExceptions = False  # a full disk is told once, by what needed it
     try:
         logging.basicConfig(

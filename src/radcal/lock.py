@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NoReturn, TextIO
 
 from radcal.errors import StoreError
-from radcal.files import sweep
+from radcal.files import alive, sweep
 
 __all__ = ["CaseLock", "claimed"]
 
@@ -44,11 +44,15 @@ class CaseLock:
         except BlockingIOError:
             file.seek(0)
             owner = file.read().strip() or "unknown"
-            file.close()
-            _leave(
-                f"another snakemake (process {owner}) is working on {self._folder}; wait for it, or stop it and type "
-                "the same command again."
-            )
+            if not owner.isdigit() or alive(int(owner)):
+                file.close()
+                _leave(
+                    f"another snakemake (process {owner}) is working on {self._folder}; wait for it, or stop it and "
+                    "type the same command again."
+                )
+            # forked processes of a killed Snakemake keep its lock until they end
+            sys.stderr.write(f"radcal: waiting for what the killed snakemake {owner} left at work in {self._folder}.\n")
+            fcntl.flock(file, fcntl.LOCK_EX)
         file.truncate(0)
         file.write(str(os.getpid()))
         file.flush()

@@ -121,8 +121,8 @@ def test_jobs_left_by_a_killed_snakemake_are_waited_for(project):
     assert done.returncode == 0, done.stdout
     watch.look(tally)
     assert (tally.lost, tally.repeated) == ([], [])
-    # the measurement is simulated too; no run was made twice, though two jobs were at the same chunk
-    assert (project.folder / "calls").stat().st_size <= len(project.records()) + 1
+    # besides: the measurement is simulated, and a run in flight may be lost
+    assert (project.folder / "calls").stat().st_size <= len(project.records()) + 2
 
 
 def test_a_simulator_that_fails_one_time_in_five(project):
