@@ -143,7 +143,8 @@ def test_a_job_is_killed_with_what_started_it(tmp_path):
 def test_what_a_killed_snakemake_left_is_waited_for(tmp_path, capfd):
     # as a forked process does, it holds the lock of one that is dead
     code = (
-        f"import fcntl, time; file = open({str(tmp_path / '.lock')!r}, 'a+'); fcntl.flock(file, fcntl.LOCK_EX); file.truncate(0)\n"
+        f"import fcntl, time; file = open({str(tmp_path / '.lock')!r}, 'a+')\n"
+        "fcntl.flock(file, fcntl.LOCK_EX); file.truncate(0)\n"
         "file.write('999999999'); file.flush(); print('held', flush=True); time.sleep(1.0)"
     )
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as other:
