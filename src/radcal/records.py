@@ -102,8 +102,8 @@ def write_hdf5(path: str | Path, kind: str, track_order: bool = False) -> Iterat
     """Open a new HDF5 file that becomes visible under ``path`` only when complete, with checksum and provenance.
 
     If the file there holds the same already, it is left as it is but for its time stamp: what was made again
-    without a difference keeps its first provenance, and for Snakemake, which compares contents, nothing that
-    depends on it is out of date.
+    without a difference keeps its first provenance, and for a later command of Snakemake, which compares contents,
+    nothing that depends on it is out of date.
 
     Parameters
     ----------

@@ -301,7 +301,7 @@ def test_the_same_command_mends_what_is_damaged(finished):
     random = np.random.default_rng(8)
     expected, before = result(finished), finished.records()
     listed = json.loads((finished.out() / "design/0.json").read_text())["data"][2]["key"]
-    victims = [finished.out() / name for name in ("scene.h5", "iterations/0/verified.json", f"runs/{listed}.h5")]
+    victims = [finished.out() / name for name in ("design/1.json", "iterations/0/verified.json", f"runs/{listed}.h5")]
     for path in victims:
         DAMAGES[random.integers(len(DAMAGES))](path, random)
     done = finished.run("--configfile", "tiny.yaml")
