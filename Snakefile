@@ -21,7 +21,7 @@ from radcal.calibration.stopping import decide
 from radcal.errors import RadcalError
 from radcal.calibration.salvage import salvage
 from radcal.jobs import CASE as CASE_NAME
-from radcal.jobs import FAILURE, STARTED
+from radcal.jobs import FAILURE, OWNER, STARTED
 from radcal.lock import CaseLock
 from radcal.simulators.command import check_command
 
@@ -49,6 +49,7 @@ if workflow.is_main_process and not any(re.fullmatch("--dry-?run|-[a-z]*n[a-z]*"
     for sentence in sentences:
         sys.stderr.write(f"radcal: {sentence}\n")
 os.environ[CASE_NAME] = CASE.case
+os.environ[OWNER] = str(os.getpid())
 os.environ[STARTED] = str(time.time())
 os.environ[FAILURE] = os.path.abspath(f"{OUT}/logs/failure.txt")
 

@@ -12,7 +12,7 @@ import pytest
 
 from radcal.errors import MeasurementError
 from radcal.files import alive
-from radcal.jobs import FAILURE, STARTED, elapsed, logged, progress
+from radcal.jobs import FAILURE, OWNER, STARTED, elapsed, logged, progress
 from radcal.lock import CaseLock, claimed
 
 
@@ -32,7 +32,6 @@ def _keep_logging():
 
 def test_an_error_for_people_ends_in_its_sentence(tmp_path, monkeypatch):
     monkeypatch.setenv(FAILURE, str(tmp_path / "failure.txt"))
-    monkeypatch.setattr("radcal.jobs.die_with_parent", lambda: None)  # the tests go on where their shell ends
     with pytest.raises(SystemExit) as stopped, logged(tmp_path / "job.log"):
         raise MeasurementError("image.tif has 3 bands, expected one.")
     assert stopped.value.code == "radcal: image.tif has 3 bands, expected one."
@@ -154,3 +153,11 @@ def test_what_a_killed_snakemake_left_is_waited_for(tmp_path, capfd):
         assert other.wait(timeout=10) == 0
         lock.release()
     assert "waiting for what the killed snakemake 999999999 left" in capfd.readouterr().err
+
+
+def test_a_job_whose_snakemake_has_ended_does_nothing(tmp_path, monkeypatch):
+    monkeypatch.setattr("radcal.jobs.die_with_parent", lambda: None)  # the tests go on where their shell ends
+    monkeypatch.setenv(OWNER, "999999999")
+    with pytest.raises(SystemExit, match="the snakemake that started this job has ended"), logged(tmp_path / "job.log"):
+        pytest.fail("the block must not run")
+    assert not (tmp_path / "job.log").exists()

@@ -14,13 +14,15 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from radcal.errors import RadcalError
+from radcal.files import alive
 from radcal.records import provenance
 
-__all__ = ["CASE", "FAILURE", "STARTED", "die_with_parent", "elapsed", "logged", "progress"]
+__all__ = ["CASE", "FAILURE", "OWNER", "STARTED", "die_with_parent", "elapsed", "logged", "progress"]
 
 # environment variables that the Snakefile sets for its jobs
 CASE = "RADCAL_CASE"  # name of the case
 STARTED = "RADCAL_STARTED"  # when this invocation began [s since 1970]
+OWNER = "RADCAL_OWNER"  # process of the Snakemake that starts jobs here
 FAILURE = "RADCAL_FAILURE"  # file that takes a failed job's sentence
 
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
@@ -51,8 +53,10 @@ def logged(path: str | Path, config: Mapping[str, Any] | None = None) -> Iterato
     config : mapping, optional
         Sections of the configuration that the job depends on, for the files that it writes.
     """
-    if FAILURE in os.environ:
+    if OWNER in os.environ:
         die_with_parent()
+        if not alive(int(os.environ[OWNER])):  # it ended before that was asked for
+            sys.exit("radcal: the snakemake that started this job has ended.")
     logging.raiseExceptions = False  # a full disk is told once, by what needed it
     try:
         logging.basicConfig(
