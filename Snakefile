@@ -44,7 +44,9 @@ LOCK = CaseLock(OUT)
 # A damaged file would stop the job that reads it; set aside before jobs are planned, it is made again. The jobs'
 # own processes read this page too, and a dry run changes nothing.
 GONE = []
-if workflow.is_main_process and not any(re.fullmatch("--dry-?run|-[a-z]*n[a-z]*", word) for word in sys.argv):
+if workflow.is_main_process and not any(
+    re.fullmatch("--dry-?run|-[a-z]*n[a-z]*", word) for word in sys.argv
+):
     GONE, sentences = salvage(OUT, CASE.case)
     for sentence in sentences:
         sys.stderr.write(f"radcal: {sentence}\n")
@@ -78,7 +80,11 @@ include: "workflow/rules/report.smk"
 
 def again(wildcards):
     """What was damaged, even where it is only read if something else changes; leftovers of other settings are not."""
-    made = {f"{OUT}/{path.name}" for path in GONE if path.name != "simulator.json" or SIMULATOR}
+    made = {
+        f"{OUT}/{path.name}"
+        for path in GONE
+        if path.name != "simulator.json" or SIMULATOR
+    }
     made |= {f"{OUT}/design/{chunk}.json" for chunk in CHUNKS}
     return sorted(made & {str(path) for path in GONE})
 

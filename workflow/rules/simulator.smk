@@ -32,4 +32,6 @@ rule simulator:
 
 
 # radcal's own has neither files nor settings that change its numbers: a job saved
-SIMULATOR = [rules.simulator.output.identity] if CASE.simulator.kind == "command" else []
+SIMULATOR = (
+    [rules.simulator.output.identity] if CASE.simulator.kind == "command" else []
+)
