@@ -8,6 +8,7 @@ snakemake --cores 2 design                              the initial runs only
 
 import math
 import os
+import re
 import sys
 import time
 
@@ -18,7 +19,9 @@ from radcal import config as configuration
 from radcal.calibration.history import read_runs
 from radcal.calibration.stopping import decide
 from radcal.errors import RadcalError
-from radcal.jobs import FAILURE, STARTED
+from radcal.calibration.salvage import salvage
+from radcal.jobs import CASE as CASE_NAME
+from radcal.jobs import FAILURE, OWNER, STARTED
 from radcal.lock import CaseLock
 from radcal.simulators.command import check_command
 
@@ -38,6 +41,17 @@ except RadcalError as error:
 
 OUT = f"results/{CASE.case}"
 LOCK = CaseLock(OUT)
+# A damaged file would stop the job that reads it; set aside before jobs are planned, it is made again. The jobs'
+# own processes read this page too, and a dry run changes nothing.
+GONE = []
+if workflow.is_main_process and not any(
+    re.fullmatch("--dry-?run|-[a-z]*n[a-z]*", word) for word in sys.argv
+):
+    GONE, sentences = salvage(OUT, CASE.case)
+    for sentence in sentences:
+        sys.stderr.write(f"radcal: {sentence}\n")
+os.environ[CASE_NAME] = CASE.case
+os.environ[OWNER] = str(os.getpid())
 os.environ[STARTED] = str(time.time())
 os.environ[FAILURE] = os.path.abspath(f"{OUT}/logs/failure.txt")
 
@@ -64,6 +78,17 @@ include: "workflow/rules/loop.smk"
 include: "workflow/rules/report.smk"
 
 
+def again(wildcards):
+    """What was damaged, even where it is only read if something else changes; leftovers of other settings are not."""
+    made = {
+        f"{OUT}/{path.name}"
+        for path in GONE
+        if path.name != "simulator.json" or SIMULATOR
+    }
+    made |= {f"{OUT}/design/{chunk}.json" for chunk in CHUNKS}
+    return sorted(made & {str(path) for path in GONE})
+
+
 localrules:
     all,
     reference,
@@ -77,6 +102,7 @@ rule all:
         # the walk over the iterations stands here too: with only the last file as a target, a
         # finished loop whose tolerance is tightened would be found complete
         verified,
+        again,
 
 
 rule reference:

@@ -20,6 +20,8 @@ from radcal.config import Case, Radar, case_from
 from radcal.radar.geometry import Geometry, make_geometry
 from radcal.scene.model import Scene
 
+pytest_plugins = ["workflow_fixtures"]
+
 Surface = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 
 

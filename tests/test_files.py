@@ -7,11 +7,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-import h5py
 import pytest
 
 from radcal.errors import StoreError
-from radcal.files import atomic, digest, read_json, sweep, working_folder, write_hdf5, write_json
+from radcal.files import atomic, digest, sweep, working_folder
 
 
 def left_in(folder: Path) -> list[str]:
@@ -60,40 +59,6 @@ def test_folder_in_the_way_is_a_store_error(tmp_path: Path) -> None:
     with pytest.raises(StoreError, match="cannot be written"), atomic(tmp_path / "a.txt") as partial:
         partial.write_text("")
     assert left_in(tmp_path) == ["a.txt", "file"]
-
-
-def test_hdf5_appears_whole_or_not_at_all(tmp_path: Path) -> None:
-    with write_hdf5(tmp_path / "a.h5") as file:
-        file["x"] = [1.0, 2.0]
-        assert not (tmp_path / "a.h5").exists()
-    with h5py.File(tmp_path / "a.h5") as file:
-        assert file["x"][()].tolist() == [1.0, 2.0]
-    with pytest.raises(ZeroDivisionError), write_hdf5(tmp_path / "b.h5") as file:
-        file["x"] = [1.0]
-        raise ZeroDivisionError
-    assert left_in(tmp_path) == ["a.h5"]
-
-
-def test_json_round_trip(tmp_path: Path) -> None:
-    data = {"a": [1, 2.5, None, True], "é": "ü"}
-    write_json(tmp_path / "a.json", data)
-    assert read_json(tmp_path / "a.json") == data
-
-
-@pytest.mark.parametrize("value", [float("nan"), float("inf")])
-def test_json_refuses_what_is_not_a_number(tmp_path: Path, value: float) -> None:
-    with pytest.raises(ValueError, match="not JSON compliant"):
-        write_json(tmp_path / "a.json", {"a": value})
-    assert left_in(tmp_path) == []
-
-
-@pytest.mark.parametrize("content", [None, b"", b'{"a": 1', b"\xff\xfe\x00"])
-def test_missing_or_damaged_json_is_a_store_error(tmp_path: Path, content: bytes | None) -> None:
-    path = tmp_path / "a.json"
-    if content is not None:
-        path.write_bytes(content)
-    with pytest.raises(StoreError, match=r"a\.json: cannot be read .* delete it"):
-        read_json(path)
 
 
 def test_digest_is_of_the_data_not_of_its_order() -> None:

@@ -6,12 +6,14 @@ import socket
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
 from radcal.errors import MeasurementError
-from radcal.jobs import FAILURE, STARTED, elapsed, logged, progress
-from radcal.lock import CaseLock
+from radcal.files import alive
+from radcal.jobs import FAILURE, OWNER, STARTED, elapsed, logged, progress
+from radcal.lock import CaseLock, claimed
 
 
 @pytest.fixture(autouse=True)
@@ -90,3 +92,72 @@ def test_taking_the_lock_sweeps_what_dead_processes_left(tmp_path):
     lock.acquire()
     lock.release()
     assert not left.exists()
+
+
+def test_a_run_that_another_process_holds_is_waited_for(tmp_path):
+    code = (
+        "import sys, time; from radcal.lock import claimed\n"
+        f"with claimed({str(tmp_path)!r}, 'ab12'):\n"
+        " print('held', flush=True); time.sleep(1.0); print('done', flush=True)"
+    )
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout.readline() == "held\n"
+        with claimed(tmp_path, "ab13"):  # another run is free
+            assert other.poll() is None
+        with claimed(tmp_path, "ab12"):
+            assert other.stdout.readline() == "done\n"
+
+
+def test_a_claim_dies_with_its_process(tmp_path):
+    code = (
+        "import os; from radcal.lock import claimed\n"
+        f"with claimed({str(tmp_path)!r}, 'ab12'):\n os.kill(os.getpid(), 9)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == -9
+    with claimed(tmp_path, "ab12"):
+        pass
+
+
+def test_a_job_is_killed_with_what_started_it(tmp_path):
+    job = (
+        "from radcal.jobs import die_with_parent; import time\n"
+        "die_with_parent(); print('on', flush=True); time.sleep(60)"
+    )
+    parent = (
+        "import subprocess, sys\n"
+        f"job = subprocess.Popen([sys.executable, '-c', {job!r}], stdout=subprocess.PIPE)\n"
+        "job.stdout.readline(); print(job.pid, flush=True); job.wait()"
+    )
+    with subprocess.Popen([sys.executable, "-c", parent], stdout=subprocess.PIPE, text=True) as process:
+        pid = int(process.stdout.readline())
+        assert alive(pid)
+        process.kill()
+    deadline = time.time() + 20
+    # what nobody waits for may stay in the table of processes, dead
+    while alive(pid) and "Z" not in Path(f"/proc/{pid}/stat").read_text().split(")")[1]:
+        assert time.time() < deadline
+        time.sleep(0.05)
+
+
+def test_what_a_killed_snakemake_left_is_waited_for(tmp_path, capfd):
+    # as a forked process does, it holds the lock of one that is dead
+    code = (
+        f"import fcntl, time; file = open({str(tmp_path / '.lock')!r}, 'a+')\n"
+        "fcntl.flock(file, fcntl.LOCK_EX); file.truncate(0)\n"
+        "file.write('999999999'); file.flush(); print('held', flush=True); time.sleep(1.0)"
+    )
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout.readline() == "held\n"
+        lock = CaseLock(tmp_path)
+        lock.acquire()
+        assert other.wait(timeout=10) == 0
+        lock.release()
+    assert "waiting for what the killed snakemake 999999999 left" in capfd.readouterr().err
+
+
+def test_a_job_whose_snakemake_has_ended_does_nothing(tmp_path, monkeypatch):
+    monkeypatch.setattr("radcal.jobs.die_with_parent", lambda: None)  # the tests go on where their shell ends
+    monkeypatch.setenv(OWNER, "999999999")
+    with pytest.raises(SystemExit, match="the snakemake that started this job has ended"), logged(tmp_path / "job.log"):
+        pytest.fail("the block must not run")
+    assert not (tmp_path / "job.log").exists()

@@ -10,6 +10,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+from sealed import changed
 
 from radcal.config import Case
 from radcal.errors import SimulatorError, StoreError
@@ -53,7 +54,7 @@ def runner(store: RunStore, simulator: Counting, geometry: Geometry, case: Case)
 
 
 def files(store: RunStore) -> list[str]:
-    return sorted(path.name for path in store.folder.glob("*")) if store.folder.exists() else []
+    return sorted(path.name for path in store.folder.glob("[!.]*")) if store.folder.exists() else []
 
 
 def test_a_run_is_simulated_once(runner: Runner, store: RunStore, simulator: Counting, geometry: Geometry) -> None:
@@ -181,17 +182,17 @@ def garbage(path: Path) -> None:
 
 
 def other_hash(path: Path) -> None:
-    with h5py.File(path, "a") as file:
+    with changed(path) as file:
         file.attrs["hash"] = "0" * 20
 
 
 def no_pixels(path: Path) -> None:
-    with h5py.File(path, "a") as file:
+    with changed(path) as file:
         del file["pixels_db"]
 
 
 def no_attributes(path: Path) -> None:
-    with h5py.File(path, "a") as file:
+    with changed(path) as file:
         del file.attrs["seconds"]
 
 
@@ -337,7 +338,7 @@ def test_record_that_cannot_be_written_leaves_nothing(store: RunStore) -> None:
 
 def test_record_of_another_schema_is_refused_and_kept(runner: Runner, store: RunStore, simulator: Counting) -> None:
     key = runner.run(X, 7).key
-    with h5py.File(store.path(key), "a") as file:
+    with changed(store.path(key)) as file:
         file.attrs["schema"] = 99
     with pytest.raises(StoreError, match=rf"{key}\.h5: written with schema 99"):
         runner.run(X, 7)

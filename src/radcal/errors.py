@@ -8,6 +8,7 @@ from __future__ import annotations
 
 __all__ = [
     "ConfigError",
+    "DamagedError",
     "FitError",
     "MeasurementError",
     "RadcalError",
@@ -48,3 +49,7 @@ class SimulatorError(RadcalError):
 
 class StoreError(RadcalError):
     """A file of the results folder cannot be written or read."""
+
+
+class DamagedError(StoreError):
+    """A file of the results folder is not what was written: damaged, of another version or another case."""

@@ -13,11 +13,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import h5py
-
 from radcal.errors import StoreError
 
-__all__ = ["atomic", "digest", "read_json", "sweep", "working_folder", "write_hdf5", "write_json"]
+__all__ = ["alive", "atomic", "digest", "sweep", "working_folder"]
 
 _PARTIAL = ".partial-"
 
@@ -49,37 +47,6 @@ def atomic(path: str | Path) -> Iterator[Path]:
     finally:
         with contextlib.suppress(OSError):
             partial.unlink()
-
-
-@contextlib.contextmanager
-def write_hdf5(path: str | Path, track_order: bool = False) -> Iterator[h5py.File]:
-    """Open a new HDF5 file that becomes visible under ``path`` only when complete.
-
-    With ``track_order`` its groups are read back in the order in which they were made.
-    """
-    with atomic(path) as partial, h5py.File(partial, "w", track_order=track_order) as file:
-        yield file
-
-
-def write_json(path: str | Path, data: Any) -> None:
-    """Write plain data as JSON, atomically; NaN and infinity are refused."""
-    text = json.dumps(data, indent=1, allow_nan=False) + "\n"
-    with atomic(path) as partial:
-        partial.write_text(text, encoding="utf-8")
-
-
-def read_json(path: str | Path) -> Any:
-    """Read a JSON file.
-
-    Raises
-    ------
-    StoreError
-        The file is missing or damaged.
-    """
-    try:
-        return json.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise StoreError(f"{path}: cannot be read ({error}); delete it to have it made again.") from None
 
 
 def digest(data: Any) -> str:
@@ -114,7 +81,7 @@ def sweep(folder: str | Path) -> int:
     host = socket.gethostname()
     for partial in list(Path(folder).rglob(f"{_PARTIAL}{host}-*")):
         pid = partial.name.removeprefix(f"{_PARTIAL}{host}-").split("-", 1)[0]
-        if not pid.isdigit() or not _alive(int(pid)):
+        if not pid.isdigit() or not alive(int(pid)):
             if partial.is_dir() and not partial.is_symlink():
                 shutil.rmtree(partial, ignore_errors=True)
             else:
@@ -123,7 +90,8 @@ def sweep(folder: str | Path) -> int:
     return removed
 
 
-def _alive(pid: int) -> bool:
+def alive(pid: int) -> bool:
+    """Whether a process of this machine runs."""
     try:
         os.kill(pid, 0)
     except ProcessLookupError:

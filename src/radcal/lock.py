@@ -1,16 +1,22 @@
-"""One workflow per case: an advisory lock that dies with its process."""
+"""One workflow per case and one process per run: advisory locks that die with their process."""
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
+import logging
 import os
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NoReturn, TextIO
 
-from radcal.files import sweep
+from radcal.errors import StoreError
+from radcal.files import alive, sweep
 
-__all__ = ["CaseLock"]
+__all__ = ["CaseLock", "claimed"]
+
+logger = logging.getLogger(__name__)
 
 
 class CaseLock:
@@ -38,11 +44,15 @@ class CaseLock:
         except BlockingIOError:
             file.seek(0)
             owner = file.read().strip() or "unknown"
-            file.close()
-            _leave(
-                f"another snakemake (process {owner}) is working on {self._folder}; wait for it, or stop it and type "
-                "the same command again."
-            )
+            if not owner.isdigit() or alive(int(owner)):
+                file.close()
+                _leave(
+                    f"another snakemake (process {owner}) is working on {self._folder}; wait for it, or stop it and "
+                    "type the same command again."
+                )
+            # forked processes of a killed Snakemake keep its lock until they end
+            sys.stderr.write(f"radcal: waiting for what the killed snakemake {owner} left at work in {self._folder}.\n")
+            fcntl.flock(file, fcntl.LOCK_EX)
         file.truncate(0)
         file.write(str(os.getpid()))
         file.flush()
@@ -54,6 +64,44 @@ class CaseLock:
         if self._file is not None:
             self._file.close()
             self._file = None
+
+
+@contextlib.contextmanager
+def claimed(folder: str | Path, key: str) -> Iterator[None]:
+    """Hold a run while it is simulated; wait where another process of this or another machine holds it.
+
+    A workflow that was killed can leave jobs behind, on a cluster above all: the same command then finds the run
+    that such a job is at, and waits for it instead of making it twice.
+
+    Parameters
+    ----------
+    folder : path
+        Of the run store.
+    key : str
+        The run, in hexadecimal digits.
+
+    Raises
+    ------
+    StoreError
+        The folder cannot be written.
+    """
+    folder = Path(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        file = (folder / ".claims").open("a+b")
+    except OSError as error:
+        raise StoreError(f"{folder}: cannot be written ({error.strerror or error}).") from error
+    with file:
+        # one byte of one file per run, far beyond its end: nothing to clean up after a kill
+        place = int(key, 16) % 2**62
+        try:
+            fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, place)
+        except (BlockingIOError, PermissionError):
+            logger.warning("run %s is being made by another process: waiting for it.", key)
+            fcntl.lockf(file, fcntl.LOCK_EX, 1, place)
+        except OSError as error:  # some network file systems have no locks; results do not depend on them
+            logger.warning("%s: no locks there (%s).", folder, error)
+        yield
 
 
 def _leave(sentence: str) -> NoReturn:

@@ -7,7 +7,6 @@ asks the store first; a run that is there is never made again.
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
 import logging
@@ -15,8 +14,6 @@ import os
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,9 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config import Case, Material, Radar
-from radcal.errors import SimulatorError, StoreError
-from radcal.files import digest, write_hdf5
+from radcal.errors import DamagedError, SimulatorError, StoreError
+from radcal.files import digest
+from radcal.lock import claimed
 from radcal.radar.laws import EXTERNAL
+from radcal.records import inspect, is_sealed, set_aside, write_hdf5
 from radcal.simulators.protocol import Simulator
 
 if TYPE_CHECKING:
@@ -35,7 +34,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Parameters", "Record", "RunStore", "Runner"]
 
-_SCHEMA = 1
+_UNSEALED = 1  # the schema of records of the time before files had checksums of their own
 Parameters = Mapping[str, Sequence[float]]
 
 logger = logging.getLogger(__name__)
@@ -70,7 +69,7 @@ class Record:
 
 
 def _checksum(pixels_db: Mapping[str, NDArray[np.float32]], image_db: NDArray[np.float32] | None) -> str:
-    """SHA-256 of a record's numbers."""
+    """SHA-256 of the numbers of a record that has no other checksum."""
     total = hashlib.sha256()
     for name in sorted(pixels_db):
         total.update(name.encode())
@@ -99,7 +98,8 @@ class RunStore:
     def get(self, key: str, materials: Iterable[str], image: bool = False) -> Record | None:
         """Return a record if it is there and holds what is asked, else None.
 
-        A damaged file is set aside under the name ``*.damaged`` and counts as missing.
+        A damaged file is set aside under the name ``*.damaged`` and counts as missing. Records of schema 1,
+        which have a checksum of their numbers only, are read like others.
 
         Raises
         ------
@@ -114,23 +114,27 @@ class RunStore:
 
     def _read(self, key: str) -> Record | None:
         path = self.path(key)
-        if not path.is_file():
-            return None
         try:
+            number = path.stat().st_ino
+            sealed = is_sealed(path)
+            if sealed:
+                inspect(path, "run")
             # records never change once they are visible: no lock is needed to read one
             with h5py.File(path, "r", locking=False) as file:
-                if file.attrs["schema"] != _SCHEMA:
-                    raise StoreError(
-                        f"{path}: written with schema {file.attrs['schema']}, this radcal reads {_SCHEMA}; use the "
-                        "radcal that wrote it, or another case name."
-                    )
+                if not sealed and file.attrs["schema"] != _UNSEALED:
+                    raise KeyError("schema")
                 if file.attrs["hash"] != key:
                     raise KeyError("hash")
                 pixels = {name: item[()] for name, item in file["pixels_db"].items()}
                 whole = file["image_db"][()] if "image_db" in file else None
                 seconds = float(file.attrs["seconds"])
-                if file.attrs["checksum"] != _checksum(pixels, whole):
+                if not sealed and file.attrs["checksum"] != _checksum(pixels, whole):
                     raise KeyError("checksum")
+        except FileNotFoundError:
+            return None
+        except DamagedError as error:
+            logger.warning("%s", error)
+            return None
         except (OSError, KeyError, RuntimeError, TypeError, ValueError, AttributeError) as error:
             # what h5py raises on a damaged file depends on where the damage is; an error number is
             # the system's word that the file could not be reached
@@ -138,10 +142,7 @@ class RunStore:
                 raise StoreError(
                     f"{path}: cannot be read ({os.strerror(error.errno)}); nothing was changed."
                 ) from error
-            aside = path.with_suffix(".damaged")
-            with contextlib.suppress(FileNotFoundError):  # another job was faster
-                path.replace(aside)
-            logger.warning("%s is damaged (%s): set aside as %s, this run is made again.", path, error, aside.name)
+            logger.warning("%s", set_aside(path, f"is damaged ({error})", number))
             return None
         return Record(key, pixels, whole, seconds)
 
@@ -153,6 +154,8 @@ class RunStore:
         StoreError
             There is no such record, or it cannot be read.
         """
+        if self._read(key) is None:
+            raise StoreError(f"{self.path(key)}: is missing; type the same command again to have it made.")
         try:
             with h5py.File(self.path(key), "r", locking=False) as file:
                 return dict(json.loads(str(file.attrs["description"])))
@@ -165,15 +168,11 @@ class RunStore:
         if earlier is not None:
             image = record.image_db if record.image_db is not None else earlier.image_db
             record = Record(record.key, {**earlier.pixels_db, **record.pixels_db}, image, record.seconds)
-        with write_hdf5(self.path(record.key)) as file:
-            file.attrs["schema"] = _SCHEMA
+        with write_hdf5(self.path(record.key), "run") as file:
             file.attrs["hash"] = record.key
             file.attrs["description"] = json.dumps(description, sort_keys=True)
             file.attrs["seconds"] = record.seconds
-            file.attrs["created"] = datetime.now(UTC).isoformat(timespec="seconds")
-            file.attrs["radcal"] = version("radcal")
             file.attrs["unit"] = "dB"
-            file.attrs["checksum"] = _checksum(record.pixels_db, record.image_db)
             for name, values in record.pixels_db.items():
                 file.create_dataset(f"pixels_db/{name}", data=values, dtype="f4", compression="gzip")
             if record.image_db is not None:
@@ -260,6 +259,15 @@ class Runner:
         found = self._store.get(key, self._recorded, image)
         if found is not None:
             return found
+        with claimed(self._store.folder, key):
+            # a job of a workflow that was killed may have been at this very run
+            found = self._store.get(key, self._recorded, image)
+            return found if found is not None else self._simulate(key, description, parameters, noise_seed, image)
+
+    def _simulate(
+        self, key: str, description: Mapping[str, Any], parameters: Parameters, noise_seed: int, image: bool
+    ) -> Record:
+        """Simulate and record a run."""
         started = time.perf_counter()
         image_db = self._simulator.run(parameters, noise_seed)
         seconds = time.perf_counter() - started

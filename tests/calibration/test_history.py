@@ -20,8 +20,8 @@ from radcal.calibration.history import (
 from radcal.calibration.stopping import decide
 from radcal.config import Stop
 from radcal.errors import StoreError
-from radcal.files import write_json
 from radcal.measurement.target import Targets
+from radcal.records import write_json
 from radcal.store import Record, RunStore
 
 

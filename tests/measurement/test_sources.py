@@ -6,10 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 import pytest
 import rasterio
+from sealed import changed
 
 from radcal.config import Case, Radar
 from radcal.errors import ConfigError, MeasurementError
@@ -312,7 +312,7 @@ def test_notes_round_trip(tmp_path: Path, image_db: np.ndarray) -> None:
     write_measurement(tmp_path / "m.h5", Measurement(image_db, "a.tif", notes=notes))
     assert read_measurement(tmp_path / "m.h5").notes == notes
     # a file of an earlier version has none
-    with h5py.File(tmp_path / "m.h5", "r+") as file:
+    with changed(tmp_path / "m.h5") as file:
         del file.attrs["notes"]
     assert read_measurement(tmp_path / "m.h5").notes == ()
 

@@ -11,6 +11,7 @@ import h5py
 import matplotlib as mpl
 import numpy as np
 import pytest
+from sealed import changed
 
 from radcal.report import figures as module
 from radcal.report import map_figures
@@ -196,14 +197,14 @@ def test_many_materials(build_archive, tmp_path):
 
 def test_images_without_a_value_or_missing(made, tmp_path):
     path = shutil.copy(made.path, tmp_path / "copy.h5")
-    with h5py.File(path, "r+") as file:
+    with changed(path) as file:
         file["images/measured_db"][...] = np.nan
         del file["images/reference_db"]
     case = module.read_case(path)
     with mpl.rc_context(module.STYLE):
         for canvas, _, _ in (module.images(case), module.residual(case)):
             assert drawn(canvas) == []
-    with h5py.File(path, "r+") as file:
+    with changed(path) as file:
         for name in list(file["images"]):
             del file[f"images/{name}"]
     case = module.read_case(path)

@@ -7,8 +7,8 @@ import re
 import shutil
 from html.parser import HTMLParser
 
-import h5py
 import pytest
+from sealed import changed
 
 from radcal.report.figures import Figure
 from radcal.report.html import _bound, _number, write_report
@@ -115,7 +115,7 @@ def test_foreign_text_is_escaped(page):
 
 def test_material_names_are_escaped(copy, tmp_path):
     name = "grass & <i>beans<i>"
-    with h5py.File(copy, "r+") as file:
+    with changed(copy) as file:
         file.move("materials/stem beans", f"materials/{name}".replace("</", "<"))
     text, parsed = render(tmp_path / "report.html", copy)
     assert name in parsed.text
@@ -147,14 +147,14 @@ def test_tables(page):
     ],
 )
 def test_verdicts(copy, tmp_path, attributes, words):
-    with h5py.File(copy, "r+") as file:
+    with changed(copy) as file:
         file.attrs.update(attributes)
     assert words in render(tmp_path / "report.html", copy)[1].text
 
 
 @pytest.mark.parametrize("hidden", [True, False])
 def test_one_material(copy, tmp_path, hidden):
-    with h5py.File(copy, "r+") as file:
+    with changed(copy) as file:
         del file["materials/stem beans"]
         if not hidden:
             del file["materials/dyke/hidden"]

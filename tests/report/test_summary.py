@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 import shutil
 
-import h5py
 import numpy as np
 import pytest
 from scipy.special import ndtr
+from sealed import changed
 
 from radcal.radar.laws import LAWS
 from radcal.report.summary import law_difference_db, numbered_jobs, sentences, summarise, wall_seconds
@@ -54,7 +54,7 @@ def test_materials(made):
 
 def test_distances_of_two_normals(copy):
     shift = 0.5
-    with h5py.File(copy, "r+") as file:
+    with changed(copy) as file:
         group = file["materials/dyke"]
         group["target_dp"][...] = [0.0, 1.0, 0.0]
         for key in ("final_dp", "fresh_dp"):
@@ -77,14 +77,14 @@ def test_law_difference_counts_the_incidence_seen_only():
 
 
 def test_law_difference_of_the_archive(copy):
-    with h5py.File(copy, "r+") as file:
+    with changed(copy) as file:
         group = file["materials/dyke"]
         group["hidden"][...] = group["parameters"][int(group.attrs["best"])] - [2.5, 0.0, 0.0, 0.0]
     assert summarise(copy)["materials"]["dyke"]["law_difference_db"] == pytest.approx(2.5)
 
 
 def test_numbers_are_finite_or_null(copy):
-    with h5py.File(copy, "r+") as file:
+    with changed(copy) as file:
         file["materials/dyke"].attrs["rms_sampling"] = np.nan
         file["materials/stem beans/rms"][0] = np.inf
     summary = summarise(copy, {"design": float("nan")})

@@ -7,13 +7,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 import pytest
 import rasterio
 from affine import Affine
 from pyproj import CRS, Transformer
 from scipy.ndimage import binary_erosion
+from sealed import changed
 
 from radcal.config import Radar, RasterScene
 from radcal.errors import ConfigError, SceneError
@@ -547,7 +547,7 @@ def test_place_and_notes_survive_the_file(build: Build, tmp_path: Path) -> None:
 
 def test_files_without_a_place_are_read(scene: Scene, tmp_path: Path) -> None:
     write_scene(tmp_path / "scene.h5", scene)
-    with h5py.File(tmp_path / "scene.h5", "r+") as file:
+    with changed(tmp_path / "scene.h5") as file:
         del file["notes"]  # as earlier versions wrote it
     back = read_scene(tmp_path / "scene.h5")
     assert (back.crs, back.transform, back.vertical_datum, back.notes) == (None, None, None, ())

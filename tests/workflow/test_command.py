@@ -15,7 +15,7 @@ from workflow_project import COLUMNS, ROOT, ROWS, Project
 
 from radcal.calibration.design import design_points
 from radcal.config import load
-from radcal.files import read_json
+from radcal.records import read_json
 
 
 def example(project: Project, name: str) -> str:

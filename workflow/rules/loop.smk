@@ -43,7 +43,7 @@ rule train:
         verified=earlier,
         previous=last_surrogate,
     output:
-        surrogate=f"{OUT}/iterations/{{k}}/surrogate.h5",
+        surrogate=update(f"{OUT}/iterations/{{k}}/surrogate.h5"),
     log:
         f"{OUT}/logs/iterations/{{k}}/train.log",
     benchmark:

@@ -2,15 +2,15 @@
 
 from radcal.calibration.history import indexed, read_runs
 from radcal.config import Case, Stop
-from radcal.files import read_json
 from radcal.jobs import logged
 from radcal.measurement.registration import read_registered
 from radcal.measurement.target import read_targets
 from radcal.radar.geometry import read_geometry
+from radcal.records import read_json
 from radcal.report.archive import write_archive, write_table
 from radcal.scene.model import read_scene
 
-with logged(snakemake.log[0]):
+with logged(snakemake.log[0], snakemake.params.case):
     case = Case.of_sections(snakemake.params.case)
     history = read_runs([snakemake.input.scores, *snakemake.input.verified])
     stop = Stop.model_validate(read_json(snakemake.input.stop))

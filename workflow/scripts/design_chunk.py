@@ -3,12 +3,12 @@
 from radcal.calibration.design import design_points
 from radcal.calibration.steps import design_line, noise_seed
 from radcal.config import Case
-from radcal.files import write_json
 from radcal.jobs import logged, progress
 from radcal.measurement.target import read_targets
+from radcal.records import write_json
 from radcal.simulators.sources import make_runner
 
-with logged(snakemake.log[0]):
+with logged(snakemake.log[0], snakemake.params.case):
     case = Case.of_sections(snakemake.params.case)
     runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     targets = read_targets(snakemake.input.target)

@@ -3,11 +3,11 @@
 from radcal.calibration.history import read_runs
 from radcal.calibration.steps import all_parameters, noise_seed
 from radcal.config import Case
-from radcal.files import write_json
 from radcal.jobs import logged, progress
+from radcal.records import write_json
 from radcal.simulators.sources import make_runner
 
-with logged(snakemake.log[0]):
+with logged(snakemake.log[0], snakemake.params.case):
     case = Case.of_sections(snakemake.params.case)
     history = read_runs([snakemake.input.scores, *snakemake.input.verified])
     runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)

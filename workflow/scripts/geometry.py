@@ -5,7 +5,7 @@ from radcal.jobs import logged, progress
 from radcal.radar.geometry import make_geometry, write_geometry
 from radcal.scene.model import read_scene
 
-with logged(snakemake.log[0]):
+with logged(snakemake.log[0], snakemake.params.case):
     case = Case.of_sections(snakemake.params.case)
     geometry = make_geometry(read_scene(snakemake.input.scene), case.radar)
     write_geometry(snakemake.output.geometry, geometry)

@@ -8,7 +8,7 @@ from radcal.radar.geometry import read_geometry
 from radcal.scene.model import read_scene
 from radcal.simulators.sources import make_simulator
 
-with logged(snakemake.log[0]):
+with logged(snakemake.log[0], snakemake.params.case):
     case = Case.of_sections(snakemake.params.case)
     scene = read_scene(snakemake.input.scene)
     geometry = read_geometry(snakemake.input.geometry)

@@ -4,11 +4,11 @@ from radcal.calibration.history import read_runs, write_proposals
 from radcal.calibration.steps import propose_all
 from radcal.calibration.surrogate import read_surrogates
 from radcal.config import Case, Stop
-from radcal.files import read_json
 from radcal.jobs import logged
 from radcal.measurement.target import read_targets
+from radcal.records import read_json
 
-with logged(snakemake.log[0]):
+with logged(snakemake.log[0], snakemake.params.case):
     case = Case.of_sections(snakemake.params.case)
     history = read_runs([snakemake.input.scores, *snakemake.input.verified])
     targets = read_targets(snakemake.input.target)

@@ -2,11 +2,11 @@
 
 from radcal.calibration.steps import reference_parameters, reference_runs, repeatability
 from radcal.config import Case
-from radcal.files import write_json
 from radcal.jobs import logged, progress
+from radcal.records import write_json
 from radcal.simulators.sources import make_runner
 
-with logged(snakemake.log[0]):
+with logged(snakemake.log[0], snakemake.params.case):
     case = Case.of_sections(snakemake.params.case)
     runner = make_runner(case.at_start, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     first, *again = reference_runs(case, runner)

@@ -6,7 +6,7 @@ from radcal.jobs import logged, progress
 from radcal.measurement.model import read_measurement
 from radcal.measurement.registration import register, write_registered
 
-with logged(snakemake.log[0]):
+with logged(snakemake.log[0], snakemake.params.case):
     case = Case.of_sections(snakemake.params.case)
     measurement = read_measurement(snakemake.input.measurement)
     reference, _ = next(indexed([snakemake.input.reference], snakemake.params.runs, case.calibrated, image=True))

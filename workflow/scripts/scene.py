@@ -5,7 +5,7 @@ from radcal.jobs import logged, progress
 from radcal.scene.model import write_scene
 from radcal.scene.sources import make_scene
 
-with logged(snakemake.log[0]):
+with logged(snakemake.log[0], snakemake.params.case):
     case = Case.of_sections(snakemake.params.case)
     scene = make_scene(case.scene, list(case.materials))
     write_scene(snakemake.output.scene, scene)

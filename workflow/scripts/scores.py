@@ -6,7 +6,7 @@ from radcal.config import Case
 from radcal.jobs import logged, progress
 from radcal.measurement.target import read_targets
 
-with logged(snakemake.log[0]):
+with logged(snakemake.log[0], snakemake.params.case):
     case = Case.of_sections(snakemake.params.case)
     targets = read_targets(snakemake.input.target)
     reference = [record for record, _ in indexed([snakemake.input.reference], snakemake.params.runs, case.calibrated)]

@@ -7,7 +7,7 @@ from radcal.measurement.registration import read_registered
 from radcal.measurement.target import make_targets, write_targets
 from radcal.radar.geometry import read_geometry
 
-with logged(snakemake.log[0]):
+with logged(snakemake.log[0], snakemake.params.case):
     case = Case.of_sections(snakemake.params.case)
     reference, _ = next(indexed([snakemake.input.reference], snakemake.params.runs, case.calibrated, image=True))
     registered = read_registered(snakemake.input.registered)

@@ -6,7 +6,7 @@ from radcal.calibration.surrogate import read_surrogates, write_surrogates
 from radcal.config import Case
 from radcal.jobs import logged
 
-with logged(snakemake.log[0]):
+with logged(snakemake.log[0], snakemake.params.case):
     case = Case.of_sections(snakemake.params.case)
     history = read_runs([snakemake.input.scores, *snakemake.input.verified])
     previous = read_surrogates(snakemake.input.previous) if snakemake.input.previous else None

@@ -3,12 +3,12 @@
 from radcal.calibration.history import History, read_proposals, read_runs, write_runs
 from radcal.calibration.steps import progress_line, verify
 from radcal.config import Case, Stop
-from radcal.files import read_json
 from radcal.jobs import logged, progress
 from radcal.measurement.target import read_targets
+from radcal.records import read_json
 from radcal.simulators.sources import make_runner
 
-with logged(snakemake.log[0]):
+with logged(snakemake.log[0], snakemake.params.case):
     case = Case.of_sections(snakemake.params.case)
     runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     proposals = read_proposals(snakemake.input.proposal)

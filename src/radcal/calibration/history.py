@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.errors import StoreError
-from radcal.files import read_json, write_json
+from radcal.records import read_json, write_json
 from radcal.store import Parameters, Record, RunStore
 
 if TYPE_CHECKING:
@@ -237,6 +237,11 @@ def indexed(
     for file in files:
         for entry in read_json(file):
             record = store.get(entry["key"], materials, image)
+            if record is None and not store.path(entry["key"]).is_file():
+                raise StoreError(
+                    f"{store.path(entry['key'])}: missing or damaged, though {file} lists it; type the same command "
+                    "again to make this run again."
+                )
             if record is None:
                 wanted = [*materials, *(["the whole image"] if image else [])]
                 raise StoreError(

@@ -19,6 +19,7 @@ from radcal.calibration.noise import noise_variance
 from radcal.calibration.stopping import decide
 from radcal.calibration.surrogate import OUTPUTS, Surrogate
 from radcal.config import Case, CommandSimulation, Optimiser, Stop
+from radcal.jobs import die_with_parent
 from radcal.seeds import derived_rng, derived_seed
 from radcal.store import Parameters, Record, Runner
 
@@ -171,7 +172,9 @@ def _each(function: Callable[[_Job], _Result], jobs: Sequence[_Job], processes: 
     """Apply a function to independent jobs; the result does not depend on the number of processes."""
     if min(processes, len(jobs)) <= 1:
         return [function(job) for job in jobs]
-    with ProcessPoolExecutor(min(processes, len(jobs)), mp_context=get_context("fork")) as pool:
+    with ProcessPoolExecutor(
+        min(processes, len(jobs)), mp_context=get_context("fork"), initializer=die_with_parent
+    ) as pool:
         return list(pool.map(function, jobs))
 
 

@@ -10,14 +10,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-import h5py
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import solve_triangular
 
 from radcal import skewnormal
 from radcal.errors import SurrogateError
-from radcal.files import write_hdf5
+from radcal.records import read_hdf5, write_hdf5
 
 __all__ = ["OUTPUTS", "Surrogate", "leave_one_out_q2", "read_surrogates", "to_direct", "write_surrogates"]
 
@@ -371,10 +370,10 @@ def _learnt(dp: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def write_surrogates(path: str | Path, surrogates: Mapping[str, Surrogate]) -> None:
     """Store surrogates as data and hyper-parameters, atomically."""
-    with write_hdf5(path, track_order=True) as file:
-        file.attrs["schema"] = 1
+    with write_hdf5(path, "surrogate", track_order=True) as file:
+        materials = file.create_group("materials", track_order=True)
         for name, surrogate in surrogates.items():
-            group = file.create_group(name)
+            group = materials.create_group(name)
             group.attrs["outputs"] = surrogate.outputs
             group.attrs["status"] = surrogate.status
             for key in ("bounds", "parameters", "dp", "theta", "nugget", "q2"):
@@ -382,8 +381,14 @@ def write_surrogates(path: str | Path, surrogates: Mapping[str, Surrogate]) -> N
 
 
 def read_surrogates(path: str | Path) -> dict[str, Surrogate]:
-    """Rebuild the surrogates that :func:`write_surrogates` stored."""
-    with h5py.File(path, "r") as file:
+    """Rebuild the surrogates that :func:`write_surrogates` stored.
+
+    Raises
+    ------
+    StoreError
+        The file is missing, damaged, or of another version or case.
+    """
+    with read_hdf5(path, "surrogate") as file:
         return {
             name: Surrogate(
                 group["bounds"][()],
@@ -391,5 +396,5 @@ def read_surrogates(path: str | Path) -> dict[str, Surrogate]:
                 group["dp"][()],
                 str(group.attrs["outputs"]),  # type: ignore[arg-type]
             ).restore(group["theta"][()], group["nugget"][()], group["q2"][()], list(group.attrs["status"]))
-            for name, group in file.items()
+            for name, group in file["materials"].items()
         }

@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.files import write_hdf5
+from radcal.records import read_hdf5, write_hdf5
 
 __all__ = ["Measurement", "get_measurement", "put_measurement", "read_measurement", "write_measurement"]
 
@@ -68,12 +68,17 @@ def get_measurement(group: h5py.Group) -> Measurement:
 
 def write_measurement(path: str | Path, measurement: Measurement) -> None:
     """Write a measurement to HDF5, atomically."""
-    with write_hdf5(path) as file:
-        file.attrs["schema"] = 1
+    with write_hdf5(path, "measurement") as file:
         put_measurement(file, measurement)
 
 
 def read_measurement(path: str | Path) -> Measurement:
-    """Read a measurement that :func:`write_measurement` wrote."""
-    with h5py.File(path, "r") as file:
+    """Read a measurement that :func:`write_measurement` wrote.
+
+    Raises
+    ------
+    StoreError
+        The file is missing, damaged, or of another version or case.
+    """
+    with read_hdf5(path, "measurement") as file:
         return get_measurement(file)

@@ -5,17 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
 from radcal.config import Registration as RegistrationConfig
 from radcal.errors import MeasurementError
-from radcal.files import write_hdf5
 from radcal.measurement.displacement import warp
 from radcal.measurement.gefolki import gefolki, local_correlation, rank_transform
 from radcal.measurement.model import Measurement, get_measurement, put_measurement
+from radcal.records import read_hdf5, write_hdf5
 
 __all__ = ["Registered", "read_registered", "register", "write_registered"]
 
@@ -257,8 +256,7 @@ _ARRAYS = ("unregistered_db", "displacement_px", "uncertainty_px", "correlation"
 
 def write_registered(path: str | Path, registered: Registered) -> None:
     """Write a registered image to HDF5, atomically."""
-    with write_hdf5(path) as file:
-        file.attrs["schema"] = 1
+    with write_hdf5(path, "registered") as file:
         put_measurement(file.create_group("measurement"), registered.measurement)
         for name in _ARRAYS:
             file.create_dataset(name, data=getattr(registered, name), compression="gzip", compression_opts=1)
@@ -267,8 +265,14 @@ def write_registered(path: str | Path, registered: Registered) -> None:
 
 
 def read_registered(path: str | Path) -> Registered:
-    """Read what :func:`write_registered` wrote."""
-    with h5py.File(path, "r") as file:
+    """Read what :func:`write_registered` wrote.
+
+    Raises
+    ------
+    StoreError
+        The file is missing, damaged, or of another version or case.
+    """
+    with read_hdf5(path, "registered") as file:
         return Registered(
             measurement=get_measurement(file["measurement"]),
             **{name: file[name][()] for name in _ARRAYS},

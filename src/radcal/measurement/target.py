@@ -8,21 +8,20 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from radcal import skewnormal
 from radcal.config import Case, Radar
 from radcal.config import Target as TargetConfig
-from radcal.errors import MeasurementError, StoreError
-from radcal.files import write_hdf5
+from radcal.errors import MeasurementError
 from radcal.measurement.goodness import Goodness, effective_sample_size, goodness_of_fit
 from radcal.measurement.levels import Levels, image_levels, offset_levels
 from radcal.measurement.looks import estimate_looks, local_looks
 from radcal.measurement.model import Measurement
 from radcal.measurement.pixels import eligible_pixels, noise_limited, point_targets
 from radcal.radar.radiometry import noise_floor_db
+from radcal.records import read_hdf5, write_hdf5
 from radcal.seeds import derived_rng
 
 if TYPE_CHECKING:
@@ -40,7 +39,6 @@ __all__ = [
     "write_targets",
 ]
 
-_SCHEMA = 2
 # parameters are kept to this share of the standard deviation, a thousandth of what 1,000 pixels tell: what
 # changes them by rounding only, such as another level of the same image, does not change the calibration
 _SETTLED = 1e-5
@@ -372,8 +370,7 @@ _LEVELS = ("normalisation", "offset_db", "offset_error_db", "scale", "measured")
 
 def write_targets(path: str | Path, targets: Targets) -> None:
     """Write the targets of all materials, and the levels, to HDF5, atomically."""
-    with write_hdf5(path, track_order=True) as file:
-        file.attrs["schema"] = _SCHEMA
+    with write_hdf5(path, "target", track_order=True) as file:
         file.attrs["looks"] = targets.looks
         materials = file.create_group("materials", track_order=True)
         for name, target in targets.items():
@@ -400,14 +397,9 @@ def read_targets(path: str | Path) -> Targets:
     Raises
     ------
     StoreError
-        Another version wrote them.
+        The file is missing, damaged, or of another version or case.
     """
-    with h5py.File(path, "r") as file:
-        if file.attrs["schema"] != _SCHEMA:
-            raise StoreError(
-                f"{path}: written with schema {file.attrs['schema']}, this radcal reads {_SCHEMA}; type the same "
-                "command with --forcerun target at its end (finished runs are kept)."
-            )
+    with read_hdf5(path, "target") as file:
         targets = {
             name: Target(
                 **{key: group[key][()] for key in _ARRAYS},

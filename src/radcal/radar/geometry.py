@@ -8,14 +8,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_cdt, map_coordinates, maximum_filter, minimum_filter
 
 from radcal.config import Radar
-from radcal.errors import SceneError, StoreError
-from radcal.files import write_hdf5
+from radcal.errors import SceneError
 from radcal.radar.facets import (
     ANGLES_PER_RADIAN,
     LAID_OVER,
@@ -29,6 +27,7 @@ from radcal.radar.facets import (
 from radcal.radar.footprints import Boxes, Spots, add_up, locate, raise_boxes, share_out, stand, to_boxes_and_spots
 from radcal.radar.points import Points, not_pure
 from radcal.radar.radiometry import of_sigma0
+from radcal.records import read_hdf5, write_hdf5
 from radcal.scene.model import Scene
 
 __all__ = [
@@ -41,7 +40,6 @@ __all__ = [
     "write_geometry",
 ]
 
-_SCHEMA = 5
 _MOST_NAMES = 254  # materials beside the objects
 _CELLS_AT_ONCE = 256  # rows of the scene, to bound memory
 _HALO = 12  # cells that a cubic spline looks beyond a stretch, far below single precision
@@ -528,8 +526,7 @@ def _per_area(radar: Radar, flat_incidence_deg: NDArray[np.float64]) -> NDArray[
 
 def write_geometry(path: str | Path, geometry: Geometry) -> None:
     """Write a geometry to HDF5, atomically."""
-    with write_hdf5(path) as file:
-        file.attrs["schema"] = _SCHEMA
+    with write_hdf5(path, "geometry") as file:
         file.attrs["shape"] = geometry.shape
         file["names"] = list(geometry.names)
         for item in fields(Geometry)[2:]:
@@ -545,14 +542,9 @@ def read_geometry(path: str | Path) -> Geometry:
     Raises
     ------
     StoreError
-        Another version wrote it.
+        The file is missing, damaged, or of another version or case.
     """
-    with h5py.File(path, "r") as file:
-        if file.attrs["schema"] != _SCHEMA:
-            raise StoreError(
-                f"{path}: written with schema {file.attrs['schema']}, this radcal reads {_SCHEMA}; type the same "
-                "command with --forcerun geometry at its end (finished runs are kept)."
-            )
+    with read_hdf5(path, "geometry") as file:
         rows, columns = (int(n) for n in file.attrs["shape"])
         arrays = {item.name: file[item.name][()] for item in fields(Geometry)[2:]}
         return Geometry(shape=(rows, columns), names=tuple(file["names"].asstr()[()]), **arrays)

@@ -69,10 +69,11 @@ from radcal.calibration.steps import repeatability
 from radcal.calibration.stopping import decide
 from radcal.config import Case, Stop
 from radcal.errors import StoreError
-from radcal.files import atomic, write_hdf5
+from radcal.files import atomic
 from radcal.measurement.registration import Registered
 from radcal.measurement.target import Targets
 from radcal.radar.geometry import Geometry
+from radcal.records import read_hdf5, write_hdf5
 from radcal.report.law_notes import law_notes
 from radcal.report.law_records import put_law
 from radcal.scene.model import Scene
@@ -137,8 +138,7 @@ def write_archive(
     calibrated, fresh = final
     before = {run.key for run in history.runs}
     final_scores = {key: targets.score(record.pixels_db) for key, record in zip(("final", "fresh"), final, strict=True)}
-    with write_hdf5(path) as file:
-        file.attrs["schema"] = 1
+    with write_hdf5(path, "calibration") as file:
         file.attrs["case"] = case.case
         file.attrs["config"] = json.dumps({**case.sections(*case.__dict__), "stop": stop.model_dump(mode="json")})
         file.attrs["reason"] = decision.reason or "running"
@@ -259,7 +259,7 @@ def _versions() -> dict[str, str]:
 
 def write_table(path: str | Path, archive: str | Path) -> None:
     """Write ``runs.csv``: one line per run and material."""
-    with h5py.File(archive, "r") as file:
+    with read_hdf5(archive, "calibration") as file:
         names = list(file["materials"])
         headings = [list(file[f"materials/{name}"].attrs["parameter_names"]) for name in names]
         widest = max(headings, key=len)

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.radar.laws import Law
+from radcal.records import read_hdf5
 from radcal.report.law_records import read_law
 
 if TYPE_CHECKING:
@@ -145,7 +146,7 @@ def short(value: float) -> str:
 
 def read_case(archive: str | Path) -> CaseData:
     """Read ``calibration.h5``."""
-    with h5py.File(archive, "r") as file:
+    with read_hdf5(archive, "calibration") as file:
         groups = file["materials"]
         materials = tuple(
             MaterialData(

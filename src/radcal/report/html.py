@@ -14,6 +14,7 @@ import numpy as np
 
 from radcal import skewnormal
 from radcal.files import atomic
+from radcal.records import read_hdf5
 from radcal.report.figures import Figure
 from radcal.report.summary import summarise
 
@@ -173,7 +174,7 @@ def write_report(page: str | Path, archive: str | Path, figures: Sequence[Figure
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     summary = summarise(archive)
-    with h5py.File(archive, "r") as file:
+    with read_hdf5(archive, "calibration") as file:
         materials = [_material(name, summary["materials"][name], group) for name, group in file["materials"].items()]
         attributes = {key: file.attrs[key] for key in ("config", "looks", "max_runs")}
     environment = Environment(

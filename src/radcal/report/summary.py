@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import json
 import math
@@ -16,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal import skewnormal
 from radcal.radar.laws import Law
+from radcal.records import read_hdf5
 from radcal.report.law_records import read_law
 
 __all__ = ["law_difference_db", "numbered_jobs", "sentences", "summarise", "wall_seconds"]
@@ -56,7 +58,7 @@ def numbered_jobs(archive: str | Path) -> dict[str, int]:
     dict
         Chunks of the design; iterations for train, propose and verify.
     """
-    with h5py.File(archive, "r") as file:
+    with read_hdf5(archive, "calibration") as file:
         iterations = int(np.count_nonzero(file["runs/kind"].asstr()[()] == "infill"))
         design = json.loads(str(file.attrs["config"]))["design"]
     chunks = -(-int(design["size"]) // int(design["chunk"]))
@@ -86,14 +88,15 @@ def wall_seconds(folder: str | Path, jobs: Mapping[str, int] | None = None) -> d
             stage, number = file.stem, "0"
         if int(number) >= (jobs or {}).get(stage, math.inf):
             continue
-        with file.open(encoding="utf-8") as handle:
+        # Snakemake writes them in place: one whose job was killed meanwhile may be cut
+        with file.open(encoding="utf-8") as handle, contextlib.suppress(KeyError, TypeError, ValueError):
             seconds[stage] += sum(float(row["s"]) for row in csv.DictReader(handle, delimiter="\t"))
     return {stage: round(value, 3) for stage, value in seconds.items()}
 
 
 def sentences(archive: str | Path) -> list[str]:
     """How each material ended, in words."""
-    with h5py.File(archive, "r") as file:
+    with read_hdf5(archive, "calibration") as file:
         return [str(sentence) for sentence in file.attrs["sentences"]]
 
 
@@ -198,7 +201,7 @@ def summarise(archive: str | Path, seconds: Mapping[str, float] | None = None) -
     dict
         Keys as documented; rms in 1/dB, mse in 1/dB^2, numbers finite or None.
     """
-    with h5py.File(archive, "r") as file:
+    with read_hdf5(archive, "calibration") as file:
         kinds = file["runs/kind"].asstr()[()]
         runs = {kind: int(np.count_nonzero(kinds == kind)) for kind in ("reference", "design", "infill")}
         runs["final"] = int(file.attrs["final_runs"])

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.errors import SceneError
-from radcal.files import write_hdf5
+from radcal.records import read_hdf5, write_hdf5
 from radcal.scene.objects import Objects, put_objects, take_objects
 
 __all__ = ["Scene", "read_scene", "write_scene"]
@@ -83,8 +83,7 @@ class Scene:
 
 def write_scene(path: str | Path, scene: Scene) -> None:
     """Write a scene to HDF5, atomically."""
-    with write_hdf5(path) as file:
-        file.attrs["schema"] = 2
+    with write_hdf5(path, "scene") as file:
         file.attrs["identity"] = scene.identity
         file.attrs["cell_m"] = scene.cell_m
         file["names"] = list(scene.names)
@@ -102,8 +101,14 @@ def write_scene(path: str | Path, scene: Scene) -> None:
 
 
 def read_scene(path: str | Path) -> Scene:
-    """Read a scene that :func:`write_scene` wrote."""
-    with h5py.File(path, "r") as file:
+    """Read a scene that :func:`write_scene` wrote.
+
+    Raises
+    ------
+    StoreError
+        The file is missing, damaged, or of another version or case.
+    """
+    with read_hdf5(path, "scene") as file:
         return Scene(
             identity=str(file.attrs["identity"]),
             names=tuple(file["names"].asstr()[()]),
@@ -111,7 +116,6 @@ def read_scene(path: str | Path) -> Scene:
             elevation_m=file["elevation_m"][()] if "elevation_m" in file else None,
             cell_m=float(file.attrs["cell_m"]),
             incidence_deg=file["incidence_deg"][()] if "incidence_deg" in file else None,
-            # files of earlier versions lack these
             crs=str(file.attrs["crs"]) if "crs" in file.attrs else None,
             transform=tuple(float(v) for v in file.attrs["transform"]) if "transform" in file.attrs else None,
             vertical_datum=str(file.attrs["vertical_datum"]) if "vertical_datum" in file.attrs else None,

@@ -1,0 +1,215 @@
+"""SIGKILL at random moments of full calibrations: what is lost, what is repeated, what comes out.
+
+    python tests/faults/kills.py --kills 200
+
+The same command is typed again after each kill, until the calibration has ended; then another one is begun.
+Killed are, in turn, Snakemake's main process (its jobs go on without it), one of its jobs' processes, or the
+whole process group. The last line printed is one JSON object.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import hashlib
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import h5py
+import psutil
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from workflow_project import Project, make_project
+
+KINDS = ("group", "snakemake", "job")
+COMMAND = ("--configfile", "tiny.yaml")
+
+
+@dataclass
+class Tally:
+    """What the kills did."""
+
+    kills: Counter[str] = field(default_factory=Counter)
+    calibrations: int = 0
+    lost: list[str] = field(default_factory=list)
+    repeated: list[str] = field(default_factory=list)
+    different: list[str] = field(default_factory=list)
+    tracebacks: list[str] = field(default_factory=list)
+    left: list[str] = field(default_factory=list)
+    aside: list[str] = field(default_factory=list)
+    seconds: float = 0.0
+
+    def as_json(self) -> dict[str, Any]:
+        return {
+            "kills": sum(self.kills.values()),
+            "by": dict(self.kills),
+            "calibrations": self.calibrations,
+            "finished_runs_lost": len(self.lost),
+            "finished_runs_repeated": len(self.repeated),
+            "different_results": len(self.different),
+            "tracebacks": len(self.tracebacks),
+            "partial_files_left": len(self.left),
+            "files_set_aside": len(self.aside),
+            "seconds": round(self.seconds),
+        }
+
+
+@dataclass
+class Watch:
+    """The finished runs of a project, and what became of them."""
+
+    project: Project
+    known: dict[str, tuple[int, str]] = field(default_factory=dict)
+
+    def look(self, tally: Tally) -> None:
+        runs = self.project.out() / "runs"
+        for name, (stamp, content) in self.known.items():
+            path = runs / name
+            if not path.is_file() or hashlib.sha256(path.read_bytes()).hexdigest() != content:
+                tally.lost.append(name)
+            elif path.stat().st_mtime_ns != stamp:
+                tally.repeated.append(name)
+        self.known = {
+            path.name: (path.stat().st_mtime_ns, hashlib.sha256(path.read_bytes()).hexdigest())
+            for path in runs.glob("[!.]*.h5")
+        }
+
+
+def result(project: Project) -> dict[str, Any]:
+    """What must be the same: X, runs in their order, summary; times and the checksum over them aside."""
+    summary = {key: value for key, value in project.summary().items() if key not in ("wall_seconds", "sha256")}
+    with h5py.File(project.out() / "calibration.h5") as file:
+        return {
+            "x": file["materials/field/parameters"][()].tolist(),
+            "keys": file["runs/key"].asstr()[()].tolist(),
+            "summary": summary,
+        }
+
+
+def descendants(pid: int) -> list[psutil.Process]:
+    try:
+        return psutil.Process(pid).children(recursive=True)
+    except psutil.NoSuchProcess:
+        return []
+
+
+def start(project: Project, log: Path) -> subprocess.Popen[bytes]:
+    with log.open("ab") as handle:
+        return subprocess.Popen(
+            project.command(*COMMAND),
+            cwd=project.folder,
+            stdout=handle,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+
+
+def kill(process: subprocess.Popen[bytes], kind: str, draw: random.Random) -> tuple[str, list[psutil.Process]]:
+    """Kill; return what was killed, and the processes that go on."""
+    below = descendants(process.pid)
+    if kind == "job":
+        if below:
+            with contextlib.suppress(psutil.NoSuchProcess):
+                draw.choice(below).kill()
+                process.wait(timeout=900)  # Snakemake sees it and ends, or has just ended
+                return "job", []
+        kind = "group"  # no job yet
+    if kind == "group":
+        os.killpg(process.pid, signal.SIGKILL)
+    else:
+        process.kill()
+    process.wait()
+    return kind, below if kind == "snakemake" else []
+
+
+def calibrate(project: Project, tally: Tally, most: int, draw: random.Random, longest_s: float) -> None:
+    """One calibration, killed at most so many times, then left to end."""
+    log, watch, orphans = project.folder / "output.txt", Watch(project), []
+    killed = 0
+    while killed < most:
+        process = start(project, log)
+        try:
+            process.wait(timeout=draw.uniform(0.5, longest_s))
+            if process.returncode == 0:
+                break
+        except subprocess.TimeoutExpired:
+            kind = KINDS[sum(tally.kills.values()) % len(KINDS)]
+            kind, left = kill(process, kind, draw)
+            orphans += left
+            tally.kills[kind] += 1
+            killed += 1
+        watch.look(tally)
+    code = start(project, log).wait(timeout=3600)
+    psutil.wait_procs(orphans, timeout=60)
+    watch.look(tally)
+    output = log.read_text(errors="replace")
+    if code != 0 or "Traceback" in output:
+        tally.tracebacks.append(f"{project.folder}: exit code {code}\n{output[-3000:]}")
+    tally.left += [str(path) for path in project.out().rglob(".partial-*")]
+    tally.aside += [str(path) for path in project.out().rglob("*.damaged")]
+    tally.calibrations += 1
+
+
+def prepare(folder: Path, most_runs: int) -> Project:
+    """A new project that ends after so many runs of design and loop, if not before."""
+    project = make_project(folder)
+    project.write(stop={"rms": 1e-3, "max_runs": most_runs, "stagnation_runs": 20})
+    return project
+
+
+def campaign(
+    folder: Path, kills: int, seed: int, longest_s: float, each: int, expected: dict[str, Any], most_runs: int = 60
+) -> Tally:
+    """So many kills over as many calibrations as they take."""
+    tally, draw, started = Tally(), random.Random(seed), time.perf_counter()
+    while sum(tally.kills.values()) < kills:
+        project = prepare(folder / f"killed-{tally.calibrations}", most_runs)
+        calibrate(project, tally, min(each, kills - sum(tally.kills.values())), draw, longest_s)
+        if not (project.out() / "summary.json").is_file() or result(project) != expected:
+            tally.different.append(str(project.folder))
+        print(json.dumps(tally.as_json()), flush=True)
+    tally.seconds = time.perf_counter() - started
+    return tally
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--kills", type=int, default=200)
+    parser.add_argument("--each", type=int, default=20, help="most kills of one calibration")
+    parser.add_argument("--max-runs", type=int, default=60, help="runs of a calibration; fewer make it shorter")
+    parser.add_argument("--longest", type=float, default=15.0, help="longest time to a kill [s]")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--folder", type=Path, help="where the projects go; an undisturbed one that is there is used")
+    options = parser.parse_args()
+    folder = options.folder or Path(tempfile.mkdtemp(prefix="radcal-kills-"))
+    started = time.perf_counter()
+    if (folder / "undisturbed").is_dir():
+        undisturbed = Project(folder / "undisturbed")
+    else:
+        undisturbed = prepare(folder / "undisturbed", options.max_runs)
+        code = start(undisturbed, folder / "undisturbed/output.txt").wait()
+        assert code == 0, (folder / "undisturbed/output.txt").read_text()
+    seconds, runs = time.perf_counter() - started, len(undisturbed.records())
+    print(f"undisturbed: {seconds:.0f} s, {runs} runs, in {folder}", flush=True)
+    tally = campaign(
+        folder, options.kills, options.seed, options.longest, options.each, result(undisturbed), options.max_runs
+    )
+    for text in (*tally.tracebacks, *tally.different, *tally.left, *tally.aside):
+        print(text)
+    print(json.dumps(tally.as_json()))
+    return int(any((tally.lost, tally.repeated, tally.different, tally.tracebacks, tally.left, tally.aside)))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

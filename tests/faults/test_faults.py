@@ -1,0 +1,331 @@
+"""Faults of disks, folders, memory, clocks and simulators: what the user sees, and what is kept."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from faults.kills import Tally, Watch, campaign, result
+from sealed import DAMAGES
+from workflow_project import Project, make_project
+
+from radcal.calibration.salvage import salvage
+from radcal.errors import RadcalError
+from radcal.records import kind_of, read_hdf5, read_json
+
+SEALED = ("scene", "geometry", "measurement", "registered", "target", "calibration")
+
+# what it sleeps for is how long a run takes; every so many calls it fails
+SIM = """
+import array, json, os, random, sys, time
+run = json.load(open(sys.argv[1]))
+a = run["parameters"]["field"]["a"]
+time.sleep(float(os.environ["SECONDS"]))
+with open(os.environ["CALLS"], "a+") as log:
+    log.write("x")
+    calls = log.tell()
+if calls % int(os.environ["FAILS"]) == 0:
+    sys.exit("the licence server does not answer")
+rows, columns = run["shape"]
+draw = random.Random(run["noise_seed"])
+array.array("d", [a + draw.gauss(0, 2) for _ in range(rows * columns)]).tofile(open("image.raw", "wb"))
+"""
+
+
+def simulated(project: Project, seconds: float = 0.0, fails: int = 10**9, **changes) -> None:
+    """Give the project an external simulator that takes its time and fails now and then."""
+    (project.folder / "sim.py").write_text(SIM)
+    field = {"calibrate": True, "law": "external", "names": ["a"], "bounds": [[-20, 0]], "start": [-15]}
+    project.write(
+        simulator={
+            "kind": "command",
+            "command": ["{python}", "-S", "-E", "sim.py", "{input}"],
+            "input": {},
+            "files": ["sim.py"],
+            "deterministic": True,
+            "output": {"file": "image.raw", "format": "raw", "dtype": "float64", "scale": "db"},
+            "environment": {
+                "CALLS": str(project.folder / "calls"), "SECONDS": str(seconds), "FAILS": str(fails)
+            },
+        }
+        | changes,
+        measurement={"synthetic": {"parameters": {"field": [-12.0]}}},
+        design={"size": 10, "chunk": 10},
+        stop={"rms": 2e-2},
+    )  # fmt: skip
+    data = yaml.safe_load((project.folder / "tiny.yaml").read_text())
+    data["materials"] = {"field": field, "lake": {"law": "external"}}
+    (project.folder / "tiny.yaml").write_text(yaml.safe_dump(data))
+
+
+def sentences(text: str) -> list[str]:
+    return [line for line in text.splitlines() if line.startswith("radcal: ") and "stopped." not in line]
+
+
+def kill_when(project: Project, condition, *arguments: str) -> None:
+    process = project.start(*arguments)
+    deadline = time.time() + 300
+    while not condition():
+        assert process.poll() is None, "the workflow ended before it could be killed"
+        assert time.time() < deadline
+        time.sleep(0.02)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+
+
+def test_a_kill_of_each_kind_changes_nothing(finished, tmp_path):
+    tally = campaign(tmp_path, kills=3, seed=5, longest_s=12.0, each=3, expected=result(finished))
+    found = tally.as_json()
+    assert found["by"] == {"group": 1, "snakemake": 1, "job": 1}
+    for key in (
+        "finished_runs_lost", "finished_runs_repeated", "different_results", "tracebacks", "partial_files_left",
+        "files_set_aside",
+    ):  # fmt: skip
+        assert found[key] == 0, (key, tally)
+
+
+def test_a_chunk_killed_after_seven_of_ten_makes_the_other_three(project):
+    simulated(project, seconds=0.4)
+    kill_when(project, lambda: len(project.records()) >= 8, "design", "--configfile", "tiny.yaml")
+    before, calls = project.records(), (project.folder / "calls").stat().st_size
+    assert 8 <= len(before) < 11
+    done = project.run("design", "--configfile", "tiny.yaml")
+    assert done.returncode == 0, done.stdout
+    after = project.records()
+    assert len(after) == 11
+    assert {name: after[name] for name in before} == before
+    assert (project.folder / "calls").stat().st_size - calls == 11 - len(before)
+
+
+def test_jobs_left_by_a_killed_snakemake_are_waited_for(project):
+    simulated(project, seconds=1.5)
+    process = project.start("design", "--configfile", "tiny.yaml")
+    deadline = time.time() + 120
+    while len(project.records()) < 3:
+        assert time.time() < deadline
+        time.sleep(0.02)
+    process.kill()
+    process.wait()
+    watch, tally = Watch(project), Tally()
+    watch.look(tally)
+    done = project.run("design", "--configfile", "tiny.yaml")
+    assert done.returncode == 0, done.stdout
+    watch.look(tally)
+    assert (tally.lost, tally.repeated) == ([], [])
+    # besides: the measurement is simulated, and a run in flight may be lost
+    assert (project.folder / "calls").stat().st_size <= len(project.records()) + 2
+
+
+def test_a_simulator_that_fails_one_time_in_five(project):
+    simulated(project, fails=5)
+    failed = 0
+    for _ in range(8):
+        before = project.records()
+        done = project.run("design", "--configfile", "tiny.yaml")
+        after = project.records()
+        assert {name: after[name] for name in before} == before
+        if done.returncode == 0:
+            break
+        failed += 1
+        (sentence,) = sentences(done.stdout)
+        assert "the licence server does not answer" in sentence
+        assert "Traceback" not in done.stdout
+    assert done.returncode == 0
+    assert 1 <= failed <= 4
+    assert len(after) == 11
+
+
+def test_retries_hide_it(project):
+    simulated(project, fails=5, retries=1, retry_wait_s=0)
+    done = project.run("design", "--configfile", "tiny.yaml")
+    assert done.returncode == 0, done.stdout
+    assert len(project.records()) == 11
+
+
+def in_a_namespace(script: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run a shell script that may mount file systems, seen by nobody else."""
+    if subprocess.run(["unshare", "-rm", "true"], capture_output=True, check=False).returncode:
+        pytest.skip("no mount namespaces here (unshare -rm)")
+    return subprocess.run(
+        ["unshare", "-rm", "sh", "-c", script],
+        cwd=folder, capture_output=True, text=True, timeout=600, check=False,
+    )  # fmt: skip
+
+
+def test_a_full_disk_is_a_sentence_and_finished_runs_are_kept(project):
+    command = " ".join(project.command("design", "--configfile", "tiny.yaml"))
+    done = in_a_namespace(
+        f"mkdir results && mount -t tmpfs -o size=300k none results && {command} > full.txt 2>&1; echo $? > code.txt\n"
+        "(cd results/tiny/runs && sha256sum *.h5) > before.txt\n"
+        f"mount -o remount,size=100m results && {command} > roomy.txt 2>&1 || exit 1\n"
+        "(cd results/tiny/runs && sha256sum *.h5) > after.txt; find results -name '.partial-*' > left.txt\n",
+        project.folder,
+    )
+    text = {path.stem: path.read_text() for path in project.folder.glob("*.txt")}
+    assert done.returncode == 0, (done.stderr, text)
+    assert text["code"] != "0\n"
+    assert any("No space left on device" in line for line in sentences(text["full"])), text["full"]
+    assert "Traceback" not in text["full"]
+    before, after = (set(text[name].splitlines()) for name in ("before", "after"))
+    assert before <= after
+    assert len(after) == 13
+    assert text["left"] == ""
+
+
+def test_a_read_only_results_folder_is_a_sentence(project):
+    command = " ".join(project.command("--configfile", "tiny.yaml"))
+    in_a_namespace(
+        "mkdir -p results/tiny && mount --bind results results && mount -o remount,bind,ro results && "
+        f"{command} > said.txt 2>&1",
+        project.folder,
+    )
+    said = (project.folder / "said.txt").read_text()
+    (sentence,) = sentences(said)
+    assert "cannot be written (Read-only file system)" in sentence
+    assert "Traceback" not in said
+
+
+def test_out_of_memory_is_a_sentence(tmp_path):
+    code = (
+        "from radcal.jobs import logged\nimport resource\n"
+        "resource.setrlimit(resource.RLIMIT_AS, (2**31, 2**31))\n"
+        "import numpy as np\n"
+        f"with logged({str(tmp_path / 'job.log')!r}):\n    np.ones(2**40)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.startswith("radcal: not enough memory")
+    assert "Traceback" not in done.stderr
+
+
+SLOW = """
+import os, time
+replace = os.replace
+def slow(source, target, **options):
+    time.sleep(0.7)
+    replace(source, target, **options)
+os.replace = os.rename = slow
+"""
+
+
+def test_a_slow_rename_shows_no_half_file(project, monkeypatch):
+    (project.folder / "slow").mkdir()
+    (project.folder / "slow" / "sitecustomize.py").write_text(SLOW)
+    with monkeypatch.context() as patch:
+        patch.setenv("PYTHONPATH", os.pathsep.join([str(project.folder / "slow"), os.environ.get("PYTHONPATH", "")]))
+        # in the middle of a renaming: its temporary file is there
+        kill_when(
+            project,
+            lambda: len(project.records()) >= 4 and any((project.out() / "runs").glob(".partial-*")),
+            "design", "--configfile", "tiny.yaml",
+        )  # fmt: skip
+    watch, tally = Watch(project), Tally()
+    watch.look(tally)
+    done = project.run("design", "--configfile", "tiny.yaml")
+    assert done.returncode == 0, done.stdout
+    watch.look(tally)
+    assert (tally.lost, tally.repeated) == ([], [])
+    assert len(project.records()) == 13
+    assert not list(project.out().rglob(".partial-*"))
+    assert not list(project.out().rglob("*.damaged"))
+
+
+@pytest.mark.parametrize("hours", [-26, 26], ids=["backwards", "forwards"])
+def test_a_clock_that_jumps(finished, tmp_path, hours):
+    project = make_project(tmp_path / "project")
+    assert project.run("design", "--configfile", "tiny.yaml").returncode == 0
+    # a clock that goes back leaves files of the future behind
+    for path in project.folder.rglob("*"):
+        if path.is_file():
+            stamp = path.stat().st_mtime_ns - hours * 3600 * 10**9
+            os.utime(path, ns=(stamp, stamp))
+    watch, tally = Watch(project), Tally()
+    watch.look(tally)
+    done = project.run("--configfile", "tiny.yaml")
+    assert done.returncode == 0, done.stdout
+    watch.look(tally)
+    assert (tally.lost, tally.repeated) == ([], [])
+    assert result(project) == result(finished)
+
+
+def test_a_hundred_damaged_stores_are_recognised(finished):
+    out, random = finished.out(), np.random.default_rng(4)
+    files = [path for path in sorted(out.rglob("*")) if path.suffix in (".h5", ".json") and path.is_file()]
+    assert {path.stem for path in files} >= set(SEALED)
+    spare = finished.folder / "spare"
+    shutil.copytree(out, spare)
+    for _ in range(100):
+        victims = [files[k] for k in random.choice(len(files), random.integers(1, 4), replace=False)]
+        for path in victims:
+            DAMAGES[random.integers(len(DAMAGES))](path, random)
+        gone, said = salvage(out, "tiny")
+        for path in victims:
+            assert not path.exists()
+            assert path.with_suffix(".damaged").is_file()
+            assert any(str(path) in sentence for sentence in said)
+            assert path in gone or path.parent.name == "runs"
+        # nothing else was touched, but indexes that list a run that is gone
+        missing = {path for path in files if not path.exists()} - set(victims)
+        assert missing <= set(gone)
+        assert bool(missing) <= any(path.parent.name == "runs" for path in victims)
+        for path in {*victims, *missing}:
+            shutil.copy2(spare / path.relative_to(out), path)
+            path.with_suffix(".damaged").unlink(missing_ok=True)
+    assert salvage(out, "tiny") == ([], [])
+
+
+def test_a_reader_meets_damage_with_a_sentence(finished):
+    random = np.random.default_rng(6)
+    for path in sorted(finished.out().rglob("*")):
+        if path.suffix not in (".h5", ".json") or not path.is_file():
+            continue
+        DAMAGES[random.integers(len(DAMAGES))](path, random)
+        with pytest.raises(RadcalError, match=path.name):
+            if (kind := kind_of(path)) is None:
+                read_json(path)
+            else:
+                with read_hdf5(path, kind):
+                    pass
+
+
+def test_the_same_command_mends_what_is_damaged(finished):
+    random = np.random.default_rng(8)
+    expected, before = result(finished), finished.records()
+    listed = json.loads((finished.out() / "design/0.json").read_text())["data"][2]["key"]
+    victims = [finished.out() / name for name in ("design/1.json", "iterations/0/verified.json", f"runs/{listed}.h5")]
+    for path in victims:
+        DAMAGES[random.integers(len(DAMAGES))](path, random)
+    done = finished.run("--configfile", "tiny.yaml")
+    assert done.returncode == 0, done.stdout
+    assert "Traceback" not in done.stdout
+    for path in victims:
+        assert f"{path.relative_to(finished.folder)}: is damaged" in done.stdout
+        assert path.is_file()
+    after = finished.records()
+    assert after.keys() == before.keys()
+    assert {name for name in after if after[name] != before[name]} == {f"{listed}.h5"}
+    assert result(finished) == expected
+    again = finished.run("--configfile", "tiny.yaml")
+    assert "Nothing to be done" in again.stdout
+
+
+def test_files_of_another_case_are_made_again(finished):
+    shutil.copytree(finished.out(), finished.out("other"))
+    finished.write("other.yaml", case="other")
+    before = finished.records("other")
+    done = finished.run("--configfile", "other.yaml")
+    assert done.returncode == 0, done.stdout
+    assert "belongs to the case 'tiny', expected 'other'" in done.stdout
+    assert finished.records("other") == before
+    mine = finished.summary("other")
+    assert mine["case"] == "other"
+    assert mine["materials"] == finished.summary()["materials"]
