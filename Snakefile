@@ -6,7 +6,6 @@ snakemake --cores 2 reference                           one run: is everything w
 snakemake --cores 2 design                              the initial runs only
 """
 
-import math
 import os
 import sys
 import time
@@ -18,9 +17,10 @@ from radcal import config as configuration
 from radcal.calibration.history import read_runs
 from radcal.calibration.stopping import decide
 from radcal.errors import RadcalError
-from radcal.jobs import FAILURE, STARTED
+from radcal.jobs import FAILURE, PROGRESS, STARTED, Follower
 from radcal.lock import CaseLock
 from radcal.simulators.command import check_command
+from radcal.slurm import cancel_leftovers, remember
 
 min_version("9.10")
 
@@ -38,8 +38,14 @@ except RadcalError as error:
 
 OUT = f"results/{CASE.case}"
 LOCK = CaseLock(OUT)
-os.environ[STARTED] = str(time.time())
 os.environ[FAILURE] = os.path.abspath(f"{OUT}/logs/failure.txt")
+if workflow.remote_exec:
+    # a job on a cluster reads this file anew: the clock is that of whoever submitted it
+    os.environ.setdefault(STARTED, str(time.time()))
+    os.environ[PROGRESS] = os.path.abspath(f"{OUT}/logs/progress.txt")
+else:
+    os.environ[STARTED] = str(time.time())
+    os.environ.pop(PROGRESS, None)
 
 # One line per finished run is for people. What Snakemake says between any two is left out, and
 # what it adds to a failure that a job has explained in its own sentence.
@@ -54,8 +60,24 @@ def for_people(record):
 
 
 logger.addFilter(for_people)
+FOLLOWERS = []
 
 
+def follow():
+    """Have jobs on a cluster heard here, and found by who comes after a kill."""
+    FOLLOWERS.append(Follower(f"{OUT}/logs/progress.txt"))
+    # of Snakemake's plugin for Slurm: the name of all jobs of this invocation
+    name = getattr(workflow.scheduler._executor, "run_uuid", None)
+    if workflow.executor_plugin.name == "slurm" and name is not None:
+        remember(f"{OUT}/.slurm", name)
+
+
+def unfollow():
+    while FOLLOWERS:
+        FOLLOWERS.pop().stop()
+
+
+include: "workflow/rules/resources.smk"
 include: "workflow/rules/scene.smk"
 include: "workflow/rules/simulator.smk"
 include: "workflow/rules/measurement.smk"
@@ -68,6 +90,8 @@ localrules:
     all,
     reference,
     design,
+    stop_settings,
+    summary,
 
 
 rule all:
@@ -91,15 +115,30 @@ rule design:
 
 onstart:
     LOCK.acquire()
+    try:
+        if cancelled := cancel_leftovers(f"{OUT}/.slurm"):
+            sys.stderr.write(
+                f"radcal: {cancelled} jobs of an earlier snakemake cancelled; finished runs are kept.\n"
+            )
+    except RadcalError as error:
+        sys.stderr.write(f"radcal: {error}\n")
+        sys.stderr.flush()
+        os._exit(
+            1
+        )  # as the lock does: no job has started, and Snakemake would add a traceback
     if os.path.exists(os.environ[FAILURE]):
         os.remove(os.environ[FAILURE])
+    if not workflow.local_exec:
+        follow()
 
 
 onsuccess:
+    unfollow()
     LOCK.release()
 
 
 onerror:
+    unfollow()
     LOCK.release()
     sys.stderr.write(
         f"radcal: stopped. Finished runs are kept in {OUT}/runs, logs in {OUT}/logs; once the cause is mended, "

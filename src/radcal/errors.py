@@ -7,6 +7,7 @@ file or key, and what to do. Anything outside this family is a bug of radcal.
 from __future__ import annotations
 
 __all__ = [
+    "ClusterError",
     "ConfigError",
     "FitError",
     "MeasurementError",
@@ -48,3 +49,7 @@ class SimulatorError(RadcalError):
 
 class StoreError(RadcalError):
     """A file of the results folder cannot be written or read."""
+
+
+class ClusterError(RadcalError):
+    """A cluster's scheduler does not do what it is asked for."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,11 +14,12 @@ from typing import NoReturn
 
 from radcal.errors import RadcalError
 
-__all__ = ["FAILURE", "STARTED", "elapsed", "logged", "progress"]
+__all__ = ["FAILURE", "PROGRESS", "STARTED", "Follower", "elapsed", "logged", "progress"]
 
 # environment variables that the Snakefile sets for its jobs
 STARTED = "RADCAL_STARTED"  # when this invocation began [s since 1970]
 FAILURE = "RADCAL_FAILURE"  # file that takes a failed job's sentence
+PROGRESS = "RADCAL_PROGRESS"  # file that takes the lines of jobs on other machines, which have no terminal
 
 
 @contextmanager
@@ -50,6 +52,8 @@ def _fail(sentence: str) -> NoReturn:
     logging.getLogger("radcal").exception("failed")
     if FAILURE in os.environ:
         Path(os.environ[FAILURE]).write_text(sentence + "\n", encoding="utf-8")
+    if PROGRESS in os.environ:
+        _say(sentence)
     sys.exit(sentence)
 
 
@@ -62,5 +66,52 @@ def elapsed() -> str:
 def progress(line: str) -> None:
     """Print one line for the person at the terminal, and log it."""
     logging.getLogger("radcal").info(line)
-    sys.stderr.write(f"[{elapsed():>6}] {line}\n")
-    sys.stderr.flush()
+    _say(f"[{elapsed():>6}] {line}")
+
+
+def _say(text: str) -> None:
+    """Write a line for people, where they will see it."""
+    if PROGRESS in os.environ:
+        # in one piece: lines of several jobs meet in the file
+        with Path(os.environ[PROGRESS]).open("ab", buffering=0) as file:
+            file.write(f"{text}\n".encode())
+    else:
+        sys.stderr.write(f"{text}\n")
+        sys.stderr.flush()
+
+
+class Follower:
+    """Shows at the terminal what jobs on other machines write to a file.
+
+    Parameters
+    ----------
+    path : path
+        The file that :data:`PROGRESS` names in the jobs; emptied.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self._path = Path(path)
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        self._path.write_bytes(b"")
+        self._shown = 0
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._follow, daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Show what is still to be shown, and end."""
+        self._ended.set()
+        self._thread.join()
+        self._show()
+
+    def _follow(self) -> None:
+        while not self._ended.wait(1.0):
+            self._show()
+
+    def _show(self) -> None:
+        with self._path.open("rb") as file:
+            file.seek(self._shown)
+            whole, newline, _ = file.read().rpartition(b"\n")
+        self._shown += len(whole + newline)
+        sys.stderr.write((whole + newline).decode(errors="replace"))
+        sys.stderr.flush()
