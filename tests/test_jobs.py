@@ -10,7 +10,7 @@ import time
 import pytest
 
 from radcal.errors import MeasurementError
-from radcal.jobs import FAILURE, STARTED, elapsed, logged, progress
+from radcal.jobs import FAILURE, PROGRESS, STARTED, Follower, elapsed, logged, progress
 from radcal.lock import CaseLock
 
 
@@ -90,3 +90,18 @@ def test_taking_the_lock_sweeps_what_dead_processes_left(tmp_path):
     lock.acquire()
     lock.release()
     assert not left.exists()
+
+
+def test_lines_of_a_job_elsewhere_are_shown_whole_and_once(tmp_path, monkeypatch, capsys):
+    path = tmp_path / "logs" / "progress.txt"
+    follower = Follower(path)
+    monkeypatch.setenv(PROGRESS, str(path))
+    monkeypatch.delenv(STARTED, raising=False)
+    monkeypatch.delenv(FAILURE, raising=False)
+    progress("run 1")
+    with pytest.raises(SystemExit), logged(tmp_path / "job.log"):
+        raise MeasurementError("image.tif has 3 bands, expected one.")
+    with path.open("a") as file:
+        file.write("half a li")
+    follower.stop()
+    assert capsys.readouterr().err == "[  0:00] run 1\nradcal: image.tif has 3 bands, expected one.\n"

@@ -89,7 +89,7 @@ def _ask(command: Sequence[str], file: Path) -> str:
     if done.returncode != 0:
         words = (done.stderr.strip() or "no message").splitlines()[-1]
         raise ClusterError(
-            f"{command[0]} failed ({words}): jobs of an earlier snakemake may be in the cluster's queue; try again once "
-            "it answers."
+            f"{command[0]} failed ({words}): jobs of an earlier snakemake may be in the cluster's queue; try again "
+            "once it answers."
         )
     return done.stdout

@@ -112,7 +112,7 @@ def test_cancelled_drained_killed_and_continued_is_the_same_as_undisturbed(clust
     finally:
         main.kill()
         for job in cluster.jobs():
-            print({key: value for key, value in job.items() if key != "name"})
+            sys.stdout.write(f"{ {key: value for key, value in job.items() if key != 'name'} }\n")
 
     after = project.records()
     assert {name: after[name] for name in before} == before, "a finished run was made again"
