@@ -73,8 +73,11 @@ def follow():
 
 
 def unfollow():
+    """Snakemake has seen its jobs to their end: there is nothing to hear or to find any more."""
     while FOLLOWERS:
         FOLLOWERS.pop().stop()
+        if os.path.exists(f"{OUT}/.slurm"):
+            os.remove(f"{OUT}/.slurm")
 
 
 include: "workflow/rules/resources.smk"

@@ -80,6 +80,10 @@ def test_cancelled_drained_killed_and_continued_is_the_same_as_undisturbed(clust
 
     project = make_project(tmp_path / "cluster")
     project.write(**SMALL)
+
+    def chunks_are(state: str) -> bool:
+        return all(job["state"] == state for job in cluster.jobs() if job["id"] in chunks)
+
     main = Main(project)
     try:
         # a simulating job is cancelled: it is submitted again, to begin later
@@ -93,22 +97,22 @@ def test_cancelled_drained_killed_and_continued_is_the_same_as_undisturbed(clust
         # the node is drained while a job runs: that one ends, the next ones wait until it is back
         main.until(lambda: of_rule(cluster.jobs(), "target", "RUNNING"))
         cluster.call("scontrol", "update", f"nodename={NODE}", "state=drain", "reason=test")
-        chunks = main.until(lambda: of_rule(cluster.jobs(), "design_chunk", "PENDING"))
+        main.until(lambda: len(of_rule(cluster.jobs(), "design_chunk", "PENDING")) == 2)
+        chunks = {job["id"] for job in of_rule(cluster.jobs(), "design_chunk")}
         assert of_rule(cluster.jobs(), "target")[0]["state"] == "COMPLETED"
         assert cluster.node_state() == "drained"
         assert main.process.poll() is None
 
-        # the main process is killed: its jobs, queued and running, know nothing of it
-        cluster.call("scontrol", "update", f"nodename={NODE}", "state=resume")
-        main.until(lambda: of_rule(cluster.jobs(), "design_chunk", "RUNNING"))
-        main.until(lambda: len(project.records()) >= 3)
+        # the main process is killed: its jobs stay in the queue, until who comes after cancels them
         main.kill()
-        before = project.records()
+        first_log, before = main.text, project.records()
         assert not (project.out() / "summary.json").exists()
-        first_log = main.text
-
+        assert len(of_rule(cluster.jobs(), "design_chunk", "PENDING")) == len(chunks)
         main = Main(project)
+        main.until(lambda: len(of_rule(cluster.jobs(), "design_chunk", "PENDING")) == 2 and chunks_are("CANCELLED"))
+        cluster.call("scontrol", "update", f"nodename={NODE}", "state=resume")
         assert main.wait() == 0, main.text
+        assert "radcal: 2 jobs of an earlier snakemake cancelled" in main.text
     finally:
         main.kill()
         for job in cluster.jobs():
@@ -121,17 +125,16 @@ def test_cancelled_drained_killed_and_continued_is_the_same_as_undisturbed(clust
     assert mine["materials"] == theirs["materials"]
     assert mine["runs"] == theirs["runs"]
     assert not cluster.jobs(active=True)
+    assert not (project.out() / ".slurm").exists()
 
     jobs = cluster.jobs()
     assert {job["partition"] for job in jobs} == {PARTITION}
     assert not of_rule(jobs, "stop_settings") + of_rule(jobs, "summary"), "short rules are not local"
-    first, second = ({job["name"] for job in jobs if job["id"] in ids} for ids in ({victim["id"]}, {jobs[-1]["id"]}))
-    assert first != second
-    assert all(job["state"] in ("COMPLETED", "CANCELLED") for job in jobs)
-    assert [job["state"] for job in jobs if job["id"] in {chunk["id"] for chunk in chunks}].count("PENDING") == 0
+    ended = {job["id"]: job["state"] for job in jobs if job["state"] != "COMPLETED"}
+    assert ended == dict.fromkeys({victim["id"], *chunks}, "CANCELLED")
     # people see what jobs on the nodes say
     assert "scene: 96 x 80 cells" in first_log
-    assert "final" in main.text or "rms" in main.text
+    assert "design of 6 runs: best rms" in main.text
 
 
 def seconds(stamp: str) -> float:
