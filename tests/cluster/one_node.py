@@ -20,7 +20,7 @@ STANDARD = Path("/etc/slurm/slurm.conf")
 PACKAGES = "munge slurm-client slurmctld slurmd"
 DAEMONS = ("munged", "slurmctld", "slurmd")
 NODE = "node1"
-PARTITION = "main"
+PARTITION = "asked"  # beside the one that jobs get which ask for none
 
 CONFIGURATION = """\
 ClusterName=onenode
@@ -53,7 +53,8 @@ JobCompType=jobcomp/filetxt
 JobCompLoc={folder}/finished.txt
 SlurmdParameters=config_overrides
 NodeName={node} NodeHostname={host} NodeAddr=127.0.0.1 CPUs=4 RealMemory=16000 State=UNKNOWN
-PartitionName={partition} Nodes={node} Default=YES MaxTime=INFINITE State=UP
+PartitionName=default Nodes={node} Default=YES MaxTime=INFINITE State=UP
+PartitionName={partition} Nodes={node} Default=NO MaxTime=INFINITE State=UP
 """
 
 
@@ -185,7 +186,7 @@ class OneNode:
         return done.stdout
 
     def node_state(self) -> str:
-        return self.call("sinfo", "--noheader", f"--nodes={NODE}", "--format=%T", check=False).strip()
+        return self.call("sinfo", "--noheader", f"--partition={PARTITION}", "--format=%T", check=False).strip()
 
     def jobs(self, active: bool = False) -> list[dict[str, str]]:
         """Jobs in the order of submission: number, rule, state, reason, and what they asked for."""

@@ -7,13 +7,10 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
+from cluster.one_node import NODE, PARTITION, OneNode, missing
 from workflow_project import Project, make_project
-
-sys.path.insert(0, str(Path(__file__).parent))
-from one_node import NODE, PARTITION, OneNode, missing
 
 # every job costs two starts of Snakemake: as few as there may be, with two chunks and an iteration
 SMALL = {"design": {"size": 6, "chunk": 3}, "stop": {"rms": 1e-9, "max_runs": 7}}
@@ -80,6 +77,10 @@ def test_cancelled_drained_killed_and_continued_is_the_same_as_undisturbed(clust
 
     project = make_project(tmp_path / "cluster")
     project.write(**SMALL)
+    profile = project.folder / "profiles" / "slurm" / "config.yaml"
+    example = """  # slurm_partition: "'standard'"\n"""
+    assert example in profile.read_text()
+    profile.write_text(profile.read_text().replace(example, f"""  slurm_partition: "'{PARTITION}'"\n"""))
 
     def chunks_are(state: str) -> bool:
         return all(job["state"] == state for job in cluster.jobs() if job["id"] in chunks)
