@@ -6,7 +6,6 @@ snakemake --cores 2 reference                           one run: is everything w
 snakemake --cores 2 design                              the initial runs only
 """
 
-import math
 import os
 import re
 import sys
@@ -17,13 +16,14 @@ from snakemake.utils import min_version
 
 from radcal import config as configuration
 from radcal.calibration.history import read_runs
+from radcal.calibration.salvage import salvage
 from radcal.calibration.stopping import decide
 from radcal.errors import RadcalError
-from radcal.calibration.salvage import salvage
 from radcal.jobs import CASE as CASE_NAME
-from radcal.jobs import FAILURE, OWNER, STARTED
+from radcal.jobs import FAILURE, OWNER, PROGRESS, STARTED, Follower
 from radcal.lock import CaseLock
 from radcal.simulators.command import check_command
+from radcal.slurm import cancel_leftovers, remember
 
 min_version("9.10")
 
@@ -52,8 +52,14 @@ if workflow.is_main_process and not any(
         sys.stderr.write(f"radcal: {sentence}\n")
 os.environ[CASE_NAME] = CASE.case
 os.environ[OWNER] = str(os.getpid())
-os.environ[STARTED] = str(time.time())
 os.environ[FAILURE] = os.path.abspath(f"{OUT}/logs/failure.txt")
+if workflow.remote_exec:
+    # a job on a cluster reads this file anew: the clock is that of whoever submitted it
+    os.environ.setdefault(STARTED, str(time.time()))
+    os.environ[PROGRESS] = os.path.abspath(f"{OUT}/logs/progress.txt")
+else:
+    os.environ[STARTED] = str(time.time())
+    os.environ.pop(PROGRESS, None)
 
 # One line per finished run is for people. What Snakemake says between any two is left out, and
 # what it adds to a failure that a job has explained in its own sentence.
@@ -68,8 +74,27 @@ def for_people(record):
 
 
 logger.addFilter(for_people)
+FOLLOWERS = []
 
 
+def follow():
+    """Have jobs on a cluster heard here, and found by who comes after a kill."""
+    FOLLOWERS.append(Follower(f"{OUT}/logs/progress.txt"))
+    # of Snakemake's plugin for Slurm: the name of all jobs of this invocation
+    name = getattr(workflow.scheduler._executor, "run_uuid", None)
+    if workflow.executor_plugin.name == "slurm" and name is not None:
+        remember(f"{OUT}/.slurm", name)
+
+
+def unfollow():
+    """Snakemake has seen its jobs to their end: there is nothing to hear or to find any more."""
+    while FOLLOWERS:
+        FOLLOWERS.pop().stop()
+        if os.path.exists(f"{OUT}/.slurm"):
+            os.remove(f"{OUT}/.slurm")
+
+
+include: "workflow/rules/resources.smk"
 include: "workflow/rules/scene.smk"
 include: "workflow/rules/simulator.smk"
 include: "workflow/rules/measurement.smk"
@@ -93,6 +118,8 @@ localrules:
     all,
     reference,
     design,
+    stop_settings,
+    summary,
 
 
 rule all:
@@ -117,15 +144,30 @@ rule design:
 
 onstart:
     LOCK.acquire()
+    try:
+        if cancelled := cancel_leftovers(f"{OUT}/.slurm"):
+            sys.stderr.write(
+                f"radcal: {cancelled} jobs of an earlier snakemake cancelled; finished runs are kept.\n"
+            )
+    except RadcalError as error:
+        sys.stderr.write(f"radcal: {error}\n")
+        sys.stderr.flush()
+        os._exit(
+            1
+        )  # as the lock does: no job has started, and Snakemake would add a traceback
     if os.path.exists(os.environ[FAILURE]):
         os.remove(os.environ[FAILURE])
+    if not workflow.local_exec:
+        follow()
 
 
 onsuccess:
+    unfollow()
     LOCK.release()
 
 
 onerror:
+    unfollow()
     LOCK.release()
     sys.stderr.write(
         f"radcal: stopped. Finished runs are kept in {OUT}/runs, logs in {OUT}/logs; once the cause is mended, "

@@ -12,7 +12,7 @@ import pytest
 
 from radcal.errors import MeasurementError
 from radcal.files import alive
-from radcal.jobs import FAILURE, OWNER, STARTED, elapsed, logged, progress
+from radcal.jobs import FAILURE, OWNER, PROGRESS, STARTED, Follower, elapsed, logged, progress
 from radcal.lock import CaseLock, claimed
 
 
@@ -161,3 +161,18 @@ def test_a_job_whose_snakemake_has_ended_does_nothing(tmp_path, monkeypatch):
     with pytest.raises(SystemExit, match="the snakemake that started this job has ended"), logged(tmp_path / "job.log"):
         pytest.fail("the block must not run")
     assert not (tmp_path / "job.log").exists()
+
+
+def test_lines_of_a_job_elsewhere_are_shown_whole_and_once(tmp_path, monkeypatch, capsys):
+    path = tmp_path / "logs" / "progress.txt"
+    follower = Follower(path)
+    monkeypatch.setenv(PROGRESS, str(path))
+    monkeypatch.delenv(STARTED, raising=False)
+    monkeypatch.delenv(FAILURE, raising=False)
+    progress("run 1")
+    with pytest.raises(SystemExit), logged(tmp_path / "job.log"):
+        raise MeasurementError("image.tif has 3 bands, expected one.")
+    with path.open("a") as file:
+        file.write("half a li")
+    follower.stop()
+    assert capsys.readouterr().err == "[  0:00] run 1\nradcal: image.tif has 3 bands, expected one.\n"

@@ -7,6 +7,7 @@ file or key, and what to do. Anything outside this family is a bug of radcal.
 from __future__ import annotations
 
 __all__ = [
+    "ClusterError",
     "ConfigError",
     "DamagedError",
     "FitError",
@@ -53,3 +54,7 @@ class StoreError(RadcalError):
 
 class DamagedError(StoreError):
     """A file of the results folder is not what was written: damaged, of another version or another case."""
+
+
+class ClusterError(RadcalError):
+    """A cluster's scheduler does not do what it is asked for."""

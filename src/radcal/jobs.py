@@ -7,6 +7,7 @@ import logging
 import os
 import signal
 import sys
+import threading
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -17,13 +18,25 @@ from radcal.errors import RadcalError
 from radcal.files import alive
 from radcal.records import provenance
 
-__all__ = ["CASE", "FAILURE", "OWNER", "STARTED", "die_with_parent", "elapsed", "logged", "progress"]
+__all__ = [
+    "CASE",
+    "FAILURE",
+    "OWNER",
+    "PROGRESS",
+    "STARTED",
+    "Follower",
+    "die_with_parent",
+    "elapsed",
+    "logged",
+    "progress",
+]
 
 # environment variables that the Snakefile sets for its jobs
 CASE = "RADCAL_CASE"  # name of the case
 STARTED = "RADCAL_STARTED"  # when this invocation began [s since 1970]
 OWNER = "RADCAL_OWNER"  # process of the Snakemake that starts jobs here
 FAILURE = "RADCAL_FAILURE"  # file that takes a failed job's sentence
+PROGRESS = "RADCAL_PROGRESS"  # file that takes the lines of jobs on other machines, which have no terminal
 
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
 
@@ -89,6 +102,9 @@ def _fail(sentence: str) -> NoReturn:
     if FAILURE in os.environ:
         with suppress(OSError):  # a full disk, which the sentence may be about
             Path(os.environ[FAILURE]).write_text(sentence + "\n", encoding="utf-8")
+    if PROGRESS in os.environ:
+        with suppress(OSError):
+            _say(sentence)
     sys.exit(sentence)
 
 
@@ -101,5 +117,52 @@ def elapsed() -> str:
 def progress(line: str) -> None:
     """Print one line for the person at the terminal, and log it."""
     logging.getLogger("radcal").info(line)
-    sys.stderr.write(f"[{elapsed():>6}] {line}\n")
-    sys.stderr.flush()
+    _say(f"[{elapsed():>6}] {line}")
+
+
+def _say(text: str) -> None:
+    """Write a line for people, where they will see it."""
+    if PROGRESS in os.environ:
+        # in one piece: lines of several jobs meet in the file
+        with Path(os.environ[PROGRESS]).open("ab", buffering=0) as file:
+            file.write(f"{text}\n".encode())
+    else:
+        sys.stderr.write(f"{text}\n")
+        sys.stderr.flush()
+
+
+class Follower:
+    """Shows at the terminal what jobs on other machines write to a file.
+
+    Parameters
+    ----------
+    path : path
+        The file that :data:`PROGRESS` names in the jobs; emptied.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self._path = Path(path)
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        self._path.write_bytes(b"")
+        self._shown = 0
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._follow, daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Show what is still to be shown, and end."""
+        self._ended.set()
+        self._thread.join()
+        self._show()
+
+    def _follow(self) -> None:
+        while not self._ended.wait(1.0):
+            self._show()
+
+    def _show(self) -> None:
+        with self._path.open("rb") as file:
+            file.seek(self._shown)
+            whole, newline, _ = file.read().rpartition(b"\n")
+        self._shown += len(whole + newline)
+        sys.stderr.write((whole + newline).decode(errors="replace"))
+        sys.stderr.flush()

@@ -22,8 +22,8 @@ rule reference_run:
         f"{OUT}/benchmarks/reference.tsv"
     threads: 1
     resources:
-        mem_mb=2000,
-        runtime=minutes(2),
+        mem_mb=memory("run"),
+        runtime=minutes("run", 2),
     params:
         case=SIMULATION,
         runs=f"{OUT}/runs",
@@ -48,8 +48,8 @@ rule design_chunk:
         f"{OUT}/benchmarks/design_{{chunk}}.tsv"
     threads: 1
     resources:
-        mem_mb=2000,
-        runtime=minutes(CASE.design.chunk),
+        mem_mb=memory("run"),
+        runtime=minutes("run", CASE.design.chunk),
     params:
         case=SIMULATION | CASE.sections("design"),
         runs=f"{OUT}/runs",
@@ -70,10 +70,11 @@ checkpoint scores:
         f"{OUT}/logs/scores.log",
     benchmark:
         f"{OUT}/benchmarks/scores.tsv"
+    retries: 0
     threads: 1
     resources:
-        mem_mb=1000,
-        runtime=10,
+        mem_mb=memory("light"),
+        runtime=minutes("light"),
     params:
         case=CASE.sections("seed", "materials"),
         runs=f"{OUT}/runs",

@@ -28,6 +28,7 @@ rule stop_settings:
         stop=f"{OUT}/stop.json",
     log:
         f"{OUT}/logs/stop_settings.log",
+    retries: 0
     threads: 1
     params:
         case=CASE.sections("stop"),
@@ -48,9 +49,10 @@ rule train:
         f"{OUT}/logs/iterations/{{k}}/train.log",
     benchmark:
         f"{OUT}/benchmarks/train_{{k}}.tsv"
+    retries: 0
     threads: len(CASE.calibrated)
     resources:
-        mem_mb=1000,
+        mem_mb=memory("light"),
         runtime=60,
     params:
         case=CASE.sections("simulator", "materials", "surrogate"),
@@ -73,9 +75,10 @@ rule propose:
         f"{OUT}/logs/iterations/{{k}}/propose.log",
     benchmark:
         f"{OUT}/benchmarks/propose_{{k}}.tsv"
+    retries: 0
     threads: len(CASE.calibrated)
     resources:
-        mem_mb=1000,
+        mem_mb=memory("light"),
         runtime=60,
     params:
         case=CASE.sections("seed", "materials", "optimiser"),
@@ -103,8 +106,8 @@ checkpoint verify:
         f"{OUT}/benchmarks/verify_{{k}}.tsv"
     threads: 1
     resources:
-        mem_mb=2000,
-        runtime=minutes(1),
+        mem_mb=memory("run"),
+        runtime=minutes("run", 1),
     params:
         case=SIMULATION,
         runs=f"{OUT}/runs",

@@ -13,10 +13,11 @@ rule measurement:
         f"{OUT}/logs/measurement.log",
     benchmark:
         f"{OUT}/benchmarks/measurement.tsv"
+    retries: 0
     threads: 1
     resources:
-        mem_mb=2000,
-        runtime=minutes(1 if SYNTHETIC else 0),
+        mem_mb=memory("measurement"),
+        runtime=minutes("measurement", 1 if SYNTHETIC else 0),
     params:
         case=CASE.sections("measurement", "materials", "radar", "simulator", "target"),
     message:
@@ -36,10 +37,11 @@ rule registration:
         f"{OUT}/logs/registration.log",
     benchmark:
         f"{OUT}/benchmarks/registration.tsv"
+    retries: 0
     threads: 1
     resources:
-        mem_mb=2000,
-        runtime=30,
+        mem_mb=memory("registration"),
+        runtime=minutes("registration"),
     params:
         case=CASE.sections("registration", "materials"),
         runs=f"{OUT}/runs",
@@ -60,10 +62,11 @@ rule target:
         f"{OUT}/logs/target.log",
     benchmark:
         f"{OUT}/benchmarks/target.tsv"
+    retries: 0
     threads: 1
     resources:
-        mem_mb=1000,
-        runtime=10,
+        mem_mb=memory("target"),
+        runtime=minutes("target"),
     params:
         case=CASE.sections("seed", "materials", "radar", "target"),
         runs=f"{OUT}/runs",

@@ -17,8 +17,8 @@ rule final_runs:
         f"{OUT}/benchmarks/final_runs.tsv"
     threads: 1
     resources:
-        mem_mb=2000,
-        runtime=minutes(2),
+        mem_mb=memory("run"),
+        runtime=minutes("run", 2),
     params:
         case=SIMULATION,
         runs=f"{OUT}/runs",
@@ -45,10 +45,11 @@ rule archive:
         f"{OUT}/logs/archive.log",
     benchmark:
         f"{OUT}/benchmarks/archive.tsv"
+    retries: 0
     threads: 1
     resources:
-        mem_mb=1000,
-        runtime=10,
+        mem_mb=memory("report"),
+        runtime=minutes("report"),
     params:
         # all but the stop settings, which come as a file
         case=CASE.sections(*(key for key in type(CASE).model_fields if key != "stop")),
@@ -71,10 +72,11 @@ rule report:
         f"{OUT}/logs/report.log",
     benchmark:
         f"{OUT}/benchmarks/report.tsv"
+    retries: 0
     threads: 1
     resources:
-        mem_mb=1000,
-        runtime=10,
+        mem_mb=memory("light"),
+        runtime=minutes("light"),
     message:
         "figures and report"
     script:
@@ -89,10 +91,11 @@ rule summary:
         summary=f"{OUT}/summary.json",
     log:
         f"{OUT}/logs/summary.log",
+    retries: 0
     threads: 1
     resources:
-        mem_mb=1000,
-        runtime=10,
+        mem_mb=memory("light"),
+        runtime=minutes("light"),
     params:
         benchmarks=f"{OUT}/benchmarks",
     message:

@@ -11,10 +11,11 @@ rule scene:
         f"{OUT}/logs/scene.log",
     benchmark:
         f"{OUT}/benchmarks/scene.tsv"
+    retries: 0
     threads: 1
     resources:
-        mem_mb=1000,
-        runtime=10,
+        mem_mb=memory("scene"),
+        runtime=minutes("scene"),
     params:
         case=CASE.sections("scene", "materials"),
     message:
@@ -32,10 +33,11 @@ rule geometry:
         f"{OUT}/logs/geometry.log",
     benchmark:
         f"{OUT}/benchmarks/geometry.tsv"
+    retries: 0
     threads: 1
     resources:
-        mem_mb=2000,
-        runtime=10,
+        mem_mb=memory("geometry"),
+        runtime=minutes("geometry"),
     params:
         case=CASE.sections("radar"),
     message:

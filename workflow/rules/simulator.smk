@@ -3,11 +3,6 @@
 SYNTHETIC = CASE.measurement.source == "synthetic"
 
 
-def minutes(runs):
-    """What a cluster is asked for: so many runs, each as long as it may take."""
-    return 10 + math.ceil(runs * CASE.simulator.longest_run_s / 60)
-
-
 # A new build or setting of an external simulator is another simulator: every job that simulates takes this
 # file, never as ancient(). Its sources as their inputs would not do: a job behind an ancient() input whose own
 # job runs is not asked for reasons of its own.
@@ -19,10 +14,11 @@ rule simulator:
         identity=update(f"{OUT}/simulator.json"),
     log:
         f"{OUT}/logs/simulator.log",
+    retries: 0
     threads: 1
     resources:
-        mem_mb=1000,
-        runtime=10,
+        mem_mb=memory("run"),
+        runtime=minutes("run"),
     params:
         case=CASE.sections("simulator", "materials", "radar"),
     message:

@@ -27,6 +27,7 @@ from radcal.radar.facets import (
 from radcal.radar.footprints import Boxes, Spots, add_up, locate, raise_boxes, share_out, stand, to_boxes_and_spots
 from radcal.radar.points import Points, not_pure
 from radcal.radar.radiometry import of_sigma0
+from radcal.radar.size import refinement
 from radcal.records import read_hdf5, write_hdf5
 from radcal.scene.model import Scene
 
@@ -266,9 +267,7 @@ def _terrain_geometry(scene: Scene, radar: Radar) -> Geometry:
     material = scene.material
     if radar.look_side == "left":  # ground range grows westward
         elevation, material = elevation[:, ::-1], material[:, ::-1]
-    # facets no larger than the pixels on level ground
-    pixel = min(radar.range_spacing_m / np.cos(np.radians(radar.depression_deg)), radar.azimuth_spacing_m)
-    k = max(1, int(np.ceil(scene.cell_m / pixel - 1e-9)))
+    k = refinement(scene.cell_m, radar)
     step = scene.cell_m / k
     ny, nx = elevation.shape
     mean = float(elevation.mean())

@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 from radcal.files import digest
 from radcal.scene.model import Scene
 
-__all__ = ["MATERIALS", "ROUGHNESS", "builtin_scene"]
+__all__ = ["CELLS", "CELL_M", "MATERIALS", "ROUGHNESS", "builtin_scene"]
 
 MATERIALS = ("dyke", "water", "grass", "forest", "crops", "bare_soil", "road")
 
@@ -36,8 +36,9 @@ ROUGHNESS: dict[str, tuple[float, float]] = {
     "road": (0.05, 20.0),
 }
 
-_CELL_M = 5.0
+CELL_M = 5.0
 _SIDE_M = 2000.0
+CELLS = round(_SIDE_M / CELL_M) ** 2
 _SRTM_NORTH_M = 92.6  # 3 arc-seconds of latitude
 _SRTM_EAST_M = 74.4  # 3 arc-seconds of longitude at 36.6 degrees north
 _SOUTH_ROW, _WEST_COLUMN = 141.0, 264.0  # the cut's corner in the SRTM array (row 0 is north)
@@ -71,7 +72,7 @@ def _dyke_profile_m(across_m: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _correlated(rng: np.random.Generator, shape: tuple[int, int], length_m: float) -> NDArray[np.float64]:
     """Unit-variance Gaussian surface with autocorrelation exp(-(d/length)^2)."""
-    sigma = length_m / 2.0 / _CELL_M  # white noise smoothed by exp(-x^2 / 2s^2) has correlation length 2s
+    sigma = length_m / 2.0 / CELL_M  # white noise smoothed by exp(-x^2 / 2s^2) has correlation length 2s
     field = gaussian_filter(rng.standard_normal(shape), sigma, mode="wrap", truncate=6.0)
     # the filter's gain in closed form would ignore that it is sampled
     return np.asarray(field / field.std())
@@ -102,13 +103,13 @@ def builtin_scene(seed: int) -> Scene:
         400 x 400 cells of 5 m.
     """
     layout, rough = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
-    centres = np.arange(_CELL_M / 2, _SIDE_M, _CELL_M)
+    centres = np.arange(CELL_M / 2, _SIDE_M, CELL_M)
     north, east = np.meshgrid(centres, centres, indexing="ij")
     ground = _terrain(east, north)
     across = east - _dyke_axis_m(north)
     crest = _FACE_M + _CREST_M
 
-    slope_north, slope_east = np.gradient(ground, _CELL_M)
+    slope_north, slope_east = np.gradient(ground, CELL_M)
     slope_deg = np.degrees(np.arctan(np.hypot(slope_north, slope_east)))
     material = np.array([3, 5, 6], dtype=np.uint8)[_parcels(layout, east, north)]
     material[gaussian_filter(slope_deg, 4.0) > 7.0] = 4
@@ -131,5 +132,5 @@ def builtin_scene(seed: int) -> Scene:
         names=MATERIALS,
         material=material,
         elevation_m=elevation,
-        cell_m=_CELL_M,
+        cell_m=CELL_M,
     )

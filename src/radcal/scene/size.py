@@ -1,0 +1,80 @@
+"""How many cells a scene will have: from the headers of its files, before it is made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from radcal.config import BuiltinScene, RasterScene, Scene, SlantRangeScene, expand_path
+
+__all__ = ["SceneSize", "scene_size"]
+
+
+@dataclass(frozen=True)
+class SceneSize:
+    """Numbers that say how large a scene is.
+
+    Attributes
+    ----------
+    cells : int
+        Cells of the scene; pixels of one in slant range.
+    cell_m : float or None
+        Cell size [m], None in slant range.
+    resampled : int
+        The most values that any raster is read as or resampled to on the way.
+    """
+
+    cells: int
+    cell_m: float | None
+    resampled: int
+
+
+def scene_size(config: Scene) -> SceneSize:
+    """Size of the configured scene.
+
+    Parameters
+    ----------
+    config : Scene
+        Section ``scene``.
+
+    Raises
+    ------
+    ConfigError
+        A file is missing.
+    SceneError
+        A file cannot be read as a raster, or the rasters make no scene.
+    """
+    if isinstance(config, BuiltinScene):
+        from radcal.scene.builtin import CELL_M, CELLS
+
+        return SceneSize(CELLS, CELL_M, CELLS)
+    if isinstance(config, SlantRangeScene):
+        return _slant_range(config)
+    return _raster(config)
+
+
+def _slant_range(config: SlantRangeScene) -> SceneSize:
+    from rasterio.errors import RasterioError
+
+    from radcal.errors import SceneError
+    from radcal.images import open_raster
+
+    path = expand_path(config.labels, "scene.labels")
+    try:
+        with open_raster(path) as raster:
+            cells = int(raster.width) * int(raster.height)
+    except RasterioError as error:
+        raise SceneError(f"scene.labels: {path} cannot be read as a raster ({error}).") from None
+    return SceneSize(cells, None, cells)
+
+
+def _raster(config: RasterScene) -> SceneSize:
+    from radcal.scene.grid import opened, scene_grid, subdivision
+
+    with (
+        opened("scene.elevation", config.elevation) as elevation,
+        opened("scene.materials", config.materials) as materials,
+    ):
+        grid = scene_grid(elevation, materials, config)
+        cells = grid.rows * grid.columns
+        parts = max(subdivision(source, grid) for source in (elevation, materials))
+    return SceneSize(cells, grid.cell_m, cells * parts**2)

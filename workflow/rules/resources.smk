@@ -1,0 +1,36 @@
+# What jobs ask of a cluster. Functions, so that files are opened for jobs that run, and for no others.
+
+from functools import cache
+
+from radcal.resources import memory_mb, runtime_minutes, values_of
+
+
+@cache
+def case_values():
+    try:
+        return values_of(CASE)
+    except RadcalError:
+        # the job that makes the scene will say what is wrong with its files
+        return {"scene": 0, "image": 0}
+
+
+def values(stage):
+    return case_values()["scene" if stage == "scene" else "image"]
+
+
+def memory(stage):
+    def mem_mb(wildcards, attempt):
+        return memory_mb(stage, values(stage), attempt)
+
+    return mem_mb
+
+
+def minutes(stage, runs=0):
+    """So many runs, each as long as it may take, besides what the stage itself does."""
+
+    def runtime(wildcards):
+        return runtime_minutes(
+            stage, values(stage), runs * CASE.simulator.longest_run_s
+        )
+
+    return runtime
