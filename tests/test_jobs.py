@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import fcntl
 import logging
 import os
 import socket
@@ -62,7 +63,7 @@ def test_elapsed_without_a_start_is_zero(monkeypatch):
 def test_the_lock_is_taken_given_back_and_taken_again(tmp_path):
     lock = CaseLock(tmp_path / "case")
     lock.acquire()
-    assert (tmp_path / "case/.lock").read_text() == str(os.getpid())
+    assert (tmp_path / "case/.lock").read_text() == f"{os.getpid()} {socket.gethostname()}"
     lock.release()
     lock.release()
     lock.acquire()
@@ -80,6 +81,17 @@ def test_a_held_lock_ends_the_second_process_with_a_sentence(tmp_path):
     lock.release()
     again = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert again.stdout == "taken\n"
+
+
+def test_a_lock_held_on_another_machine_is_not_taken_for_a_dead_one(tmp_path):
+    code = f"from radcal.lock import CaseLock; CaseLock({str(tmp_path)!r}).acquire()"
+    with (tmp_path / ".lock").open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        file.write("999999999 elsewhere")
+        file.flush()
+        second = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60)
+    assert second.returncode == 1
+    assert "another snakemake (process 999999999 on elsewhere)" in second.stderr
 
 
 def test_taking_the_lock_sweeps_what_dead_processes_left(tmp_path):
@@ -142,9 +154,9 @@ def test_a_job_is_killed_with_what_started_it(tmp_path):
 def test_what_a_killed_snakemake_left_is_waited_for(tmp_path, capfd):
     # as a forked process does, it holds the lock of one that is dead
     code = (
-        f"import fcntl, time; file = open({str(tmp_path / '.lock')!r}, 'a+')\n"
+        f"import fcntl, socket, time; file = open({str(tmp_path / '.lock')!r}, 'a+')\n"
         "fcntl.flock(file, fcntl.LOCK_EX); file.truncate(0)\n"
-        "file.write('999999999'); file.flush(); print('held', flush=True); time.sleep(1.0)"
+        "file.write('999999999 ' + socket.gethostname()); file.flush(); print('held', flush=True); time.sleep(1.0)"
     )
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as other:
         assert other.stdout.readline() == "held\n"

@@ -6,6 +6,7 @@ import contextlib
 import fcntl
 import logging
 import os
+import socket
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -43,18 +44,22 @@ class CaseLock:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             file.seek(0)
-            owner = file.read().strip() or "unknown"
-            if not owner.isdigit() or alive(int(owner)):
+            process, _, host = (file.read().strip() or "unknown").partition(" ")
+            # what runs on another machine cannot be asked for from here
+            if not process.isdigit() or host != socket.gethostname() or alive(int(process)):
                 file.close()
+                place = f" on {host}" if host and host != socket.gethostname() else ""
                 _leave(
-                    f"another snakemake (process {owner}) is working on {self._folder}; wait for it, or stop it and "
-                    "type the same command again."
+                    f"another snakemake (process {process}{place}) is working on {self._folder}; wait for it, or stop "
+                    "it and type the same command again."
                 )
             # forked processes of a killed Snakemake keep its lock until they end
-            sys.stderr.write(f"radcal: waiting for what the killed snakemake {owner} left at work in {self._folder}.\n")
+            sys.stderr.write(
+                f"radcal: waiting for what the killed snakemake {process} left at work in {self._folder}.\n"
+            )
             fcntl.flock(file, fcntl.LOCK_EX)
         file.truncate(0)
-        file.write(str(os.getpid()))
+        file.write(f"{os.getpid()} {socket.gethostname()}")
         file.flush()
         self._file = file
         sweep(self._folder)
