@@ -1,0 +1,92 @@
+"""What the classes of a material are expected to show, for one X and one number of looks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radcal.radar.laws import Law
+from radcal.radar.texture import log_speckle_cumulants
+
+__all__ = ["Forward", "LawForward", "expected_cumulants", "law_cumulants"]
+
+Forward = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+"""X, shape (d,), to mean [dB], variance [dB^2] and third central moment [dB^3] of each class, shape (n, 3)."""
+
+
+def law_cumulants(law: Law, parameters: ArrayLike, nodes_deg: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mean [dB], variance [dB^2] and third central moment [dB^3] of a law over each class's angles.
+
+    Parameters
+    ----------
+    law : Law
+        With a curve.
+    parameters : array_like, shape (d,)
+        X.
+    nodes_deg : ndarray, shape (n, m)
+        Angles that stand for each class, equally likely [deg].
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+    """
+    level = law(np.radians(nodes_deg), parameters)
+    mean = level.mean(axis=1)
+    left = level - mean[:, None]
+    return np.stack([mean, (left**2).mean(axis=1), (left**3).mean(axis=1)], axis=-1)
+
+
+@dataclass(frozen=True)
+class LawForward:
+    """A simulator that is nothing but law and speckle: cumulants of independent factors add in dB.
+
+    Attributes
+    ----------
+    law : Law
+        With a curve.
+    nodes_deg : ndarray, shape (n, m)
+        Angles of each class [deg].
+    looks : float
+        Of the speckle.
+    """
+
+    law: Law
+    nodes_deg: NDArray[np.float64]
+    looks: float
+
+    def __call__(self, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Mean, variance and third central moment of each class, shape (n, 3)."""
+        return law_cumulants(self.law, parameters, self.nodes_deg) + log_speckle_cumulants(self.looks)
+
+
+def expected_cumulants(
+    simulated: NDArray[np.float64],
+    nominal: float,
+    effective: float,
+    patch_variance: NDArray[np.float64] | float = 0.0,
+    shift: NDArray[np.float64] | float = 0.0,
+) -> NDArray[np.float64]:
+    """Move the simulated cumulants to other looks, and add what the simulator leaves out.
+
+    Parameters
+    ----------
+    simulated : ndarray, shape (n, 3)
+        Mean [dB], variance [dB^2] and third central moment [dB^3] at the sensor's looks.
+    nominal, effective : float
+        The sensor's looks and those of the material.
+    patch_variance : ndarray, shape (n,), or float
+        Variance among the patches and cells of one class [dB^2].
+    shift : ndarray, shape (n, 3), or float
+        Of the cumulants, by an error of the incidence.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        The variance at least a thousandth of the simulated one.
+    """
+    found = simulated + (log_speckle_cumulants(effective) - log_speckle_cumulants(nominal)) + shift
+    found[:, 1] = np.maximum(found[:, 1] + patch_variance, 1e-3 * simulated[:, 1])
+    return np.asarray(found)

@@ -1,0 +1,310 @@
+"""Laws of several materials from their measured pixels, with patches' spread pooled over the materials."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radcal import skewnormal
+from radcal.calibration.expected import Forward, LawForward, expected_cumulants, law_cumulants
+from radcal.calibration.incidence_error import ErrorKind, attenuation, true_nodes
+from radcal.calibration.law_fit import LawFit, Residuals, fit_law, prior_residuals
+from radcal.calibration.objective import ClassesObjective, DensityObjective, LikelihoodObjective
+from radcal.calibration.priors import CurvePrior
+from radcal.measurement.classes import Classes, class_of, incidence_edges, make_classes, winsorised
+from radcal.measurement.patches import Cells, Effects, Spread, make_cells, patch_effects, spreads
+from radcal.measurement.patches import Residuals as CellResiduals
+from radcal.radar.laws import Law
+from radcal.radar.texture import log_speckle_cumulants
+
+__all__ = ["Ground", "GroundLaw", "Method", "Objective", "fit_grounds", "refit"]
+
+Objective = Literal["classes", "density", "likelihood"]
+_ROUNDS = 3  # of law and spread in turn
+_START_SPREAD = Spread(0.8, 0.4)  # of the first round; 0.8 is the mean of a half-normal law of 1 dB
+_STEP = 1e-4
+
+
+@dataclass(frozen=True)
+class Ground:
+    """The pixels of one material that a law is fitted to, or compared with.
+
+    Attributes
+    ----------
+    values_db : ndarray, shape (pixels,)
+        Measured backscatter [dB].
+    incidence_deg : ndarray, shape (pixels,)
+        Local incidence [deg].
+    patch, block : ndarray of int, shape (pixels,)
+        Connected area and block of the image that each lies in.
+    independent : float
+        Independent pixels for each pixel, at most 1.
+    """
+
+    values_db: NDArray[np.float64]
+    incidence_deg: NDArray[np.float64]
+    patch: NDArray[np.int64]
+    block: NDArray[np.int64]
+    independent: float = 1.0
+
+    @cached_property
+    def cells(self) -> Cells:
+        """Parts of patches in blocks."""
+        return make_cells(self.patch, self.block)
+
+    @cached_property
+    def sampling(self) -> NDArray[np.float64]:
+        """Sampling variance of each cell's mean [dB^2]."""
+        return self.cells.sampling_variance(self.values_db, self.independent)
+
+    def part(self, mask: NDArray[np.bool_]) -> Ground:
+        """Only these pixels."""
+        return Ground(
+            self.values_db[mask], self.incidence_deg[mask], self.patch[mask], self.block[mask], self.independent
+        )
+
+
+@dataclass(frozen=True)
+class Method:
+    """How a material's law is fitted.
+
+    Attributes
+    ----------
+    law : Law
+        With a curve.
+    bounds : array_like, shape (d, 2)
+        Box of X.
+    looks : float
+        Of the sensor.
+    objective : {'classes', 'density', 'likelihood'}
+        What is minimised.
+    classes : int or 'auto'
+        Of local incidence; the density has one.
+    free_looks : bool
+        Whether the effective looks are searched; never for the density.
+    priors : bool
+        Weak priors on curve and looks; never for the density.
+    incidence_error_deg : float
+        Standard deviation of the error of the local incidence [deg].
+    incidence_error : {'classical', 'berkson'}
+        Its kind.
+    """
+
+    law: Law
+    bounds: ArrayLike
+    looks: float
+    objective: Objective = "classes"
+    classes: int | Literal["auto"] = "auto"
+    free_looks: bool = True
+    priors: bool = True
+    incidence_error_deg: float = 0.0
+    incidence_error: ErrorKind = "classical"
+
+
+@dataclass(frozen=True)
+class GroundLaw:
+    """A material's law, and what it was found from.
+
+    Attributes
+    ----------
+    ground : Ground
+    method : Method
+    classes : Classes
+    spread : Spread
+        Among patches and cells.
+    fit : LawFit
+    """
+
+    ground: Ground
+    method: Method
+    classes: Classes
+    spread: Spread
+    fit: LawFit
+
+    def levels_db(self, incidence_deg: ArrayLike, parameters: ArrayLike | None = None) -> NDArray[np.float64]:
+        """Expected mean of dB values at mapped angles [deg], shape (k,): law and mean of the log speckle."""
+        x = self.fit.parameters if parameters is None else parameters
+        angle = np.asarray(incidence_deg, dtype=np.float64)
+        mapped, method = self.ground.incidence_deg, self.method
+        error = method.incidence_error_deg
+        nodes = true_nodes(
+            angle[:, None], error, method.incidence_error, float(mapped.mean()), attenuation(mapped, error)
+        )
+        return np.asarray(method.law(np.radians(nodes), x).mean(axis=1) + log_speckle_cumulants(self.fit.looks)[0])
+
+    def slopes(self, incidence_deg: ArrayLike) -> NDArray[np.float64]:
+        """Derivatives of :meth:`levels_db` by X and log looks, shape (k, d + 1)."""
+        low, high = np.asarray(self.method.bounds, dtype=np.float64).T
+        columns = []
+        for j, width in enumerate(high - low):
+            step = np.zeros(low.size)
+            step[j] = _STEP * width
+            pair = [self.levels_db(incidence_deg, self.fit.parameters + sign * step) for sign in (1.0, -1.0)]
+            columns.append((pair[0] - pair[1]) / (2.0 * step[j]))
+        more, less = (log_speckle_cumulants(self.fit.looks * np.exp(s))[0] for s in (_STEP, -_STEP))
+        columns.append(np.full_like(columns[0], (more - less) / (2.0 * _STEP)))
+        return np.stack(columns, axis=-1)
+
+    def cell_residuals(self) -> CellResiduals:
+        """Cell means minus law; of the parameters, priors and bounds are known without them."""
+        ground, cells = self.ground, self.ground.cells
+        return CellResiduals(
+            cells.mean(ground.values_db - self.levels_db(ground.incidence_deg)),
+            ground.sampling,
+            cells.patch,
+            cells.mean(self.slopes(ground.incidence_deg)),
+            self.fit.prior_information,
+        )
+
+    @cached_property
+    def identified(self) -> float:
+        """How far the law's change over the incidence seen exceeds its own uncertainty.
+
+        Returns
+        -------
+        float
+            Mean square of the law about its mean over the pixels, over the mean variance of that. Below 2
+            a constant is expected to predict as well: the square found exceeds the true one by the
+            variance, and the law errs by it once more (Mallows, "Some comments on Cp", Technometrics 15
+            (1973)).
+        """
+        angle = self.classes.nodes_deg.ravel()  # equally likely, but for the sizes of classes, which are alike
+        level, slope = self.levels_db(angle), self.slopes(angle)
+        slope = slope - slope.mean(axis=0)
+        variance = float(np.mean(np.einsum("kd,de,ke->k", slope, self.fit.covariance, slope)))
+        return float(np.var(level)) / max(variance, 1e-12)
+
+    @cached_property
+    def effects(self) -> Effects:
+        """Effects of the patches seen."""
+        ground = self.ground
+        residual = ground.cells.mean(ground.values_db - self.levels_db(ground.incidence_deg))
+        return patch_effects(residual, ground.sampling, ground.cells.patch, self.spread)
+
+
+def _limited(ground: Ground, method: Method) -> Ground:
+    """The ground without values that no speckle makes; the density is fitted to what there is."""
+    if method.objective == "density":
+        return ground
+    edges = incidence_edges(ground.incidence_deg, method.classes)
+    return replace(ground, values_db=winsorised(ground.values_db, class_of(ground.incidence_deg, edges)))
+
+
+def _prior(ground: Ground, method: Method) -> Residuals:
+    """Residuals of the priors on a material's curve and looks."""
+    level = float(ground.values_db.mean()), float(ground.incidence_deg.mean())
+    prior = CurvePrior.of(method.law, *level) if method.priors else None
+    return prior_residuals(prior, method.looks, method.free_looks)
+
+
+def _residuals(
+    ground: Ground, classes: Classes, method: Method, spread: Spread, forward: Forward | None = None
+) -> Residuals:
+    """Residuals of one material, without priors, as a function of X and looks."""
+    mapped = ground.incidence_deg
+    error = method.incidence_error_deg
+    share = attenuation(mapped, error)
+    nodes = true_nodes(classes.nodes_deg, error, method.incidence_error, float(mapped.mean()), share)
+    simulate = forward or LawForward(method.law, classes.nodes_deg, method.looks)
+
+    def shifted(x: NDArray[np.float64]) -> NDArray[np.float64] | float:
+        if error == 0.0:
+            return 0.0
+        return law_cumulants(method.law, x, nodes) - law_cumulants(method.law, x, classes.nodes_deg)
+
+    if method.objective == "density":
+        cp = skewnormal.centred(skewnormal.fit(ground.values_db).dp)
+        density = DensityObjective(cp, float(classes.effective.sum()))
+        return lambda x, looks: density.residuals(expected_cumulants(simulate(x), method.looks, looks))
+    if method.objective == "likelihood":
+        likelihood = LikelihoodObjective(classes, ground.values_db)
+
+        def of_likelihood(x: NDArray[np.float64], looks: float) -> NDArray[np.float64]:
+            levels = method.law(np.radians(nodes), x)
+            # the simulator's mean, not the law's: it knows the area of facets, the noise, the neighbours
+            mean = simulate(x)[:, 0] - log_speckle_cumulants(method.looks)[0]
+            levels = levels + (mean - law_cumulants(method.law, x, classes.nodes_deg)[:, 0])[:, None]
+            return likelihood.residuals(levels, looks)
+
+        return of_likelihood
+    cells = ground.cells
+    _, patch = np.unique(cells.patch, return_inverse=True)
+    of_classes = ClassesObjective(
+        classes,
+        classes.shares(patch[cells.of_pixel], int(patch.max()) + 1),
+        classes.shares(cells.of_pixel, cells.count.size),
+        spread.between,
+        spread.within,
+    )
+
+    def of(x: NDArray[np.float64], looks: float) -> NDArray[np.float64]:
+        expected = expected_cumulants(simulate(x), method.looks, looks, of_classes.patch_variance, shifted(x))
+        return of_classes.residuals(expected)
+
+    return of
+
+
+def refit(found: GroundLaw, ground: Ground) -> GroundLaw:
+    """The same law fitted to other pixels, from where it is, the spread kept."""
+    classes = make_classes(ground.values_db, ground.incidence_deg, found.method.classes, ground.independent)
+    residuals = _residuals(ground, classes, found.method, found.spread)
+    start = (found.fit.parameters, found.fit.looks)
+    method = found.method
+    fit = fit_law(residuals, method.bounds, method.looks, method.free_looks, start, prior=_prior(ground, found.method))
+    return GroundLaw(ground, found.method, classes, found.spread, fit)
+
+
+def fit_grounds(
+    grounds: Mapping[str, Ground],
+    methods: Mapping[str, Method],
+    forwards: Mapping[str, Forward] | None = None,
+) -> dict[str, GroundLaw]:
+    """Fit the laws of several materials, and the spread of patches that they share, in turn.
+
+    Parameters
+    ----------
+    grounds : mapping
+        Pixels by material.
+    methods : mapping
+        How each is fitted. ``density`` is the paper's: one class, the sensor's looks, no priors.
+    forwards : mapping, optional
+        Surrogate of the simulator's class cumulants by material; the law and speckle themselves
+        where missing.
+
+    Returns
+    -------
+    dict
+        Law by material.
+    """
+    methods = {
+        name: replace(m, classes=1, free_looks=False, priors=False) if m.objective == "density" else m
+        for name, m in methods.items()
+    }
+    grounds = {name: _limited(ground, methods[name]) for name, ground in grounds.items()}
+    classes = {
+        name: make_classes(g.values_db, g.incidence_deg, methods[name].classes, g.independent)
+        for name, g in grounds.items()
+    }
+    spread = dict.fromkeys(grounds, _START_SPREAD)
+    found: dict[str, GroundLaw] = {}
+    for turn in range(_ROUNDS):
+        for name, ground in grounds.items():
+            method = methods[name]
+            if turn and method.objective != "classes":  # only the classes know of patches
+                found[name] = replace(found[name], spread=spread[name])
+                continue
+            residuals = _residuals(ground, classes[name], method, spread[name], (forwards or {}).get(name))
+            last = found.get(name)
+            start = (last.fit.parameters, last.fit.looks) if last else None
+            fit = fit_law(
+                residuals, method.bounds, method.looks, method.free_looks, start, prior=_prior(ground, method)
+            )
+            found[name] = GroundLaw(ground, method, classes[name], spread[name], fit)
+        if turn < _ROUNDS - 1:
+            spread = dict(zip(found, spreads([item.cell_residuals() for item in found.values()]), strict=True))
+    return found

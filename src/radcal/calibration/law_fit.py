@@ -1,0 +1,149 @@
+"""The law and the looks of a material with the least residuals, and how well they are known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radcal.calibration.priors import LOOKS_MOST, CurvePrior, looks_residuals
+
+__all__ = ["LawFit", "Residuals", "fit_law", "prior_residuals"]
+
+Residuals = Callable[[NDArray[np.float64], float], NDArray[np.float64]]
+"""X, shape (d,), and effective looks to residuals in standard deviations, shape (k,)."""
+
+_LEAST_LOOKS = 0.3
+_SCREENED = 256
+_STARTS = 5
+_STEP = 1e-6
+
+
+@dataclass(frozen=True)
+class LawFit:
+    """A law found.
+
+    Attributes
+    ----------
+    parameters : ndarray, shape (d,)
+        X.
+    looks : float
+        Effective looks.
+    cost : float
+        Half the sum of squared residuals, priors included.
+    covariance : ndarray, shape (d + 1, d + 1)
+        Of X and of the logarithm of the looks: inverse of the Gauss-Newton matrix, with the bounds as a
+        uniform law.
+    prior_information : ndarray, shape (d + 1, d + 1)
+        What priors and bounds alone say of them (inverse covariance).
+    """
+
+    parameters: NDArray[np.float64]
+    looks: float
+    cost: float
+    covariance: NDArray[np.float64]
+    prior_information: NDArray[np.float64]
+
+
+def prior_residuals(prior: CurvePrior | None, sensor: float, free_looks: bool) -> Residuals:
+    """Residuals of the priors on curve and looks; none without a prior."""
+
+    def residuals(parameters: NDArray[np.float64], looks: float) -> NDArray[np.float64]:
+        if prior is None:
+            return np.empty(0)
+        curve = prior.residuals(parameters)
+        return np.concatenate([curve, looks_residuals(looks, sensor)]) if free_looks else curve
+
+    return residuals
+
+
+def fit_law(
+    residuals: Residuals,
+    bounds: ArrayLike,
+    sensor: float,
+    free_looks: bool = True,
+    start: tuple[ArrayLike, float] | None = None,
+    fixed_looks: float | None = None,
+    prior: Residuals | None = None,
+) -> LawFit:
+    """Minimise the sum of squared residuals over X and the effective looks.
+
+    The best of a Sobol sample of the box are polished by bounded least squares.
+
+    Parameters
+    ----------
+    residuals : callable
+        (X, looks) to residuals.
+    bounds : array_like, shape (d, 2)
+        Box of X.
+    sensor : float
+        Looks of the sensor; those of a material lie between 0.3 and 1.1 times that.
+    free_looks : bool
+        Whether the looks are searched.
+    start : (X, looks), optional
+        Where to begin, in place of the sample.
+    fixed_looks : float, optional
+        Looks where they are not searched; the sensor's if missing.
+    prior : callable, optional
+        (X, looks) to residuals of the priors, minimised with the others.
+
+    Returns
+    -------
+    LawFit
+    """
+    from scipy.optimize import least_squares
+
+    box = np.asarray(bounds, dtype=np.float64)
+    assumed = sensor if fixed_looks is None else fixed_looks
+    looks_box = np.log([[_LEAST_LOOKS, LOOKS_MOST * sensor]]) if free_looks else np.empty((0, 2))
+    low, high = np.concatenate([box, looks_box]).T
+    width = high - low
+    d = len(box)
+
+    def at(unit: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+        q = np.clip(low + unit * width, low, high)
+        return q[:d], float(np.exp(q[d])) if free_looks else assumed
+
+    def function(unit: NDArray[np.float64]) -> NDArray[np.float64]:
+        parts = [residuals(*at(unit)), *([prior(*at(unit))] if prior is not None else [])]
+        return np.clip(np.concatenate(parts), -1e6, 1e6)
+
+    if start is not None:
+        x, looks = start
+        first = np.append(np.asarray(x, dtype=np.float64), [np.log(looks)] if free_looks else [])
+        starts = ((first - low) / width)[None]
+    else:
+        starts = _screen(function, len(low))
+    best = None
+    for unit in starts:
+        found = least_squares(function, np.clip(unit, 1e-6, 1.0 - 1e-6), bounds=(0.0, 1.0), max_nfev=200)
+        if best is None or found.cost < best.cost:
+            best = found
+    assert best is not None  # noqa: S101
+    # a uniform law on the unit interval has the variance 1/12
+    known = 12.0 * np.eye(len(low))
+    priors = prior(*at(best.x)).size if prior is not None else 0
+    data, weak = np.split(best.jac, [len(best.jac) - priors])
+    known += weak.T @ weak
+    covariance, information = np.zeros((d + 1, d + 1)), np.eye(d + 1)
+    inside = slice(len(low))
+    covariance[inside, inside] = np.linalg.inv(known + data.T @ data) * np.multiply.outer(width, width)
+    information[inside, inside] = known / np.multiply.outer(width, width)
+    return LawFit(*at(best.x), float(best.cost), covariance, information)
+
+
+def _screen(function: Callable[[NDArray[np.float64]], NDArray[np.float64]], dimension: int) -> NDArray[np.float64]:
+    """The best points of a Sobol sample, no two of them near."""
+    from scipy.stats import qmc  # a second to import
+
+    sample = qmc.Sobol(dimension, scramble=True, rng=np.random.default_rng(0)).random(_SCREENED)
+    cost = [float((function(unit) ** 2).sum()) for unit in sample]
+    chosen: list[NDArray[np.float64]] = []
+    for k in np.argsort(cost, kind="stable"):
+        if all(np.abs(sample[k] - other).max() > 0.2 for other in chosen):
+            chosen.append(sample[k])
+        if len(chosen) == _STARTS:
+            break
+    return np.array(chosen)

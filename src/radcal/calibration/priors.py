@@ -1,0 +1,111 @@
+"""What is known of a backscatter law before any image: weak priors on the curve, not on its parameters.
+
+Each is a residual, in its own standard deviations, beside those of the measured classes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radcal.radar.laws import Law
+
+__all__ = ["LOOKS_MOST", "CurvePrior", "looks_residuals"]
+
+LOOKS_MOST = 1.1  # times the sensor's
+_LOOKS = (0.75, 0.3)  # median, times the sensor's looks; log standard deviation
+_SLOPE_DEG = (30.0, 45.0)
+_SLOPE = (0.2, 0.95)  # median [dB/deg], log standard deviation
+_LEAST_SLOPE = 0.02  # below, the logarithm goes on as its tangent: a flat or rising curve has a finite price
+_LEVEL_SD_DB = 10.0
+_X4 = (5.0, 1.0)  # median [1/rad2], log standard deviation
+_RANGE_DB = 32.5  # on either side of the measured mean
+_RANGE_DEG = np.linspace(20.0, 70.0, 11)
+_RANGE_SD_DB = 1.0
+
+
+def _log_normal(value: float, median: float, log_sd: float, least: float) -> float:
+    """Residual of a log-normal law, its logarithm continued by the tangent below ``least``.
+
+    The density of the value itself, not of its logarithm: half the square of the residual is, but for a constant,
+    (ln v - ln m)^2 / (2 s^2) + ln v. Without ln v a flat law of X would make the median m exp(s^2).
+    """
+    log = np.log(value) if value > least else np.log(least) + (value - least) / least
+    return float((log - np.log(median)) / log_sd + log_sd)
+
+
+def looks_residuals(effective: float, sensor: float) -> NDArray[np.float64]:
+    """Residual of the looks of a material: log-normal about 0.75 of the sensor's, log sd 0.3.
+
+    Texture only lowers the looks seen in dB; natural surfaces at metre to decametre resolution show
+    half to all of the sensor's (Oliver and Quegan, "Understanding Synthetic Aperture Radar Images",
+    chapter 5). Above 1.1 times the sensor's none is possible: the search ends there.
+
+    Parameters
+    ----------
+    effective, sensor : float
+        Looks of the material and of the sensor.
+
+    Returns
+    -------
+    ndarray, shape (1,)
+    """
+    median, log_sd = _LOOKS
+    return np.array([np.log(effective / (median * sensor)) / log_sd])
+
+
+@dataclass(frozen=True)
+class CurvePrior:
+    """Weak priors on a material's curve.
+
+    - slope: the mean fall between 30 and 45 degrees is log-normal, median 0.2 dB/deg, log sd 0.95. The
+      means of terrain (soil, grass, crops, trees; L to X band) in Ulaby and Dobson, "Handbook of Radar
+      Scattering Statistics for Terrain" (1989), fall by about 0.05 (trees) to 0.6 dB/deg (smooth soil).
+    - level: normal about the measured mean, sd 10 dB.
+    - X4 (``mangia`` only): log-normal, median 5, log sd 1: the specular part dies out between some 10 and
+      45 degrees, as the quasi-specular lobe of surfaces with rms slopes of 0.1 to 0.5 does (Ulaby, Moore
+      and Fung, "Microwave Remote Sensing", vol. 2, section 12-4).
+    - sigma0 between 20 and 70 degrees within 32.5 dB of the measured mean. From the noise of good sensors
+      to the strongest natural surfaces it is -50 to +15 dB; taken about the measured mean, because an
+      image's own level may be off.
+
+    Attributes
+    ----------
+    law : Law
+        With a curve.
+    level_db : float
+        Measured mean [dB].
+    level_deg : float
+        Mean local incidence of the measured pixels [deg].
+    x4 : int or None
+        Place of X4 among the parameters.
+    """
+
+    law: Law
+    level_db: float
+    level_deg: float
+    x4: int | None = None
+
+    @classmethod
+    def of(cls, law: Law, level_db: float, level_deg: float) -> CurvePrior:
+        """The priors that make sense for a law: X4 is mangia's alone."""
+        x4 = law.names.index("X4") if law.names == ("X1", "X2", "X3", "X4") else None
+        return cls(law, level_db, level_deg, x4)
+
+    def residuals(self, parameters: ArrayLike) -> NDArray[np.float64]:
+        """Residuals at one X, shape (d,): slope, level, range at eleven angles, and X4 where there is one."""
+        x = np.asarray(parameters, dtype=np.float64)
+        angles = np.radians([*_SLOPE_DEG, self.level_deg, *_RANGE_DEG])
+        first, second, level, *curve = self.law(angles, x)
+        slope = (first - second) / (_SLOPE_DEG[1] - _SLOPE_DEG[0])
+        outside = np.maximum(np.abs(np.array(curve) - self.level_db) - _RANGE_DB, 0.0)
+        found = [
+            _log_normal(float(slope), *_SLOPE, _LEAST_SLOPE),
+            (level - self.level_db) / _LEVEL_SD_DB,
+            *(outside / _RANGE_SD_DB),
+        ]
+        if self.x4 is not None:
+            found.append(_log_normal(float(x[self.x4]), *_X4, 0.1))
+        return np.array(found)

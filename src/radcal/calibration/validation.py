@@ -1,0 +1,215 @@
+"""Ground kept out of the calibration, and how well its mean level is predicted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radcal.calibration.grounds import Ground, GroundLaw, refit
+from radcal.calibration.law_fit import fit_law
+from radcal.radar.laws import Law
+
+__all__ = ["CrossValidation", "HeldOut", "cross_validate", "held_out", "kept_blocks"]
+
+_FEWEST = 20  # pixels in a block whose mean is compared
+_FOLDS = 5
+_BAND = 1.6448536269514722  # standard deviations on each side that hold 90 % of a normal law
+
+
+def kept_blocks(block: NDArray[np.int64], keep: Literal["even", "odd", "both"]) -> NDArray[np.bool_]:
+    """Which blocks, by their number, are calibrated on."""
+    if keep == "both":
+        return np.ones(block.shape, dtype=np.bool_)
+    return np.asarray(block % 2 == (0 if keep == "even" else 1))
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Errors of block means [dB] on ground that no law has seen.
+
+    Attributes
+    ----------
+    rmse_law_db, rmse_law_patch_db : float
+        Of the law; of the law with the effects of the patches that were seen.
+    rmse_constant_db : float
+        Of the mean of the calibrated ground.
+    rmse_best_db : float
+        Of the same law fitted to these block means themselves.
+    coverage_90 : float
+        Share of the block means inside of the 90 % band.
+    n_blocks : int
+        Blocks compared.
+    block : ndarray of int, shape (n,)
+        Their numbers.
+    mean_db, predicted_db, law_db, sd_db : ndarray, shape (n,)
+        Means measured; predicted by law and patches; by the law; standard deviation of the prediction
+        error [dB].
+    """
+
+    rmse_law_db: float
+    rmse_law_patch_db: float
+    rmse_constant_db: float
+    rmse_best_db: float
+    coverage_90: float
+    n_blocks: int
+    block: NDArray[np.int64]
+    mean_db: NDArray[np.float64]
+    predicted_db: NDArray[np.float64]
+    law_db: NDArray[np.float64]
+    sd_db: NDArray[np.float64]
+
+
+def _rms(values: NDArray[np.float64]) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _predict(found: GroundLaw, ground: Ground) -> dict[str, NDArray[np.float64]]:
+    """Prediction of each block's mean, by law and patches, and its standard deviation."""
+    cells, spread, effects = ground.cells, found.spread, found.effects
+    law = cells.mean(found.levels_db(ground.incidence_deg))
+    slope = cells.mean(found.slopes(ground.incidence_deg))
+    # what an error of the law does to the patches' effects, which are taken from residuals of it
+    seen = found.ground
+    pulled = seen.cells.mean(found.slopes(seen.incidence_deg)) * effects.weight[:, None]
+    of = np.searchsorted(effects.patch, seen.cells.patch)
+    taken = np.stack([np.bincount(of, column, effects.patch.size) for column in pulled.T], axis=-1)
+
+    place = np.minimum(np.searchsorted(effects.patch, cells.patch), effects.patch.size - 1)
+    known = effects.patch[place] == cells.patch
+    effect = np.where(known, effects.effect_db[place], 0.0)
+    patch_variance = np.where(known, effects.variance[place], spread.between**2)
+    slope = slope - np.where(known[:, None], taken[place], 0.0)
+
+    block, of_block = np.unique(cells.block, return_inverse=True)
+    count = np.bincount(of_block, cells.count)
+    share = cells.count / count[of_block]
+
+    def over(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(np.bincount(of_block, values), dtype=np.float64)
+
+    slope = np.stack([over(share * column) for column in slope.T], axis=-1)
+    # no patch has two cells in one block
+    variance = over(share**2 * (patch_variance + spread.within**2 + ground.sampling))
+    variance += np.einsum("kd,de,ke->k", slope, found.fit.covariance, slope)
+    return {
+        "block": block,
+        "count": count,
+        "mean": over(share * cells.mean(ground.values_db)),
+        "incidence": over(share * cells.mean(ground.incidence_deg)),
+        "law": over(share * law),
+        "patch": over(share * (law + effect)),
+        "sd": np.sqrt(variance),
+    }
+
+
+def held_out(found: GroundLaw, ground: Ground) -> HeldOut | None:
+    """Predict the block means of ground that was kept out.
+
+    Parameters
+    ----------
+    found : GroundLaw
+        Fitted to the ground that was kept.
+    ground : Ground
+        Kept out, with the patches' labels of the other.
+
+    Returns
+    -------
+    HeldOut or None
+        None where no block has 20 pixels.
+
+    References
+    ----------
+    Robinson, "That BLUP is a good thing: the estimation of random effects", Statistical Science 6
+    (1991): predictions and their variances, that of the fixed effects included.
+    """
+    blocks = _predict(found, ground)
+    many = blocks["count"] >= _FEWEST
+    if not many.any():
+        return None
+    block, mean, law, patch, sd, angle = (
+        blocks[key][many] for key in ("block", "mean", "law", "patch", "sd", "incidence")
+    )
+    return HeldOut(
+        rmse_law_db=_rms(mean - law),
+        rmse_law_patch_db=_rms(mean - patch),
+        rmse_constant_db=_rms(mean - found.ground.values_db.mean()),
+        rmse_best_db=_best(found.method.law, found.method.bounds, angle, mean),
+        coverage_90=float(np.mean(np.abs(mean - patch) <= _BAND * sd)),
+        n_blocks=int(mean.size),
+        block=block.astype(np.int64),
+        mean_db=mean,
+        predicted_db=patch,
+        law_db=law,
+        sd_db=sd,
+    )
+
+
+def _best(law: Law, bounds: ArrayLike, incidence_deg: NDArray[np.float64], mean_db: NDArray[np.float64]) -> float:
+    """Root mean square [dB] that the law leaves when fitted to the means themselves."""
+    phi = np.radians(incidence_deg)
+    fit = fit_law(lambda x, _: law(phi, x) - mean_db, bounds, 1.0, free_looks=False)
+    return _rms(law(phi, fit.parameters) - mean_db)
+
+
+@dataclass(frozen=True)
+class CrossValidation:
+    """What the calibrated ground itself says of its law, each fifth of its blocks predicted from the others.
+
+    Attributes
+    ----------
+    rmse_law_patch_db, rmse_constant_db : float
+        Of block means [dB]; NaN where there are too few blocks.
+    """
+
+    rmse_law_patch_db: float
+    rmse_constant_db: float
+
+    @property
+    def no_better(self) -> bool:
+        """Whether the law is not seen to be better than a constant."""
+        return not self.rmse_law_patch_db < self.rmse_constant_db
+
+    def sentence(self, name: str) -> str:
+        """Say so, or nothing."""
+        if not self.no_better:
+            return ""
+        return (
+            f"{name}: its law is no better than a constant: blocks of its own ground, each predicted from the others, "
+            f"are {self.rmse_law_patch_db:.2f} dB off, from a constant {self.rmse_constant_db:.2f} dB."
+        )
+
+
+def cross_validate(found: GroundLaw, group: NDArray[np.int64]) -> CrossValidation:
+    """Leave out each fifth of the calibrated ground's blocks in turn.
+
+    Parameters
+    ----------
+    found : GroundLaw
+        Fitted to all of it.
+    group : ndarray of int, shape (pixels,)
+        Block that each pixel is left out with: of several that means are compared in.
+
+    Returns
+    -------
+    CrossValidation
+
+    References
+    ----------
+    Hastie, Tibshirani and Friedman, "The Elements of Statistical Learning", 2nd edition (2009),
+    section 7.10.
+    """
+    groups = np.unique(group)
+    fold = np.searchsorted(groups, group) % min(_FOLDS, groups.size)
+    law, constant = [], []
+    for k in range(min(_FOLDS, groups.size) if groups.size > 1 else 0):
+        rest, out = found.ground.part(fold != k), found.ground.part(fold == k)
+        blocks = _predict(refit(found, rest), out)
+        many = blocks["count"] >= _FEWEST
+        law.append((blocks["mean"] - blocks["patch"])[many])
+        constant.append((blocks["mean"] - rest.values_db.mean())[many])
+    if not law or not sum(part.size for part in law):
+        return CrossValidation(float("nan"), float("nan"))
+    return CrossValidation(_rms(np.concatenate(law)), _rms(np.concatenate(constant)))

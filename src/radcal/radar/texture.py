@@ -1,0 +1,101 @@
+"""Speckle and texture in dB: their cumulants, and texture multiplied onto simulated pixels."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["log_speckle_cumulants", "texture_db", "texture_order"]
+
+_DB = 10.0 / np.log(10.0)
+
+
+def log_speckle_cumulants(looks: ArrayLike) -> NDArray[np.float64]:
+    r"""First three cumulants of speckle of unit mean, in dB.
+
+    .. math:: K [\psi(L) - \ln L], \quad K^2 \psi'(L), \quad K^3 \psi''(L), \qquad K = 10 / \ln 10
+
+    Cumulants of independent factors of the intensity add in dB: what speckle of other looks does to
+    the statistics of an area is the difference of these.
+
+    Parameters
+    ----------
+    looks : array_like, any shape
+        Equivalent number of looks, above 0.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        Mean [dB], variance [dB^2] and third cumulant [dB^3].
+
+    References
+    ----------
+    Nicolas, "Introduction aux statistiques de deuxieme espece: applications des logs-moments et des
+    logs-cumulants a l'analyse des lois d'images radar", Traitement du Signal 19 (2002).
+    """
+    from scipy.special import digamma, polygamma
+
+    n = np.asarray(looks, dtype=np.float64)
+    return np.stack(
+        [_DB * (digamma(n) - np.log(n)), _DB**2 * polygamma(1, n), _DB**3 * polygamma(2, n)],
+        axis=-1,
+    )
+
+
+def texture_order(looks: float, effective: float) -> float:
+    r"""Order of the gamma texture that lowers the looks of an area.
+
+    The K distribution of L looks and order :math:`\nu` has the log-variance :math:`\psi'(L) + \psi'(\nu)`;
+    the order is the one that makes it :math:`\psi'(L')`. (Matching the variance of the intensity,
+    :math:`(1 + 1/L)(1 + 1/\nu) = 1 + 1/L'`, gives too little spread in dB: 2.78 dB in place of 3.04 dB
+    for 2.5 of 4 looks.)
+
+    Parameters
+    ----------
+    looks : float
+        Looks L of the speckle.
+    effective : float
+        Looks L' seen in dB.
+
+    Returns
+    -------
+    float
+        Infinite where no texture is needed (``effective`` not below ``looks``).
+
+    References
+    ----------
+    Nicolas (2002), as above; Jakeman and Pusey, "A model for non-Rayleigh sea echo", IEEE Trans.
+    Antennas Propag. 24 (1976): the K distribution.
+    """
+    from scipy.optimize import brentq
+    from scipy.special import polygamma
+
+    wanted = float(polygamma(1, effective) - polygamma(1, looks)) if effective < looks else 0.0
+    if wanted <= 0.0:
+        return float("inf")
+    # trigamma(x) lies between 1/x and 1/x + 1/x^2
+    return float(brentq(lambda x: polygamma(1, x) - wanted, 0.3 / (1.0 + wanted), 2.0 + 2.0 / wanted, rtol=1e-12))
+
+
+def texture_db(uniform: ArrayLike, order: float) -> NDArray[np.float64]:
+    """Gamma texture of unit mean, in dB.
+
+    Parameters
+    ----------
+    uniform : array_like
+        Numbers between 0 and 1, one a pixel; the same ones for every order make the texture a smooth
+        function of it (common random numbers).
+    order : float
+        Order of the gamma law; infinite for none.
+
+    Returns
+    -------
+    ndarray
+        To be added to backscatter in dB.
+    """
+    u = np.asarray(uniform, dtype=np.float64)
+    if not np.isfinite(order):
+        return np.zeros_like(u)
+    from scipy.special import gammaincinv
+
+    return np.asarray(10.0 * np.log10(np.maximum(gammaincinv(order, u), np.finfo(np.float64).tiny) / order))

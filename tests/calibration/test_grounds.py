@@ -1,0 +1,152 @@
+"""Laws from measured pixels, and held-out ground, on simulated fields."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from radcal.calibration.expected import LawForward
+from radcal.calibration.grounds import Ground, Method, fit_grounds
+from radcal.calibration.law_fit import fit_law
+from radcal.calibration.validation import CrossValidation, cross_validate, held_out, kept_blocks
+from radcal.radar.laws import LAWS
+from radcal.radar.texture import log_speckle_cumulants
+
+LAW = LAWS["mangia"]
+BOUNDS = [[-80.0, 10.0], [0.0, 60.0], [0.0, 60.0], [0.0, 20.0]]
+TRUTH = np.array([-32.0, 20.0, 6.0, 4.0])
+METHOD = Method(LAW, BOUNDS, looks=4.0)
+
+
+def fields(rng, x=TRUTH, looks=2.8, between=0.0, within=0.0, rows=120, columns=96, width=8, height=1000):
+    """Fields over rows of incidence, blocks of 5 rows."""
+    row, column = np.indices((rows, columns))
+    row, column = row.ravel(), column.ravel()
+    incidence = 25.0 + 25.0 * row / rows
+    patch, block = column // width + 1 + 100 * (row // height), row // 5
+    effect = between * rng.normal(size=patch.max() + 1)
+    cell = within * rng.normal(size=(patch.max() + 1, block.max() + 1))
+    values = LAW(np.radians(incidence), x) + effect[patch] + cell[patch, block]
+    values = values + 10.0 * np.log10(rng.gamma(looks, 1.0 / looks, row.size))
+    return Ground(values, incidence, patch, block)
+
+
+def law_error(found, x=TRUTH):
+    phi = np.radians(np.linspace(26.0, 49.0, 50))
+    return np.abs(LAW(phi, found.fit.parameters) - LAW(phi, x)).max()
+
+
+@pytest.mark.parametrize("objective", ["classes", "likelihood"])
+def test_law_and_looks_are_found(objective):
+    found = fit_grounds({"field": fields(np.random.default_rng(1))}, {"field": replace(METHOD, objective=objective)})
+    assert law_error(found["field"]) < 0.35
+    assert found["field"].fit.looks == pytest.approx(2.8, rel=0.08)
+    assert found["field"].identified > 20.0
+
+
+def test_the_density_takes_missing_looks_for_a_law():
+    ground = fields(np.random.default_rng(1), looks=2.0)
+    methods = {name: replace(METHOD, objective=name) for name in ("classes", "density")}
+    found = fit_grounds(dict.fromkeys(methods, ground), methods)
+    assert law_error(found["density"]) > 2.0 * law_error(found["classes"])
+    assert found["density"].fit.looks == 4.0
+    assert found["density"].classes.size == 1
+
+
+def test_a_surrogate_takes_the_place_of_the_law():
+    # a simulator whose images are 1 dB brighter than the law says
+    ground = fields(np.random.default_rng(2), rows=60)
+    plain = fit_grounds({"field": ground}, {"field": METHOD})["field"]
+    law = LawForward(LAW, plain.classes.nodes_deg, 4.0)
+    shifted = fit_grounds({"field": ground}, {"field": METHOD}, {"field": lambda x: law(x) + [1.0, 0.0, 0.0]})["field"]
+    phi = np.radians([30.0, 35.0])
+    np.testing.assert_allclose(LAW(phi, shifted.fit.parameters) - LAW(phi, plain.fit.parameters), -1.0, atol=0.1)
+
+
+def test_an_error_of_the_incidence_is_undone_where_it_is_known():
+    rng = np.random.default_rng(3)
+    n = 20_000
+    true = rng.normal(42.0, 6.0, n)
+    line = np.array([-40.0, 30.0, 0.0, 5.0])
+    values = LAW(np.radians(true), line) + 10.0 * np.log10(rng.gamma(4.0, 0.25, n))
+    block = np.arange(n) % 10
+    ground = Ground(values, true + rng.normal(0.0, 4.0, n), np.ones(n, dtype=int), block)
+    methods = {"without": METHOD, "with": replace(METHOD, incidence_error_deg=4.0)}
+    found = fit_grounds(dict.fromkeys(methods, ground), methods)
+    slope = {name: float(-np.diff(LAW(np.radians([37.0, 47.0]), f.fit.parameters))[0]) for name, f in found.items()}
+    wanted = float(-np.diff(LAW(np.radians([37.0, 47.0]), line))[0])
+    assert slope["without"] == pytest.approx(36.0 / 52.0 * wanted, rel=0.1)
+    assert slope["with"] == pytest.approx(wanted, rel=0.1)
+
+
+def test_bands_hold_and_patches_help():
+    held = []
+    for seed in range(6):
+        ground = fields(np.random.default_rng(seed), between=1.0, within=0.3, rows=160, width=32, height=40)
+        kept = kept_blocks(ground.block // 2, "even")
+        found = fit_grounds({"field": ground.part(kept)}, {"field": METHOD})["field"]
+        held.append(held_out(found, ground.part(~kept)))
+    inside = np.average([h.coverage_90 for h in held], weights=[h.n_blocks for h in held])
+    assert 0.80 <= inside <= 0.97
+    assert all(h.rmse_law_patch_db < 0.6 * h.rmse_constant_db for h in held)
+    assert np.mean([h.rmse_law_patch_db for h in held]) < 0.8 * np.mean([h.rmse_law_db for h in held])
+    assert all(h.rmse_best_db <= h.rmse_law_db for h in held)
+
+
+def test_an_unseen_patch_widens_the_band():
+    ground = fields(np.random.default_rng(9), between=1.5, rows=60)
+    seen = ground.patch != 4
+    found = fit_grounds({"field": ground.part(seen)}, {"field": METHOD})["field"]
+    known, unknown = held_out(found, ground.part(ground.patch == 5)), held_out(found, ground.part(~seen))
+    assert unknown.sd_db.mean() > 1.0 > known.sd_db.mean()
+    np.testing.assert_allclose(unknown.predicted_db, unknown.law_db)
+
+
+def test_ground_without_slope_is_announced():
+    flat = np.array([-18.0, 0.0, 0.0, 5.0])
+    ground = fields(np.random.default_rng(4), x=flat, between=0.3, rows=60, columns=48)
+    steep = fields(np.random.default_rng(4), rows=60, columns=48)
+    found = fit_grounds({"flat": ground, "steep": steep}, {"flat": METHOD, "steep": METHOD})
+    assert found["flat"].identified < 2.0 < found["steep"].identified
+    sentence = cross_validate(found["steep"], steep.block // 2).sentence("steep")
+    assert sentence == ""
+    assert "no better than a constant" in CrossValidation(0.5, 0.4).sentence("flat")
+
+
+def test_too_few_blocks_say_nothing_and_are_announced():
+    ground = fields(np.random.default_rng(5), rows=30, columns=40)
+    found = fit_grounds({"field": ground}, {"field": METHOD})["field"]
+    crossed = cross_validate(found, np.zeros(ground.block.size, dtype=int))
+    assert np.isnan(crossed.rmse_constant_db)
+    assert crossed.no_better
+
+
+def test_rows_alternate():
+    assert kept_blocks(np.arange(4), "even").tolist() == [True, False, True, False]
+    assert kept_blocks(np.arange(4), "odd").tolist() == [False, True, False, True]
+    assert kept_blocks(np.arange(4), "both").all()
+
+
+def test_the_covariance_is_that_of_repeated_fits():
+    # a linear problem, where it is known: mean and slope of a line in 11 points
+    rng = np.random.default_rng(6)
+    t = np.linspace(-1.0, 1.0, 11)
+    design = np.stack([np.ones(11), t], axis=-1)
+    y = design @ [3.0, -2.0] + rng.normal(0.0, 0.1, 11)
+    fit = fit_law(lambda x, _: (design @ x - y) / 0.1, [[-50.0, 50.0]] * 2, 4.0, free_looks=False)
+    np.testing.assert_allclose(fit.parameters, np.linalg.lstsq(design, y, rcond=None)[0], atol=1e-6)
+    np.testing.assert_allclose(fit.covariance[:2, :2], 0.01 * np.linalg.inv(design.T @ design), rtol=1e-3, atol=1e-8)
+
+
+def test_a_prior_pulls_and_looks_stay_inside():
+    wanted = log_speckle_cumulants(30.0)[1]
+    fit = fit_law(
+        lambda x, looks: np.array([x[0] - 1.0, log_speckle_cumulants(looks)[1] - wanted]),
+        [[-5.0, 5.0]],
+        4.0,
+        prior=lambda x, _: np.array([x[0] - 3.0]),
+    )
+    assert fit.parameters[0] == pytest.approx(2.0, abs=1e-4)
+    assert fit.looks == pytest.approx(4.4, rel=1e-3)

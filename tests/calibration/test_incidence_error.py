@@ -1,0 +1,66 @@
+"""Errors of the incidence, against simulated maps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from radcal.calibration.incidence_error import attenuation, incidence_warnings, law_gap_db, true_nodes
+from radcal.radar.laws import LAWS, law_for
+
+MANGIA = LAWS["mangia"]
+LINE = law_for("tabulated", angles_deg=[0.0, 90.0])  # straight: two knots
+
+
+def test_classical_error_draws_the_true_angle_to_the_mean():
+    rng = np.random.default_rng(1)
+    true = rng.normal(45.0, 6.0, 400_000)
+    mapped = true + rng.normal(0.0, 4.0, true.size)
+    share = attenuation(mapped, 4.0)
+    assert share == pytest.approx(36.0 / 52.0, rel=0.01)
+    near = np.abs(mapped - 52.0) < 0.5
+    nodes = true_nodes([[52.0]], 4.0, "classical", float(mapped.mean()), share)
+    assert nodes.mean() == pytest.approx(true[near].mean(), abs=0.1)
+    assert nodes.std() == pytest.approx(true[near].std(), rel=0.03)
+
+
+def test_berksons_error_only_spreads():
+    nodes = true_nodes([[40.0, 50.0]], 3.0, "berkson", 45.0, 1.0).reshape(2, 5)
+    np.testing.assert_allclose(nodes.mean(axis=1), [40.0, 50.0])
+    np.testing.assert_allclose(nodes.std(axis=1), 3.0)
+    slope = -0.3
+    level = LINE(np.radians(nodes[0]), [0.0, 90.0 * slope])
+    assert level.var() == pytest.approx((slope * 3.0) ** 2)
+
+
+def test_no_error_changes_nothing():
+    np.testing.assert_array_equal(true_nodes([[40.0, 50.0]], 0.0, "classical", 45.0, 1.0), [[40.0, 50.0]])
+    assert attenuation([40.0, 50.0], 0.0) == 1.0
+
+
+def test_an_error_beyond_the_spread_leaves_something():
+    assert attenuation([44.0, 46.0], 10.0) == pytest.approx(0.1)
+
+
+def test_angles_stay_possible():
+    nodes = true_nodes([[1.0, 89.0]], 5.0, "berkson", 45.0, 1.0)
+    assert nodes.min() == 0.0
+    assert nodes.max() == 90.0
+
+
+def test_the_gap_is_of_shape():
+    incidence = np.linspace(30.0, 50.0, 1000)
+    first, higher, steeper = [0.0, -27.0], [3.0, -24.0], [0.0, -36.0]
+    assert law_gap_db(LINE, first, higher, incidence) == pytest.approx(0.0, abs=1e-9)
+    assert law_gap_db(LINE, first, steeper, incidence) == pytest.approx(0.1 * 18.0 / 2.0, rel=1e-6)
+
+
+def test_warnings_name_the_material_and_what_to_look_at():
+    incidence = np.linspace(25.0, 50.0, 500)
+    flat, steep = [-20.0, 5.0, 0.0, 5.0], [-40.0, 30.0, 0.0, 5.0]
+    assert incidence_warnings("field", MANGIA, flat, flat, incidence, 3.0, 4.0) == []
+    (line,) = incidence_warnings("field", MANGIA, flat, steep, incidence, 3.0, 4.0)
+    assert line.startswith("field: ")
+    assert "incidence_error_deg" in line
+    (line,) = incidence_warnings("field", MANGIA, flat, flat, incidence, 1.6, 4.0)
+    assert "1.6 looks, the sensor has 4" in line

@@ -1,0 +1,77 @@
+"""Classes of local incidence."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+
+from radcal.errors import MeasurementError
+from radcal.measurement.classes import class_cumulants, class_of, incidence_edges, make_classes, winsorised
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    angles=st.lists(st.integers(0, 40), min_size=1, max_size=400),
+    wanted=st.one_of(st.integers(1, 20), st.just("auto")),
+)
+def test_edges_increase_and_no_class_is_small(angles, wanted):
+    edges = incidence_edges(angles, wanted)
+    member = class_of(angles, edges)
+    count = np.bincount(member, minlength=edges.size - 1)
+    assert edges[0] == min(angles)
+    assert edges[-1] == max(angles)
+    assert count.sum() == len(angles)
+    assert count.size == 1 or (np.all(np.diff(edges) > 0) and count.min() >= 30)
+
+
+def test_classes_of_a_continuous_angle_hold_equally_many():
+    angles = np.random.default_rng(0).normal(45.0, 6.0, 1200)
+    assert np.bincount(class_of(angles, incidence_edges(angles, 6))).tolist() == [200] * 6
+
+
+@pytest.mark.parametrize(("span", "classes"), [(1.0, 4), (12.0, 6), (40.0, 8)])
+def test_auto_goes_by_span(span, classes):
+    assert incidence_edges(np.linspace(30.0, 30.0 + span / 0.9, 1000), "auto").size - 1 == classes
+
+
+def test_auto_goes_by_pixels():
+    assert incidence_edges(np.linspace(20.0, 60.0, 70), "auto").size - 1 == 2
+
+
+@pytest.mark.parametrize("angles", [[], [20.0, np.nan]])
+def test_no_angle_is_a_sentence(angles):
+    with pytest.raises(MeasurementError, match=r"target\.incidence_classes: 3 classes"):
+        incidence_edges(angles, 3)
+
+
+def test_cumulants_are_scipys_moments():
+    rng = np.random.default_rng(3)
+    values, member = rng.gamma(2.0, 1.0, 500), rng.integers(0, 3, 500)
+    for k, found in enumerate(class_cumulants(values, member, 3)):
+        part = values[member == k]
+        np.testing.assert_allclose(found, [part.mean(), stats.moment(part, 2), stats.moment(part, 3)])
+
+
+def test_shares_of_labels():
+    angles = np.repeat([20.0, 40.0], 60)
+    classes = make_classes(np.zeros(120), angles, 2, independent=0.5)
+    label = np.concatenate([np.zeros(60, dtype=int), np.repeat([0, 1], [15, 45])])
+    assert classes.size == 2
+    np.testing.assert_allclose(classes.shares(label, 2), [[1.0, 0.0], [0.25, 0.75]])
+    np.testing.assert_allclose(classes.effective, [30.0, 30.0])
+
+
+def test_a_power_of_zero_but_for_rounding_decides_nothing():
+    rng = np.random.default_rng(4)
+    values = 10.0 * np.log10(rng.gamma(4.0, 0.25, 2000))
+    values[7] = -110.0
+    limited = winsorised(values, np.zeros(2000, dtype=int))
+    assert limited[7] > -20.0
+    np.testing.assert_array_equal(np.delete(limited, 7), np.delete(values, 7))
+
+
+def test_values_that_are_all_equal_stay():
+    assert winsorised([1.0, 1.0, 5.0], np.zeros(3, dtype=int)).tolist() == [1.0, 1.0, 5.0]

@@ -1,0 +1,90 @@
+"""Spread among patches and their effects, against dense linear algebra and simulation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from radcal.measurement import patches
+from radcal.measurement.patches import Residuals, Spread, label_patches, make_cells, patch_effects, spreads
+
+
+def covariance(patch, sampling, spread):
+    return np.diag(sampling + spread.within**2) + spread.between**2 * (patch[:, None] == patch)
+
+
+@pytest.fixture
+def example():
+    rng = np.random.default_rng(5)
+    patch = np.array([4, 4, 4, 7, 7, 9])
+    return Residuals(rng.normal(size=6), rng.uniform(0.01, 0.3, 6), patch, rng.normal(size=(6, 2)), np.diag([0.5, 2.0]))
+
+
+def test_effects_are_conditional_means_of_the_normal_law(example):
+    spread = Spread(0.8, 0.4)
+    found = patch_effects(example.residual_db, example.sampling, example.patch, spread)
+    dense = covariance(example.patch, example.sampling, spread)
+    between = spread.between**2 * (np.unique(example.patch)[:, None] == example.patch)
+    gain = between @ np.linalg.inv(dense)
+    np.testing.assert_allclose(found.effect_db, gain @ example.residual_db)
+    np.testing.assert_allclose(found.variance, np.diagonal(spread.between**2 * np.eye(3) - gain @ between.T))
+    assert found.patch.tolist() == [4, 7, 9]
+
+
+def test_restricted_likelihood_is_the_marginal_one(example):
+    # the law's parameters, normal about 0 with the inverse of the information, are one more random effect
+    def dense(between, within):
+        c = covariance(example.patch, example.sampling, Spread(between, within))
+        c = c + example.slopes @ np.linalg.inv(example.information) @ example.slopes.T
+        r = example.residual_db
+        return -0.5 * (np.linalg.slogdet(c)[1] + r @ np.linalg.solve(c, r))
+
+    table = patches._log_likelihood(example)
+    grid = patches._GRID_DB
+    places = [(0, 0), (10, 5), (30, 0), (3, 35)]
+    wanted = np.array([dense(grid[i], grid[j]) for i, j in places])
+    found = np.array([table[i, j] for i, j in places])
+    np.testing.assert_allclose(found - found[0], wanted - wanted[0], atol=1e-9)
+
+
+def simulated(rng, n_patches, n_cells, between, within):
+    patch = np.repeat(np.arange(n_patches), n_cells)
+    sampling = np.full(patch.size, 0.05)
+    r = between * rng.normal(size=n_patches)[patch] + np.sqrt(within**2 + 0.05) * rng.normal(size=patch.size)
+    return Residuals(r, sampling, patch, np.ones((patch.size, 1)), np.eye(1) * 1e-6)
+
+
+def test_spread_is_found():
+    (found,) = spreads([simulated(np.random.default_rng(6), 80, 6, 1.2, 0.5)])
+    assert found.between == pytest.approx(1.2, abs=0.25)
+    assert found.within == pytest.approx(0.5, abs=0.06)
+
+
+def test_a_lone_patch_takes_what_the_others_show():
+    rng = np.random.default_rng(7)
+    lone = simulated(rng, 1, 6, 1.0, 0.2)
+    calm = spreads([*(simulated(rng, 10, 6, 0.1, 0.2) for _ in range(6)), lone])[-1]
+    rough = spreads([*(simulated(rng, 10, 6, 2.0, 0.2) for _ in range(6)), lone])[-1]
+    assert calm.between < 0.3
+    assert rough.between > 1.0
+
+
+def test_cells_are_parts_of_patches_in_blocks():
+    mask = np.array([[1, 1, 0, 1], [0, 1, 0, 1]], dtype=bool)
+    labels = label_patches(mask)
+    assert np.unique(labels).tolist() == [0, 1, 2]
+    cells = make_cells(labels[mask], np.nonzero(mask)[0])
+    assert cells.count.sum() == 5
+    assert sorted(cells.count.tolist()) == [1, 1, 1, 2]
+    values = np.arange(5.0)
+    two = cells.mean(np.stack([values, 2.0 * values], axis=-1))
+    np.testing.assert_allclose(two[:, 1], 2.0 * cells.mean(values))
+    assert sorted(cells.mean(values).tolist()) == [0.5, 2.0, 3.0, 4.0]
+
+
+def test_sampling_variance_is_pooled_over_cells():
+    rng = np.random.default_rng(8)
+    block = np.repeat(np.arange(50), 40)
+    cells = make_cells(np.ones(2000, dtype=int), block)
+    found = cells.sampling_variance(rng.normal(0.0, 2.0, 2000) + 5.0 * block, independent=0.5)
+    np.testing.assert_allclose(found, 4.0 / 20.0, rtol=0.1)

@@ -1,0 +1,43 @@
+"""Speckle and texture in dB, against scipy's log-gamma law and sampling."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from radcal.radar.texture import log_speckle_cumulants, texture_db, texture_order
+
+
+@pytest.mark.parametrize("looks", [1.0, 2.5, 4.0, 40.0])
+def test_cumulants_are_those_of_scipys_log_gamma_law(looks):
+    mean, variance, skewness = stats.loggamma(looks, scale=10.0 / np.log(10.0)).stats("mvs")
+    found = log_speckle_cumulants(looks)
+    np.testing.assert_allclose(found[0], mean - 10.0 * np.log10(looks), atol=1e-12)
+    np.testing.assert_allclose(found[1:], [variance, skewness * variance**1.5], rtol=1e-10)
+
+
+def test_cumulants_take_arrays():
+    assert log_speckle_cumulants([[1.0, 2.0]]).shape == (1, 2, 3)
+
+
+def test_texture_lowers_the_looks_seen_in_db():
+    rng = np.random.default_rng(1)
+    n = 400_000
+    speckle = 10.0 * np.log10(rng.gamma(4.0, 0.25, n))
+    texture = texture_db(rng.random(n), texture_order(4.0, 2.5))
+    wanted = log_speckle_cumulants(2.5)[1]
+    assert np.var(speckle + texture) == pytest.approx(wanted, rel=0.01)
+    assert np.mean(10.0 ** (texture / 10.0)) == pytest.approx(1.0, abs=0.003)
+
+
+@pytest.mark.parametrize("effective", [4.0, 4.3])
+def test_no_texture_where_looks_are_the_sensors(effective):
+    order = texture_order(4.0, effective)
+    assert order == np.inf
+    assert not texture_db([0.1, 0.9], order).any()
+
+
+def test_texture_is_a_smooth_function_of_its_order():
+    u = np.random.default_rng(2).random(100)
+    assert np.abs(texture_db(u, 5.0) - texture_db(u, 5.001)).max() < 0.01
