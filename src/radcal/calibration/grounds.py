@@ -22,7 +22,7 @@ from radcal.measurement.patches import Residuals as CellResiduals
 from radcal.radar.laws import Law
 from radcal.radar.texture import log_speckle_cumulants
 
-__all__ = ["Ground", "GroundLaw", "Method", "Objective", "fit_grounds", "refit"]
+__all__ = ["Ground", "GroundLaw", "Method", "Objective", "fit_grounds", "marginal_law", "refit"]
 
 Objective = Literal["classes", "density", "likelihood"]
 _ROUNDS = 3  # of law and spread in turn
@@ -257,6 +257,34 @@ def refit(found: GroundLaw, ground: Ground) -> GroundLaw:
     method = found.method
     fit = fit_law(residuals, method.bounds, method.looks, method.free_looks, start, prior=_prior(ground, found.method))
     return GroundLaw(ground, found.method, classes, found.spread, fit)
+
+
+def marginal_law(found: GroundLaw, looks: float) -> LawFit:
+    """The law behind the spread of all pixels, at looks that are known: which angle each has does not count.
+
+    An error of the mapped incidence flattens the law in classes of it, not this one. Compare them with
+    :func:`radcal.calibration.incidence_error.incidence_warnings`.
+
+    Parameters
+    ----------
+    found : GroundLaw
+        The law in classes.
+    looks : float
+        Among neighbouring pixels (:func:`radcal.measurement.looks.local_looks`), or the sensor's.
+
+    Returns
+    -------
+    LawFit
+    """
+    method = replace(found.method, objective="classes", classes=1, free_looks=False, incidence_error_deg=0.0)
+    ground = found.ground
+    classes = make_classes(ground.values_db, ground.incidence_deg, 1, ground.independent)
+    moved = log_speckle_cumulants(looks) - log_speckle_cumulants(method.looks)
+    forward = LawForward(method.law, classes.nodes_deg, method.looks)
+    at_looks = _residuals(ground, classes, method, found.spread, lambda x: forward(x) + moved)
+    start = (found.fit.parameters, looks)
+    prior = _prior(ground, method)
+    return fit_law(at_looks, method.bounds, method.looks, False, start, looks, prior)
 
 
 def fit_grounds(

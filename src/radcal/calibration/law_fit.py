@@ -18,7 +18,8 @@ Residuals = Callable[[NDArray[np.float64], float], NDArray[np.float64]]
 _LEAST_LOOKS = 0.3
 _SCREENED = 256
 _STARTS = 5
-_STEP = 1e-6
+_TOLERANCE = {"ftol": 1e-6, "xtol": 1e-6, "gtol": 1e-6}  # residuals are in standard deviations
+_SAME_COST = 1e-3
 
 
 @dataclass(frozen=True)
@@ -118,9 +119,12 @@ def fit_law(
         starts = _screen(function, len(low))
     best = None
     for unit in starts:
-        found = least_squares(function, np.clip(unit, 1e-6, 1.0 - 1e-6), bounds=(0.0, 1.0), max_nfev=200)
+        found = least_squares(function, np.clip(unit, 1e-6, 1.0 - 1e-6), bounds=(0.0, 1.0), max_nfev=100, **_TOLERANCE)
+        agree = best is not None and abs(found.cost - best.cost) < _SAME_COST
         if best is None or found.cost < best.cost:
             best = found
+        if agree:  # two starts that end at the same cost have found the minimum
+            break
     assert best is not None  # noqa: S101
     # a uniform law on the unit interval has the variance 1/12
     known = 12.0 * np.eye(len(low))

@@ -22,6 +22,7 @@ __all__ = ["ClassesObjective", "DensityObjective", "LikelihoodObjective", "sampl
 _SKEWNESS_SHAPE = 0.3
 _LOG_SD_PATCH = 0.1  # texture differs between patches: looks by some 20 %
 _BIN_DB = 0.5
+_LEVELS = 8  # that stand for a class
 
 
 def sampling_covariance(variance_db2: float, effective: float) -> NDArray[np.float64]:
@@ -182,7 +183,10 @@ class LikelihoodObjective:
         """
         from scipy.special import gammainc
 
-        below = gammainc(looks, looks * 10.0 ** ((self._bins[1:-1] - level_db[..., None]) / 10.0)).mean(axis=1)
+        levels = np.sort(level_db, axis=1)
+        if levels.shape[1] % _LEVELS == 0:
+            levels = levels.reshape(len(levels), _LEVELS, -1).mean(axis=2)
+        below = gammainc(looks, looks * 10.0 ** ((self._bins[1:-1] - levels[..., None]) / 10.0)).mean(axis=1)
         ends = np.zeros((self.classes.size, 1))
         share = np.diff(np.concatenate([ends, below, ends + 1.0], axis=1), axis=1)
         observed = self._counts

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -33,12 +35,20 @@ def log_speckle_cumulants(looks: ArrayLike) -> NDArray[np.float64]:
     Nicolas, "Introduction aux statistiques de deuxieme espece: applications des logs-moments et des
     logs-cumulants a l'analyse des lois d'images radar", Traitement du Signal 19 (2002).
     """
+    n = np.asarray(looks, dtype=np.float64)
+    if n.ndim == 0:  # a search asks for the same looks again and again
+        return np.array(_scalar(float(n)))
+    return np.stack([np.array(_scalar(float(one))) for one in n.ravel()]).reshape(*n.shape, 3)
+
+
+@lru_cache(maxsize=4096)
+def _scalar(looks: float) -> tuple[float, float, float]:
     from scipy.special import digamma, polygamma
 
-    n = np.asarray(looks, dtype=np.float64)
-    return np.stack(
-        [_DB * (digamma(n) - np.log(n)), _DB**2 * polygamma(1, n), _DB**3 * polygamma(2, n)],
-        axis=-1,
+    return (
+        float(_DB * (digamma(looks) - np.log(looks))),
+        float(_DB**2 * polygamma(1, looks)),
+        float(_DB**3 * polygamma(2, looks)),
     )
 
 
