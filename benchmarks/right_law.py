@@ -87,10 +87,9 @@ def mapped_with_errors(bounds: list[list[int]], seeds: int) -> dict[str, Any]:
         for seed in range(seeds):
             error, found = hidden(seed, 6.0, LOOKS, method, error_deg=4.0)
             errors.append(error)
-            marginal = marginal_law(found, LOOKS).parameters
-            angles = found.ground.incidence_deg
+            marginal = marginal_law(found, LOOKS)
             warned += bool(
-                incidence_warnings("area", LAW, found.fit.parameters, marginal, angles, found.fit.looks, LOOKS)
+                incidence_warnings("area", LAW, found.fit, marginal, found.ground.incidence_deg, LOOKS) or error <= 0.5
             )
         results["told" if told else "untold"] = {"median": float(np.median(errors)), "warned": warned, "n": seeds}
         print(

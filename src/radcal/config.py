@@ -698,7 +698,9 @@ class Target(_Strict):
     reference_materials: list[str] | None = Field(
         None, description="materials of a fixed law that say the measured image's level; all of them if missing"
     )
-    incidence_classes: Literal[1] = Field(1, description="targets per material")
+    incidence_classes: Annotated[Integer, Field(ge=1, le=20)] | Literal["auto"] = Field(
+        1, description="classes of local incidence, or auto (4 to 8 by pixels and span)"
+    )
 
 
 class Design(_Strict):
@@ -744,6 +746,7 @@ class Stop(_Strict):
     rms: Positive = Field(1.0e-5, description="tolerance on the density mismatch [1/dB]")
     max_runs: Count = Field(200, description="design and infill runs together")
     stagnation_runs: Count = Field(20, description="infill runs without a better point")
+    law_db: Positive = Field(0.05, description="change of the law over the incidence seen that counts as none [dB]")
 
 
 _SYNTHETIC_MATERIALS: dict[str, dict[str, Any]] = {

@@ -6,9 +6,16 @@ import numpy as np
 import pytest
 
 from radcal.calibration.incidence_error import attenuation, incidence_warnings, law_gap_db, true_nodes
+from radcal.calibration.law_fit import LawFit
 from radcal.radar.laws import LAWS, law_for
 
 MANGIA = LAWS["mangia"]
+
+
+def fit(x, looks=3.0):
+    return LawFit(np.array(x, dtype=float), looks, 0.0, np.eye(len(x) + 1), np.eye(len(x) + 1))
+
+
 LINE = law_for("tabulated", angles_deg=[0.0, 90.0])  # straight: two knots
 
 
@@ -58,9 +65,9 @@ def test_the_gap_is_of_shape():
 def test_warnings_name_the_material_and_what_to_look_at():
     incidence = np.linspace(25.0, 50.0, 500)
     flat, steep = [-20.0, 5.0, 0.0, 5.0], [-40.0, 30.0, 0.0, 5.0]
-    assert incidence_warnings("field", MANGIA, flat, flat, incidence, 3.0, 4.0) == []
-    (line,) = incidence_warnings("field", MANGIA, flat, steep, incidence, 3.0, 4.0)
+    assert incidence_warnings("field", MANGIA, fit(flat), fit(flat), incidence, 4.0) == []
+    (line,) = incidence_warnings("field", MANGIA, fit(flat), fit(steep), incidence, 4.0)
     assert line.startswith("field: ")
     assert "incidence_error_deg" in line
-    (line,) = incidence_warnings("field", MANGIA, flat, flat, incidence, 1.6, 4.0)
+    (line,) = incidence_warnings("field", MANGIA, fit(flat, looks=1.6), fit(flat), incidence, 4.0)
     assert "1.6 looks, the sensor has 4" in line

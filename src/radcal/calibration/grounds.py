@@ -22,7 +22,17 @@ from radcal.measurement.patches import Residuals as CellResiduals
 from radcal.radar.laws import Law
 from radcal.radar.texture import log_speckle_cumulants
 
-__all__ = ["Ground", "GroundLaw", "Method", "Objective", "fit_grounds", "marginal_law", "refit"]
+__all__ = [
+    "Ground",
+    "GroundLaw",
+    "Method",
+    "Objective",
+    "curve_prior",
+    "fit_grounds",
+    "ground_residuals",
+    "marginal_law",
+    "refit",
+]
 
 Objective = Literal["classes", "density", "likelihood"]
 _ROUNDS = 3  # of law and spread in turn
@@ -195,14 +205,14 @@ def _limited(ground: Ground, method: Method) -> Ground:
     return replace(ground, values_db=winsorised(ground.values_db, class_of(ground.incidence_deg, edges)))
 
 
-def _prior(ground: Ground, method: Method) -> Residuals:
+def curve_prior(ground: Ground, method: Method) -> Residuals:
     """Residuals of the priors on a material's curve and looks."""
     level = float(ground.values_db.mean()), float(ground.incidence_deg.mean())
     prior = CurvePrior.of(method.law, *level) if method.priors else None
     return prior_residuals(prior, method.looks, method.free_looks)
 
 
-def _residuals(
+def ground_residuals(
     ground: Ground, classes: Classes, method: Method, spread: Spread, forward: Forward | None = None
 ) -> Residuals:
     """Residuals of one material, without priors, as a function of X and looks."""
@@ -252,17 +262,20 @@ def _residuals(
 def refit(found: GroundLaw, ground: Ground) -> GroundLaw:
     """The same law fitted to other pixels, from where it is, the spread kept."""
     classes = make_classes(ground.values_db, ground.incidence_deg, found.method.classes, ground.independent)
-    residuals = _residuals(ground, classes, found.method, found.spread)
+    residuals = ground_residuals(ground, classes, found.method, found.spread)
     start = (found.fit.parameters, found.fit.looks)
     method = found.method
-    fit = fit_law(residuals, method.bounds, method.looks, method.free_looks, start, prior=_prior(ground, found.method))
+    fit = fit_law(
+        residuals, method.bounds, method.looks, method.free_looks, start, prior=curve_prior(ground, found.method)
+    )
     return GroundLaw(ground, found.method, classes, found.spread, fit)
 
 
 def marginal_law(found: GroundLaw, looks: float) -> LawFit:
     """The law behind the spread of all pixels, at looks that are known: which angle each has does not count.
 
-    An error of the mapped incidence flattens the law in classes of it, not this one. Compare them with
+    An error of the mapped incidence that the method does not tell flattens the law in classes of it more than
+    this one. Compare them with
     :func:`radcal.calibration.incidence_error.incidence_warnings`.
 
     Parameters
@@ -276,14 +289,14 @@ def marginal_law(found: GroundLaw, looks: float) -> LawFit:
     -------
     LawFit
     """
-    method = replace(found.method, objective="classes", classes=1, free_looks=False, incidence_error_deg=0.0)
+    method = replace(found.method, objective="classes", classes=1, free_looks=False)
     ground = found.ground
     classes = make_classes(ground.values_db, ground.incidence_deg, 1, ground.independent)
     moved = log_speckle_cumulants(looks) - log_speckle_cumulants(method.looks)
     forward = LawForward(method.law, classes.nodes_deg, method.looks)
-    at_looks = _residuals(ground, classes, method, found.spread, lambda x: forward(x) + moved)
+    at_looks = ground_residuals(ground, classes, method, found.spread, lambda x: forward(x) + moved)
     start = (found.fit.parameters, looks)
-    prior = _prior(ground, method)
+    prior = curve_prior(ground, method)
     return fit_law(at_looks, method.bounds, method.looks, False, start, looks, prior)
 
 
@@ -326,11 +339,11 @@ def fit_grounds(
             if turn and method.objective != "classes":  # only the classes know of patches
                 found[name] = replace(found[name], spread=spread[name])
                 continue
-            residuals = _residuals(ground, classes[name], method, spread[name], (forwards or {}).get(name))
+            residuals = ground_residuals(ground, classes[name], method, spread[name], (forwards or {}).get(name))
             last = found.get(name)
             start = (last.fit.parameters, last.fit.looks) if last else None
             fit = fit_law(
-                residuals, method.bounds, method.looks, method.free_looks, start, prior=_prior(ground, method)
+                residuals, method.bounds, method.looks, method.free_looks, start, prior=curve_prior(ground, method)
             )
             found[name] = GroundLaw(ground, method, classes[name], spread[name], fit)
         if turn < _ROUNDS - 1:

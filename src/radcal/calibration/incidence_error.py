@@ -18,6 +18,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from radcal.calibration.law_fit import LawFit
 from radcal.radar.laws import Law
 
 __all__ = ["ErrorKind", "attenuation", "incidence_warnings", "law_gap_db", "true_nodes"]
@@ -25,7 +26,7 @@ __all__ = ["ErrorKind", "attenuation", "incidence_warnings", "law_gap_db", "true
 ErrorKind = Literal["classical", "berkson"]
 _HERMITE = 5
 _LEAST_SHARE = 0.1  # of the mapped variance that may be true: an error as large as the spread leaves no classes
-_GAP_DB = 1.0
+_GAP_DB = 0.7  # 1,000 pixels of a right law show 0.2 to 0.7 dB (benchmarks/right_law.py)
 _FEW_LOOKS = 0.5  # times the sensor's
 
 
@@ -69,9 +70,9 @@ def true_nodes(nodes_deg: ArrayLike, error_deg: float, kind: ErrorKind, mean_deg
 
 
 def law_gap_db(law: Law, first: ArrayLike, second: ArrayLike, incidence_deg: ArrayLike) -> float:
-    """Largest difference [dB] of the *shapes* of two curves between the 5 % and 95 % of the incidence [deg].
+    """Largest difference [dB] of the shapes of two curves between the 5 % and 95 % of the incidence [deg].
 
-    The mean difference is taken out: looks and level move it, incidence errors the shape.
+    The mean difference is taken out: looks and level move it, errors of the incidence the shape.
     """
     low, high = np.quantile(np.asarray(incidence_deg, dtype=np.float64), [0.05, 0.95])
     phi = np.radians(np.linspace(low, high, 91))
@@ -80,13 +81,7 @@ def law_gap_db(law: Law, first: ArrayLike, second: ArrayLike, incidence_deg: Arr
 
 
 def incidence_warnings(
-    name: str,
-    law: Law,
-    conditional: ArrayLike,
-    marginal: ArrayLike,
-    incidence_deg: ArrayLike,
-    looks: float,
-    sensor: float,
+    name: str, law: Law, conditional: LawFit, marginal: LawFit, incidence_deg: ArrayLike, sensor: float
 ) -> list[str]:
     """Say where the law in classes of mapped incidence is not the one behind the spread of the whole material.
 
@@ -96,31 +91,36 @@ def incidence_warnings(
         Material.
     law : Law
         With a curve.
-    conditional : array_like
-        X fitted to the classes of mapped incidence.
-    marginal : array_like
-        X fitted to all pixels as one class, at the looks that neighbours show: an error of the incidence
-        flattens the first law but not the second.
+    conditional : LawFit
+        Law fitted to the classes of mapped incidence.
+    marginal : LawFit
+        Law fitted to all pixels as one class, at the looks that neighbours show: an untold error of the
+        incidence flattens the first law more than this.
     incidence_deg : array_like
         Mapped incidence of the pixels [deg].
-    looks, sensor : float
-        Effective looks found, and the sensor's.
+    sensor : float
+        Looks of the sensor.
 
     Returns
     -------
     list of str
+
+    References
+    ----------
+    Hausman, "Specification tests in econometrics", Econometrica 46 (1978): two estimates of which an error
+    of the regressor biases one more, with measurement error as an example.
     """
     lines = []
-    gap = law_gap_db(law, conditional, marginal, incidence_deg)
+    gap = law_gap_db(law, conditional.parameters, marginal.parameters, incidence_deg)
     if gap > _GAP_DB:
         lines.append(
             f"{name}: the law in classes of incidence and the one behind the spread of all pixels differ by "
             f"{gap:.1f} dB over the incidence seen: texture, mixed ground, or an error of the local incidence "
             "(see incidence_error_deg), which flattens a law."
         )
-    if looks < _FEW_LOOKS * sensor:
+    if conditional.looks < _FEW_LOOKS * sensor:
         lines.append(
-            f"{name}: its pixels spread as those of {looks:.1f} looks, the sensor has {sensor:.3g}: texture, mixed "
-            "ground, or an error of the local incidence (see incidence_error_deg)."
+            f"{name}: its pixels spread as those of {conditional.looks:.1f} looks, the sensor has {sensor:.3g}: "
+            "texture, mixed ground, or an error of the local incidence (see incidence_error_deg)."
         )
     return lines

@@ -37,24 +37,26 @@ def _seeded_global_random(seed: int) -> Iterator[None]:
         random.setstate(state)
 
 
-def nsga2(objective: Any, dimension: int, config: Optimiser, seed: int) -> NDArray[np.float64]:
+def nsga2(objective: Any, dimension: int, config: Optimiser, seed: int, objectives: int = 1) -> NDArray[np.float64]:
     """Minimise a batched objective on the unit box with Platypus' NSGA-II.
 
     Parameters
     ----------
     objective : callable
-        ``(n, d) -> (n,)``.
+        ``(n, d) -> (n,)``, or ``(n, m)`` for m objectives.
     dimension : int
         d.
     config : Optimiser
         Population and evaluations.
     seed : int
         Seed of Platypus' random numbers.
+    objectives : int
+        m.
 
     Returns
     -------
     ndarray, shape (population, d)
-        The last population, best first.
+        The last population, the least sum of objectives first.
 
     References
     ----------
@@ -69,18 +71,18 @@ def nsga2(objective: Any, dimension: int, config: Optimiser, seed: int) -> NDArr
             jobs = list(jobs)
             points = np.array([job.solution.variables[:] for job in jobs], dtype=np.float64)
             for job, value in zip(jobs, objective(points), strict=True):
-                job.solution.objectives[:] = [float(value)]
+                job.solution.objectives[:] = [float(part) for part in np.atleast_1d(value)]
                 job.solution.constraint_violation = 0.0
                 job.solution.feasible = True
                 job.solution.evaluated = True
             return jobs
 
-    problem = platypus.Problem(dimension, 1)
+    problem = platypus.Problem(dimension, objectives)
     problem.types[:] = [platypus.Real(0.0, 1.0) for _ in range(dimension)]
     with _seeded_global_random(seed):
         algorithm = platypus.NSGAII(problem, population_size=config.population, evaluator=Batched())
         algorithm.run(max(config.evaluations, config.population))
-        population = sorted(algorithm.population, key=lambda s: s.objectives[0])
+        population = sorted(algorithm.population, key=lambda s: sum(s.objectives))
         return np.array([solution.variables[:] for solution in population], dtype=np.float64)
 
 

@@ -10,12 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.calibration.priors import LOOKS_MOST, CurvePrior, looks_residuals
 
-__all__ = ["LawFit", "Residuals", "fit_law", "prior_residuals"]
+__all__ = ["LOOKS", "LawFit", "Residuals", "fit_law", "prior_residuals"]
 
 Residuals = Callable[[NDArray[np.float64], float], NDArray[np.float64]]
 """X, shape (d,), and effective looks to residuals in standard deviations, shape (k,)."""
 
-_LEAST_LOOKS = 0.3
+LOOKS = (0.3, LOOKS_MOST)
+"""The least effective looks, and the most in terms of the sensor's."""
 _SCREENED = 256
 _STARTS = 5
 _TOLERANCE = {"ftol": 1e-6, "xtol": 1e-6, "gtol": 1e-6}  # residuals are in standard deviations
@@ -98,7 +99,7 @@ def fit_law(
 
     box = np.asarray(bounds, dtype=np.float64)
     assumed = sensor if fixed_looks is None else fixed_looks
-    looks_box = np.log([[_LEAST_LOOKS, LOOKS_MOST * sensor]]) if free_looks else np.empty((0, 2))
+    looks_box = np.log([[LOOKS[0], LOOKS[1] * sensor]]) if free_looks else np.empty((0, 2))
     low, high = np.concatenate([box, looks_box]).T
     width = high - low
     d = len(box)
