@@ -45,10 +45,10 @@ def parts():
             "measurement": {"source": "synthetic", "synthetic": {"parameters": TRUTH}},
             "radar": {"looks": 4},
             "target": {"pixels": 2000},
-            "design": {"size": 12},
+            "design": {"size": 6},
             "surrogate": {"retrain_every": 100},
             "optimiser": {"population": 20, "evaluations": 200},
-            "stop": {"max_runs": 40},
+            "stop": {"max_runs": 20},
         }
     )
     geometry = make_geometry(scene, case.radar)
@@ -74,7 +74,7 @@ def calibrated(parts, tmp_path_factory):
 
 def test_it_settles_on_the_laws(calibrated):
     assert calibrated.reason == "settled"
-    assert calibrated.runs < 30
+    assert calibrated.runs < 16
     phi = np.radians(np.linspace(21.5, 43.5, 40))
     for name, law in calibrated.laws.items():
         error = np.abs(LAWS["mangia"](phi, law.fit.parameters) - LAWS["mangia"](phi, TRUTH[name])).max()
@@ -95,10 +95,10 @@ def test_the_last_proposal_is_what_its_run_says(calibrated):
 
 def test_the_maximum_of_runs_ends_it(parts, tmp_path):
     case, simulator, geometry, scene, targets, methods = parts
-    case = case.model_copy(update={"stop": case.stop.model_copy(update={"max_runs": 13})})
+    case = case.model_copy(update={"stop": case.stop.model_copy(update={"max_runs": 7})})
     runner = Runner(RunStore(tmp_path), simulator, geometry, scene.identity, case)
     found = calibrate_laws(case, runner, targets, geometry, methods)
-    assert (found.reason, found.runs) == ("max_runs", 13)
+    assert (found.reason, found.runs) == ("max_runs", 7)
 
 
 def test_another_objective_is_a_sentence(parts):

@@ -8,11 +8,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radcal import skewnormal
+from radcal.calibration.expected import Forward
 from radcal.calibration.surrogate import Surrogate
 
 __all__ = ["ClassSurrogate"]
 
 _SKEWNESS = 0.99  # a skew normal has less; that of the log of single-look speckle, -1.14, is learnt as this
+_SMOOTH = 0.1  # inverse squared length scale, in standardised coordinates
+
+
+def _learnt(cumulants: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Cumulants to mean [dB], log sd and skewness, shape (..., 3)."""
+    mean, variance, third = np.moveaxis(cumulants, -1, 0)
+    return np.stack([mean, 0.5 * np.log(variance), third / variance**1.5], axis=-1)
 
 
 class ClassSurrogate:
@@ -29,6 +37,14 @@ class ClassSurrogate:
         Training points; of equal ones the first counts.
     cumulants : array_like, shape (k, n, 3)
         Mean [dB], variance [dB^2] and third central moment [dB^3] of each class in each run.
+    baseline : callable, optional
+        Cumulants expected of law and speckle alone: their difference from the runs is then what is learnt,
+        which varies far less than the runs do.
+
+    References
+    ----------
+    Kennedy and O'Hagan, "Predicting the output from a complex computer code when fast approximations are
+    available", Biometrika 87 (2000).
 
     Raises
     ------
@@ -36,13 +52,20 @@ class ClassSurrogate:
         Numbers that are not finite, too few points, or no training succeeded.
     """
 
-    def __init__(self, bounds: ArrayLike, parameters: ArrayLike, cumulants: ArrayLike) -> None:
+    def __init__(
+        self, bounds: ArrayLike, parameters: ArrayLike, cumulants: ArrayLike, baseline: Forward | None = None
+    ) -> None:
         points = np.asarray(parameters, dtype=np.float64)
         order = np.sort(np.unique(points, axis=0, return_index=True)[1])
         x = points[order]
-        mean, variance, third = np.moveaxis(np.asarray(cumulants, dtype=np.float64)[order], -1, 0)
-        sd = np.sqrt(variance)
-        dp = skewnormal.direct(np.stack([mean, sd, np.clip(third / sd**3, -_SKEWNESS, _SKEWNESS)], axis=-1))
+        learnt = _learnt(np.asarray(cumulants, dtype=np.float64)[order])
+        self._baseline = baseline
+        if baseline is not None:
+            learnt = learnt - _learnt(np.stack([baseline(point) for point in x]))
+        # the surrogate of a density takes direct parameters, and learns these three of them again
+        mean, log_sd, skewness = np.moveaxis(learnt, -1, 0)
+        clipped = np.clip(skewness, -_SKEWNESS, _SKEWNESS)
+        dp = skewnormal.direct(np.stack([mean, np.exp(log_sd), clipped], axis=-1))
         self.parts = [Surrogate(bounds, x, dp[:, k]) for k in range(dp.shape[1])]
 
     def train(self, start: Sequence[NDArray[np.float64]] | None = None) -> ClassSurrogate:
@@ -51,15 +74,16 @@ class ClassSurrogate:
         Parameters
         ----------
         start : sequence of ndarray, optional
-            Another's ``theta`` to start from. Without it the first class is searched from many starts, and
-            each other class from where the one before ended: the same law behind another range of angles.
+            Another's ``theta`` to start from. Without it the first class is searched from many starts (a
+            difference from a baseline is smooth: from one), and each other class from where the one before
+            ended: the same law behind another range of angles.
 
         Returns
         -------
         ClassSurrogate
             Itself.
         """
-        last = None
+        last = None if self._baseline is None else np.full((3, self.parts[0].parameters.shape[1]), _SMOOTH)
         for k, part in enumerate(self.parts):
             part.train(start[k] if start is not None else last)
             last = part.theta
@@ -77,6 +101,9 @@ class ClassSurrogate:
 
     def __call__(self, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
         """Cumulants of each class at X, shape (d,) to (n, 3)."""
-        mean, log_sd, skewness = np.stack([p.predict(p.unit(parameters)[None])[0] for p in self.parts]).T
+        found = np.stack([p.predict(p.unit(parameters)[None])[0] for p in self.parts])
+        if self._baseline is not None:
+            found = found + _learnt(self._baseline(parameters))
+        mean, log_sd, skewness = found.T
         sd = np.exp(log_sd)
         return np.stack([mean, sd**2, skewness * sd**3], axis=-1)

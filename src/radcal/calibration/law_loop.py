@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from radcal.calibration.class_surrogate import ClassSurrogate
 from radcal.calibration.design import design_points
+from radcal.calibration.expected import LawForward
 from radcal.calibration.grounds import Ground, GroundLaw, Method, curve_prior, fit_grounds, ground_residuals
 from radcal.calibration.infill import nsga2
 from radcal.calibration.law_fit import LOOKS, LawFit, Residuals, fit_law
@@ -32,6 +33,7 @@ __all__ = ["LawCalibration", "Step", "calibrate_laws", "target_ground"]
 
 _BLOCK_ROWS = 10
 _NO_BETTER = 0.1  # of half the sum of squared residuals: a change of the law by a third of its error is 0.05
+_KEPT = 0.5  # of it: promise and run agree
 Reason = Literal["settled", "max_runs"]
 
 
@@ -126,7 +128,8 @@ class _Material:
         warm = self.surrogate is not None and settings.training == "warm" and iteration % settings.retrain_every
         theta = self.surrogate.theta if warm and self.surrogate is not None else None
         method = self.measured.method
-        self.surrogate = ClassSurrogate(method.bounds, self.points, self.cumulants).train(theta)
+        baseline = LawForward(method.law, self.measured.classes.nodes_deg, method.looks)
+        self.surrogate = ClassSurrogate(method.bounds, self.points, self.cumulants, baseline).train(theta)
         residuals = self.residuals()
         box = np.asarray(method.bounds, dtype=np.float64)
         looks_box = np.log(np.array(LOOKS) * [1.0, method.looks])
@@ -166,12 +169,21 @@ class _Material:
 
     @property
     def settled(self) -> bool:
-        """Whether the last proposal moved the law by next to nothing and was no better than those before."""
-        if len(self.steps) < 2:
+        """Whether verified proposals, promised right, are no better and the law stands still.
+
+        The law stands still where the last proposal moved it by less than ``stop.law_db``, or where two in
+        turn were no better than the one before: along a flat valley proposals go on moving, and what is known
+        of the law does not change.
+        """
+        idle, best = 0, float("inf")
+        for step in self.steps:
+            better = best - step.verified > _NO_BETTER
+            idle, best = (0, step.verified) if better else (idle + 1, best)
+        if not idle:
             return False
-        before = min(step.verified for step in self.steps[:-1])
         last = self.steps[-1]
-        return last.moved_db < self.case.stop.law_db and before - last.verified < _NO_BETTER
+        kept = abs(last.verified - last.predicted) < _KEPT
+        return kept and (last.moved_db < self.case.stop.law_db or idle > 1)
 
     @property
     def law(self) -> GroundLaw:
