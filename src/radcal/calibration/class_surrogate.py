@@ -1,4 +1,4 @@
-"""Kriging of the cumulants of a run's classes of incidence as functions of X."""
+"""The cumulants of a run's classes of incidence as functions of X: kriged, or law and speckle corrected by a run."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from radcal import skewnormal
 from radcal.calibration.expected import Forward
 from radcal.calibration.surrogate import Surrogate
 
-__all__ = ["ClassSurrogate"]
+__all__ = ["ClassSurrogate", "Corrected"]
 
 _SKEWNESS = 0.99  # a skew normal has less; that of the log of single-look speckle, -1.14, is learnt as this
 _SMOOTH = 0.1  # inverse squared length scale, in standardised coordinates
@@ -21,6 +21,13 @@ def _learnt(cumulants: NDArray[np.float64]) -> NDArray[np.float64]:
     """Cumulants to mean [dB], log sd and skewness, shape (..., 3)."""
     mean, variance, third = np.moveaxis(cumulants, -1, 0)
     return np.stack([mean, 0.5 * np.log(variance), third / variance**1.5], axis=-1)
+
+
+def _cumulants(learnt: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mean [dB], log sd and skewness to cumulants, shape (..., 3)."""
+    mean, log_sd, skewness = np.moveaxis(learnt, -1, 0)
+    sd = np.exp(log_sd)
+    return np.stack([mean, sd**2, skewness * sd**3], axis=-1)
 
 
 class ClassSurrogate:
@@ -104,6 +111,38 @@ class ClassSurrogate:
         found = np.stack([p.predict(p.unit(parameters)[None])[0] for p in self.parts])
         if self._baseline is not None:
             found = found + _learnt(self._baseline(parameters))
-        mean, log_sd, skewness = found.T
-        sd = np.exp(log_sd)
-        return np.stack([mean, sd**2, skewness * sd**3], axis=-1)
+        return _cumulants(found)
+
+
+class Corrected:
+    """Law and speckle, corrected by what one run shows besides.
+
+    What a simulator adds to law and speckle (area of facets, neighbours, noise, one sample of speckle) hardly
+    changes with X, so that proposing, running and correcting again converges in a few runs, without a design.
+
+    Parameters
+    ----------
+    baseline : callable
+        Cumulants expected of law and speckle alone.
+    parameters : array_like, shape (d,), optional
+        X of the run; without a run nothing is corrected.
+    cumulants : array_like, shape (n, 3), optional
+        Mean [dB], variance [dB^2] and third central moment [dB^3] of each class in it.
+
+    References
+    ----------
+    Bandler et al., "Space mapping: the state of the art", IEEE Trans. Microwave Theory Tech. 52 (2004).
+    """
+
+    def __init__(
+        self, baseline: Forward, parameters: ArrayLike | None = None, cumulants: ArrayLike | None = None
+    ) -> None:
+        self._baseline = baseline
+        self._difference: NDArray[np.float64] | float = 0.0
+        if parameters is not None and cumulants is not None:
+            there = baseline(np.asarray(parameters, dtype=np.float64))
+            self._difference = _learnt(np.asarray(cumulants, dtype=np.float64)) - _learnt(there)
+
+    def __call__(self, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Cumulants of each class at X, shape (d,) to (n, 3)."""
+        return _cumulants(_learnt(self._baseline(parameters)) + self._difference)

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.calibration.class_surrogate import ClassSurrogate
+from radcal.calibration.class_surrogate import ClassSurrogate, Corrected
 from radcal.calibration.design import design_points
 from radcal.calibration.expected import LawForward
 from radcal.calibration.grounds import Ground, GroundLaw, Method, curve_prior, fit_grounds, ground_residuals
@@ -35,6 +35,7 @@ _BLOCK_ROWS = 10
 _NO_BETTER = 0.1  # of half the sum of squared residuals: a change of the law by a third of its error is 0.05
 _KEPT = 0.5  # of it: promise and run agree
 Reason = Literal["settled", "max_runs"]
+Model = Literal["correction", "kriging"]
 
 
 @dataclass(frozen=True)
@@ -97,12 +98,12 @@ def target_ground(name: str, target: Target, geometry: Geometry) -> Ground:
 class _Material:
     """One material's part of the loop."""
 
-    def __init__(self, name: str, case: Case, target: Target, measured: GroundLaw) -> None:
-        self.name, self.case, self.target, self.measured = name, case, target, measured
+    def __init__(self, name: str, case: Case, target: Target, measured: GroundLaw, model: Model) -> None:
+        self.name, self.case, self.target, self.measured, self.model = name, case, target, measured, model
         self.prior = curve_prior(measured.ground, measured.method)
         self.points: list[list[float]] = []
         self.cumulants: list[NDArray[np.float64]] = []
-        self.surrogate: ClassSurrogate | None = None
+        self.surrogate: ClassSurrogate | Corrected | None = None
         self.steps: list[Step] = []
         self.fits: list[LawFit] = []
 
@@ -122,14 +123,23 @@ class _Material:
         """Half the sum of squares, with the priors."""
         return 0.5 * float((residuals(x, looks) ** 2).sum() + (self.prior(x, looks) ** 2).sum())
 
+    def train(self, iteration: int) -> None:
+        """Make what stands for the simulator."""
+        method, settings = self.measured.method, self.case.surrogate
+        baseline = LawForward(method.law, self.measured.classes.nodes_deg, method.looks)
+        if self.model == "correction":
+            best = int(np.argmin([step.verified for step in self.steps])) if self.steps else None
+            run = () if best is None else (self.points[best], self.cumulants[best])
+            self.surrogate = Corrected(baseline, *run)
+            return
+        last = self.surrogate if settings.training == "warm" and iteration % settings.retrain_every else None
+        theta = last.theta if isinstance(last, ClassSurrogate) else None
+        self.surrogate = ClassSurrogate(method.bounds, self.points, self.cumulants, baseline).train(theta)
+
     def propose(self, iteration: int) -> LawFit:
         """NSGA-II over X and looks, of level and of spread residuals; then least squares."""
-        settings = self.case.surrogate
-        warm = self.surrogate is not None and settings.training == "warm" and iteration % settings.retrain_every
-        theta = self.surrogate.theta if warm and self.surrogate is not None else None
         method = self.measured.method
-        baseline = LawForward(method.law, self.measured.classes.nodes_deg, method.looks)
-        self.surrogate = ClassSurrogate(method.bounds, self.points, self.cumulants, baseline).train(theta)
+        self.train(iteration)
         residuals = self.residuals()
         box = np.asarray(method.bounds, dtype=np.float64)
         looks_box = np.log(np.array(LOOKS) * [1.0, method.looks])
@@ -193,7 +203,12 @@ class _Material:
 
 
 def calibrate_laws(
-    case: Case, runner: Runner, targets: Targets, geometry: Geometry, method: Mapping[str, Method]
+    case: Case,
+    runner: Runner,
+    targets: Targets,
+    geometry: Geometry,
+    method: Mapping[str, Method],
+    model: Model = "correction",
 ) -> LawCalibration:
     """Calibrate the laws of all materials in classes of incidence.
 
@@ -212,6 +227,9 @@ def calibrate_laws(
         Of the pass.
     method : mapping
         By calibrated material; the objective is ``classes``.
+    model : {'correction', 'kriging'}
+        What stands for the simulator: law and speckle corrected by the best run, with no design; or
+        kriging of the difference of all runs from them, after the design.
 
     Returns
     -------
@@ -230,7 +248,7 @@ def calibrate_laws(
             )
     grounds = {name: target_ground(name, target, geometry) for name, target in targets.items()}
     measured = fit_grounds(grounds, method)
-    materials = {name: _Material(name, case, targets[name], measured[name]) for name in targets}
+    materials = {name: _Material(name, case, targets[name], measured[name], model) for name in targets}
 
     def take(record: Record, parameters: Mapping[str, list[float]]) -> None:
         mapping = targets.levels.simulated(record.pixels_db)
@@ -239,7 +257,7 @@ def calibrate_laws(
             item.add(parameters[name], targets.levels.apply(pixels, mapping))
 
     seed, runs = noise_seed(case), 0
-    for parameters in design_points(case):
+    for parameters in design_points(case) if model == "kriging" else ():
         take(runner.run(parameters, seed), parameters)
         runs += 1
     reason: Reason = "max_runs"
