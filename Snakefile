@@ -16,13 +16,16 @@ from snakemake.utils import min_version
 
 from radcal import config as configuration
 from radcal.calibration.history import read_runs
+from radcal.calibration.reuse import check_reuse
 from radcal.calibration.salvage import salvage
 from radcal.calibration.stopping import decide
 from radcal.errors import RadcalError
 from radcal.jobs import CASE as CASE_NAME
 from radcal.jobs import FAILURE, OWNER, PROGRESS, STARTED, Follower
 from radcal.lock import CaseLock
+from radcal.records import REPLACE
 from radcal.simulators.command import check_command
+from radcal.stages import READS
 from radcal.slurm import cancel_leftovers, remember
 
 min_version("9.10")
@@ -36,10 +39,12 @@ try:
     CASE = configuration.load(workflow.configfiles, config)
     FILES = configuration.input_files(CASE)
     check_command(CASE)
+    check_reuse(CASE, "results")
 except RadcalError as error:
     sys.exit(f"radcal: {error}")
 
 OUT = f"results/{CASE.case}"
+config["stop"] = CASE.sections("stop")["stop"]  # as scripts are to see it
 LOCK = CaseLock(OUT)
 # A damaged file would stop the job that reads it; set aside before jobs are planned, it is made again. The jobs'
 # own processes read this page too, and a dry run changes nothing.
@@ -51,6 +56,9 @@ if workflow.is_main_process and not any(
     for sentence in sentences:
         sys.stderr.write(f"radcal: {sentence}\n")
 os.environ[CASE_NAME] = CASE.case
+os.environ.pop(REPLACE, None)
+if CASE.replace:
+    os.environ[REPLACE] = "1"
 os.environ[OWNER] = str(os.getpid())
 os.environ[FAILURE] = os.path.abspath(f"{OUT}/logs/failure.txt")
 if workflow.remote_exec:

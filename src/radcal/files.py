@@ -15,7 +15,7 @@ from typing import Any
 
 from radcal.errors import StoreError
 
-__all__ = ["alive", "atomic", "digest", "sweep", "working_folder"]
+__all__ = ["alive", "atomic", "digest", "first_difference", "sweep", "working_folder"]
 
 _PARTIAL = ".partial-"
 
@@ -47,6 +47,15 @@ def atomic(path: str | Path) -> Iterator[Path]:
     finally:
         with contextlib.suppress(OSError):
             partial.unlink()
+
+
+def first_difference(theirs: Any, ours: Any, key: str = "") -> str:
+    """Say where two sets of plain data differ first: the key, and both values."""
+    if isinstance(theirs, dict) and isinstance(ours, dict):
+        for name in [*ours, *(name for name in theirs if name not in ours)]:
+            if theirs.get(name) != ours.get(name):
+                return first_difference(theirs.get(name), ours.get(name), f"{key}.{name}" if key else name)
+    return f"{key} is {theirs!r} there, {ours!r} here"
 
 
 def digest(data: Any) -> str:
