@@ -10,6 +10,7 @@ import os
 import re
 import sys
 import time
+from pathlib import Path
 
 from snakemake.logging import logger
 from snakemake.utils import min_version
@@ -72,12 +73,18 @@ else:
 # One line per finished run is for people. What Snakemake says between any two is left out, and
 # what it adds to a failure that a job has explained in its own sentence.
 ROUTINE = ("Select jobs to", "Execute ", "DAG of jobs will be", "Updating checkpoint")
-AFTERMATH = ("RuleException", "Shutting down", "Exiting because")
+AFTERMATH = ("RuleException", "Shutting down", "Exiting because", "WorkflowError")
+INTERRUPTED = []
 
 
 def for_people(record):
     text = str(record.msg)
-    explained = text.startswith(AFTERMATH) and os.path.exists(os.environ[FAILURE])
+    if text.startswith("Terminating processes on user request"):
+        INTERRUPTED.append(text)
+        return False
+    explained = text.startswith(AFTERMATH) and (
+        INTERRUPTED or os.path.exists(os.environ[FAILURE])
+    )
     return not (text.startswith(ROUTINE) or explained)
 
 
@@ -177,6 +184,13 @@ onsuccess:
 onerror:
     unfollow()
     LOCK.release()
+    if INTERRUPTED:
+        finished = len(list(Path(f"{OUT}/runs").glob("[!.]*.h5")))
+        sys.stderr.write(
+            f"radcal: stopped by Ctrl-C. {finished} finished runs are kept in {OUT}/runs; the same command goes on "
+            "from there.\n"
+        )
+        return
     sys.stderr.write(
         f"radcal: stopped. Finished runs are kept in {OUT}/runs, logs in {OUT}/logs; once the cause is mended, "
         "the same command continues.\n"
