@@ -84,9 +84,9 @@ class Project:
             check=False,
         )
 
-    def start(self, *arguments: str) -> subprocess.Popen[bytes]:
+    def start(self, *arguments: str, cores: int = 2) -> subprocess.Popen[bytes]:
         return subprocess.Popen(
-            self.command(*arguments),
+            self.command(*arguments, cores=cores),
             cwd=self.folder,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
