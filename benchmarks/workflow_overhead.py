@@ -6,7 +6,7 @@ Three tables, all of the design of a small case (96 x 80 pixels):
 
 1. planning: a dry run of designs of growing size, four runs a job; peak memory of Snakemake's process
 2. runs of radcal's own simulator, some milliseconds each, a hundred runs a job
-3. an external program that sleeps 60 s (6 s with ``--quick``) and writes an image: a design of 8 on one core and on two;
+3. an external program that sleeps 60 s (6 s with ``--quick``): a design of 8 on one core and on two;
    time per run beyond the sleep, from typing the command to the prompt
 
 The last line is one JSON object.
@@ -126,6 +126,7 @@ def slow_runs(folder: Path, sleep_s: float, size: int = 8) -> dict[str, Any]:
 
 
 def main() -> None:
+    """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="smaller designs, a shorter sleep")
     options = parser.parse_args()
