@@ -10,19 +10,23 @@ import os
 import re
 import sys
 import time
+from pathlib import Path
 
 from snakemake.logging import logger
 from snakemake.utils import min_version
 
 from radcal import config as configuration
 from radcal.calibration.history import read_runs
+from radcal.calibration.reuse import check_reuse
 from radcal.calibration.salvage import salvage
 from radcal.calibration.stopping import decide
 from radcal.errors import RadcalError
 from radcal.jobs import CASE as CASE_NAME
 from radcal.jobs import FAILURE, OWNER, PROGRESS, STARTED, Follower
 from radcal.lock import CaseLock
+from radcal.records import REPLACE
 from radcal.simulators.command import check_command
+from radcal.stages import READS
 from radcal.slurm import cancel_leftovers, remember
 
 min_version("9.10")
@@ -36,10 +40,12 @@ try:
     CASE = configuration.load(workflow.configfiles, config)
     FILES = configuration.input_files(CASE)
     check_command(CASE)
+    check_reuse(CASE, "results")
 except RadcalError as error:
     sys.exit(f"radcal: {error}")
 
 OUT = f"results/{CASE.case}"
+config["stop"] = CASE.sections("stop")["stop"]  # as scripts are to see it
 LOCK = CaseLock(OUT)
 # A damaged file would stop the job that reads it; set aside before jobs are planned, it is made again. The jobs'
 # own processes read this page too, and a dry run changes nothing.
@@ -51,6 +57,9 @@ if workflow.is_main_process and not any(
     for sentence in sentences:
         sys.stderr.write(f"radcal: {sentence}\n")
 os.environ[CASE_NAME] = CASE.case
+os.environ.pop(REPLACE, None)
+if CASE.replace:
+    os.environ[REPLACE] = "1"
 os.environ[OWNER] = str(os.getpid())
 os.environ[FAILURE] = os.path.abspath(f"{OUT}/logs/failure.txt")
 if workflow.remote_exec:
@@ -64,12 +73,18 @@ else:
 # One line per finished run is for people. What Snakemake says between any two is left out, and
 # what it adds to a failure that a job has explained in its own sentence.
 ROUTINE = ("Select jobs to", "Execute ", "DAG of jobs will be", "Updating checkpoint")
-AFTERMATH = ("RuleException", "Shutting down", "Exiting because")
+AFTERMATH = ("RuleException", "Shutting down", "Exiting because", "WorkflowError")
+INTERRUPTED = []
 
 
 def for_people(record):
     text = str(record.msg)
-    explained = text.startswith(AFTERMATH) and os.path.exists(os.environ[FAILURE])
+    if text.startswith("Terminating processes on user request"):
+        INTERRUPTED.append(text)
+        return False
+    explained = text.startswith(AFTERMATH) and (
+        INTERRUPTED or os.path.exists(os.environ[FAILURE])
+    )
     return not (text.startswith(ROUTINE) or explained)
 
 
@@ -169,6 +184,13 @@ onsuccess:
 onerror:
     unfollow()
     LOCK.release()
+    if INTERRUPTED:
+        finished = len(list(Path(f"{OUT}/runs").glob("[!.]*.h5")))
+        sys.stderr.write(
+            f"radcal: stopped by Ctrl-C. {finished} finished runs are kept in {OUT}/runs; the same command goes on "
+            "from there.\n"
+        )
+        return
     sys.stderr.write(
         f"radcal: stopped. Finished runs are kept in {OUT}/runs, logs in {OUT}/logs; once the cause is mended, "
         "the same command continues.\n"

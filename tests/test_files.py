@@ -5,16 +5,40 @@ import os
 import socket
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
 from radcal.errors import StoreError
-from radcal.files import atomic, digest, sweep, working_folder
+from radcal.files import atomic, bring_back, digest, first_difference, sweep, working_folder
 
 
 def left_in(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
+
+
+def test_what_is_dated_in_the_future_is_dated_now_in_its_order(tmp_path: Path) -> None:
+    now = time.time_ns()
+    ages = {"old.h5": -50, "first.h5": 10, "second.json": 20, "iterations/third.h5": 30, "runs/a.h5": 40}
+    for name, seconds in ages.items():
+        path = tmp_path / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("")
+        os.utime(path, ns=(now, now + seconds * 10**9))
+    old, record = (tmp_path / name for name in ("old.h5", "runs/a.h5"))
+    kept = old.stat().st_mtime_ns, record.stat().st_mtime_ns
+    assert bring_back(tmp_path) >= 3
+    assert (old.stat().st_mtime_ns, record.stat().st_mtime_ns) == kept
+    stamps = [(tmp_path / name).stat().st_mtime_ns for name in ages if name != "runs/a.h5"]
+    assert stamps == sorted(set(stamps))
+    assert stamps[-1] <= time.time_ns()
+
+
+def test_the_first_difference_is_named_with_both_values() -> None:
+    theirs = {"pass": {"looks": 4, "band": "X"}, "seed": 1}
+    assert first_difference(theirs, {"pass": {"looks": 8, "band": "X"}, "seed": 2}) == "pass.looks is 4 there, 8 here"
+    assert first_difference(theirs, {"pass": {"looks": 4}, "seed": 1}) == "pass.band is 'X' there, None here"
 
 
 def test_atomic_shows_the_file_only_when_complete(tmp_path: Path) -> None:

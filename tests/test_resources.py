@@ -118,7 +118,7 @@ def test_no_facet_is_larger_than_a_pixel_and_none_needlessly_small(cell_m, range
         ("report", 9_000_000, 971),
         ("geometry", 2_250_000, 415),
         ("measurement", 2_250_000, 548),
-        ("registration", 2_250_000, 425),
+        ("registration", 2_250_000, 817),
     ],
 )
 def test_memory_is_enough_for_what_was_measured_and_not_much_more(stage, values, peak_mb):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import shutil
 from pathlib import Path
 
@@ -15,11 +16,20 @@ def project(tmp_path: Path) -> Project:
 
 
 @pytest.fixture(scope="session")
-def _finished_once(tmp_path_factory: pytest.TempPathFactory) -> Project:
-    made = make_project(tmp_path_factory.mktemp("finished") / "project")
-    done = made.run("--configfile", "tiny.yaml")
-    assert done.returncode == 0, done.stdout
-    return made
+def _finished_once(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Project:
+    base = tmp_path_factory.getbasetemp()
+    # tests that run side by side have a folder in common, and make it once
+    folder = (base if worker_id == "master" else base.parent) / "finished" / "project"
+    folder.parent.mkdir(exist_ok=True)
+    with (folder.parent / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        project = Project(folder)
+        if not (folder.parent / "done").exists():
+            project = make_project(folder)
+            done = project.run("--configfile", "tiny.yaml")
+            assert done.returncode == 0, done.stdout
+            (folder.parent / "done").touch()
+        return project
 
 
 @pytest.fixture

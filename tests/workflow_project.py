@@ -42,7 +42,7 @@ def tiny_case(**changes: Any) -> dict[str, Any]:
             "far_incidence_deg": 35.0,
         },
         "materials": {
-            "field": {"calibrate": True, "law": "mangia"},
+            "field": {"calibrate": True, "law": "mangia", "bounds": [[0, 15], [5, 25], [10, 35], [0, 10]]},
             "lake": {"law": "mangia", "parameters": [5, 5, 5, 5]},
         },
         "measurement": {
@@ -84,9 +84,9 @@ class Project:
             check=False,
         )
 
-    def start(self, *arguments: str) -> subprocess.Popen[bytes]:
+    def start(self, *arguments: str, cores: int = 2) -> subprocess.Popen[bytes]:
         return subprocess.Popen(
-            self.command(*arguments),
+            self.command(*arguments, cores=cores),
             cwd=self.folder,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,

@@ -101,6 +101,15 @@ _DEFAULT_LAW = "mangia"
 _LARGEST = 1000.0  # of any parameter: powers beyond 10^100 are a unit mix-up, and no single-precision image holds them
 
 
+def _case_name(value: str) -> str:
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", value):
+        raise ValueError(f"is {value!r}, expected a letter followed by letters, digits, _ or -")
+    return value
+
+
+CaseName = Annotated[str, AfterValidator(_case_name)]
+
+
 class _Strict(BaseModel):
     """A frozen section of the configuration that refuses unknown keys."""
 
@@ -713,6 +722,7 @@ class Design(_Strict):
         16, description="runs; a larger design keeps a smaller one's"
     )
     chunk: Annotated[Integer, Field(ge=1, le=1000)] = Field(4, description="runs per workflow job")
+    reuse: CaseName | None = Field(None, description="earlier case of the same scene and simulator: its runs count")
 
 
 class Surrogate(_Strict):
@@ -777,7 +787,8 @@ def _default_materials() -> dict[str, Material]:
 class Case(_Strict):
     """Everything radcal needs to know about one calibration."""
 
-    case: str = Field("dyke", description="names the folder below results/")
+    case: CaseName = Field("dyke", description="names the folder below results/")
+    replace: bool = Field(False, description="let results of another scene or pass in that folder be replaced")
     seed: Seed = Field(1, description="every random draw not named elsewhere derives from it")
     scene: Scene = BuiltinScene()
     radar: Radar = Radar()
@@ -798,13 +809,6 @@ class Case(_Strict):
             tag = _TAGS[info.field_name]
             if tag not in value:
                 return {tag: getattr(cls.model_fields[info.field_name].default, tag), **value}
-        return value
-
-    @field_validator("case")
-    @classmethod
-    def _name(cls, value: str) -> str:
-        if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", value):
-            raise ValueError(f"is {value!r}, expected a letter followed by letters, digits, _ or -")
         return value
 
     @field_validator("materials")
@@ -845,6 +849,8 @@ class Case(_Strict):
         self._check_laws()
         if isinstance(self.measurement, FileMeasurement):
             self._check_pass(self.measurement)
+        if self.design.reuse == self.case:
+            raise ValueError(f"design.reuse is {self.case!r}, this case itself, expected an earlier one")
         if self.stop.max_runs < self.design.size:
             raise ValueError(
                 f"stop.max_runs is {self.stop.max_runs}, expected at least design.size ({self.design.size})"

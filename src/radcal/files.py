@@ -9,13 +9,14 @@ import os
 import shutil
 import socket
 import tempfile
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from radcal.errors import StoreError
 
-__all__ = ["alive", "atomic", "digest", "sweep", "working_folder"]
+__all__ = ["alive", "atomic", "bring_back", "digest", "first_difference", "sweep", "working_folder"]
 
 _PARTIAL = ".partial-"
 
@@ -47,6 +48,15 @@ def atomic(path: str | Path) -> Iterator[Path]:
     finally:
         with contextlib.suppress(OSError):
             partial.unlink()
+
+
+def first_difference(theirs: Any, ours: Any, key: str = "") -> str:
+    """Say where two sets of plain data differ first: the key, and both values."""
+    if isinstance(theirs, dict) and isinstance(ours, dict):
+        for name in [*ours, *(name for name in theirs if name not in ours)]:
+            if theirs.get(name) != ours.get(name):
+                return first_difference(theirs.get(name), ours.get(name), f"{key}.{name}" if key else name)
+    return f"{key} is {theirs!r} there, {ours!r} here"
 
 
 def digest(data: Any) -> str:
@@ -88,6 +98,31 @@ def sweep(folder: str | Path) -> int:
                 partial.unlink(missing_ok=True)
             removed += 1
     return removed
+
+
+def bring_back(folder: str | Path) -> int:
+    """Date files of the future now, in their order, and return how many there were.
+
+    After a clock was set back, Snakemake would end every job whose output is older than its input. Records of
+    runs, of which Snakemake knows nothing, stay as they are.
+
+    Parameters
+    ----------
+    folder : path
+        ``results/<case>``.
+    """
+    now = time.time_ns()
+    dated = []
+    for path in Path(folder).rglob("*"):
+        if path.parent.name == "runs":
+            continue
+        with contextlib.suppress(OSError):  # removed meanwhile
+            dated.append((path.stat().st_mtime_ns, path))
+    future = sorted(item for item in dated if item[0] > now)
+    for k, (_, path) in enumerate(reversed(future)):
+        with contextlib.suppress(OSError):
+            os.utime(path, ns=(now - k * 1000, now - k * 1000))
+    return len(future)
 
 
 def alive(pid: int) -> bool:

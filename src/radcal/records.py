@@ -27,10 +27,11 @@ from typing import IO, Any
 
 import h5py
 
-from radcal.errors import DamagedError, StoreError
-from radcal.files import atomic
+from radcal.errors import ConfigError, DamagedError, StoreError
+from radcal.files import atomic, first_difference
 
 __all__ = [
+    "REPLACE",
     "SCHEMAS",
     "inspect",
     "is_sealed",
@@ -55,6 +56,9 @@ SCHEMAS: Mapping[str, int] = {
     "calibration": 1,
 }
 """What kinds of HDF5 files there are, and the version of each one's layout."""
+
+REPLACE = "RADCAL_REPLACE"
+"""Environment variable that the Snakefile sets where finished results may be replaced by those of another scene."""
 
 _BLOCK = 512  # the smallest user block that HDF5 allows [bytes]
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -98,7 +102,7 @@ def provenance(case: str | None = None, config: Mapping[str, Any] | None = None)
 
 
 @contextlib.contextmanager
-def write_hdf5(path: str | Path, kind: str, track_order: bool = False) -> Iterator[h5py.File]:
+def write_hdf5(path: str | Path, kind: str, track_order: bool = False, protected: bool = False) -> Iterator[h5py.File]:
     """Open a new HDF5 file that becomes visible under ``path`` only when complete, with checksum and provenance.
 
     If the file there holds the same already, it is left as it is but for its time stamp: what was made again
@@ -113,9 +117,14 @@ def write_hdf5(path: str | Path, kind: str, track_order: bool = False) -> Iterat
         Key of :data:`SCHEMAS`.
     track_order : bool
         Groups are read back in the order in which they were made.
+    protected : bool
+        Refuse to change the file while a finished calibration that rests on it stands beside it, unless the
+        environment variable :data:`REPLACE` is set.
 
     Raises
     ------
+    ConfigError
+        The file is protected.
     StoreError
         The folder or the disk refuses the file.
     """
@@ -131,6 +140,8 @@ def write_hdf5(path: str | Path, kind: str, track_order: bool = False) -> Iterat
                 file.attrs["case"] = case
             yield file
         content = hashlib.sha256(made.getbuffer()[_BLOCK:]).hexdigest()
+        if protected and REPLACE not in os.environ:
+            _protect(path, kind, content)
         if _holds(path, kind, content):
             shutil.copyfile(path, partial)
             return
@@ -148,6 +159,32 @@ def write_hdf5(path: str | Path, kind: str, track_order: bool = False) -> Iterat
         with made.getbuffer() as whole:
             whole[:_BLOCK] = _header(hashlib.sha256(whole[_BLOCK:]).hexdigest(), len(whole))
             partial.write_bytes(whole)
+
+
+def _protect(path: Path, kind: str, content: str) -> None:
+    """Raise if a finished calibration rests on a file of other content."""
+    if not (path.parent / "calibration.h5").is_file():
+        return
+    try:
+        inspect_file(path, kind)
+    except (_Fault, OSError, StoreError):
+        return  # nothing that could be kept
+    with h5py.File(path, "r", locking=False) as file:
+        if file.attrs["content"] == content:
+            return
+        theirs = json.loads(file["config"].asstr()[()]) if "config" in file else {}
+        made_by = str(file.attrs["radcal"])
+    ours = json.loads(json.dumps(_origin.get().config or {}, default=str))
+    if theirs != ours:
+        why = first_difference(theirs, ours)
+    elif made_by != version("radcal"):
+        why = f"it was made by radcal {made_by}, this is {version('radcal')}"
+    else:
+        why = "the files that it is made from are others"
+    raise ConfigError(
+        f"{path.parent} holds a finished calibration of another {kind} ({why}), which stays as it is: give this one a "
+        "name of its own (case: ...), or add --config replace=true to have those results replaced (runs are kept)."
+    )
 
 
 def _header(total: str, size: int) -> bytes:

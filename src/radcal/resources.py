@@ -34,7 +34,7 @@ _DEMANDS: dict[Stage, _Demand] = {
     "geometry": _Demand(800, 140, 30),
     "measurement": _Demand(900, 180, 60),
     "run": _Demand(1000, 100, 30),
-    "registration": _Demand(1000, 250, 200),
+    "registration": _Demand(1000, 350, 200),
     "target": _Demand(900, 180, 60),
     "report": _Demand(1000, 100, 20),
 }

@@ -235,6 +235,15 @@ class Runner:
             **({"repeat": True} if repeat else {}),
         }
 
+    def take(self, other: RunStore, key: str) -> bool:
+        """Copy a record from another store unless this one has it; False where it lacks pixels that are recorded."""
+        if self._store.get(key, self._recorded) is None:
+            record = other.get(key, self._recorded)
+            if record is None:
+                return False
+            self._store.put(record, other.description(key))
+        return True
+
     def run(self, parameters: Parameters, noise_seed: int, image: bool = False, repeat: bool = False) -> Record:
         """Return the run of these parameters, simulating only if the store does not have it.
 

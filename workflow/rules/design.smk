@@ -1,11 +1,40 @@
 # The reference run and the initial design. Runs are kept in the run store, which every job asks
-# first; the files below only index it. Measurement and target are ancient(): they must have been
-# checked before a run is spent, but no change of them makes a finished run stale. ancient() marks the very
-# object it is given: given rules.x.output.y it would make that output ancient for every rule.
+# first; the files below only index it, and a job that is done again for another reason finds them there.
+# Measurement and target come first: a mistake in them ends before a run is spent. They are not ancient():
+# behind an ancient() input whose own job runs, Snakemake does not ask a job for reasons of its own, so
+# that a new seed, which changes the target too, would leave the old design in place.
 
-# what determines a run's numbers, and which jobs must therefore run again when it changes
-SIMULATION = CASE.sections("seed", "radar", "simulator", "materials")
 CHUNKS = range(-(-CASE.design.size // CASE.design.chunk))
+EARLIER = f"results/{CASE.design.reuse}/runs"
+
+
+# An earlier case's runs; before the reference run, which may be among them.
+rule reuse:
+    input:
+        SIMULATOR,
+        scene=rules.scene.output.scene,
+        geometry=rules.geometry.output.geometry,
+        measurement=rules.measurement.output.measurement,
+    output:
+        index=f"{OUT}/reused.json",
+    log:
+        f"{OUT}/logs/reuse.log",
+    retries: 0
+    threads: 1
+    resources:
+        mem_mb=memory("run"),
+        runtime=minutes("run"),
+    params:
+        case=CASE.sections(*READS["reuse"]),
+        runs=f"{OUT}/runs",
+        earlier=EARLIER,
+    message:
+        "runs of an earlier case"
+    script:
+        "../scripts/reuse.py"
+
+
+REUSED = [rules.reuse.output.index] if CASE.design.reuse else []
 
 
 rule reference_run:
@@ -13,7 +42,8 @@ rule reference_run:
         SIMULATOR,
         scene=rules.scene.output.scene,
         geometry=rules.geometry.output.geometry,
-        measurement=ancient(f"{OUT}/measurement.h5"),
+        measurement=rules.measurement.output.measurement,
+        reused=REUSED,
     output:
         index=f"{OUT}/reference.json",
     log:
@@ -25,7 +55,7 @@ rule reference_run:
         mem_mb=memory("run"),
         runtime=minutes("run", 2),
     params:
-        case=SIMULATION,
+        case=CASE.sections(*READS["reference_run"]),
         runs=f"{OUT}/runs",
     message:
         "reference run"
@@ -38,8 +68,8 @@ rule design_chunk:
         SIMULATOR,
         scene=rules.scene.output.scene,
         geometry=rules.geometry.output.geometry,
-        target=ancient(f"{OUT}/target.h5"),
-        reference=ancient(f"{OUT}/reference.json"),
+        target=rules.target.output.target,
+        reused=REUSED,
     output:
         index=f"{OUT}/design/{{chunk}}.json",
     log:
@@ -51,7 +81,7 @@ rule design_chunk:
         mem_mb=memory("run"),
         runtime=minutes("run", CASE.design.chunk),
     params:
-        case=SIMULATION | CASE.sections("design"),
+        case=CASE.sections(*READS["design_chunk"]),
         runs=f"{OUT}/runs",
     message:
         "design, chunk {wildcards.chunk}"
@@ -63,6 +93,7 @@ checkpoint scores:
     input:
         target=rules.target.output.target,
         reference=rules.reference_run.output.index,
+        reused=REUSED,
         design=expand(rules.design_chunk.output.index, chunk=CHUNKS),
     output:
         scores=f"{OUT}/scores.json",
@@ -76,7 +107,7 @@ checkpoint scores:
         mem_mb=memory("light"),
         runtime=minutes("light"),
     params:
-        case=CASE.sections("seed", "materials"),
+        case=CASE.sections(*READS["scores"]),
         runs=f"{OUT}/runs",
     message:
         "scores of the design"

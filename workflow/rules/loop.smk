@@ -22,7 +22,8 @@ def last_surrogate(wildcards):
     return f"{OUT}/iterations/{k - 1}/surrogate.h5" if k > 0 else []
 
 
-# A rule of its own, so that new stop settings touch nothing but what reads this file.
+# New stop settings touch nothing but what reads this file: the walk above, and the archive. The jobs of the loop
+# take them from Snakemake's config, which makes no finished job stale.
 rule stop_settings:
     output:
         stop=f"{OUT}/stop.json",
@@ -31,7 +32,7 @@ rule stop_settings:
     retries: 0
     threads: 1
     params:
-        case=CASE.sections("stop"),
+        case=CASE.sections(*READS["stop_settings"]),
     message:
         "stop settings"
     script:
@@ -55,7 +56,7 @@ rule train:
         mem_mb=memory("light"),
         runtime=60,
     params:
-        case=CASE.sections("simulator", "materials", "surrogate"),
+        case=CASE.sections(*READS["train"]),
     message:
         "train {wildcards.k}"
     script:
@@ -68,7 +69,6 @@ rule propose:
         verified=earlier,
         target=rules.target.output.target,
         surrogate=rules.train.output.surrogate,
-        stop=ancient(f"{OUT}/stop.json"),
     output:
         proposal=f"{OUT}/iterations/{{k}}/proposal.json",
     log:
@@ -81,7 +81,7 @@ rule propose:
         mem_mb=memory("light"),
         runtime=60,
     params:
-        case=CASE.sections("seed", "materials", "optimiser"),
+        case=CASE.sections(*READS["propose"]),
     message:
         "propose {wildcards.k}"
     script:
@@ -97,7 +97,6 @@ checkpoint verify:
         scores=f"{OUT}/scores.json",
         earlier=earlier,
         proposal=rules.propose.output.proposal,
-        stop=ancient(f"{OUT}/stop.json"),
     output:
         verified=f"{OUT}/iterations/{{k}}/verified.json",
     log:
@@ -109,7 +108,7 @@ checkpoint verify:
         mem_mb=memory("run"),
         runtime=minutes("run", 1),
     params:
-        case=SIMULATION,
+        case=CASE.sections(*READS["verify"]),
         runs=f"{OUT}/runs",
     message:
         "verify {wildcards.k}"

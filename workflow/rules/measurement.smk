@@ -19,7 +19,7 @@ rule measurement:
         mem_mb=memory("measurement"),
         runtime=minutes("measurement", 1 if SYNTHETIC else 0),
     params:
-        case=CASE.sections("measurement", "materials", "radar", "simulator", "target"),
+        case=CASE.sections(*READS["measurement"]),
     message:
         "measured image"
     script:
@@ -43,7 +43,7 @@ rule registration:
         mem_mb=memory("registration"),
         runtime=minutes("registration"),
     params:
-        case=CASE.sections("registration", "materials"),
+        case=CASE.sections(*READS["registration"]),
         runs=f"{OUT}/runs",
     message:
         "registration"
@@ -68,7 +68,7 @@ rule target:
         mem_mb=memory("target"),
         runtime=minutes("target"),
     params:
-        case=CASE.sections("seed", "materials", "radar", "target"),
+        case=CASE.sections(*READS["target"]),
         runs=f"{OUT}/runs",
     message:
         "target densities"

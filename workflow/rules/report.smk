@@ -20,7 +20,7 @@ rule final_runs:
         mem_mb=memory("run"),
         runtime=minutes("run", 2),
     params:
-        case=SIMULATION,
+        case=CASE.sections(*READS["final_runs"]),
         runs=f"{OUT}/runs",
     message:
         "final runs"
@@ -51,8 +51,7 @@ rule archive:
         mem_mb=memory("report"),
         runtime=minutes("report"),
     params:
-        # all but the stop settings, which come as a file
-        case=CASE.sections(*(key for key in type(CASE).model_fields if key != "stop")),
+        case=CASE.sections(*READS["archive"]),
         runs=f"{OUT}/runs",
     message:
         "archive of all runs"

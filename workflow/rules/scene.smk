@@ -17,7 +17,7 @@ rule scene:
         mem_mb=memory("scene"),
         runtime=minutes("scene"),
     params:
-        case=CASE.sections("scene", "materials"),
+        case=CASE.sections(*READS["scene"]),
     message:
         "scene"
     script:
@@ -39,7 +39,7 @@ rule geometry:
         mem_mb=memory("geometry"),
         runtime=minutes("geometry"),
     params:
-        case=CASE.sections("radar"),
+        case=CASE.sections(*READS["geometry"]),
     message:
         "geometry of the pass"
     script:

@@ -20,7 +20,7 @@ rule simulator:
         mem_mb=memory("run"),
         runtime=minutes("run"),
     params:
-        case=CASE.sections("simulator", "materials", "radar"),
+        case=CASE.sections(*READS["simulator"]),
     message:
         "simulator"
     script:

@@ -5,17 +5,19 @@ from radcal.calibration.steps import design_line, noise_seed
 from radcal.config import Case
 from radcal.jobs import logged, progress
 from radcal.measurement.target import read_targets
-from radcal.records import write_json
+from radcal.records import read_json, write_json
 from radcal.simulators.sources import make_runner
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = Case.of_sections(snakemake.params.case)
     runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     targets = read_targets(snakemake.input.target)
+    reused = [entry["parameters"] for file in snakemake.input.reused for entry in read_json(file)]
+    points = design_points(case, reused)
     first = int(snakemake.wildcards.chunk) * case.design.chunk
     index = []
-    for k, parameters in list(enumerate(design_points(case)))[first : first + case.design.chunk]:
+    for k, parameters in list(enumerate(points))[first : first + case.design.chunk]:
         record = runner.run(parameters, noise_seed(case))
         index.append({"key": record.key, "parameters": parameters})
-        progress(design_line(k + 1, case.design.size, record, targets))
+        progress(design_line(k + 1, len(points), record, targets))
     write_json(snakemake.output.index, index)

@@ -6,13 +6,12 @@ from radcal.calibration.surrogate import read_surrogates
 from radcal.config import Case, Stop
 from radcal.jobs import logged
 from radcal.measurement.target import read_targets
-from radcal.records import read_json
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = Case.of_sections(snakemake.params.case)
     history = read_runs([snakemake.input.scores, *snakemake.input.verified])
     targets = read_targets(snakemake.input.target)
-    stop = Stop.model_validate(read_json(snakemake.input.stop))
+    stop = Stop.model_validate(snakemake.config["stop"])
     surrogates = read_surrogates(snakemake.input.surrogate)
     k = int(snakemake.wildcards.k)
     proposals = propose_all(surrogates, targets, history, case, k, stop, snakemake.threads)

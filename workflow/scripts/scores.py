@@ -10,9 +10,10 @@ with logged(snakemake.log[0], snakemake.params.case):
     case = Case.of_sections(snakemake.params.case)
     targets = read_targets(snakemake.input.target)
     reference = [record for record, _ in indexed([snakemake.input.reference], snakemake.params.runs, case.calibrated)]
-    design = indexed(snakemake.input.design, snakemake.params.runs, case.calibrated)
     runs = score_reference(case, reference, targets)
-    runs += [score("design", k, record, parameters, targets) for k, (record, parameters) in enumerate(design)]
+    for kind, files in (("reused", snakemake.input.reused), ("design", snakemake.input.design)):
+        listed = indexed(files, snakemake.params.runs, case.calibrated)
+        runs += [score(kind, k, record, parameters, targets) for k, (record, parameters) in enumerate(listed)]
     write_runs(snakemake.output.scores, runs)
     best = {name: History(runs).best(name).rms[name] for name in targets}
     for name, rms in best.items():

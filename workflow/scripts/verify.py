@@ -5,7 +5,6 @@ from radcal.calibration.steps import progress_line, verify
 from radcal.config import Case, Stop
 from radcal.jobs import logged, progress
 from radcal.measurement.target import read_targets
-from radcal.records import read_json
 from radcal.simulators.sources import make_runner
 
 with logged(snakemake.log[0], snakemake.params.case):
@@ -15,5 +14,5 @@ with logged(snakemake.log[0], snakemake.params.case):
     run = verify(proposals, read_targets(snakemake.input.target), runner, case, int(snakemake.wildcards.k))
     write_runs(snakemake.output.verified, [run])
     earlier = read_runs([snakemake.input.scores, *snakemake.input.earlier])
-    stop = Stop.model_validate(read_json(snakemake.input.stop))
+    stop = Stop.model_validate(snakemake.config["stop"])
     progress(progress_line(History([*earlier.runs, run]), case.calibrated, stop))

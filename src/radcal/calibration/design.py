@@ -6,6 +6,7 @@ Every sampler is a sequence: a larger design keeps the points of a smaller one.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,16 +63,24 @@ def _fill_strata(points: NDArray[np.float64], rng: np.random.Generator) -> NDArr
     return added
 
 
-def design_points(case: Case) -> list[dict[str, list[float]]]:
+def design_points(case: Case, reused: Sequence[Mapping[str, Sequence[float]]] = ()) -> list[dict[str, list[float]]]:
     """Parameters of every material for each run of the design.
 
     Calibrated materials share the runs. The design fills the box of all their parameters
     together, so that no two materials move together.
 
+    Parameters
+    ----------
+    case : Case
+        Sections ``seed``, ``materials`` and ``design`` are read.
+    reused : sequence of mapping, optional
+        Parameters of runs of an earlier case: each stands for a run of the design.
+
     Returns
     -------
     list of dict
-        One mapping of material to parameters per run.
+        One mapping of material to parameters per run: the first points of the sequence that are not among
+        the reused ones, as many as those leave to be made.
     """
     boxes = {name: np.array(case.materials[name].box, dtype=np.float64) for name in case.calibrated}
     low, high = np.concatenate(list(boxes.values())).T
@@ -80,7 +89,10 @@ def design_points(case: Case) -> list[dict[str, list[float]]]:
     ends = np.cumsum([len(box) for box in boxes.values()])
     columns = dict(zip(boxes, np.split(points, ends[:-1], axis=1), strict=True))
     fixed = {name: material.start_parameters for name, material in case.materials.items()}
-    return [
+    design = [
         {name: columns[name][k].tolist() if name in columns else list(x) for name, x in fixed.items()}
         for k in range(case.design.size)
     ]
+    there = {tuple(tuple(x[name]) for name in columns) for x in reused}
+    missing = [x for x in design if tuple(tuple(x[name]) for name in columns) not in there]
+    return missing[: max(case.design.size - len(reused), 0)]

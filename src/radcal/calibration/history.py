@@ -29,7 +29,7 @@ __all__ = [
     "write_runs",
 ]
 
-Kind = Literal["reference", "design", "infill"]
+Kind = Literal["reference", "reused", "design", "infill"]
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,8 @@ class Run:
 
     Attributes
     ----------
-    kind : {'reference', 'design', 'infill'}
+    kind : {'reference', 'reused', 'design', 'infill'}
+        Reused ones are of an earlier case; they train, and count for no maximum.
     index : int
         Number within its kind.
     key : str
@@ -129,7 +130,7 @@ class History:
     Parameters
     ----------
     runs : iterable of Run
-        Reference, design, then infill.
+        Reference, reused, design, then infill.
     """
 
     def __init__(self, runs: Iterable[Run]) -> None:

@@ -6,6 +6,7 @@ import logging
 from pathlib import Path
 
 from radcal.errors import DamagedError, StoreError
+from radcal.files import bring_back
 from radcal.records import SCHEMAS, inspect, is_sealed, kind_of, provenance, read_json
 from radcal.store import RunStore
 
@@ -28,6 +29,8 @@ logger = logging.getLogger(__name__)
 def salvage(folder: str | Path, case: str) -> tuple[list[Path], list[str]]:
     """Set damaged files of a results folder aside, and remove indexes that list a run that is not there.
 
+    What is dated in the future, by a clock that was set back since, is dated now.
+
     Files up to 16 MiB are read whole; of larger ones header and size are compared, and the rest where a job
     reads them.
 
@@ -47,6 +50,7 @@ def salvage(folder: str | Path, case: str) -> tuple[list[Path], list[str]]:
         What was found, for the person at the terminal.
     """
     folder = Path(folder)
+    bring_back(folder)
     gone: list[Path] = []
     sentences: list[str] = []
     with provenance(case):

@@ -523,9 +523,26 @@ def _per_area(radar: Radar, flat_incidence_deg: NDArray[np.float64]) -> NDArray[
     return np.asarray(of_sigma0(radar.radiometry, flat_incidence_deg) / area)
 
 
-def write_geometry(path: str | Path, geometry: Geometry) -> None:
-    """Write a geometry to HDF5, atomically."""
-    with write_hdf5(path, "geometry") as file:
+def write_geometry(path: str | Path, geometry: Geometry, radar: Radar | None = None) -> None:
+    """Write a geometry to HDF5, atomically.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    geometry : Geometry
+        What is written.
+    radar : Radar, optional
+        The pass, kept for the record: passes that differ in looks or noise only have the same geometry.
+
+    Raises
+    ------
+    ConfigError
+        A finished calibration beside it rests on another pass.
+    """
+    with write_hdf5(path, "geometry", protected=True) as file:
+        if radar is not None:
+            file.attrs["pass"] = radar.model_dump_json()
         file.attrs["shape"] = geometry.shape
         file["names"] = list(geometry.names)
         for item in fields(Geometry)[2:]:

@@ -8,7 +8,7 @@ Layout of the archive (schema 1); backscatter in dB, angles in degrees:
                                           ``measured_looks`` (homogeneous areas),
                                           ``simulator`` (JSON: its identity), ``sentences``, ``law_notes``,
                                           ``versions`` (JSON), ``final_runs``
-``runs/kind, index, key, seconds``        one entry per run: reference, design, infill
+``runs/kind, index, key, seconds``        one entry per run: reference, reused, design, infill
 ``materials/<m>`` attributes              ``law``, ``parameter_names``, ``parameter_units``,
                                           ``reason``, ``sentence``, ``eligible``, ``at_boundary``,
                                           ``rms_sampling``, ``effective`` (independent pixels),

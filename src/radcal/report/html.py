@@ -129,6 +129,8 @@ def _verdict(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]])
     tolerance = f"the tolerance of {_number(summary['tolerance'], 2)} 1/{summary['levels']['unit']}"
     count = summary["runs"]["design"] + summary["runs"]["infill"]
     runs = "one run" if count == 1 else f"{count} runs"
+    if reused := summary["runs"]["reused"]:
+        runs += f" and {reused} of an earlier case"
     if len(materials) == 1:
         what, agree, is_not = f"the backscatter density of {materials[0]['name']}", "agrees", "is not"
     else:

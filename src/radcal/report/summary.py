@@ -206,12 +206,13 @@ def summarise(archive: str | Path, seconds: Mapping[str, float] | None = None) -
         runs = {kind: int(np.count_nonzero(kinds == kind)) for kind in ("reference", "design", "infill")}
         runs["final"] = int(file.attrs["final_runs"])
         tolerance = float(file.attrs["tolerance"])
+        reused = int(np.count_nonzero(kinds == "reused"))
         summary: dict[str, Any] = {
             "case": str(file.attrs["case"]),
             "converged": bool(file.attrs["converged"]),
             "stop_reason": str(file.attrs["reason"]),
             "tolerance": tolerance,
-            "runs": {**runs, "total": sum(runs.values())},
+            "runs": {**runs, "total": sum(runs.values()), "reused": reused},
             "iterations": runs["infill"],
             "measurement": str(file.attrs["measurement"]),
             "looks": {"simulated": int(file.attrs["looks"]), "measured": float(file.attrs["measured_looks"])},
@@ -223,7 +224,8 @@ def summarise(archive: str | Path, seconds: Mapping[str, float] | None = None) -
             "wall_seconds": dict(seconds or {}),
             "versions": json.loads(str(file.attrs["versions"])),
             "materials": {
-                name: _material(group, kinds != "reference", tolerance) for name, group in file["materials"].items()
+                name: _material(group, np.isin(kinds, ("design", "infill")), tolerance)
+                for name, group in file["materials"].items()
             },
         }
     result = _finite(summary)

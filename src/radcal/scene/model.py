@@ -83,7 +83,7 @@ class Scene:
 
 def write_scene(path: str | Path, scene: Scene) -> None:
     """Write a scene to HDF5, atomically."""
-    with write_hdf5(path, "scene") as file:
+    with write_hdf5(path, "scene", protected=True) as file:
         file.attrs["identity"] = scene.identity
         file.attrs["cell_m"] = scene.cell_m
         file["names"] = list(scene.names)

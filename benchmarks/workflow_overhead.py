@@ -1,0 +1,144 @@
+"""What the workflow costs besides the simulator: planning, time per run, memory, and what a second core brings.
+
+    python benchmarks/workflow_overhead.py [--quick]
+
+Three tables, all of the design of a small case (96 x 80 pixels):
+
+1. planning: a dry run of designs of growing size, four runs a job; peak memory of Snakemake's process
+2. runs of radcal's own simulator, some milliseconds each, a hundred runs a job
+3. an external program that sleeps 60 s (6 s with ``--quick``): a design of 8 on one core and on two;
+   time per run beyond the sleep, from typing the command to the prompt
+
+The last line is one JSON object.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import psutil
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+
+from workflow_project import Project, make_project
+
+SLEEPER = """\
+import json, sys, time
+from pathlib import Path
+import numpy as np
+task = json.loads(Path("input.json").read_text())
+rng = np.random.default_rng(task["noise_seed"] % 2**32)
+level = sum(task["parameters"]["field"].values())
+time.sleep(float(sys.argv[1]))
+np.save("image.npy", (level + 4.0 * rng.standard_normal(task["shape"])).astype(np.float32))
+"""
+
+
+def timed(project: Project, *arguments: str, cores: int) -> tuple[float, float]:
+    """Wall time [s] and peak memory of Snakemake's own process [MiB]."""
+    started, peak = time.perf_counter(), 0
+    process = project.start(*arguments, cores=cores)
+    watched = psutil.Process(process.pid)
+    while process.poll() is None:
+        try:
+            peak = max(peak, watched.memory_info().rss)
+        except psutil.NoSuchProcess:
+            break
+        time.sleep(0.05)
+    if process.wait() != 0:
+        sys.exit(f"{' '.join(arguments)} failed in {project.folder}")
+    return time.perf_counter() - started, peak / 2**20
+
+
+def exponent(sizes: list[int], seconds: list[float]) -> float:
+    """Slope of log time over log size, between the largest two sizes with the smallest's time, the start, taken off."""
+    (n0, n1), (t0, t1) = sizes[-2:], (s - seconds[0] for s in seconds[-2:])
+    return float(np.log(t1 / t0) / np.log((n1 - sizes[0]) / (n0 - sizes[0])))
+
+
+def planning(folder: Path, sizes: list[int]) -> dict[str, Any]:
+    """Dry runs of designs of these sizes."""
+    print(f"\n{'runs':>7} {'jobs':>6} {'plan [s]':>9} {'memory [MiB]':>13}")
+    seconds = []
+    for size in sizes:
+        project = make_project(folder / f"plan-{size}")
+        project.write(design={"size": size, "chunk": 4}, stop={"max_runs": size + 10})
+        wall, memory = timed(project, "-n", "design", "--configfile", "tiny.yaml", cores=2)
+        seconds.append(wall)
+        print(f"{size:>7} {-(-size // 4):>6} {wall:>9.1f} {memory:>13.0f}", flush=True)
+    return {"plan_seconds": seconds[-1], "plan_exponent": exponent(sizes, seconds), "plan_mib": memory}
+
+
+def fast_runs(folder: Path, sizes: list[int]) -> dict[str, Any]:
+    """Designs of these sizes, simulated in milliseconds."""
+    print(f"\n{'runs':>7} {'design [s]':>11} {'per run [s]':>12} {'memory [MiB]':>13}")
+    seconds = []
+    for size in sizes:
+        project = make_project(folder / f"fast-{size}")
+        project.write(design={"size": size, "chunk": 100}, stop={"max_runs": size + 10})
+        wall, memory = timed(project, "design", "--configfile", "tiny.yaml", cores=2)
+        assert len(project.records()) == size + 1
+        seconds.append(wall)
+        print(f"{size:>7} {wall:>11.1f} {wall / size:>12.3f} {memory:>13.0f}", flush=True)
+        shutil.rmtree(project.folder)
+    return {
+        "fast_seconds_per_run": seconds[-1] / sizes[-1],
+        "fast_exponent": exponent(sizes, seconds),
+        "fast_mib": memory,
+    }
+
+
+def slow_runs(folder: Path, sleep_s: float, size: int = 8) -> dict[str, Any]:
+    """A design of runs that sleep, on one core and on two."""
+    print(f"\n{'cores':>6} {'design [s]':>11} {'beyond the sleep, per run [s]':>30}")
+    walls = {}
+    for cores in (1, 2):
+        project = make_project(folder / f"slow-{cores}")
+        (project.folder / "sleeper.py").write_text(SLEEPER)
+        project.write(
+            simulator={
+                "kind": "command",
+                "command": ["{python}", "sleeper.py", str(sleep_s)],
+                "input": {"format": "json"},
+                "files": ["sleeper.py"],
+                "output": {"file": "image.npy", "scale": "db"},
+                "deterministic": True,
+            },
+            design={"size": size, "chunk": 1},
+        )
+        timed(project, "results/tiny/target.h5", "--configfile", "tiny.yaml", cores=2)
+        walls[cores], _ = timed(project, "design", "--configfile", "tiny.yaml", cores=cores)
+        beyond = (walls[cores] - size * sleep_s / cores) / size
+        print(f"{cores:>6} {walls[cores]:>11.1f} {beyond:>30.2f}", flush=True)
+    return {
+        "sleep_s": sleep_s,
+        "seconds_per_run": (walls[1] - size * sleep_s) / size,
+        "speedup_2_cores": walls[1] / walls[2],
+    }
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="smaller designs, a shorter sleep")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory(prefix="radcal-overhead-") as name:
+        folder = Path(name)
+        sizes = [100, 400, 1600] if options.quick else [100, 2500, 10_000]
+        found = {"runs": sizes[-1]}
+        found |= planning(folder, sizes)
+        found |= fast_runs(folder, [100, 300, 600] if options.quick else sizes)
+        found |= slow_runs(folder, 6.0 if options.quick else 60.0)
+    print(json.dumps({key: round(value, 3) if isinstance(value, float) else value for key, value in found.items()}))
+
+
+if __name__ == "__main__":
+    main()

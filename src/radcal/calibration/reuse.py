@@ -1,0 +1,111 @@
+"""Runs of an earlier case that are this one's too: same simulator, scene, pass, laws and random numbers."""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from radcal.calibration.steps import noise_seed, reference_parameters
+from radcal.config import Case
+from radcal.errors import ConfigError, StoreError
+from radcal.files import digest, first_difference
+from radcal.store import Runner, RunStore
+
+__all__ = ["check_reuse", "reuse_runs"]
+
+logger = logging.getLogger(__name__)
+
+
+def reuse_runs(case: Case, runner: Runner, earlier: str | Path) -> list[dict[str, Any]]:
+    """Take an earlier case's runs that this case could have made, with other parameters of what it calibrates.
+
+    Parameters
+    ----------
+    case : Case
+        Sections ``seed`` and ``materials`` are read.
+    runner : Runner
+        The simulator behind this case's run store, which takes the records.
+    earlier : path
+        Folder of the earlier case's runs; left as it is.
+
+    Returns
+    -------
+    list of dict
+        ``key`` and ``parameters`` of each, in the order of the keys; the reference run, which counts for
+        itself, is taken but not listed.
+
+    Raises
+    ------
+    ConfigError
+        None of the runs is one that this case could have made.
+    """
+    store = RunStore(earlier)
+    seed = noise_seed(case)
+    reference = reference_parameters(case)
+    taken: list[dict[str, Any]] = []
+    unlike: Counter[str] = Counter()
+    for path in sorted(Path(earlier).glob("[!.]*.h5")):
+        try:
+            theirs = store.description(path.stem)
+        except StoreError as error:
+            unlike[str(error)] += 1
+            continue
+        parameters = {**reference, **_calibrated(case, theirs)}
+        ours = runner.description(parameters, seed)
+        if digest(ours) != path.stem:
+            unlike[first_difference(theirs, ours)] += 1
+            continue
+        outside = [name for name in case.calibrated if not _inside(parameters[name], case.materials[name].box)]
+        if outside and parameters != reference:
+            unlike[f"materials.{outside[0]} is outside its bounds"] += 1
+            continue
+        if not runner.take(store, path.stem):
+            unlike["its record does not hold the pixels of every calibrated material"] += 1
+            continue
+        if parameters != reference:
+            taken.append({"key": path.stem, "parameters": parameters})
+    for reason, count in unlike.items():
+        logger.info("%d runs of %s not taken: %s", count, earlier, reason)
+    if not taken:
+        why = f"; {unlike.most_common(1)[0][0]}" if unlike else ""
+        raise ConfigError(
+            f"design.reuse: none of the {sum(unlike.values())} runs in {earlier} is of this scene, pass, simulator and "
+            f"seed with other parameters{why}. Take design.reuse out, or name another case."
+        )
+    return taken
+
+
+def _calibrated(case: Case, description: Mapping[str, Any]) -> dict[str, list[float]]:
+    """A run's parameters of the materials that are calibrated here."""
+    materials = description.get("materials", {})
+    return {name: materials[name]["parameters"] for name in case.calibrated if name in materials}
+
+
+def _inside(x: list[float], box: list[tuple[float, float]]) -> bool:
+    return len(x) == len(box) and all(low <= value <= high for value, (low, high) in zip(x, box, strict=True))
+
+
+def check_reuse(case: Case, results: str | Path) -> None:
+    """Refuse a ``design.reuse`` without runs before any job starts.
+
+    Parameters
+    ----------
+    case : Case
+        Section ``design`` is read.
+    results : path
+        Folder of all cases' results.
+
+    Raises
+    ------
+    ConfigError
+        There is no such case, or it has no runs.
+    """
+    name = case.design.reuse
+    if name is None or any((Path(results) / name / "runs").glob("[!.]*.h5")):
+        return
+    others = sorted(path.parent.name for path in Path(results).glob("*/runs") if any(path.glob("[!.]*.h5")))
+    known = f"one of {', '.join(others)}" if others else "a case that has runs, of which there are none"
+    raise ConfigError(f"design.reuse is {name!r}, which has no runs in {results}/{name}/runs, expected {known}.")

@@ -1,0 +1,267 @@
+"""What people rely on when they type a command again: which jobs and which runs it makes (docs/reruns.md)."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from workflow_project import COLUMNS, ROOT, ROWS, Project, make_project, tiny_case, write_raster
+
+from radcal.calibration.history import read_runs
+from radcal.stages import READS, reruns_table
+
+CASE = ("--configfile", "tiny.yaml")
+# what Snakemake calls a job of each rule
+MESSAGES = {
+    "scene": "scene",
+    "geometry of the pass": "geometry",
+    "measured image": "measurement",
+    "reference run": "reference_run",
+    "registration": "registration",
+    "target densities": "target",
+    "design, chunk 0": "design_chunk",
+    "design, chunk 1": "design_chunk",
+    "scores of the design": "scores",
+    **{f"{rule} {k}": rule for rule in ("train", "propose", "verify") for k in range(20)},
+    "stop settings": "stop_settings",
+    "final runs": "final_runs",
+    "archive of all runs": "archive",
+}
+# planned only once the scores of the design are known
+LOOP = {"train", "propose", "verify"}
+# one other value of every section that the tiny case's rules read
+CHANGES = {
+    "seed": 2,
+    "scene": {**tiny_case()["scene"], "near_incidence_deg": 16.0},
+    "radar": {"looks": 3},
+    "simulator": {"kind": "builtin", "keep_images": True},
+    "materials": {"lake": {"law": "mangia", "parameters": [6, 5, 5, 5]}},
+    "measurement": {"synthetic": {**tiny_case()["measurement"]["synthetic"], "seed": 2}},
+    "registration": {"method": "gefolki"},
+    "target": {"pixels": 300},
+    "design": {"sampler": "latin_hypercube"},
+    "surrogate": {"training": "smt"},
+    "optimiser": {"evaluations": 900},
+    "stop": {"rms": 2e-3},
+}
+
+
+def ended(project: Project, *arguments: str, cores: int = 2) -> str:
+    """Output of a command that must succeed."""
+    done = project.run(*arguments, cores=cores)
+    assert done.returncode == 0, done.stdout
+    return done.stdout
+
+
+def contents(project: Project, case: str = "tiny") -> dict[str, bytes]:
+    """Every finished record, byte for byte."""
+    return {path.name: path.read_bytes() for path in (project.out(case) / "runs").glob("[!.]*.h5")}
+
+
+def test_the_table_in_the_documents_is_that_of_the_code():
+    page = (ROOT / "docs" / "reruns.md").read_text()
+    assert reruns_table() in page
+    assert set(CHANGES) | {"case", "replace"} == {key for sections in READS.values() for key in sections} | {"replace"}
+
+
+def test_a_changed_section_makes_again_what_the_table_says(finished):
+    """A dry run plans every rule that reads the section, and starts at no other."""
+    for section, value in CHANGES.items():
+        finished.write("changed.yaml", **{section: value})
+        planned = ended(finished, "-n", "--quiet", "host", "--configfile", "changed.yaml")
+        rules = set(re.findall(r"(?m)^(\w+) +\d+$", planned))
+        jobs = re.findall(
+            r"^(?:Local job|Job|Checkpoint)[^:]*: (.+)\nReason: Params have changed", planned, flags=re.MULTILINE
+        )
+        expected = {rule for rule, sections in READS.items() if section in sections} & set(MESSAGES.values())
+        assert jobs, planned
+        assert {MESSAGES.get(job, job) for job in jobs} <= expected, section
+        assert expected - rules <= (LOOP if "scores" in rules else set()), section
+
+
+def test_commands_of_snakemake_behave(finished):
+    before, listing = contents(finished), finished.listing()
+    assert "Nothing to be done" in ended(finished, "-n", *CASE)
+    changed = ended(finished, "-n", *CASE, "--config", "target={pixels: 300}")
+    assert "target" in changed
+    assert finished.listing() == listing, "a dry run changed something"
+    assert "results/tiny/summary.json" in ended(finished, "--summary", *CASE)
+    ended(finished, "--report", "snakemake.html", *CASE)
+    assert (finished.folder / "snakemake.html").stat().st_size > 10_000
+    assert finished.listing() == listing
+    # a single file, and nothing else, from what is there
+    page, archive = finished.out() / "report.html", (finished.out() / "calibration.h5").read_bytes()
+    page.unlink()
+    shutil.rmtree(finished.out() / "figures")
+    ended(finished, "results/tiny/report.html", *CASE)
+    assert page.is_file()
+    assert (finished.out() / "calibration.h5").read_bytes() == archive
+    # a stage by name: made again, its runs found
+    ended(finished, "--forcerun", "design_chunk", "--until", "scores", *CASE)
+    assert contents(finished) == before
+    summary = finished.summary()
+    ended(finished, "all", *CASE, cores=1)
+    assert contents(finished) == before
+    assert finished.summary()["materials"] == summary["materials"]
+
+
+def test_surrogate_optimiser_and_levels_repeat_no_run(finished):
+    before = contents(finished)
+    finished.write(
+        surrogate={"outputs": "direct"},
+        optimiser={"objective": "rms"},
+        target={"normalisation": "offset"},
+        stop={"rms": 2e-2},
+    )
+    ended(finished, *CASE)
+    after = contents(finished)
+    assert {name: after[name] for name in before} == before
+    assert len(after) - len(before) <= finished.summary()["runs"]["infill"] + 1
+
+
+def test_another_seed_is_another_design_as_if_it_had_always_been(finished, tmp_path):
+    """Target and design change at once: no job may be left as it was because one that it waits for runs too."""
+    fresh = make_project(tmp_path / "fresh")
+    for project in (finished, fresh):
+        project.write(seed=2, target={"pixels": 300})
+        ended(project, "design", *CASE)
+    scores = [
+        [(run.key, run.parameters, run.dp, run.rms) for run in read_runs([project.out() / "scores.json"]).runs]
+        for project in (finished, fresh)
+    ]
+    assert scores[0] == scores[1]
+
+
+def test_another_scene_or_pass_leaves_finished_results_until_told(finished):
+    listing, records = finished.listing(), contents(finished)
+    finished.write(radar={"looks": 3})
+    refused = finished.run(*CASE)
+    assert refused.returncode != 0
+    (said,) = [line for line in refused.stdout.splitlines() if "holds a finished calibration" in line]
+    assert "radar.looks is 4 there, 3 here" in said
+    assert "case: ..." in said
+    assert "replace=true" in said
+    finished.write()
+    labels = (finished.folder / "labels.tif").read_bytes()
+    write_raster(
+        finished.folder / "labels.tif",
+        np.where(np.arange(COLUMNS) < 50, 1, 2).astype(np.uint8) * np.ones((ROWS, 1), np.uint8),
+    )
+    refused = finished.run(*CASE)
+    assert refused.returncode != 0
+    assert "results/tiny holds a finished calibration of another scene (the files that it is made from are others)" in (
+        refused.stdout
+    )
+    changed = {name for name, found in finished.listing().items() if found != listing.get(name)}
+    assert changed <= {"scene.h5", "geometry.h5"}, changed
+    (finished.folder / "labels.tif").write_bytes(labels)
+    # under a name of its own it is a case like any other, and under the old one the old results still stand
+    finished.write("looks3.yaml", case="looks3", radar={"looks": 3})
+    ended(finished, "reference", "--configfile", "looks3.yaml")
+    assert len(contents(finished, "looks3")) == 1
+    # told to, the results give way; the runs stay
+    finished.write(radar={"looks": 3})
+    ended(finished, "reference", *CASE, "--config", "replace=true")
+    after = contents(finished)
+    assert {name: after[name] for name in records} == records
+    assert len(after) == len(records) + 1
+
+
+def test_copied_touched_and_commented_it_simulates_nothing(finished, tmp_path):
+    summary = finished.summary()
+    # as cp -r does: every file is as new as its copying
+    copy = Project(Path(shutil.copytree(finished.folder, tmp_path / "elsewhere", copy_function=shutil.copyfile)))
+    before = copy.records()
+    shutil.rmtree(finished.folder)
+    for name in ("labels.tif", "names.json", "tiny.yaml"):
+        os.utime(copy.folder / name)
+    for script in (copy.folder / "workflow" / "scripts").glob("*.py"):
+        script.write_text(script.read_text() + "# a remark\n")
+    ended(copy, *CASE)
+    assert copy.records() == before
+    assert copy.summary()["materials"] == summary["materials"]
+    assert copy.summary()["runs"] == summary["runs"]
+
+
+def test_ctrl_c_says_what_is_kept_and_how_to_go_on(project):
+    log = project.folder / "said.txt"
+    with log.open("w") as file:
+        process = subprocess.Popen(
+            project.command(*CASE),
+            cwd=project.folder,
+            stdout=file,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+            # a test run that a shell has put into the background ignores Ctrl-C, and so would this one
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+        )
+    deadline = time.time() + 300
+    while len(project.records()) < 5:
+        assert process.poll() is None, log.read_text()
+        assert time.time() < deadline
+        time.sleep(0.02)
+    # what a terminal does: to the whole group
+    os.killpg(process.pid, signal.SIGINT)
+    assert process.wait(120) != 0
+    (said,) = re.findall(
+        r"radcal: stopped by Ctrl-C\. (\d+) finished runs are kept in results/tiny/runs; (.*)", log.read_text()
+    )
+    assert int(said[0]) == len(project.records()) >= 5
+    assert said[1] == "the same command goes on from there."
+    before = contents(project)
+    ended(project, "design", *CASE)
+    after = contents(project)
+    assert {name: after[name] for name in before} == before
+
+
+def test_runs_of_an_earlier_case_are_reused(finished):
+    earlier = contents(finished)
+    # other bounds, another target: none of the design's points would be the same
+    other = tiny_case(
+        case="second",
+        materials={"field": {"calibrate": True, "law": "mangia", "bounds": [[0, 16], [5, 25], [10, 35], [0, 10]]}},
+        target={"pixels": 300},
+        design={"size": 14, "reuse": "tiny"},
+        stop={"rms": 2e-3},
+    )
+    other["materials"]["lake"] = tiny_case()["materials"]["lake"]
+    (finished.folder / "second.yaml").write_text(yaml.safe_dump(other))
+    ended(finished, "--configfile", "second.yaml")
+    runs = finished.summary("second")["runs"]
+    first = finished.summary()["runs"]
+    # its reference run too: with other bounds the start is another
+    assert runs["reused"] == first["reference"] + first["design"] + first["infill"]
+    assert runs["design"] == max(14 - runs["reused"], 0)
+    assert contents(finished) == earlier
+    shared = set(contents(finished, "second")) & set(earlier)
+    assert len(shared) >= runs["reused"]
+    assert f"{runs['reused']} of an earlier case" in (finished.out("second") / "report.html").read_text()
+    assert len(contents(finished, "second")) - len(shared) <= runs["reference"] + runs["design"] + runs["infill"] + 1
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"design": {"reuse": "nobody"}}, ["design.reuse is 'nobody'", "expected one of tiny"]),
+        ({"design": {"reuse": "second"}}, ["design.reuse is 'second', this case itself"]),
+        ({"design": {"reuse": "tiny"}, "radar": {"looks": 3}}, ["none of the", "pass.looks is 4 there, 3 here"]),
+        ({"design": {"reuse": "tiny"}, "seed": 5}, ["none of the", "noise_seed is"]),
+    ],
+    ids=["no such case", "itself", "another pass", "another seed"],
+)
+def test_an_earlier_case_without_such_runs_is_refused(finished, changes, words):
+    finished.write("second.yaml", case="second", **changes)
+    done = finished.run("design", "--configfile", "second.yaml")
+    assert done.returncode != 0
+    (said,) = [line for line in done.stdout.splitlines() if line.startswith("radcal: ") and "stopped." not in line]
+    for word in words:
+        assert word in said
+    assert not contents(finished, "second")

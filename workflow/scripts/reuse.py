@@ -1,0 +1,14 @@
+"""Take the runs of an earlier case that are this one's too."""
+
+from radcal.calibration.reuse import reuse_runs
+from radcal.config import Case
+from radcal.jobs import logged, progress
+from radcal.records import write_json
+from radcal.simulators.sources import make_runner
+
+with logged(snakemake.log[0], snakemake.params.case):
+    case = Case.of_sections(snakemake.params.case)
+    runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
+    taken = reuse_runs(case, runner, snakemake.params.earlier)
+    write_json(snakemake.output.index, taken)
+    progress(f"{len(taken)} runs taken from {snakemake.params.earlier}")
