@@ -24,10 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from radcal.calibration.grounds import Ground, GroundLaw, Method, fit_grounds, marginal_law
+from radcal.calibration.grounds import GroundLaw, Method, fit_grounds, marginal_law
 from radcal.calibration.incidence_error import incidence_warnings
 from radcal.calibration.validation import cross_validate, held_out, kept_blocks
 from radcal.measurement.goodness import effective_sample_size
+from radcal.measurement.ground import Ground
 from radcal.measurement.patches import label_patches
 from radcal.radar.laws import LAWS
 from radcal.report.summary import law_difference_db

@@ -129,7 +129,7 @@ def test_misspelt_keys_are_refused_with_the_nearest(data: dict[str, Any], key: s
 def test_key_like_no_other_is_refused_with_all_known() -> None:
     text = message({"stop": {"xyzzy": 1}})
     assert "unknown key stop.xyzzy" in text
-    assert "known: max_runs, rms, stagnation_runs" in text
+    assert "known: law_db, max_runs, rms, stagnation_runs" in text
 
 
 def test_keys_of_another_source_are_not_known() -> None:
@@ -648,3 +648,35 @@ def test_wrong_external_simulators_end_in_a_sentence(changes: dict[str, Any], wo
     with pytest.raises(ConfigError, match=words) as caught:
         case_from({"simulator": COMMAND, "materials": {"soil": SOIL}, "measurement": NO_TRUTH} | changes)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"objective": "likelihood"}, r"objective is likelihood, .* expected classes or density"),
+        ({"objective": "entropy"}, r"objective is 'entropy', expected 'classes', 'density' or 'likelihood'"),
+        ({"target": {"incidence_classes": 4}}, r"target\.incidence_classes is 4, .* expected objective: classes"),
+        (
+            {"objective": "classes", "target": {"normalisation": "image"}},
+            r"target\.normalisation is image, .* expected normalisation none or offset",
+        ),
+        ({"validation": {"rows": 20, "means": 3}}, r"means is 3, expected a divisor of rows \(20\)"),
+        ({"validation": {"keep": "all"}}, r"validation\.keep is 'all', expected 'even', 'odd' or 'both'"),
+        ({"validation": {"row": 20}}, r"unknown key validation\.row \(did you mean 'rows'"),
+        ({"target": {"looks": 3}}, r"target\.looks is 3, expected 'free' or 'nominal'"),
+        ({"target": {"incidence_error_deg": -1}}, r"target\.incidence_error_deg is -1, expected"),
+    ],
+)
+def test_wrong_objectives_end_in_a_sentence(changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(ConfigError, match=words) as caught:
+        case_from(changes)
+    assert "\n" not in str(caught.value)
+
+
+def test_an_external_law_has_no_classes() -> None:
+    soil = {"calibrate": True, "law": "external", "names": ["a"], "bounds": [[0, 1]], "start": [0.5]}
+    case = {"simulator": COMMAND, "materials": {"soil": soil}, "measurement": NO_TRUTH}
+    case_from(case)
+    for changes in ({"objective": "classes"}, {"validation": {}}):
+        with pytest.raises(ConfigError, match=r"materials\.soil\.law is external, whose curve only the simulator"):
+            case_from(case | changes)

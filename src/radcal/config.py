@@ -68,6 +68,7 @@ __all__ = [
     "SyntheticMeasurement",
     "Target",
     "Template",
+    "Validation",
     "case_from",
     "default_yaml",
     "executable_path",
@@ -708,8 +709,32 @@ class Target(_Strict):
         None, description="materials of a fixed law that say the measured image's level; all of them if missing"
     )
     incidence_classes: Annotated[Integer, Field(ge=1, le=20)] | Literal["auto"] = Field(
-        1, description="classes of local incidence, or auto (4 to 8 by pixels and span)"
+        "auto", description="classes of local incidence, or auto (4 to 8 by pixels and span); for objective: classes"
     )
+    looks: Literal["free", "nominal"] = Field(
+        "free", description="effective looks of a material searched, or radar.looks; for objective: classes"
+    )
+    priors: bool = Field(True, description="weak priors on curve and looks (docs/right_law.md); for objective: classes")
+    incidence_error_deg: Annotated[Real, Field(ge=0, le=30)] | None = Field(
+        None,
+        description="standard error of the local incidence [deg]; from the registration's uncertainty if missing",
+    )
+
+
+class Validation(_Strict):
+    """Ground that is kept out of the target, and predicted from what was found."""
+
+    rows: Count = Field(20, description="image rows of a block that is kept or left out as a whole")
+    means: Count = Field(10, description="rows of a part of a block whose mean level is predicted")
+    keep: Literal["even", "odd", "both"] = Field(
+        "even", description="blocks that are calibrated on; both: all, and each half is predicted from the other"
+    )
+
+    @model_validator(mode="after")
+    def _whole_parts(self) -> Self:
+        if self.rows % self.means:
+            raise ValueError(f"means is {self.means}, expected a divisor of rows ({self.rows})")
+        return self
 
 
 class Design(_Strict):
@@ -756,7 +781,9 @@ class Stop(_Strict):
     rms: Positive = Field(1.0e-5, description="tolerance on the density mismatch [1/dB]")
     max_runs: Count = Field(200, description="design and infill runs together")
     stagnation_runs: Count = Field(20, description="infill runs without a better point")
-    law_db: Positive = Field(0.05, description="change of the law over the incidence seen that counts as none [dB]")
+    law_db: Positive = Field(
+        0.05, description="change of a law over the incidence seen that counts as none [dB]; for objective: classes"
+    )
 
 
 _SYNTHETIC_MATERIALS: dict[str, dict[str, Any]] = {
@@ -796,7 +823,11 @@ class Case(_Strict):
     materials: dict[str, Material] = Field(default_factory=_default_materials, min_length=1)
     measurement: Measurement = SyntheticMeasurement()
     registration: Registration = Registration()
+    objective: Literal["classes", "density", "likelihood"] = Field(
+        "density", description="density (the histogram) or classes (the law: classes of incidence, docs/right_law.md)"
+    )
     target: Target = Target()
+    validation: Validation | None = Field(None, description="ground kept out to check the laws: {rows, means, keep}")
     design: Design = Design()
     surrogate: Surrogate = Surrogate()
     optimiser: Optimiser = Optimiser()
@@ -849,6 +880,7 @@ class Case(_Strict):
         self._check_laws()
         if isinstance(self.measurement, FileMeasurement):
             self._check_pass(self.measurement)
+        self._check_objective()
         if self.design.reuse == self.case:
             raise ValueError(f"design.reuse is {self.case!r}, this case itself, expected an earlier one")
         if self.stop.max_runs < self.design.size:
@@ -856,6 +888,33 @@ class Case(_Strict):
                 f"stop.max_runs is {self.stop.max_runs}, expected at least design.size ({self.design.size})"
             )
         return self
+
+    def _check_objective(self) -> None:
+        """Refuse what an objective has no use for, or cannot do."""
+        if self.objective == "likelihood":
+            raise ValueError(
+                "objective is likelihood, which radcal's library and benchmarks/right_law.py know and the workflow "
+                "does not, expected classes or density"
+            )
+        if self.objective == "density":
+            if self.target.incidence_classes not in (1, "auto"):
+                raise ValueError(
+                    f"target.incidence_classes is {self.target.incidence_classes}, which objective: density has no use "
+                    "for, expected objective: classes"
+                )
+        elif self.target.normalisation == "image":
+            raise ValueError(
+                "objective is classes and target.normalisation is image, whose values are no longer dB: looks and "
+                "priors have no meaning there, expected normalisation none or offset"
+            )
+        if self.objective == "classes" or self.validation is not None:
+            key = "objective is classes" if self.objective == "classes" else "validation is asked for"
+            for name in self.calibrated:
+                if self.materials[name].law == EXTERNAL:
+                    raise ValueError(
+                        f"{key} and materials.{name}.law is {EXTERNAL}, whose curve only the simulator knows, "
+                        "expected objective: density without validation"
+                    )
 
     def _check_truth(self, synthetic: Synthetic) -> None:
         """Refuse a synthetic measurement without a truth in the law that is calibrated."""

@@ -50,10 +50,10 @@ SCHEMAS: Mapping[str, int] = {
     "geometry": 5,
     "measurement": 1,
     "registered": 1,
-    "target": 2,
-    "surrogate": 2,
+    "target": 3,
+    "surrogate": 3,
     "run": 2,
-    "calibration": 1,
+    "calibration": 2,
 }
 """What kinds of HDF5 files there are, and the version of each one's layout."""
 

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from radcal.calibration.expected import LawForward
-from radcal.calibration.grounds import Ground, Method, fit_grounds
+from radcal.calibration.grounds import Method, fit_grounds
 from radcal.calibration.law_fit import fit_law
 from radcal.calibration.validation import CrossValidation, cross_validate, held_out, kept_blocks
+from radcal.measurement.ground import Ground
 from radcal.radar.laws import LAWS
 from radcal.radar.texture import log_speckle_cumulants
 

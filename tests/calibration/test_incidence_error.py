@@ -71,3 +71,17 @@ def test_warnings_name_the_material_and_what_to_look_at():
     assert "incidence_error_deg" in line
     (line,) = incidence_warnings("field", MANGIA, fit(flat, looks=1.6), fit(flat), incidence, 4.0)
     assert "1.6 looks, the sensor has 4" in line
+
+
+def test_the_error_that_a_registration_leaves():
+    """On an even slope of 2 degrees a row, half a pixel of displacement in any direction is 0.71 degrees."""
+    incidence = np.broadcast_to(20.0 + 2.0 * np.arange(30.0)[:, None], (30, 20)).astype(np.float32)
+    pixels = np.arange(600)
+    uncertainty = np.full((30, 20), 0.5, dtype=np.float32)
+    assert registration_error_deg(incidence, uncertainty, pixels) == pytest.approx(2.0 * 0.5 / np.sqrt(2.0))
+    assert registration_error_deg(incidence, np.zeros_like(uncertainty), pixels) == 0.0
+    # displacements drawn at random say the same
+    rng = np.random.default_rng(1)
+    length = 0.5 * rng.standard_normal(100_000)
+    direction = rng.uniform(0.0, 2.0 * np.pi, length.size)
+    assert np.std(2.0 * length * np.cos(direction)) == pytest.approx(0.7071, rel=0.02)

@@ -46,7 +46,9 @@ CHANGES = {
     "materials": {"lake": {"law": "mangia", "parameters": [6, 5, 5, 5]}},
     "measurement": {"synthetic": {**tiny_case()["measurement"]["synthetic"], "seed": 2}},
     "registration": {"method": "gefolki"},
+    "objective": "classes",
     "target": {"pixels": 300},
+    "validation": {"rows": 20, "means": 10, "keep": "even"},
     "design": {"sampler": "latin_hypercube"},
     "surrogate": {"training": "smt"},
     "optimiser": {"evaluations": 900},
@@ -125,6 +127,31 @@ def test_surrogate_optimiser_and_levels_repeat_no_run(finished):
     after = contents(finished)
     assert {name: after[name] for name in before} == before
     assert len(after) - len(before) <= finished.summary()["runs"]["infill"] + 1
+
+
+def test_classes_and_held_out_ground_repeat_no_run(finished):
+    """Objective, classes, looks, priors and validation are no part of what a run is known by."""
+    before = contents(finished)
+    finished.write(
+        objective="classes",
+        target={"incidence_classes": 3, "looks": "nominal", "priors": False, "incidence_error_deg": 0.5},
+        validation={"rows": 20, "means": 10, "keep": "odd"},
+        stop={"max_runs": 40},
+    )
+    ended(finished, *CASE)
+    after = contents(finished)
+    assert {name: after[name] for name in before} == before
+    summary = finished.summary()
+    assert len(after) - len(before) <= summary["runs"]["infill"] + summary["runs"]["final"]
+    assert summary["stop_reason"] == "settled"
+    assert summary["converged"]
+    (field,) = summary["materials"].values()
+    assert field["looks"] == field["looks_nominal"] == 4
+    assert field["validation"]["n_blocks"] > 0
+    # and back again nothing is simulated at all
+    finished.write()
+    ended(finished, *CASE)
+    assert contents(finished) == after
 
 
 def test_another_seed_is_another_design_as_if_it_had_always_been(finished, tmp_path):

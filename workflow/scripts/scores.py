@@ -1,5 +1,6 @@
 """Score the reference run and the design against the targets."""
 
+from radcal.calibration.class_search import class_searches
 from radcal.calibration.history import History, indexed, score, write_runs
 from radcal.calibration.steps import score_reference
 from radcal.config import Case
@@ -10,10 +11,14 @@ with logged(snakemake.log[0], snakemake.params.case):
     case = Case.of_sections(snakemake.params.case)
     targets = read_targets(snakemake.input.target)
     reference = [record for record, _ in indexed([snakemake.input.reference], snakemake.params.runs, case.calibrated)]
+    searches = class_searches(case, targets)
     runs = score_reference(case, reference, targets)
     for kind, files in (("reused", snakemake.input.reused), ("design", snakemake.input.design)):
         listed = indexed(files, snakemake.params.runs, case.calibrated)
-        runs += [score(kind, k, record, parameters, targets) for k, (record, parameters) in enumerate(listed)]
+        runs += [
+            score(kind, k, record, parameters, targets, searches=searches)
+            for k, (record, parameters) in enumerate(listed)
+        ]
     write_runs(snakemake.output.scores, runs)
     best = {name: History(runs).best(name).rms[name] for name in targets}
     for name, rms in best.items():

@@ -1,5 +1,6 @@
 """Draw the pixels of every calibrated material and fit their densities."""
 
+from radcal.calibration.class_search import class_targets
 from radcal.calibration.history import indexed
 from radcal.config import Case
 from radcal.jobs import logged, progress
@@ -11,7 +12,9 @@ with logged(snakemake.log[0], snakemake.params.case):
     case = Case.of_sections(snakemake.params.case)
     reference, _ = next(indexed([snakemake.input.reference], snakemake.params.runs, case.calibrated, image=True))
     registered = read_registered(snakemake.input.registered)
-    targets = make_targets(case, read_geometry(snakemake.input.geometry), registered, reference.image_db)
+    geometry = read_geometry(snakemake.input.geometry)
+    targets = make_targets(case, geometry, registered, reference.image_db)
+    targets = class_targets(case, targets, geometry, registered)
     write_targets(snakemake.output.target, targets)
     for sentence in targets.sentences():
         progress(sentence)

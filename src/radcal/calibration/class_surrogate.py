@@ -1,20 +1,19 @@
-"""The cumulants of a run's classes of incidence as functions of X: kriged, or law and speckle corrected by a run."""
+"""The cumulants of a run's classes of incidence as functions of X: law and speckle, corrected by runs."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radcal import skewnormal
 from radcal.calibration.expected import Forward
-from radcal.calibration.surrogate import Surrogate
 
-__all__ = ["ClassSurrogate", "Corrected"]
+__all__ = ["ClassRuns", "Corrected"]
 
-_SKEWNESS = 0.99  # a skew normal has less; that of the log of single-look speckle, -1.14, is learnt as this
-_SMOOTH = 0.1  # inverse squared length scale, in standardised coordinates
+_NEAR = 0.1  # squared distance, in the same
+_LEVEL_DB = 0.1  # runs whose levels differ by less say little of how a difference goes with it
+_SAME = 1e-9  # squared distance in standard deviations: far below what any class can tell
 
 
 def _learnt(cumulants: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -30,119 +29,73 @@ def _cumulants(learnt: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack([mean, sd**2, skewness * sd**3], axis=-1)
 
 
-class ClassSurrogate:
-    """Mean, log sd and skewness of each class, 3 n outputs of X alone.
+@dataclass(frozen=True)
+class ClassRuns:
+    """What the runs so far showed of one material.
 
-    The looks of a material are no input: they move the cumulants by a formula
-    (:func:`radcal.calibration.expected.expected_cumulants`).
-
-    Parameters
+    Attributes
     ----------
-    bounds : array_like, shape (d, 2)
-        Box of X.
-    parameters : array_like, shape (k, d)
-        Training points; of equal ones the first counts.
-    cumulants : array_like, shape (k, n, 3)
-        Mean [dB], variance [dB^2] and third central moment [dB^3] of each class in each run.
-    baseline : callable, optional
-        Cumulants expected of law and speckle alone: their difference from the runs is then what is learnt,
-        which varies far less than the runs do.
-
-    References
-    ----------
-    Kennedy and O'Hagan, "Predicting the output from a complex computer code when fast approximations are
-    available", Biometrika 87 (2000).
-
-    Raises
-    ------
-    SurrogateError
-        Numbers that are not finite, too few points, or no training succeeded.
+    parameters : ndarray, shape (k, d)
+        Distinct X.
+    cumulants : ndarray, shape (k, n, 3)
+        Mean [dB], variance [dB^2] and third central moment [dB^3] of each class in them.
     """
 
-    def __init__(
-        self, bounds: ArrayLike, parameters: ArrayLike, cumulants: ArrayLike, baseline: Forward | None = None
-    ) -> None:
-        points = np.asarray(parameters, dtype=np.float64)
-        order = np.sort(np.unique(points, axis=0, return_index=True)[1])
-        x = points[order]
-        learnt = _learnt(np.asarray(cumulants, dtype=np.float64)[order])
-        self._baseline = baseline
-        if baseline is not None:
-            learnt = learnt - _learnt(np.stack([baseline(point) for point in x]))
-        # the surrogate of a density takes direct parameters, and learns these three of them again
-        mean, log_sd, skewness = np.moveaxis(learnt, -1, 0)
-        clipped = np.clip(skewness, -_SKEWNESS, _SKEWNESS)
-        dp = skewnormal.direct(np.stack([mean, np.exp(log_sd), clipped], axis=-1))
-        self.parts = [Surrogate(bounds, x, dp[:, k]) for k in range(dp.shape[1])]
-
-    def train(self, start: Sequence[NDArray[np.float64]] | None = None) -> ClassSurrogate:
-        """Optimise the length scales.
-
-        Parameters
-        ----------
-        start : sequence of ndarray, optional
-            Another's ``theta`` to start from. Without it the first class is searched from many starts (a
-            difference from a baseline is smooth: from one), and each other class from where the one before
-            ended: the same law behind another range of angles.
-
-        Returns
-        -------
-        ClassSurrogate
-            Itself.
-        """
-        last = None if self._baseline is None else np.full((3, self.parts[0].parameters.shape[1]), _SMOOTH)
-        for k, part in enumerate(self.parts):
-            part.train(start[k] if start is not None else last)
-            last = part.theta
-        return self
-
-    @property
-    def theta(self) -> list[NDArray[np.float64]]:
-        """Inverse squared length scales of each class's outputs, shape (3, d) each."""
-        return [part.theta for part in self.parts]
-
-    @property
-    def q2(self) -> NDArray[np.float64]:
-        """Leave-one-out Q2, shape (n, 3)."""
-        return np.stack([part.q2 for part in self.parts])
-
-    def __call__(self, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Cumulants of each class at X, shape (d,) to (n, 3)."""
-        found = np.stack([p.predict(p.unit(parameters)[None])[0] for p in self.parts])
-        if self._baseline is not None:
-            found = found + _learnt(self._baseline(parameters))
-        return _cumulants(found)
+    parameters: NDArray[np.float64]
+    cumulants: NDArray[np.float64]
 
 
 class Corrected:
-    """Law and speckle, corrected by what one run shows besides.
+    """Law and speckle, corrected by what the runs show besides.
 
-    What a simulator adds to law and speckle (area of facets, neighbours, noise, one sample of speckle) hardly
-    changes with X, so that proposing, running and correcting again converges in a few runs, without a design.
+    What a simulator adds to law and speckle (area of facets, neighbours, noise, one sample of speckle) changes
+    little with X, and hardly at all between two X of nearly the same curve: a correction is taken from the runs by
+    inverse distance weighting, distances being those of the statistics that law and speckle alone expect. At a
+    run's own X it is what that run showed. Proposing, running and correcting again then converges in a few runs.
 
     Parameters
     ----------
     baseline : callable
         Cumulants expected of law and speckle alone.
-    parameters : array_like, shape (d,), optional
-        X of the run; without a run nothing is corrected.
-    cumulants : array_like, shape (n, 3), optional
-        Mean [dB], variance [dB^2] and third central moment [dB^3] of each class in it.
+    parameters : array_like, shape (k, d), optional
+        X of the runs; without runs nothing is corrected.
+    cumulants : array_like, shape (k, n, 3), optional
+        Mean [dB], variance [dB^2] and third central moment [dB^3] of each class in them.
 
     References
     ----------
-    Bandler et al., "Space mapping: the state of the art", IEEE Trans. Microwave Theory Tech. 52 (2004).
+    Bandler et al., "Space mapping: the state of the art", IEEE Trans. Microwave Theory Tech. 52 (2004);
+    Shepard, "A two-dimensional interpolation function for irregularly-spaced data", Proc. 23rd ACM National
+    Conference (1968).
     """
 
-    def __init__(
-        self, baseline: Forward, parameters: ArrayLike | None = None, cumulants: ArrayLike | None = None
-    ) -> None:
+    def __init__(self, baseline: Forward, parameters: ArrayLike = (), cumulants: ArrayLike = ()) -> None:
         self._baseline = baseline
-        self._difference: NDArray[np.float64] | float = 0.0
-        if parameters is not None and cumulants is not None:
-            there = baseline(np.asarray(parameters, dtype=np.float64))
-            self._difference = _learnt(np.asarray(cumulants, dtype=np.float64)) - _learnt(there)
+        points = np.asarray(parameters, dtype=np.float64)
+        if points.size:
+            self._expected = np.stack([_learnt(baseline(point)) for point in points])
+            self._difference = _learnt(np.asarray(cumulants, dtype=np.float64)) - self._expected
+        else:
+            self._expected = self._difference = np.empty((0, 0, 3))
 
     def __call__(self, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
         """Cumulants of each class at X, shape (d,) to (n, 3)."""
-        return _cumulants(_learnt(self._baseline(parameters)) + self._difference)
+        expected = _learnt(self._baseline(parameters))
+        if not len(self._expected):
+            return _cumulants(expected)
+        away = self._expected[..., :2] - expected[:, :2]
+        # means in standard deviations of the pixels; the two errors of a normal sample's mean and log sd
+        away = away / np.stack([np.exp(expected[:, 1]), np.full(len(expected), np.sqrt(0.5))], axis=-1)
+        squares = (away**2).sum(axis=(1, 2))
+        weight = 1.0 / (squares + _SAME) ** 2
+        weight /= weight.sum()
+        # noise, for one, hides a weak law: how the difference goes with a class's level is taken from more runs
+        level = self._expected[..., 0] - expected[:, 0]
+        near = 1.0 / (squares + _NEAR)
+        near /= near.sum()
+        middle, difference = near @ level, np.einsum("k,knj->nj", near, self._difference)
+        left = level - middle
+        slope = np.einsum("k,kn,knj->nj", near, left, self._difference - difference)
+        slope /= (np.einsum("k,kn->n", near, left**2) + _LEVEL_DB**2)[:, None]
+        correction = np.einsum("k,knj->nj", weight, self._difference - level[..., None] * slope)
+        return _cumulants(expected + correction)

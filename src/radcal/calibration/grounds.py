@@ -17,19 +17,20 @@ from radcal.calibration.law_fit import LawFit, Residuals, fit_law, prior_residua
 from radcal.calibration.objective import ClassesObjective, DensityObjective, LikelihoodObjective
 from radcal.calibration.priors import CurvePrior
 from radcal.measurement.classes import Classes, class_of, incidence_edges, make_classes, winsorised
-from radcal.measurement.patches import Cells, Effects, Spread, make_cells, patch_effects, spreads
+from radcal.measurement.ground import Ground
+from radcal.measurement.patches import Effects, Spread, patch_effects, spreads
 from radcal.measurement.patches import Residuals as CellResiduals
 from radcal.radar.laws import Law
 from radcal.radar.texture import log_speckle_cumulants
 
 __all__ = [
-    "Ground",
     "GroundLaw",
     "Method",
     "Objective",
     "curve_prior",
     "fit_grounds",
     "ground_residuals",
+    "limited",
     "marginal_law",
     "refit",
 ]
@@ -38,45 +39,6 @@ Objective = Literal["classes", "density", "likelihood"]
 _ROUNDS = 3  # of law and spread in turn
 _START_SPREAD = Spread(0.8, 0.4)  # of the first round; 0.8 is the mean of a half-normal law of 1 dB
 _STEP = 1e-4
-
-
-@dataclass(frozen=True)
-class Ground:
-    """The pixels of one material that a law is fitted to, or compared with.
-
-    Attributes
-    ----------
-    values_db : ndarray, shape (pixels,)
-        Measured backscatter [dB].
-    incidence_deg : ndarray, shape (pixels,)
-        Local incidence [deg].
-    patch, block : ndarray of int, shape (pixels,)
-        Connected area and block of the image that each lies in.
-    independent : float
-        Independent pixels for each pixel, at most 1.
-    """
-
-    values_db: NDArray[np.float64]
-    incidence_deg: NDArray[np.float64]
-    patch: NDArray[np.int64]
-    block: NDArray[np.int64]
-    independent: float = 1.0
-
-    @cached_property
-    def cells(self) -> Cells:
-        """Parts of patches in blocks."""
-        return make_cells(self.patch, self.block)
-
-    @cached_property
-    def sampling(self) -> NDArray[np.float64]:
-        """Sampling variance of each cell's mean [dB^2]."""
-        return self.cells.sampling_variance(self.values_db, self.independent)
-
-    def part(self, mask: NDArray[np.bool_]) -> Ground:
-        """Only these pixels."""
-        return Ground(
-            self.values_db[mask], self.incidence_deg[mask], self.patch[mask], self.block[mask], self.independent
-        )
 
 
 @dataclass(frozen=True)
@@ -128,6 +90,9 @@ class GroundLaw:
     spread : Spread
         Among patches and cells.
     fit : LawFit
+    correction_db : ndarray, shape (n,), optional
+        What a simulator's classes hold besides law and speckle, in the mean [dB]: area of facets, noise,
+        neighbours.
     """
 
     ground: Ground
@@ -135,9 +100,10 @@ class GroundLaw:
     classes: Classes
     spread: Spread
     fit: LawFit
+    correction_db: NDArray[np.float64] | None = None
 
     def levels_db(self, incidence_deg: ArrayLike, parameters: ArrayLike | None = None) -> NDArray[np.float64]:
-        """Expected mean of dB values at mapped angles [deg], shape (k,): law and mean of the log speckle."""
+        """Expected mean of dB values at mapped angles [deg], shape (k,): law, mean of the log speckle, correction."""
         x = self.fit.parameters if parameters is None else parameters
         angle = np.asarray(incidence_deg, dtype=np.float64)
         mapped, method = self.ground.incidence_deg, self.method
@@ -145,7 +111,10 @@ class GroundLaw:
         nodes = true_nodes(
             angle[:, None], error, method.incidence_error, float(mapped.mean()), attenuation(mapped, error)
         )
-        return np.asarray(method.law(np.radians(nodes), x).mean(axis=1) + log_speckle_cumulants(self.fit.looks)[0])
+        level = method.law(np.radians(nodes), x).mean(axis=1) + log_speckle_cumulants(self.fit.looks)[0]
+        if self.correction_db is not None:
+            level = level + self.correction_db[class_of(angle, self.classes.edges_deg)]
+        return np.asarray(level)
 
     def slopes(self, incidence_deg: ArrayLike) -> NDArray[np.float64]:
         """Derivatives of :meth:`levels_db` by X and log looks, shape (k, d + 1)."""
@@ -197,12 +166,17 @@ class GroundLaw:
         return patch_effects(residual, ground.sampling, ground.cells.patch, self.spread)
 
 
+def limited(ground: Ground, member: NDArray[np.int64]) -> Ground:
+    """The ground without values that no speckle makes; ``member`` is the class of each pixel, shape (pixels,)."""
+    return replace(ground, values_db=winsorised(ground.values_db, member))
+
+
 def _limited(ground: Ground, method: Method) -> Ground:
-    """The ground without values that no speckle makes; the density is fitted to what there is."""
+    """The same, in classes still to be made; the density is fitted to what there is."""
     if method.objective == "density":
         return ground
     edges = incidence_edges(ground.incidence_deg, method.classes)
-    return replace(ground, values_db=winsorised(ground.values_db, class_of(ground.incidence_deg, edges)))
+    return limited(ground, class_of(ground.incidence_deg, edges))
 
 
 def curve_prior(ground: Ground, method: Method) -> Residuals:

@@ -10,11 +10,14 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.calibration.class_surrogate import ClassRuns
 from radcal.errors import StoreError
+from radcal.measurement.levels import Levels
 from radcal.records import read_json, write_json
 from radcal.store import Parameters, Record, RunStore
 
 if TYPE_CHECKING:
+    from radcal.calibration.class_search import ClassSearch
     from radcal.measurement.target import Targets
 
 __all__ = [
@@ -50,6 +53,10 @@ class Proposal:
         favour [1/dB]; None where the search for it was not needed.
     nsga2_rms : float or None
         Predicted rms of NSGA-II's best point, before any polish [1/dB].
+    looks : float or None
+        Effective looks proposed with X, where classes of incidence are what is minimised.
+    predicted_cost : float or None
+        Half the sum of squared residuals that is promised there.
     """
 
     parameters: list[float]
@@ -57,6 +64,8 @@ class Proposal:
     predicted_rms: float | None = None
     floor_rms: float | None = None
     nsga2_rms: float | None = None
+    looks: float | None = None
+    predicted_cost: float | None = None
 
 
 @dataclass(frozen=True)
@@ -85,6 +94,15 @@ class Run:
     repeat_variance : mapping by material
         For one that differs: variance among runs of equal parameters of mean [dB2], log standard
         deviation and skewness.
+    cumulants : mapping by material
+        Where classes of incidence are what is minimised: mean [dB], variance [dB2] and third central
+        moment [dB3] of each class, at the sensor's looks. ``dp`` and ``rms`` are then those with texture of
+        the material's own looks.
+    looks, cost : mapping by material
+        The effective looks that suit the run best, and half the sum of squared residuals there.
+    left, moved_db : mapping by material
+        For infill: what the run's own correction would still take from the cost, and by how much the law
+        would change on the way [dB] (:meth:`radcal.calibration.class_search.ClassSearch.left`).
     """
 
     kind: Kind
@@ -98,6 +116,11 @@ class Run:
     other_law: list[str] = field(default_factory=list)
     repeat_db: float | None = None
     repeat_variance: Mapping[str, list[float]] = field(default_factory=dict)
+    cumulants: Mapping[str, list[list[float]]] = field(default_factory=dict)
+    looks: Mapping[str, float] = field(default_factory=dict)
+    cost: Mapping[str, float] = field(default_factory=dict)
+    left: Mapping[str, float] = field(default_factory=dict)
+    moved_db: Mapping[str, float] = field(default_factory=dict)
 
 
 def score(
@@ -108,9 +131,38 @@ def score(
     targets: Targets,
     proposals: Mapping[str, Proposal] | None = None,
     other_law: Sequence[str] = (),
+    searches: Mapping[str, ClassSearch] | None = None,
 ) -> Run:
-    """Score a record against the targets."""
-    scored = targets.score(record.pixels_db)
+    """Score a record against the targets.
+
+    Parameters
+    ----------
+    kind, index
+        As in :class:`Run`.
+    record : Record
+        The run.
+    parameters : mapping
+        X by material.
+    targets : Targets
+        By calibrated material.
+    proposals, other_law
+        As in :class:`Run`.
+    searches : mapping, optional
+        What judges classes of incidence, by material.
+    """
+    pixels_db = dict(record.pixels_db)
+    mapping = targets.levels.simulated(record.pixels_db)
+    cumulants, looks, cost, left, moved = {}, {}, {}, {}, {}
+    for name, search in (searches or {}).items():
+        if name in other_law:
+            continue
+        found = search.classes.cumulants(Levels.apply(record.pixels_db[name][targets[name].order], mapping))
+        cumulants[name] = found.tolist()
+        looks[name], cost[name] = search.score(parameters[name], found)
+        if kind == "infill":
+            left[name], moved[name] = search.left(parameters[name], looks[name], found)
+        pixels_db[name] = search.textured(record.pixels_db[name], looks[name])
+    scored = targets.score(pixels_db)
     return Run(
         kind=kind,
         index=index,
@@ -121,6 +173,11 @@ def score(
         rms={name: rms for name, (_, rms) in scored.items()},
         proposals=proposals or {},
         other_law=list(other_law),
+        cumulants=cumulants,
+        looks=looks,
+        cost=cost,
+        left=left,
+        moved_db=moved,
     )
 
 
@@ -160,14 +217,31 @@ class History:
         return History(run for run in self.runs if run.kind != "infill" or run.index < infill)
 
     def best(self, material: str) -> Run:
-        """Return the run with the material's smallest rms, the earliest of equals, made with its law."""
-        return min((run for run in self.runs if material not in run.other_law), key=lambda run: run.rms[material])
+        """Return the run with the material's smallest cost, the earliest of equals, made with its law.
+
+        The cost is the rms, or that of the classes of incidence where these are what is minimised.
+        """
+        own = (run for run in self.runs if material not in run.other_law)
+        return min(own, key=lambda run: run.cost.get(material, run.rms[material]))
 
     def failures(self, material: str) -> int:
         """Return the number of verified proposals since the best one (or since the design)."""
         best = self.best(material)
         since = self.infill if best.kind != "infill" else self.infill[self.infill.index(best) + 1 :]
         return sum(run.proposals[material].mode != "ended" for run in since)
+
+    @property
+    def of_classes(self) -> bool:
+        """Whether classes of incidence are what is minimised."""
+        return any(run.cost for run in self.runs)
+
+    def class_training(self, material: str) -> ClassRuns:
+        """Distinct parameters and the cumulants of their classes."""
+        seen: dict[tuple[float, ...], list[list[float]]] = {}
+        for run in self.runs:
+            if material not in run.other_law:
+                seen.setdefault(tuple(run.parameters[material]), run.cumulants[material])
+        return ClassRuns(np.array(list(seen)), np.array(list(seen.values())))
 
     def training(self, material: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Distinct parameters and their densities.

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from radcal.calibration.law_fit import LawFit
 from radcal.radar.laws import Law
 
-__all__ = ["ErrorKind", "attenuation", "incidence_warnings", "law_gap_db", "true_nodes"]
+__all__ = ["ErrorKind", "attenuation", "incidence_warnings", "law_gap_db", "registration_error_deg", "true_nodes"]
 
 ErrorKind = Literal["classical", "berkson"]
 _HERMITE = 5
@@ -34,6 +34,44 @@ def attenuation(incidence_deg: ArrayLike, error_deg: float) -> float:
     """Share of the variance of the mapped incidence [deg] that is not classical error, at least 0.1."""
     variance = float(np.var(np.asarray(incidence_deg, dtype=np.float64)))
     return 1.0 if error_deg == 0.0 else max(_LEAST_SHARE, 1.0 - error_deg**2 / max(variance, 1e-12))
+
+
+def registration_error_deg(
+    incidence_deg: NDArray[np.float32], uncertainty_px: NDArray[np.float32], pixels: NDArray[np.int64]
+) -> float:
+    r"""Standard error of the local incidence that a registration leaves.
+
+    A pixel that lies a displacement off shows the incidence of another place: to first order the error is
+    :math:`|\nabla\phi|\,u / \sqrt 2`, u the standard error of the displacement's length and the square root its
+    share along the gradient.
+
+    Parameters
+    ----------
+    incidence_deg : ndarray, shape (rows, columns)
+        Local incidence [deg], NaN where there is none.
+    uncertainty_px : ndarray, shape (rows, columns)
+        Standard error of the displacement's length [pixels]; 0 where the image was not registered, and then
+        nothing is known of the error.
+    pixels : ndarray of int
+        Flat indices of the pixels concerned.
+
+    Returns
+    -------
+    float
+        Root mean square over the pixels [deg].
+
+    References
+    ----------
+    JCGM 100:2008, "Guide to the expression of uncertainty in measurement", section 5.1 (law of propagation of
+    uncertainty).
+    """
+    if not np.any(uncertainty_px > 0):
+        return 0.0
+    down, right = np.gradient(incidence_deg.astype(np.float64))
+    variance = 0.5 * (down**2 + right**2) * uncertainty_px.astype(np.float64) ** 2
+    found = variance.ravel()[pixels]
+    known = found[np.isfinite(found)]
+    return float(np.sqrt(known.mean())) if known.size else 0.0
 
 
 def true_nodes(nodes_deg: ArrayLike, error_deg: float, kind: ErrorKind, mean_deg: float, share: float) -> NDArray:  # type: ignore[type-arg]

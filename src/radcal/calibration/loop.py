@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from radcal.calibration.class_search import class_searches
 from radcal.calibration.design import design_points
 from radcal.calibration.history import History, score
 from radcal.calibration.steps import (
@@ -42,7 +43,8 @@ def calibrate(
     runner : Runner
         The simulator behind a run store; runs that are there are not made again.
     targets : mapping
-        Target by calibrated material.
+        Target by calibrated material; with classes of incidence
+        (:func:`radcal.calibration.class_search.class_targets`) it is the laws that are made to settle.
     report : callable, optional
         Called with the history after the design and after every verified proposal.
     reference : Runner, optional
@@ -65,8 +67,9 @@ def calibrate(
     if others and reference is None:
         raise ValueError(f"materials {others} start with another law: expected a reference runner")
     runs = score_reference(case, reference_runs(case, reference or runner), targets)
+    searches = class_searches(case, targets)
     for k, parameters in enumerate(design_points(case)):
-        runs.append(score("design", k, runner.run(parameters, seed), parameters, targets))
+        runs.append(score("design", k, runner.run(parameters, seed), parameters, targets, searches=searches))
     history, surrogates, k = History(runs), None, 0
     report(history)
     while not (decision := decide(history, list(targets), case.stop)).ended:

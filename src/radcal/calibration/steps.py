@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from radcal.calibration.class_search import ClassSearch, class_searches
+from radcal.calibration.class_surrogate import ClassRuns
 from radcal.calibration.history import History, Proposal, Run, score
 from radcal.calibration.infill import propose
 from radcal.calibration.noise import noise_variance
@@ -85,7 +87,7 @@ def score_reference(case: Case, records: Sequence[Record], targets: Targets) -> 
     Parameters
     ----------
     case : Case
-        Sections ``seed`` and ``materials`` are read.
+        Sections ``seed``, ``materials`` and ``radar`` are read.
     records : sequence of Record
         What :func:`reference_runs` gave.
     targets : mapping
@@ -98,7 +100,11 @@ def score_reference(case: Case, records: Sequence[Record], targets: Targets) -> 
         that of those which differ from it.
     """
     start, others = reference_parameters(case), case.start_with_another_law
-    runs = [score("reference", k, record, start, targets, other_law=others) for k, record in enumerate(records)]
+    searches = class_searches(case, targets)
+    runs = [
+        score("reference", k, record, start, targets, other_law=others, searches=searches)
+        for k, record in enumerate(records)
+    ]
     for k, record in enumerate(records[1:], start=1):
         difference = records[0].largest_difference_db(record)
         runs[k] = replace(runs[k], repeat_db=difference)
@@ -168,6 +174,13 @@ def _propose(job: tuple[Surrogate, NDArray[np.float64], Optimiser, int, NDArray[
         return propose(*job)
 
 
+def _propose_law(job: tuple[ClassSearch, ClassRuns, Optimiser, int, tuple[list[float], float]]) -> Proposal:
+    search, runs, config, seed, best = job
+    with threadpool_limits(1):
+        fit = search.propose(search.surrogate(runs.parameters, runs.cumulants), config, seed, [best])
+    return Proposal([float(v) for v in fit.parameters], "exploit", looks=fit.looks, predicted_cost=fit.cost)
+
+
 def _each(function: Callable[[_Job], _Result], jobs: Sequence[_Job], processes: int) -> list[_Result]:
     """Apply a function to independent jobs; the result does not depend on the number of processes."""
     if min(processes, len(jobs)) <= 1:
@@ -179,8 +192,12 @@ def _each(function: Callable[[_Job], _Result], jobs: Sequence[_Job], processes: 
 
 
 def train_all(
-    history: History, case: Case, iteration: int, previous: Mapping[str, Surrogate] | None, processes: int = 1
-) -> dict[str, Surrogate]:
+    history: History,
+    case: Case,
+    iteration: int,
+    previous: Mapping[str, Surrogate | ClassRuns] | None,
+    processes: int = 1,
+) -> dict[str, Surrogate | ClassRuns]:
     """Train the surrogates of all calibrated materials.
 
     Parameters
@@ -199,9 +216,12 @@ def train_all(
     Returns
     -------
     dict
-        Surrogate by material.
+        Surrogate by material; of classes of incidence, the runs that correct law and speckle.
     """
+    if history.of_classes:
+        return {name: history.class_training(name) for name in case.calibrated}
     warm = case.surrogate.training == "warm" and previous is not None and iteration % case.surrogate.retrain_every
+    last = {name: item.theta for name, item in (previous or {}).items() if isinstance(item, Surrogate)}
     jobs = [
         (
             Surrogate(
@@ -211,7 +231,7 @@ def train_all(
                 noisy=_noisy(history, case),
                 noise_variance=history.noise_variance(name),
             ),
-            previous[name].theta if warm and previous is not None else None,
+            last.get(name) if warm else None,
             case.surrogate.training == "warm",
         )
         for name in case.calibrated
@@ -221,11 +241,11 @@ def train_all(
         for output, q2, status in zip(OUTPUTS[surrogate.outputs], surrogate.q2, surrogate.status, strict=True):
             level = logging.WARNING if q2 < 0 or status == "failed" else logging.INFO
             logger.log(level, "%s, %s: leave-one-out Q2 %.4f, optimiser %s", name, output, q2, status)
-    return trained
+    return dict(trained)
 
 
 def propose_all(
-    surrogates: Mapping[str, Surrogate],
+    surrogates: Mapping[str, Surrogate | ClassRuns],
     targets: Targets,
     history: History,
     case: Case,
@@ -242,7 +262,7 @@ def propose_all(
     history : History
         Runs so far.
     case : Case
-        Sections ``seed`` and ``optimiser`` are read.
+        Sections ``seed``, ``materials``, ``radar`` and ``optimiser`` are read.
     iteration : int
         Number of the iteration.
     stop : Stop
@@ -258,19 +278,36 @@ def propose_all(
     verdicts = decide(history, list(targets), stop).materials
     best = {name: history.best(name) for name in targets}
     going = [name for name in targets if verdicts[name].reason is None]
-    jobs = [
-        (
-            surrogates[name],
-            targets[name].dp,
-            case.optimiser,
-            derived_seed(case.seed, "propose", name, iteration),
-            surrogates[name].unit(best[name].parameters[name]),
-            best[name].rms[name],
-            history.failures(name),
-        )
-        for name in going
-    ]
-    found = dict(zip(going, _each(_propose, jobs, processes), strict=True))
+    seeds = {name: derived_seed(case.seed, "propose", name, iteration) for name in going}
+    searches = class_searches(case, targets)
+    if searches:
+        law_jobs = [
+            (
+                searches[name],
+                surrogate,
+                case.optimiser,
+                seeds[name],
+                (best[name].parameters[name], best[name].looks[name]),
+            )
+            for name in going
+            if isinstance(surrogate := surrogates[name], ClassRuns)
+        ]
+        found = dict(zip(going, _each(_propose_law, law_jobs, processes), strict=True))
+    else:
+        jobs = [
+            (
+                surrogate,
+                targets[name].dp,
+                case.optimiser,
+                seeds[name],
+                surrogate.unit(best[name].parameters[name]),
+                best[name].rms[name],
+                history.failures(name),
+            )
+            for name in going
+            if isinstance(surrogate := surrogates[name], Surrogate)
+        ]
+        found = dict(zip(going, _each(_propose, jobs, processes), strict=True))
     for name, proposal in found.items():
         logger.info("%s: %s", name, proposal)
     return {name: found.get(name) or Proposal(list(best[name].parameters[name]), "ended") for name in targets}
@@ -280,7 +317,7 @@ def verify(proposals: Mapping[str, Proposal], targets: Targets, runner: Runner, 
     """Simulate the proposals in one run and score it."""
     parameters = all_parameters(case, {name: proposal.parameters for name, proposal in proposals.items()})
     record = runner.run(parameters, noise_seed(case))
-    return score("infill", iteration, record, parameters, targets, proposals)
+    return score("infill", iteration, record, parameters, targets, proposals, searches=class_searches(case, targets))
 
 
 def design_line(number: int, size: int, record: Record, targets: Targets) -> str:
@@ -312,6 +349,15 @@ def design_line(number: int, size: int, record: Record, targets: Targets) -> str
 def progress_line(history: History, materials: Sequence[str], stop: Stop) -> str:
     """Runs used, best rms and tolerance in one line."""
     runs = history.count("design") + history.count("infill")
+    if history.of_classes:
+        verdicts = decide(history, materials, stop).materials
+        settled = sum(verdict.reason == "settled" for verdict in verdicts.values())
+        last = history.infill[-1]
+        worst = max(materials, key=lambda name: last.moved_db[name])
+        return (
+            f"run {runs:>3} (iteration {len(history.infill)}): {settled} of {len(materials)} laws settled, the last "
+            f"run would change that of {worst} by {last.moved_db[worst]:.2g} dB"
+        )
     best = {name: history.best(name).rms[name] for name in materials}
     if len(best) == 1:
         text = f"best rms {next(iter(best.values())):.2e}"

@@ -6,14 +6,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from radcal.calibration.history import History, Proposal
 from radcal.calibration.infill import UNREACHABLE_SHARE
 from radcal.config import Stop
 
 __all__ = ["Decision", "Verdict", "decide"]
 
+_SETTLED = 0.05  # of half the sum of squares: the law is a third of its standard error from the minimum
 _PROMISE = 0.2  # relative difference of promised and verified rms that counts as kept
-Reason = Literal["rms", "unreachable", "stagnation", "max_runs"]
+Reason = Literal["rms", "settled", "unreachable", "stagnation", "max_runs"]
 
 
 @dataclass(frozen=True)
@@ -41,7 +44,7 @@ class Decision:
     materials : mapping
         Verdict per material.
     reason : str or None
-        Why the loop ended (the first of max_runs, stagnation, unreachable, rms that
+        Why the loop ended (the first of max_runs, stagnation, unreachable, rms, settled that
         applies to a material); None while it goes on.
     """
 
@@ -55,8 +58,8 @@ class Decision:
 
     @property
     def converged(self) -> bool:
-        """True when every material is within the tolerance."""
-        return self.reason == "rms"
+        """True when every material is within the tolerance, or its law has settled."""
+        return self.reason in ("rms", "settled")
 
 
 def decide(history: History, materials: Sequence[str], stop: Stop) -> Decision:
@@ -65,7 +68,8 @@ def decide(history: History, materials: Sequence[str], stop: Stop) -> Decision:
     Parameters
     ----------
     history : History
-        Reference, design and verified proposals so far.
+        Reference, design and verified proposals so far; where their classes of incidence were scored, it is
+        the law that must settle and not the rms.
     materials : sequence of str
         The calibrated materials.
     stop : Stop
@@ -77,11 +81,12 @@ def decide(history: History, materials: Sequence[str], stop: Stop) -> Decision:
         Nothing but the arguments goes into it: the same runs under other settings are
         judged as if they had always been these.
     """
-    verdicts = {name: _judge(history, name, stop) for name in materials}
+    judge = _judge_law if history.of_classes else _judge
+    verdicts = {name: judge(history, name, stop) for name in materials}
     if any(verdict.reason is None for verdict in verdicts.values()):
         return Decision(verdicts, None)
     reasons = {verdict.reason for verdict in verdicts.values()}
-    order: tuple[Reason, ...] = ("max_runs", "stagnation", "unreachable", "rms")
+    order: tuple[Reason, ...] = ("max_runs", "stagnation", "unreachable", "rms", "settled")
     return Decision(verdicts, next(reason for reason in order if reason in reasons))
 
 
@@ -127,3 +132,30 @@ def _judge(history: History, name: str, stop: Stop) -> Verdict:
             f"{name}: rms {best:.2g}, above the tolerance {stop.rms:.2g}, at the maximum of {stop.max_runs} runs.",
         )
     return Verdict(None, f"{name}: rms {best:.2g}, tolerance {stop.rms:.2g}.")
+
+
+def _judge_law(history: History, name: str, stop: Stop) -> Verdict:
+    """The same for classes of incidence: until a run's own correction would hardly change its law any more."""
+    design = history.count("design")
+    best = min(run.cost[name] for run in history.runs if run.kind != "infill" and name not in run.other_law)
+    idle = 0
+    for k, run in enumerate(history.infill, start=1):
+        if design + k > stop.max_runs:
+            break
+        cost = run.cost[name]
+        if run.proposals[name].mode != "ended":
+            idle = 0 if best - cost > _SETTLED else idle + 1
+            best = min(best, cost)
+        stands = run.left[name] <= _SETTLED or run.moved_db[name] <= stop.law_db
+        if stands and cost <= best + _SETTLED:
+            return Verdict(
+                "settled",
+                f"{name}: the law has settled after {design + k} runs: what its last run showed would change it by "
+                f"{run.moved_db[name]:.2g} dB over the incidence seen, {np.sqrt(2.0 * run.left[name]):.2g} of its "
+                "standard error.",
+            )
+        if idle >= stop.stagnation_runs:
+            return Verdict("stagnation", f"{name}: the law has not settled, and is no better for {idle} runs.")
+    if design + len(history.infill) >= stop.max_runs:
+        return Verdict("max_runs", f"{name}: the law has not settled at the maximum of {stop.max_runs} runs.")
+    return Verdict(None, f"{name}: the law has not settled yet.")

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import solve_triangular
 
 from radcal import skewnormal
+from radcal.calibration.class_surrogate import ClassRuns
 from radcal.errors import SurrogateError
 from radcal.records import read_hdf5, write_hdf5
 
@@ -368,19 +369,23 @@ def _learnt(dp: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack([mean, np.log(sd), skewness], axis=-1)
 
 
-def write_surrogates(path: str | Path, surrogates: Mapping[str, Surrogate]) -> None:
-    """Store surrogates as data and hyper-parameters, atomically."""
+def write_surrogates(path: str | Path, surrogates: Mapping[str, Surrogate | ClassRuns]) -> None:
+    """Store surrogates as data and hyper-parameters, atomically; of classes of incidence the data are all."""
     with write_hdf5(path, "surrogate", track_order=True) as file:
         materials = file.create_group("materials", track_order=True)
         for name, surrogate in surrogates.items():
             group = materials.create_group(name)
+            if isinstance(surrogate, ClassRuns):
+                group.attrs["outputs"] = "classes"
+                group["parameters"], group["cumulants"] = surrogate.parameters, surrogate.cumulants
+                continue
             group.attrs["outputs"] = surrogate.outputs
             group.attrs["status"] = surrogate.status
             for key in ("bounds", "parameters", "dp", "theta", "nugget", "q2"):
                 group[key] = getattr(surrogate, key)
 
 
-def read_surrogates(path: str | Path) -> dict[str, Surrogate]:
+def read_surrogates(path: str | Path) -> dict[str, Surrogate | ClassRuns]:
     """Rebuild the surrogates that :func:`write_surrogates` stored.
 
     Raises
@@ -389,12 +394,16 @@ def read_surrogates(path: str | Path) -> dict[str, Surrogate]:
         The file is missing, damaged, or of another version or case.
     """
     with read_hdf5(path, "surrogate") as file:
-        return {
-            name: Surrogate(
-                group["bounds"][()],
-                group["parameters"][()],
-                group["dp"][()],
-                str(group.attrs["outputs"]),  # type: ignore[arg-type]
-            ).restore(group["theta"][()], group["nugget"][()], group["q2"][()], list(group.attrs["status"]))
-            for name, group in file["materials"].items()
-        }
+        return {name: _rebuilt(group) for name, group in file["materials"].items()}
+
+
+def _rebuilt(group: Any) -> Surrogate | ClassRuns:
+    if group.attrs["outputs"] == "classes":
+        return ClassRuns(group["parameters"][()], group["cumulants"][()])
+    surrogate = Surrogate(
+        group["bounds"][()],
+        group["parameters"][()],
+        group["dp"][()],
+        str(group.attrs["outputs"]),  # type: ignore[arg-type]
+    )
+    return surrogate.restore(group["theta"][()], group["nugget"][()], group["q2"][()], list(group.attrs["status"]))

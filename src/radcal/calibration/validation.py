@@ -8,8 +8,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radcal.calibration.grounds import Ground, GroundLaw, refit
+from radcal.calibration.grounds import GroundLaw, refit
 from radcal.calibration.law_fit import fit_law
+from radcal.measurement.ground import Ground
 from radcal.radar.laws import Law
 
 __all__ = ["CrossValidation", "HeldOut", "cross_validate", "held_out", "kept_blocks"]

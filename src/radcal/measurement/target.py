@@ -6,19 +6,22 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radcal import skewnormal
-from radcal.config import Case, Radar
+from radcal.config import Case, Radar, Validation
 from radcal.config import Target as TargetConfig
 from radcal.errors import MeasurementError
+from radcal.measurement.class_target import ClassTarget, put_classes, take_classes
 from radcal.measurement.goodness import Goodness, effective_sample_size, goodness_of_fit
+from radcal.measurement.ground import Ground
 from radcal.measurement.levels import Levels, image_levels, offset_levels
 from radcal.measurement.looks import estimate_looks, local_looks
 from radcal.measurement.model import Measurement
+from radcal.measurement.patches import label_patches
 from radcal.measurement.pixels import eligible_pixels, noise_limited, point_targets
 from radcal.radar.radiometry import noise_floor_db
 from radcal.records import read_hdf5, write_hdf5
@@ -29,6 +32,7 @@ if TYPE_CHECKING:
     from radcal.radar.geometry import Geometry
 
 __all__ = [
+    "KEPT_OUT",
     "Target",
     "Targets",
     "make_levels",
@@ -45,6 +49,8 @@ _SETTLED = 1e-5
 _UNLIKELY = 0.01  # the smallest share that so many bootstrap samples can show
 _TEXTURED = 0.7  # times the looks of homogeneous areas
 _LEVEL_PIXELS = 1000  # of each reference material
+_BLOCK_ROWS = 10  # of cells, where no validation says how many
+KEPT_OUT = "kept out to check the law"  # a reason why pixels are left out
 
 
 @dataclass(frozen=True)
@@ -84,6 +90,12 @@ class Target:
         Equivalent number of looks among neighbouring pixels; NaN where not known.
     penalised : bool
         The density, and that of every run, is the penalised likelihood's.
+    patch, block : ndarray of int, shape (n,)
+        Connected area of the material, and block of image rows, that each pixel lies in.
+    kept_out : Ground or None
+        Pixels of ground that no law has seen, for validation.
+    classes : ClassTarget or None
+        The same pixels in classes of incidence, where they are what is minimised.
     """
 
     pixels: NDArray[np.int64]
@@ -101,6 +113,21 @@ class Target:
     left_out: Mapping[str, int] = field(default_factory=dict)
     looks: float = float("nan")
     penalised: bool = False
+    patch: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    block: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    kept_out: Ground | None = None
+    classes: ClassTarget | None = None
+
+    @property
+    def ground(self) -> Ground:
+        """The pixels with the areas that they lie in."""
+        return Ground(
+            values_db=np.asarray(self.values_db, dtype=np.float64),
+            incidence_deg=np.asarray(self.incidence_deg, dtype=np.float64),
+            patch=self.patch,
+            block=self.block,
+            independent=self.effective / self.pixels.size,
+        )
 
     @property
     def cp(self) -> NDArray[np.float64]:
@@ -166,7 +193,8 @@ class Targets(dict[str, Target]):
         for name, target in self.items():
             mean, sd, skewness = target.cp
             size = f"target of {name}: {len(target.pixels)} pixels"
-            lines.append(f"{size}, {mean:.2f} +- {sd:.2f} {levels.unit}, skewness {skewness:.2f}")
+            classes = f", {target.classes.classes.size} classes of incidence" if target.classes is not None else ""
+            lines.append(f"{size}, {mean:.2f} +- {sd:.2f} {levels.unit}, skewness {skewness:.2f}{classes}")
         return [*lines, *self.warnings()]
 
     def warnings(self) -> list[str]:
@@ -233,6 +261,7 @@ def make_target(
     levels: Levels | None = None,
     flags: Mapping[str, NDArray[np.bool_]] | None = None,
     radar: Radar | None = None,
+    validation: Validation | None = None,
 ) -> Target:
     """Draw a material's pixels without replacement and fit their density.
 
@@ -246,6 +275,8 @@ def make_target(
         What is taken out of the measured values.
     radar : Radar, optional
         Resolutions and pixel spacings, for the looks.
+    validation : Validation, optional
+        Which rows are kept out.
 
     Raises
     ------
@@ -254,6 +285,11 @@ def make_target(
     FitError
         The pixels cannot be fitted.
     """
+    rows = np.arange(geometry.shape[0])
+    out = np.zeros(geometry.shape, dtype=np.bool_)
+    if validation is not None and validation.keep != "both":
+        out[(rows // validation.rows) % 2 == (1 if validation.keep == "even" else 0)] = True
+        flags = {**(flags or {}), KEPT_OUT: out}
     eligible = eligible_pixels(name, geometry, measurement, config, uncertainty_px, flags)
     rng = derived_rng(seed, "target", name)
     drawn = np.sort(rng.choice(eligible.pixels, size=min(config.pixels, eligible.pixels.size), replace=False))
@@ -261,6 +297,21 @@ def make_target(
     penalised = config.fit == "penalised"
     fit = skewnormal.fit(values, penalised)
     effective = effective_sample_size(measurement.image_db, eligible.pixels, drawn)
+    patches = label_patches(geometry.material == geometry.names.index(name) + 1).ravel()
+    block_rows = validation.means if validation is not None else _BLOCK_ROWS
+    kept_out = None
+    if out.any():
+        others = {reason: flag for reason, flag in (flags or {}).items() if reason != KEPT_OUT}
+        with_it = eligible_pixels(name, geometry, measurement, config, uncertainty_px, others).pixels
+        held = with_it[out.ravel()[with_it]]
+        kept_out = Ground(
+            values_db=Levels.apply(measurement.image_db.ravel()[held], (levels or Levels()).measured),
+            incidence_deg=geometry.incidence_deg.ravel()[held].astype(np.float64),
+            patch=patches[held],
+            block=held // geometry.shape[1] // block_rows,
+            # correlated as the others are, but all of them and not some
+            independent=effective_sample_size(measurement.image_db, held, held) / held.size if held.size else 1.0,
+        )
     return Target(
         pixels=drawn,
         order=np.searchsorted(geometry.pixels(name), drawn),
@@ -277,6 +328,9 @@ def make_target(
         penalised=penalised,
         left_out=eligible.left_out,
         looks=local_looks(measurement.image_db, eligible.pixels, radar) if radar is not None else float("nan"),
+        patch=patches[drawn],
+        block=drawn // geometry.shape[1] // block_rows,
+        kept_out=kept_out,
     )
 
 
@@ -286,7 +340,7 @@ def make_targets(case: Case, geometry: Geometry, registered: Registered, referen
     Parameters
     ----------
     case : Case
-        Sections ``seed``, ``materials``, ``radar`` and ``target`` are read.
+        Sections ``seed``, ``materials``, ``radar``, ``target`` and ``validation`` are read.
     geometry : Geometry
         Of the pass.
     registered : Registered
@@ -321,6 +375,7 @@ def make_targets(case: Case, geometry: Geometry, registered: Registered, referen
                 levels=levels,
                 flags=flags,
                 radar=case.radar,
+                validation=case.validation,
             )
             for name in case.calibrated
         },
@@ -362,7 +417,8 @@ def make_levels(case: Case, geometry: Geometry, registered: Registered, referenc
     return offset_levels(config.normalisation, differences)
 
 
-_ARRAYS = ("pixels", "order", "values_db", "incidence_deg", "dp", "cp_error", "cp_interval")
+_ARRAYS = ("pixels", "order", "values_db", "incidence_deg", "dp", "cp_error", "cp_interval", "patch", "block")
+_GROUND = ("values_db", "incidence_deg", "patch", "block")
 _SCALARS = ("eligible", "at_boundary", "effective", "rms_sampling", "looks", "penalised")
 _GOODNESS = ("ks", "ks_p", "ad", "ad_p")
 _LEVELS = ("normalisation", "offset_db", "offset_error_db", "scale", "measured")
@@ -382,6 +438,13 @@ def write_targets(path: str | Path, targets: Targets) -> None:
             for key in _GOODNESS:
                 group.attrs[key] = getattr(target.goodness, key)
             group.attrs["left_out"] = json.dumps(target.left_out)
+            if target.kept_out is not None:
+                held = group.create_group("kept_out")
+                for key in _GROUND:
+                    held.create_dataset(key, data=getattr(target.kept_out, key), compression="gzip", compression_opts=1)
+                held.attrs["independent"] = target.kept_out.independent
+            if target.classes is not None:
+                put_classes(group.create_group("classes"), target.classes)
         levels = file.create_group("levels")
         for key in _LEVELS:
             levels.attrs[key] = getattr(targets.levels, key)
@@ -389,6 +452,10 @@ def write_targets(path: str | Path, targets: Targets) -> None:
         levels.create_dataset("others_db", data=targets.levels.others_db, compression="gzip", compression_opts=1)
         for name, places in targets.levels.valid.items():
             levels.create_dataset(f"valid/{name}", data=places, compression="gzip", compression_opts=1)
+
+
+def _read_ground(group: Any) -> Ground:
+    return Ground(**{key: group[key][()] for key in _GROUND}, independent=float(group.attrs["independent"]))
 
 
 def read_targets(path: str | Path) -> Targets:
@@ -411,6 +478,8 @@ def read_targets(path: str | Path) -> Targets:
                 goodness=Goodness(**{key: float(group.attrs[key]) for key in _GOODNESS}),
                 left_out=json.loads(group.attrs["left_out"]),
                 looks=float(group.attrs["looks"]),
+                kept_out=_read_ground(group["kept_out"]) if "kept_out" in group else None,
+                classes=take_classes(group["classes"]) if "classes" in group else None,
             )
             for name, group in file["materials"].items()
         }

@@ -1,0 +1,86 @@
+"""What the law of a material is found from: classes of incidence, and how its patches spread."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.measurement.classes import Classes, class_cumulants, winsorised
+from radcal.measurement.patches import Spread
+
+__all__ = ["ClassTarget", "put_classes", "take_classes"]
+
+_ARRAYS = ("edges_deg", "member", "count", "effective", "cumulants", "nodes_deg")
+
+
+@dataclass(frozen=True)
+class ClassTarget:
+    """A material's target in classes of local incidence.
+
+    Attributes
+    ----------
+    classes : Classes
+        Measured, of the target's pixels; ``effective`` is what a difference from as many simulated ones stands
+        for, half of the independent pixels.
+    spread : Spread
+        Among patches and their cells, pooled over the materials [dB].
+    looks : float
+        Of the simulated speckle, the sensor's.
+    free_looks : bool
+        Whether the material's own looks are searched.
+    priors : bool
+        Whether weak priors on curve and looks count.
+    incidence_error_deg : float
+        Standard error of the local incidence [deg].
+    first : ndarray, shape (d,)
+        X of the law found without a simulator, by law and speckle alone.
+    first_looks : float
+        Its effective looks.
+    """
+
+    classes: Classes
+    spread: Spread
+    looks: float
+    free_looks: bool
+    priors: bool
+    incidence_error_deg: float
+    first: NDArray[np.float64]
+    first_looks: float
+
+    def cumulants(self, values_db: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Mean [dB], variance [dB^2] and third central moment [dB^3] of a run's classes, shape (n, 3).
+
+        Parameters
+        ----------
+        values_db : ndarray, shape (pixels,)
+            The target's pixels in a run [dB]; far outliers are limited as the measured ones are.
+        """
+        member = self.classes.member
+        return class_cumulants(winsorised(values_db, member), member, self.classes.size)
+
+
+def put_classes(group: h5py.Group, target: ClassTarget) -> None:
+    """Write a material's classes into a group of HDF5."""
+    for key in _ARRAYS:
+        group[key] = getattr(target.classes, key)
+    group["first"] = target.first
+    group.attrs["between_db"], group.attrs["within_db"] = target.spread.between, target.spread.within
+    for key in ("looks", "free_looks", "priors", "incidence_error_deg", "first_looks"):
+        group.attrs[key] = getattr(target, key)
+
+
+def take_classes(group: h5py.Group) -> ClassTarget:
+    """Read what :func:`put_classes` wrote."""
+    return ClassTarget(
+        classes=Classes(**{key: group[key][()] for key in _ARRAYS}),
+        spread=Spread(float(group.attrs["between_db"]), float(group.attrs["within_db"])),
+        looks=float(group.attrs["looks"]),
+        free_looks=bool(group.attrs["free_looks"]),
+        priors=bool(group.attrs["priors"]),
+        incidence_error_deg=float(group.attrs["incidence_error_deg"]),
+        first=group["first"][()],
+        first_looks=float(group.attrs["first_looks"]),
+    )
