@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from radcal.calibration.incidence_error import attenuation, incidence_warnings, law_gap_db, true_nodes
+from radcal.calibration.incidence_error import (
+    attenuation,
+    incidence_warnings,
+    law_gap_db,
+    registration_error_deg,
+    true_nodes,
+)
 from radcal.calibration.law_fit import LawFit
 from radcal.radar.laws import LAWS, law_for
 

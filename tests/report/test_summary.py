@@ -23,7 +23,7 @@ def copy(made, tmp_path):
 
 def test_counts_add_up(made):
     summary = summarise(made.path)
-    assert summary["runs"] == {"reference": 1, "design": 3, "infill": 2, "final": 1, "total": 7}
+    assert summary["runs"] == {"reference": 1, "design": 3, "infill": 2, "final": 1, "total": 7, "reused": 0}
     assert summary["iterations"] == 2
     assert (summary["converged"], summary["stop_reason"]) == (False, "unreachable")
     assert summary["wall_seconds"] == {}
@@ -49,7 +49,8 @@ def test_materials(made):
     assert "hidden" in dyke
     assert "hidden" not in beans
     assert "law_difference_db" not in beans
-    assert sentences(made.path) == [dyke["sentence"], beans["sentence"]]
+    said = [dyke["sentence"], beans["sentence"], *dyke["law_sentences"], *beans["law_sentences"]]
+    assert sentences(made.path) == said
 
 
 def test_distances_of_two_normals(copy):

@@ -214,11 +214,11 @@ class ClassSearch:
         """Law and speckle, corrected by runs: X, shape (k, d), and their classes, shape (k, n, 3)."""
         return Corrected(self._baseline, parameters, cumulants)
 
-    def fit(self, forward: Forward, start: tuple[ArrayLike, float] | None = None) -> LawFit:
+    def fit(self, forward: Forward, start: tuple[ArrayLike, float], moves: bool = True) -> LawFit:
         """Least squares over X and looks with something in the simulator's place, from a start."""
         m = self.method
         residuals = ground_residuals(self.ground, self.classes.classes, m, self.classes.spread, forward)
-        return fit_law(residuals, m.bounds, m.looks, m.free_looks, start, prior=self._prior)
+        return fit_law(residuals, m.bounds, m.looks, m.free_looks, start, start[1], self._prior, moves)
 
     def propose(
         self, forward: Forward, config: Optimiser, seed: int, starts: Sequence[tuple[ArrayLike, float]]
@@ -315,6 +315,7 @@ class ClassSearch:
             X and looks are the run's; what its classes hold besides law and speckle is its correction.
         """
         x, run = np.asarray(parameters, dtype=np.float64), np.asarray(cumulants, dtype=np.float64)
-        fit = replace(self.fit(self.surrogate(x[None], run[None]), (x, looks)), parameters=x, looks=looks)
+        fit = self.fit(self.surrogate(x[None], run[None]), (x, looks), moves=False)
+        fit = replace(fit, parameters=x, looks=looks)
         correction = run[:, 0] - self._baseline(x)[:, 0]
         return GroundLaw(self.ground, self.method, self.classes.classes, self.classes.spread, fit, correction)

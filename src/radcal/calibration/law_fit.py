@@ -69,6 +69,7 @@ def fit_law(
     start: tuple[ArrayLike, float] | None = None,
     fixed_looks: float | None = None,
     prior: Residuals | None = None,
+    moves: bool = True,
 ) -> LawFit:
     """Minimise the sum of squared residuals over X and the effective looks.
 
@@ -90,6 +91,8 @@ def fit_law(
         Looks where they are not searched; the sensor's if missing.
     prior : callable, optional
         (X, looks) to residuals of the priors, minimised with the others.
+    moves : bool
+        Whether anything is minimised; without, only what is known at the start is found out.
 
     Returns
     -------
@@ -120,7 +123,9 @@ def fit_law(
         starts = _screen(function, len(low))
     best = None
     for unit in starts:
-        found = least_squares(function, np.clip(unit, 1e-6, 1.0 - 1e-6), bounds=(0.0, 1.0), max_nfev=100, **_TOLERANCE)
+        calls = 100 if moves else 1
+        inside = np.clip(unit, 1e-6, 1.0 - 1e-6)
+        found = least_squares(function, inside, bounds=(0.0, 1.0), max_nfev=calls, **_TOLERANCE)
         agree = best is not None and abs(found.cost - best.cost) < _SAME_COST
         if best is None or found.cost < best.cost:
             best = found

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -61,6 +62,33 @@ class HeldOut:
     predicted_db: NDArray[np.float64]
     law_db: NDArray[np.float64]
     sd_db: NDArray[np.float64]
+
+    @classmethod
+    def pooled(cls, parts: Sequence[HeldOut]) -> HeldOut | None:
+        """Several grounds as one, each block counting once; None for none."""
+        if not parts:
+            return None
+        n = np.array([part.n_blocks for part in parts], dtype=np.float64)
+
+        def together(key: str) -> float:
+            return float(np.sqrt(np.average([getattr(part, key) ** 2 for part in parts], weights=n)))
+
+        def all_of(key: str) -> NDArray[Any]:
+            return np.concatenate([getattr(part, key) for part in parts])
+
+        return cls(
+            rmse_law_db=together("rmse_law_db"),
+            rmse_law_patch_db=together("rmse_law_patch_db"),
+            rmse_constant_db=together("rmse_constant_db"),
+            rmse_best_db=together("rmse_best_db"),
+            coverage_90=float(np.average([part.coverage_90 for part in parts], weights=n)),
+            n_blocks=int(n.sum()),
+            block=all_of("block"),
+            mean_db=all_of("mean_db"),
+            predicted_db=all_of("predicted_db"),
+            law_db=all_of("law_db"),
+            sd_db=all_of("sd_db"),
+        )
 
 
 def _rms(values: NDArray[np.float64]) -> float:

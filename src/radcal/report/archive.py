@@ -1,9 +1,9 @@
 """``calibration.h5`` gathers every run and iteration, ``runs.csv`` shows it as a table.
 
-Layout of the archive (schema 1); backscatter in dB, angles in degrees:
+Layout of the archive (schema 2); backscatter in dB, angles in degrees:
 
 ========================================  =====================================================
-``/`` attributes                          ``case``, ``config`` (JSON), ``reason``, ``converged``,
+``/`` attributes                          ``case``, ``config`` (JSON), ``objective``, ``reason``, ``converged``,
                                           ``tolerance``, ``max_runs``, ``measurement``, ``notes``, ``looks``,
                                           ``measured_looks`` (homogeneous areas),
                                           ``simulator`` (JSON: its identity), ``sentences``, ``law_notes``,
@@ -28,6 +28,17 @@ Layout of the archive (schema 1); backscatter in dB, angles in degrees:
 ``  calibrated_db, fresh_db``             the calibrated run, and with fresh random numbers (p,)
 ``materials/<m>/final_dp, fresh_dp``      densities of the two final runs (3,)
 ``materials/<m>/predicted_rms, floor_rms, mode``  per infill run, NaN where not computed
+``materials/<m>/cost, run_looks``         per run, where classes of incidence are what is minimised: half the sum of
+                                          squared residuals, and the effective looks that suit it (n,)
+``materials/<m>/check`` attributes        ``looks`` (effective), ``looks_nominal``, ``identified`` (0, 1; -1 without a
+                                          curve), ``constant_db``, ``between_db``, ``within_db``,
+                                          ``incidence_error_deg``, ``sentences``; of held-out blocks ``rmse_law_db``,
+                                          ``rmse_law_patch_db``, ``rmse_constant_db``, ``rmse_best_db``,
+                                          ``coverage_90``, ``n_blocks``
+``materials/<m>/check/class_deg,``        each class's mean incidence [deg], the level that its pixels ask of the law
+``  class_db, class_error_db``            there [dB] and its standard error (n,)
+``materials/<m>/check/block, mean_db,``   held-out blocks: number, mean measured, predicted by law and patches, by the
+``  predicted_db, law_db, sd_db``         law alone, standard deviation of the prediction [dB] (b,)
 ``images/measured_db, reference_db,``     whole images (rows: slant range, columns: azimuth);
 ``  calibrated_db, material,``            the calibrated one has fresh random numbers
 ``  incidence_deg``
@@ -55,15 +66,19 @@ from __future__ import annotations
 import csv
 import json
 import platform
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
+from numpy.typing import NDArray
 
+from radcal.calibration.class_search import ClassSearch, class_searches
 from radcal.calibration.history import History
+from radcal.calibration.law_check import LawCheck, check_laws
 from radcal.calibration.noise import noise_sentence
 from radcal.calibration.steps import repeatability
 from radcal.calibration.stopping import decide
@@ -135,12 +150,18 @@ def write_archive(
     if case.surrogate.outputs == "centred":
         known = {name: history.noise_variance(name) for name in targets}
         repeated += [noise_sentence(name, variance) for name, variance in known.items() if variance is not None]
-    calibrated, fresh = final
+    fresh = final[1]
     before = {run.key for run in history.runs}
-    final_scores = {key: targets.score(record.pixels_db) for key, record in zip(("final", "fresh"), final, strict=True)}
+    searches = class_searches(case, targets)
+    checks = check_laws(case, targets, history)
+    looks = {name: checks[name].looks for name in searches}
+    calibrated_db, fresh_db = (_textured(record.pixels_db, searches, looks) for record in final)
+    start_db = _textured(reference.pixels_db, searches, history.runs[0].looks)
+    final_scores = {"final": targets.score(calibrated_db), "fresh": targets.score(fresh_db)}
     with write_hdf5(path, "calibration") as file:
         file.attrs["case"] = case.case
         file.attrs["config"] = json.dumps({**case.sections(*case.__dict__), "stop": stop.model_dump(mode="json")})
+        file.attrs["objective"] = case.objective
         file.attrs["reason"] = decision.reason or "running"
         file.attrs["converged"] = decision.converged
         file.attrs["tolerance"] = stop.rms
@@ -184,7 +205,7 @@ def write_archive(
         images: dict[str, Any] = {
             "measured_db": measurement.image_db - np.float32(level),
             "reference_db": reference.image_db,
-            "calibrated_db": fresh.image_db,
+            "calibrated_db": _picture(fresh, fresh_db, geometry, searches),
             "material": geometry.material,
             "incidence_deg": geometry.incidence_deg,
         }
@@ -226,15 +247,58 @@ def write_archive(
             group["pixels"] = target.pixels
             group["incidence_deg"] = target.incidence_deg
             group["measured_db"] = target.values_db
-            for key, record in (("start", reference), ("calibrated", calibrated), ("fresh", fresh)):
-                mapping = targets.levels.simulated(record.pixels_db)
-                group[f"{key}_db"] = targets.levels.apply(record.pixels_db[name][target.order], mapping)
+            for key, pixels_db in (("start", start_db), ("calibrated", calibrated_db), ("fresh", fresh_db)):
+                mapping = targets.levels.simulated(pixels_db)
+                group[f"{key}_db"] = targets.levels.apply(pixels_db[name][target.order], mapping)
+            if name in searches:
+                group["cost"] = [run.cost.get(name, np.nan) for run in history.runs]
+                group["run_looks"] = [run.looks.get(name, np.nan) for run in history.runs]
+            _put_check(group.create_group("check"), checks[name])
             for key, scores in final_scores.items():
                 group[f"{key}_dp"] = scores[name][0]
             proposals = [run.proposals[name] for run in history.infill]
             for key in ("predicted_rms", "floor_rms"):
                 group[key] = np.array([getattr(p, key) for p in proposals], dtype=np.float64)
             group["mode"] = np.array([p.mode for p in proposals], dtype=h5py.string_dtype())
+
+
+def _textured(
+    pixels_db: Mapping[str, NDArray[np.float32]], searches: Mapping[str, ClassSearch], looks: Mapping[str, float]
+) -> dict[str, NDArray[np.float32]]:
+    """A run's pixels with the texture of each material whose looks are known."""
+    known = {name: searches[name].textured(pixels_db[name], looks[name]) for name in searches if name in looks}
+    return {**pixels_db, **known}
+
+
+def _picture(
+    record: Record,
+    pixels_db: Mapping[str, NDArray[np.float32]],
+    geometry: Geometry,
+    searches: Mapping[str, ClassSearch],
+) -> NDArray[np.float32] | None:
+    """A run's whole image with the same."""
+    if record.image_db is None or not searches:
+        return record.image_db
+    image = record.image_db.copy()
+    for name in searches:
+        image.ravel()[geometry.pixels(name)] = pixels_db[name]
+    return image
+
+
+def _put_check(group: h5py.Group, check: LawCheck) -> None:
+    """What is known of the law."""
+    group.attrs["identified"] = -1 if check.identified is None else int(check.identified)
+    group.attrs["sentences"] = np.array(check.sentences, dtype=h5py.string_dtype())
+    for key in ("looks", "looks_nominal", "constant_db", "between_db", "within_db", "incidence_error_deg"):
+        group.attrs[key] = getattr(check, key)
+    for key in ("class_deg", "class_db", "class_error_db"):
+        group[key] = getattr(check, key)
+    if check.held is not None:
+        for key, value in asdict(check.held).items():
+            if isinstance(value, np.ndarray):
+                group[key] = value
+            else:
+                group.attrs[key] = value
 
 
 def _put_scene(group: h5py.Group, scene: Scene) -> None:

@@ -90,6 +90,7 @@ class MaterialData:
     mode: tuple[str, ...]
     effective: float
     goodness: Mapping[str, float]
+    check: Mapping[str, Any]
 
     def title(self, text: str = "") -> str:
         """Name and a remark, on two lines if one is too short."""
@@ -161,6 +162,10 @@ def read_case(archive: str | Path) -> CaseData:
                 hidden=group["hidden"][()] if "hidden" in group else None,
                 mode=tuple(group["mode"].asstr()[()]),
                 effective=float(group.attrs["effective"]),
+                check={
+                    **{key: np.asarray(values[()], dtype=np.float64) for key, values in group["check"].items()},
+                    **{key: float(v) for key, v in group["check"].attrs.items() if key != "sentences"},
+                },
                 goodness={key: float(group.attrs[f"fit_{key}"]) for key in ("ks", "ks_p", "ad", "ad_p")},
                 **{
                     key: np.asarray(group[key][()], dtype=np.float64)
@@ -221,6 +226,7 @@ def add_legend(canvas: Canvas, entries: tuple[Sequence[Any], Sequence[str]], col
 
 REASONS = {
     "rms": "converged",
+    "settled": "settled",
     "unreachable": "unreachable",
     "stagnation": "stagnated",
     "max_runs": "out of runs",

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from radcal.files import atomic
 from radcal.report.density_figures import densities, histogram, overview, quality
 from radcal.report.drawing import STYLE, CaseData, MaterialData, read_case
+from radcal.report.held_out_figures import held_out
 from radcal.report.law_figures import cost, law
 from radcal.report.map_figures import images, registration, residual
 from radcal.report.scene_figures import incidence, scene
@@ -87,6 +88,7 @@ def write_figures(archive: str | Path, folder: str | Path) -> list[Figure]:
         drawings: tuple[tuple[str, str, Callable[[CaseData, MaterialData], tuple[Canvas, str, str] | None]], ...] = (
             ("densities", "Density before and after", densities),
             ("law", "The law found", law),
+            ("held_out", "Ground that was kept out", held_out),
             ("cost", "Cost of each run", cost),
             ("histogram", "Measured pixels and the design", histogram),
             ("quality", "How well a skew normal describes the pixels", quality),

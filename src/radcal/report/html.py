@@ -26,12 +26,18 @@ _MINUS = "\N{MINUS SIGN}"
 _TIMES = "\N{NARROW NO-BREAK SPACE}\N{MULTIPLICATION SIGN}\N{NARROW NO-BREAK SPACE}"
 _REASONS = {
     "rms": "within the tolerance",
+    "settled": "the law has settled",
     "unreachable": "no parameters inside the bounds seem to reach the target",
     "stagnation": "no longer getting better",
     "max_runs": "maximum number of runs",
     "running": "not finished",
 }
-_SHORT = {"rms": "tolerance reached", "max_runs": "maximum of runs", "running": "not finished"}
+_SHORT = {
+    "rms": "tolerance reached",
+    "settled": "law settled",
+    "max_runs": "maximum of runs",
+    "running": "not finished",
+}
 
 
 def _number(value: float | None, digits: int = 3) -> str:
@@ -112,7 +118,7 @@ def _material(name: str, summary: Mapping[str, Any], group: h5py.Group) -> dict[
         "at_bounds": [p for p in parameters if p["at"]],
         "target": _theta(summary["target"]),
         "calibrated": _theta(summary["calibrated"]),
-        "within": summary["stop_reason"] == "rms",
+        "within": summary["stop_reason"] in ("rms", "settled"),
         "low": float(low),
         "high": float(high),
         "drawn": int(group["pixels"].shape[0]),
@@ -124,13 +130,48 @@ def _material(name: str, summary: Mapping[str, Any], group: h5py.Group) -> dict[
     }
 
 
+def _who(found: Sequence[Mapping[str, Any]], total: int) -> str:
+    """Names, or how many of how many."""
+    return _listed([m["name"] for m in found]) if len(found) <= 4 else f"{len(found)} of {total} materials"
+
+
+def _belief(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) -> str:
+    """Which was shown: that a histogram is matched, or that a law is found; and where it is not identified."""
+    curves = [m for m in materials if m["identified"] is not None]
+    lost = [m for m in curves if not m["identified"]]
+    whose = "" if len(materials) == 1 else f" of {_who(lost, len(materials))}"
+    if summary["objective"] == "density":
+        matched = "What was matched is the histogram, not the law"
+        return f"{matched}: the law{whose} is not identified." if lost else f"{matched}."
+    if lost:
+        return f"The law{whose} is not identified by this image."
+    return "What was matched is the law, in classes of local incidence."
+
+
 def _verdict(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) -> str:
+    """How it ended, and what was shown."""
+    return f"{_ending(summary, materials)} {_belief(summary, materials)}"
+
+
+def _ending(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) -> str:
     """How it ended, in one sentence."""
     tolerance = f"the tolerance of {_number(summary['tolerance'], 2)} 1/{summary['levels']['unit']}"
     count = summary["runs"]["design"] + summary["runs"]["infill"]
     runs = "one run" if count == 1 else f"{count} runs"
     if reused := summary["runs"]["reused"]:
         runs += f" and {reused} of an earlier case"
+    missed = [m for m in materials if not m["within"]]
+    reasons = _listed(list(dict.fromkeys(m["reason"] for m in missed))) if missed else summary["stop_reason"]
+    who = _who(missed, len(materials)) if missed else "none"
+    if summary["objective"] == "classes":
+        whose = (
+            f"the law of {materials[0]['name']}" if len(materials) == 1 else f"the laws of {len(materials)} materials"
+        )
+        if summary["converged"]:
+            return f"Converged: {whose} settled after {runs}."
+        if summary["stop_reason"] == "running":
+            return f"Not finished: after {runs} {whose} changed still."
+        return f"Stopped after {runs} before the law of {who} had settled: {reasons}."
     if len(materials) == 1:
         what, agree, is_not = f"the backscatter density of {materials[0]['name']}", "agrees", "is not"
     else:
@@ -139,9 +180,6 @@ def _verdict(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]])
         return f"Converged: {what} {agree} with the measured within {tolerance}, after {runs}."
     if summary["stop_reason"] == "running":
         return f"Not finished: after {runs} {what} {is_not} yet within {tolerance}."
-    missed = [m for m in materials if not m["within"]]
-    reasons = _listed(list(dict.fromkeys(m["reason"] for m in missed))) if missed else summary["stop_reason"]
-    who = _listed([m["name"] for m in missed]) if len(missed) <= 4 else f"{len(missed)} of {len(materials)} materials"
     return f"Stopped after {runs} with {who} outside {tolerance}: {reasons}."
 
 
@@ -194,6 +232,8 @@ def write_report(page: str | Path, archive: str | Path, figures: Sequence[Figure
         verdict=_verdict(summary, materials),
         materials=materials,
         within=[m for m in materials if m["within"]],
+        checked=[m for m in materials if m["validation"]],
+        law_sentences=[sentence for m in materials for sentence in m["law_sentences"]],
         known=[m for m in materials if m["known"]],
         external=[m for m in materials if m["truth"] and not m["known"]],
         unknown=[m for m in materials if not m["truth"]],

@@ -121,6 +121,12 @@ def law(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str] | Non
     for label, curve, parameters, style in curves:
         upper.plot(phi, curve(np.radians(phi), parameters), **style | {"linewidth": 1.0})
         upper.plot(seen, curve(np.radians(seen), parameters), label=label, **style | {"linewidth": 3.2})
+    asked = material.check["class_deg"]
+    if asked.size:
+        upper.errorbar(
+            asked, material.check["class_db"], 1.96 * material.check["class_error_db"], color="black", linestyle="none",
+            marker="o", markersize=4.5, elinewidth=1.2, zorder=4, label="classes, 95 %",
+        )  # fmt: skip
     upper.margins(x=0)
     if upper.get_ylim()[0] < _GRAZING_DB:  # a law that falls to nothing at grazing incidence hides all else
         values = np.concatenate([curve(np.radians(phi[phi <= 85.0]), x) for _, curve, x, _ in curves])
@@ -154,4 +160,9 @@ def law(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str] | Non
         f"thick: {low:.1f} to {high:.1f} deg, where 90 % of the material's pixels lie (histogram below); outside, the "
         f"law is an extrapolation. {remark}"
     )
+    if asked.size:
+        caption += (
+            " Dots: where the law would have to pass for the simulated pixels of each class of incidence to have the "
+            "mean level of the measured ones; levels of patches vary besides, and spreads count too."
+        )
     return canvas, caption, f"Backscatter laws of {material.name} in dB against local incidence in degrees."

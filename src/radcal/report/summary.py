@@ -95,9 +95,33 @@ def wall_seconds(folder: str | Path, jobs: Mapping[str, int] | None = None) -> d
 
 
 def sentences(archive: str | Path) -> list[str]:
-    """How each material ended, in words."""
+    """How each material ended, and what is to be known before its law is believed, in words."""
     with read_hdf5(archive, "calibration") as file:
-        return [str(sentence) for sentence in file.attrs["sentences"]]
+        of_laws = [
+            str(sentence) for group in file["materials"].values() for sentence in group["check"].attrs["sentences"]
+        ]
+        return [*(str(sentence) for sentence in file.attrs["sentences"]), *of_laws]
+
+
+_HELD_OUT = ("rmse_law_db", "rmse_law_patch_db", "rmse_constant_db", "rmse_best_db", "coverage_90")
+
+
+def _check(group: h5py.Group) -> dict[str, Any]:
+    """How far to trust the law."""
+    identified = int(group.attrs["identified"])
+    validation = None
+    if "n_blocks" in group.attrs:
+        validation = {**{key: float(group.attrs[key]) for key in _HELD_OUT}, "n_blocks": int(group.attrs["n_blocks"])}
+    return {
+        "looks": float(group.attrs["looks"]),
+        "looks_nominal": float(group.attrs["looks_nominal"]),
+        "identified": None if identified < 0 else bool(identified),
+        "validation": validation,
+        "patch_spread_db": float(group.attrs["between_db"]),
+        "cell_spread_db": float(group.attrs["within_db"]),
+        "incidence_error_deg": float(group.attrs["incidence_error_deg"]),
+        "law_sentences": [str(sentence) for sentence in group.attrs["sentences"]],
+    }
 
 
 def _theta(dp: NDArray[np.float64]) -> dict[str, float]:
@@ -118,6 +142,7 @@ def _material(group: h5py.Group, counted: NDArray[np.bool_], tolerance: float) -
         "start_law": str(group["start"].attrs["law"]),
         "stop_reason": str(group.attrs["reason"]),
         "sentence": str(group.attrs["sentence"]),
+        **_check(group["check"]),
         "target": _theta(target),
         "calibrated": _theta(dp),
         "rms": float(rms[best]),
@@ -209,6 +234,7 @@ def summarise(archive: str | Path, seconds: Mapping[str, float] | None = None) -
         reused = int(np.count_nonzero(kinds == "reused"))
         summary: dict[str, Any] = {
             "case": str(file.attrs["case"]),
+            "objective": str(file.attrs["objective"]),
             "converged": bool(file.attrs["converged"]),
             "stop_reason": str(file.attrs["reason"]),
             "tolerance": tolerance,

@@ -1,0 +1,199 @@
+"""How far to trust the laws found: whether they are identified, and whether they predict other ground."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal import skewnormal
+from radcal.calibration.class_search import ClassSearch, class_searches
+from radcal.calibration.expected import LawForward, law_cumulants
+from radcal.calibration.grounds import GroundLaw, Method, ground_residuals, marginal_law, refit
+from radcal.calibration.history import History, Run
+from radcal.calibration.incidence_error import incidence_warnings
+from radcal.calibration.law_fit import fit_law
+from radcal.calibration.priors import looks_residuals
+from radcal.calibration.validation import HeldOut, cross_validate, held_out
+from radcal.config import Case
+from radcal.measurement.classes import make_classes
+from radcal.measurement.patches import Spread, spreads
+from radcal.measurement.target import Target, Targets
+from radcal.radar.texture import log_speckle_cumulants
+
+__all__ = ["LawCheck", "check_laws"]
+
+_IDENTIFIED = 2.0  # see GroundLaw.identified
+_ALONE = Spread(0.8, 0.4)  # until the materials have been looked at together
+
+
+@dataclass(frozen=True)
+class LawCheck:
+    """What is known of the law that a material ended with.
+
+    Attributes
+    ----------
+    looks, looks_nominal : float
+        Effective looks of the material and those of the simulated speckle.
+    identified : bool or None
+        Whether the law's change over the incidence seen exceeds its own uncertainty; None for a law without
+        a curve.
+    held : HeldOut or None
+        How well block means of ground that was kept out are predicted.
+    constant_db : float
+        Mean of the calibrated ground: the constant that the law is compared with [dB].
+    between_db, within_db : float
+        Spread among patches and among their cells [dB].
+    incidence_error_deg : float
+        Standard error of the local incidence that was assumed [deg].
+    class_deg, class_db, class_error_db : ndarray, shape (n,)
+        Mean incidence of each class [deg]; the level that its measured pixels ask of the law there [dB], and
+        the standard error of its mean. Empty for another objective.
+    sentences : list of str
+        What a user must know before believing the law.
+    """
+
+    looks: float
+    looks_nominal: float
+    identified: bool | None
+    held: HeldOut | None
+    constant_db: float
+    between_db: float
+    within_db: float
+    incidence_error_deg: float
+    class_deg: NDArray[np.float64]
+    class_db: NDArray[np.float64]
+    class_error_db: NDArray[np.float64]
+    sentences: list[str]
+
+
+def check_laws(case: Case, targets: Targets, history: History) -> dict[str, LawCheck]:
+    """Check the best run's law of every material.
+
+    Parameters
+    ----------
+    case : Case
+        Sections ``seed``, ``materials``, ``radar``, ``objective`` and ``validation`` are read.
+    targets : Targets
+        By calibrated material.
+    history : History
+        All scored runs.
+
+    Returns
+    -------
+    dict
+        By material.
+    """
+    searches = class_searches(case, targets)
+    best = {name: history.best(name) for name in targets}
+    laws = {
+        name: searches[name].law(run.parameters[name], run.looks[name], run.cumulants[name])
+        if name in searches
+        else _of_density(case, name, targets[name], run)
+        for name, run in best.items()
+        if case.laws[name].has_curve
+    }
+    if case.validation is not None and not searches:
+        found = spreads([law.cell_residuals() for law in laws.values()])
+        laws = {name: replace(law, spread=spread) for (name, law), spread in zip(laws.items(), found, strict=True)}
+    return {name: _check(case, name, target, laws.get(name), best[name], searches) for name, target in targets.items()}
+
+
+def _of_density(case: Case, name: str, target: Target, run: Run) -> GroundLaw:
+    """What one density says of the law of a run: looks are taken for the sensor's, and are as uncertain as ever."""
+    looks = float(case.radar.looks)
+    method = Method(case.laws[name], case.materials[name].box, looks, "density", 1, free_looks=False, priors=False)
+    ground = target.ground
+    classes = make_classes(ground.values_db, ground.incidence_deg, 1, ground.independent)
+    x = np.asarray(run.parameters[name], dtype=np.float64)
+    forward = LawForward(method.law, classes.nodes_deg, looks)
+    residuals = ground_residuals(ground, classes, method, _ALONE, forward)
+    fit = fit_law(
+        residuals,
+        method.bounds,
+        looks,
+        start=(x, looks),
+        prior=lambda _, effective: looks_residuals(effective, looks),
+        moves=False,
+    )
+    correction = skewnormal.centred(run.dp[name])[:1] - forward(x)[:, 0]
+    return GroundLaw(ground, method, classes, _ALONE, replace(fit, parameters=x, looks=looks), correction)
+
+
+def _held(case: Case, target: Target, law: GroundLaw) -> HeldOut | None:
+    """Prediction of ground that was kept out; with ``both``, of each half from the other."""
+    if case.validation is None:
+        return None
+    if case.validation.keep != "both":
+        return held_out(law, target.kept_out) if target.kept_out is not None else None
+    even = law.ground.block // (case.validation.rows // case.validation.means) % 2 == 0
+    parts = []
+    for kept in (even, ~even):
+        if kept.any() and not kept.all():
+            parts.append(held_out(refit(law, law.ground.part(kept)), law.ground.part(~kept)))
+    return HeldOut.pooled([part for part in parts if part is not None])
+
+
+def _check(
+    case: Case, name: str, target: Target, law: GroundLaw | None, run: Run, searches: Mapping[str, ClassSearch]
+) -> LawCheck:
+    nominal = float(case.radar.looks)
+    nothing = np.empty(0)
+    if law is None:
+        return LawCheck(
+            nominal, nominal, None, None, float(target.values_db.mean()), *(float("nan"),) * 3, *(nothing,) * 3, []
+        )
+    held = _held(case, target, law)
+    identified = law.identified >= _IDENTIFIED
+    sentences = []
+    if not identified:
+        why = "" if name in searches else " One density of all pixels cannot tell; objective: classes can tell more."
+        sentences.append(
+            f"{name}: the law is not identified: its change over the incidence seen is no larger than its own "
+            f"uncertainty.{why}"
+        )
+    if held is not None and not held.rmse_law_patch_db < held.rmse_constant_db:
+        sentences.append(
+            f"{name}: its law is no better than a constant: means of {held.n_blocks} blocks that were kept out are "
+            f"{held.rmse_law_patch_db:.2f} dB off, from a constant {held.rmse_constant_db:.2f} dB."
+        )
+    classes = law.classes
+    centre = shown = error = nothing
+    if name in searches:
+        parts = 2 if case.validation is None else case.validation.rows // case.validation.means
+        if sentence := cross_validate(law, law.ground.block // parts).sentence(name):
+            sentences.append(sentence)
+        if law.method.free_looks:
+            local = target.looks if np.isfinite(target.looks) else nominal
+            marginal = marginal_law(law, min(local, nominal))
+            sentences += incidence_warnings(
+                name, law.method.law, law.fit, marginal, law.ground.incidence_deg, law.method.looks
+            )
+        if law.fit.looks < nominal:
+            sentences.append(
+                f"{name}: its pixels spread as those of {law.fit.looks:.2f} looks, the simulated speckle has "
+                f"{nominal:.3g}: for densities and pictures gamma texture is multiplied onto its simulated pixels."
+            )
+        expected = np.asarray(run.cumulants[name])[:, 0] + (
+            log_speckle_cumulants(law.fit.looks)[0] - log_speckle_cumulants(nominal)[0]
+        )
+        centre = classes.nodes_deg.mean(axis=1)
+        level = law_cumulants(law.method.law, law.fit.parameters, classes.nodes_deg)[:, 0]
+        shown = level + classes.cumulants[:, 0] - expected
+        error = np.sqrt(classes.cumulants[:, 1] / classes.effective)
+    return LawCheck(
+        looks=law.fit.looks,
+        looks_nominal=nominal,
+        identified=bool(identified),
+        held=held,
+        constant_db=float(law.ground.values_db.mean()),
+        between_db=law.spread.between,
+        within_db=law.spread.within,
+        incidence_error_deg=law.method.incidence_error_deg,
+        class_deg=centre,
+        class_db=shown,
+        class_error_db=error,
+        sentences=sentences,
+    )

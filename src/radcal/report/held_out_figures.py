@@ -1,0 +1,53 @@
+"""Ground that was kept out of the calibration, as measured and as predicted."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from radcal.report.drawing import FOUND, MUTED, START, TARGET, CaseData, MaterialData, add_legend, new_canvas
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Canvas
+
+__all__ = ["held_out"]
+
+_BAND = 1.645  # standard deviations on each side that hold 90 % of a normal law
+
+
+def held_out(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str] | None:  # noqa: ARG001 - one shape for all
+    """Means of held-out blocks against their prediction; None where nothing was kept out."""
+    check = material.check
+    if "n_blocks" not in check:
+        return None
+    order = np.argsort(np.asarray(check["predicted_db"]), kind="stable")
+    mean, predicted, law, sd = (np.asarray(check[key])[order] for key in ("mean_db", "predicted_db", "law_db", "sd_db"))
+    place = np.arange(mean.size)
+    canvas = new_canvas(6.2, 4.6)
+    axes = canvas.subplots()
+    low, high = predicted - _BAND * sd, predicted + _BAND * sd
+    axes.fill_between(
+        np.append(place, mean.size) - 0.5, np.append(low, low[-1]), np.append(high, high[-1]), step="post",
+        color="#CFE3F1", linewidth=0, label="90 % band",
+    )  # fmt: skip
+    axes.axhline(float(check["constant_db"]), color=START["color"], linestyle=START["linestyle"], linewidth=2.0,
+                 label="constant")  # fmt: skip
+    axes.step(place, law, where="mid", color=MUTED, linewidth=1.2, linestyle=":", label="law alone")
+    axes.step(place, predicted, where="mid", color=FOUND["color"], linewidth=2.0, label="law and patch")
+    axes.plot(place, mean, color=TARGET["color"], linestyle="none", marker="o", markersize=4.5, label="measured")
+    axes.margins(x=0.01)
+    errors = f"{check['rmse_law_patch_db']:.2f} dB off, a constant {check['rmse_constant_db']:.2f} dB"
+    axes.set_title(material.title(f"held-out ground {errors}"))
+    axes.set_xlabel("block, in the order of its prediction")
+    axes.set_ylabel("mean level [dB]")
+    add_legend(canvas, axes.get_legend_handles_labels(), 5)
+    caption = (
+        f"Mean levels of {mean.size} blocks that no law has seen (dots), as the law found predicts them with the "
+        "effects of patches that were seen elsewhere (blue), alone (dotted), and as a constant does (orange, dashed: "
+        f"the mean of the calibrated ground). {100.0 * float(check['coverage_90']):.0f} % lie inside of the 90 % band. "
+        f"Root mean square errors: law and patch {check['rmse_law_patch_db']:.2f} dB, law alone "
+        f"{check['rmse_law_db']:.2f} dB, constant {check['rmse_constant_db']:.2f} dB; the same law fitted to these "
+        f"means themselves leaves {check['rmse_best_db']:.2f} dB."
+    )
+    return canvas, caption, f"Mean levels of held-out blocks of {material.name}, measured and predicted, in dB."
