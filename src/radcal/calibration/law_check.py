@@ -15,6 +15,7 @@ from radcal.calibration.grounds import GroundLaw, Method, ground_residuals, marg
 from radcal.calibration.history import History, Run
 from radcal.calibration.incidence_error import incidence_warnings
 from radcal.calibration.law_fit import fit_law
+from radcal.calibration.objective import SKEWNESS_SHAPE
 from radcal.calibration.priors import looks_residuals
 from radcal.calibration.validation import HeldOut, cross_validate, held_out
 from radcal.config import Case
@@ -102,7 +103,11 @@ def check_laws(case: Case, targets: Targets, history: History) -> dict[str, LawC
 
 
 def _of_density(case: Case, name: str, target: Target, run: Run) -> GroundLaw:
-    """What one density says of the law of a run: looks are taken for the sensor's, and are as uncertain as ever."""
+    """What one density says of the law of a run.
+
+    Looks were taken for the sensor's and skewness for that of speckle alone. Texture moves both, and how well the law
+    is known must not hang on there being none: looks are as uncertain as their prior, skewness as in classes.
+    """
     looks = float(case.radar.looks)
     method = Method(case.laws[name], case.materials[name].box, looks, "density", 1, free_looks=False, priors=False)
     ground = target.ground
@@ -110,8 +115,10 @@ def _of_density(case: Case, name: str, target: Target, run: Run) -> GroundLaw:
     x = np.asarray(run.parameters[name], dtype=np.float64)
     forward = LawForward(method.law, classes.nodes_deg, looks)
     residuals = ground_residuals(ground, classes, method, _ALONE, forward)
+    sampling = np.sqrt(6.0 / classes.effective.sum())  # of a skewness, as the objective has it
+    weight = np.array([1.0, 1.0, sampling / np.hypot(sampling, SKEWNESS_SHAPE)])
     fit = fit_law(
-        residuals,
+        lambda at, effective: weight * residuals(at, effective),
         method.bounds,
         looks,
         start=(x, looks),

@@ -15,11 +15,11 @@ from numpy.typing import ArrayLike, NDArray
 from radcal.measurement.classes import Classes
 from radcal.measurement.looks import looks_of_log_variance
 
-__all__ = ["ClassesObjective", "DensityObjective", "LikelihoodObjective", "sampling_covariance"]
+__all__ = ["SKEWNESS_SHAPE", "ClassesObjective", "DensityObjective", "LikelihoodObjective", "sampling_covariance"]
 
 # a skewness says which law texture follows as much as it says the backscatter law: the gamma law of 2.5 looks has
 # -0.69 in dB, the K distribution of 4 looks with the same variance -0.36
-_SKEWNESS_SHAPE = 0.3
+SKEWNESS_SHAPE = 0.3
 _LOG_SD_PATCH = 0.1  # texture differs between patches: looks by some 20 %
 _BIN_DB = 0.5
 _LEVELS = 8  # that stand for a class
@@ -111,7 +111,7 @@ class ClassesObjective:
         patches = self.patch_share @ self.patch_share.T
         whole[0, :, 0, :] += self.between_db**2 * patches + self.within_db**2 * self.cell_share @ self.cell_share.T
         whole[1, :, 1, :] += _LOG_SD_PATCH**2 * patches
-        whole[2, :, 2, :] += _SKEWNESS_SHAPE**2
+        whole[2, :, 2, :] += SKEWNESS_SHAPE**2
         return whole.reshape(3 * n, 3 * n)
 
     @cached_property

@@ -18,25 +18,26 @@ _BAND = 1.645  # standard deviations on each side that hold 90 % of a normal law
 
 def held_out(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str] | None:  # noqa: ARG001 - one shape for all
     """Means of held-out blocks against their prediction; None where nothing was kept out."""
+    from matplotlib.ticker import MaxNLocator
+
     check = material.check
     if "n_blocks" not in check:
         return None
     order = np.argsort(np.asarray(check["predicted_db"]), kind="stable")
     mean, predicted, law, sd = (np.asarray(check[key])[order] for key in ("mean_db", "predicted_db", "law_db", "sd_db"))
-    place = np.arange(mean.size)
+    place, edges = np.arange(mean.size) + 1, np.arange(mean.size + 1) + 0.5
     canvas = new_canvas(6.2, 4.6)
     axes = canvas.subplots()
     low, high = predicted - _BAND * sd, predicted + _BAND * sd
-    axes.fill_between(
-        np.append(place, mean.size) - 0.5, np.append(low, low[-1]), np.append(high, high[-1]), step="post",
-        color="#CFE3F1", linewidth=0, label="90 % band",
-    )  # fmt: skip
+    axes.stairs(high, edges, baseline=low, fill=True, color="#CFE3F1", label="90 % band")
     axes.axhline(float(check["constant_db"]), color=START["color"], linestyle=START["linestyle"], linewidth=2.0,
                  label="constant")  # fmt: skip
-    axes.step(place, law, where="mid", color=MUTED, linewidth=1.2, linestyle=":", label="law alone")
-    axes.step(place, predicted, where="mid", color=FOUND["color"], linewidth=2.0, label="law and patch")
+    axes.stairs(law, edges, baseline=None, color=MUTED, linewidth=1.4, linestyle=":", label="law alone")
+    axes.stairs(predicted, edges, baseline=None, color=FOUND["color"], linewidth=2.0, label="law and patch")
     axes.plot(place, mean, color=TARGET["color"], linestyle="none", marker="o", markersize=4.5, label="measured")
-    axes.margins(x=0.01)
+    axes.use_sticky_edges = False
+    axes.margins(x=0.01, y=0.06)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     errors = f"{check['rmse_law_patch_db']:.2f} dB off, a constant {check['rmse_constant_db']:.2f} dB"
     axes.set_title(material.title(f"held-out ground {errors}"))
     axes.set_xlabel("block, in the order of its prediction")

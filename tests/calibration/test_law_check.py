@@ -1,0 +1,144 @@
+"""What is said of a law after a calibration."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from radcal.calibration.class_search import class_searches
+from radcal.calibration.expected import LawForward
+from radcal.calibration.history import History, Run
+from radcal.calibration.law_check import check_laws
+from radcal.calibration.validation import HeldOut
+from radcal.config import case_from
+from radcal.measurement.class_target import ClassTarget
+from radcal.measurement.classes import make_classes
+from radcal.measurement.goodness import Goodness
+from radcal.measurement.ground import Ground
+from radcal.measurement.patches import Spread
+from radcal.measurement.target import Target, Targets
+from radcal.radar.laws import LAWS
+from radcal.skewnormal import centred, fit
+
+LAW = LAWS["mangia"]
+TRUTH = np.array([6.1, 14.2, 21.5, 3.3])
+LOOKS = 4.0
+PATCHES = 6
+
+
+def made_ground(seed: int, sd_deg: float, blocks: tuple[int, ...], truth: np.ndarray = TRUTH) -> Ground:
+    rng = np.random.default_rng(seed)
+    n = 3000
+    incidence = np.clip(rng.normal(45.0, sd_deg, n), 2.0, 85.0)
+    values = LAW(np.radians(incidence), truth) + 10.0 * np.log10(rng.gamma(LOOKS, 1.0 / LOOKS, n))
+    # each block has an incidence of its own: what a constant cannot predict
+    order = np.argsort(incidence)
+    block = np.empty(n, dtype=np.int64)
+    block[order] = np.asarray(blocks)[np.arange(n) * len(blocks) // n]
+    return Ground(values, incidence, rng.integers(1, PATCHES + 1, n), block)
+
+
+def made(
+    sd_deg: float = 8.0, truth: np.ndarray = TRUTH, kept: tuple[int, ...] = (0, 1, 4, 5, 8, 9), **changes: object
+) -> tuple[dict, Targets, History]:
+    ground, out = made_ground(1, sd_deg, kept, truth), made_ground(2, sd_deg, (2, 3, 6, 7, 10), truth)
+    dp = fit(ground.values_db).dp
+    classes = make_classes(ground.values_db, ground.incidence_deg, 5)
+    settings = {"materials": {"area": {"calibrate": True, "bounds": [[0, 50]] * 4}}, "objective": "classes"}
+    case = case_from(
+        {
+            "measurement": {"source": "synthetic", "synthetic": {"parameters": {"area": TRUTH.tolist()}}},
+            "validation": {"rows": 20, "means": 10},
+            **settings,
+            **changes,
+        }
+    )
+    target = Target(
+        pixels=np.arange(3000),
+        order=np.arange(3000),
+        values_db=ground.values_db,
+        incidence_deg=ground.incidence_deg.astype(np.float32),
+        dp=dp,
+        eligible=3000,
+        at_boundary=False,
+        effective=3000.0,
+        rms_sampling=1e-3,
+        cp_error=np.zeros(3),
+        cp_interval=np.zeros((3, 2)),
+        goodness=Goodness(0.0, 1.0, 0.0, 1.0),
+        patch=ground.patch,
+        block=ground.block,
+        kept_out=out,
+        classes=ClassTarget(classes, Spread(0.1, 0.05), LOOKS, True, True, 0.0, truth, LOOKS)
+        if case.objective == "classes"
+        else None,
+    )
+    targets = Targets({"area": target})
+    run = Run("design", 0, "0", 1.0, {"area": truth.tolist()}, {"area": dp.tolist()}, {"area": 0.0})
+    if case.objective == "classes":
+        shown = LawForward(LAW, classes.nodes_deg, LOOKS)(truth)
+        looks, cost = class_searches(case, targets)["area"].score(truth, shown)
+        run = replace(run, cumulants={"area": shown.tolist()}, looks={"area": looks}, cost={"area": cost})
+    return case, targets, History([run])
+
+
+def test_a_right_law_in_classes_is_identified_and_predicts():
+    check = check_laws(*made())["area"]
+    assert check.identified is True
+    assert check.held is not None
+    assert check.held.n_blocks == 5
+    assert check.held.rmse_law_db < 0.3 < check.held.rmse_constant_db
+    assert check.looks == pytest.approx(LOOKS, rel=0.1)
+    assert not any("no better" in sentence or "not identified" in sentence for sentence in check.sentences)
+    # the law passes where the classes ask it to
+    level = LAW(np.radians(check.class_deg), TRUTH)
+    assert (np.abs(check.class_db - level) < 4.0 * check.class_error_db + 0.05).all()
+
+
+def test_a_flat_law_is_no_better_than_a_constant():
+    flat = np.array([20.0, 0.0, 0.0, 1.0])
+    check = check_laws(*made(truth=flat))["area"]
+    assert check.identified is False
+    assert any("area: the law is not identified" in sentence for sentence in check.sentences)
+
+
+def test_one_density_does_not_identify_the_law():
+    case, targets, history = made(objective="density", sd_deg=1.5)
+    check = check_laws(case, targets, history)["area"]
+    assert check.identified is False
+    assert "objective: classes can tell more" in check.sentences[0]
+    assert (check.looks, check.looks_nominal) == (LOOKS, LOOKS)
+    # X is the truth here, and predicts; the correction brings its mean to the run's
+    assert check.held is not None
+    assert check.held.rmse_law_db < 0.3
+    assert not check.class_deg.size
+    assert centred(history.runs[0].dp["area"])[0] == pytest.approx(targets["area"].values_db.mean(), abs=0.1)
+
+
+def test_both_halves_predict_each_other():
+    case, targets, history = made(kept=tuple(range(10)), validation={"rows": 20, "means": 10, "keep": "both"})
+    held = check_laws(case, targets, history)["area"].held
+    assert held is not None
+    assert held.n_blocks == len(np.unique(targets["area"].block))
+    assert set(held.block) == set(targets["area"].block)
+
+
+def test_nothing_is_kept_out_without_validation():
+    case, targets, history = made(validation=None)
+    assert check_laws(case, targets, history)["area"].held is None
+
+
+def test_pooled_grounds_count_each_block_once():
+    def part(error: float, n: int) -> HeldOut:
+        zeros = np.zeros(n)
+        return HeldOut(error, error, error, error, 1.0 / n, n, np.arange(n), zeros, zeros, zeros, zeros)
+
+    found = HeldOut.pooled([part(1.0, 2), part(3.0, 6)])
+    assert found is not None
+    # the root mean square over eight blocks, two of 1 and six of 3
+    assert found.rmse_law_db == pytest.approx(np.sqrt((2 * 1.0 + 6 * 9.0) / 8))
+    assert found.coverage_90 == pytest.approx(2 / 8)
+    assert found.n_blocks == found.mean_db.size == 8
+    assert HeldOut.pooled([]) is None
