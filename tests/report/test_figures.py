@@ -13,10 +13,12 @@ import numpy as np
 import pytest
 from sealed import changed
 
+from radcal.report import drawing, map_figures
 from radcal.report import figures as module
-from radcal.report import map_figures
 from radcal.report.archive import write_archive
 from radcal.report.figures import write_figures
+from radcal.report.held_out_figures import held_out
+from radcal.report.law_figures import law
 from radcal.scene.objects import Objects
 
 MANY = [f"material {n}" for n in range(13)] + ["a_name_" * 12, "two words", "two_words"]
@@ -259,3 +261,32 @@ def test_objects_are_dots_in_the_scene(made, tmp_path):
     plain, caption, _ = module.scene(module.read_case(made.path))
     assert not any(axes.lines for axes in plain.axes if axes.get_title() == "materials")
     assert "Objects" not in caption
+
+
+def test_held_out_ground_and_classes_are_drawn(made, tmp_path):
+    copy = shutil.copy(made.path, tmp_path / "copy.h5")
+    with changed(copy) as file:
+        check = file["materials/dyke/check"]
+        for n, key in enumerate(("block", "mean_db", "predicted_db", "law_db", "sd_db")):
+            check[key] = np.linspace(1.0, 3.0, 7) + n
+        for key in ("rmse_law_db", "rmse_law_patch_db", "rmse_constant_db", "rmse_best_db", "coverage_90", "n_blocks"):
+            check.attrs[key] = 1.0
+        for key in ("class_deg", "class_db", "class_error_db"):
+            del check[key]
+            check[key] = [25.0, 35.0]
+    case = drawing.read_case(copy)
+    dyke, beans = case.materials
+    assert held_out(case, beans) is None
+    with mpl.rc_context(drawing.STYLE):
+        canvas, caption, _ = held_out(case, dyke)
+        assert drawn(canvas) == []
+        (axes,) = canvas.axes
+        (dots,) = [line for line in axes.lines if line.get_label() == "measured"]
+        # in the order of the prediction
+        np.testing.assert_array_equal(dots.get_ydata(), np.sort(check_mean := dyke.check["mean_db"]))
+        assert axes.get_ylim()[0] < check_mean.min()
+        assert "7 blocks" in caption
+        canvas, caption, _ = law(case, dyke)
+        assert drawn(canvas) == []
+        assert "Dots" in caption
+        assert "Dots" not in law(case, beans)[1]

@@ -7,6 +7,7 @@ import re
 import shutil
 from html.parser import HTMLParser
 
+import numpy as np
 import pytest
 from sealed import changed
 
@@ -88,6 +89,67 @@ def test_verdict_comes_first_and_claims_no_more_than_the_density(page):
     assert "A matched distribution is not by itself the law" in text
     assert re.search(r"known for dyke: the law found differs from it by up to [\d.]+ dB over the incidence seen", text)
     assert "For stem beans whether the law found is right cannot be checked from this image alone" in text
+
+
+def checked(file):
+    """As after a calibration in classes with held-out ground."""
+    file.attrs.update({"objective": "classes", "converged": True, "reason": "settled"})
+    for name, constant in (("dyke", 3.0), ("stem beans", 0.5)):
+        group = file[f"materials/{name}"]
+        group.attrs["reason"] = "settled"
+        check = group["check"]
+        blocks = np.arange(6.0)
+        held = {"mean_db": blocks, "predicted_db": blocks + 0.5, "law_db": blocks + 0.7, "sd_db": np.full(6, 0.5)}
+        for key, values in {"block": blocks, **held}.items():
+            check[key] = values
+        rmse = {"rmse_law_db": 1.25, "rmse_law_patch_db": 1.0, "rmse_constant_db": constant, "rmse_best_db": 0.75}
+        check.attrs.update({**rmse, "coverage_90": 0.875, "n_blocks": 6, "identified": int(name == "dyke")})
+        check.attrs["looks"] = 2.5
+        check.attrs["sentences"] = [f"{name}: remarkable."]
+        for key, values in {"class_deg": [20.0, 40.0], "class_db": [1.0, -3.0], "class_error_db": [0.2, 0.2]}.items():
+            del check[key]
+            check[key] = values
+
+
+def test_the_first_line_says_whether_a_law_was_found_or_a_histogram_matched(page, copy, tmp_path):
+    first = re.search(r"Measurement: .*?\. (.*?) What has been shown", page[1].text)[1]
+    assert "What was matched is the histogram, not the law" in first
+    with changed(copy) as file:
+        checked(file)
+        file["materials/stem beans/check"].attrs["identified"] = 1
+    text = render(tmp_path / "report.html", copy)[1].text
+    assert "Converged: the laws of 2 materials settled after 5 runs. What was matched is the law" in text
+    with changed(copy) as file:
+        file["materials/stem beans/check"].attrs["identified"] = 0
+    text = render(tmp_path / "report.html", copy)[1].text
+    assert "settled after 5 runs. The law of stem beans is not identified by this image." in text
+    with changed(copy) as file:
+        file.attrs.update({"converged": False, "reason": "max_runs"})
+        file["materials/dyke"].attrs["reason"] = "max_runs"
+    text = render(tmp_path / "report.html", copy)[1].text
+    assert "Stopped after 5 runs before the law of dyke had settled: maximum number of runs." in text
+
+
+def test_held_out_ground_has_a_table(page, copy, tmp_path):
+    assert "Ground that was kept out" not in page[1].text
+    with changed(copy) as file:
+        checked(file)
+    text = render(tmp_path / "report.html", copy)[1].text
+    cells = [
+        "dyke",
+        "6",
+        "1.00",
+        "1.25",
+        "3.00",
+        "0.75",
+        "88 %",
+        r"2.5 \([\d.]+\)",
+        r"[\d.]+|–",
+        "better than a constant",
+    ]
+    assert re.search(r"\s*".join(f"(?:{cell})" for cell in cells), text), text
+    assert "no better than a constant, not identified" in text
+    assert "stem beans: remarkable." in text
 
 
 def test_page_is_well_formed_and_loads_nothing(page):

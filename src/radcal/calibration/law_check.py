@@ -46,7 +46,7 @@ class LawCheck:
     constant_db : float
         Mean of the calibrated ground: the constant that the law is compared with [dB].
     between_db, within_db : float
-        Spread among patches and among their cells [dB].
+        Spread among patches and among their cells [dB]; NaN where nothing asked for it.
     incidence_error_deg : float
         Standard error of the local incidence that was assumed [deg].
     class_deg, class_db, class_error_db : ndarray, shape (n,)
@@ -153,6 +153,7 @@ def _check(
             nominal, nominal, None, None, float(target.values_db.mean()), *(float("nan"),) * 3, *(nothing,) * 3, []
         )
     held = _held(case, target, law)
+    estimated = name in searches or case.validation is not None
     identified = law.identified >= _IDENTIFIED
     sentences = []
     if not identified:
@@ -196,8 +197,8 @@ def _check(
         identified=bool(identified),
         held=held,
         constant_db=float(law.ground.values_db.mean()),
-        between_db=law.spread.between,
-        within_db=law.spread.within,
+        between_db=law.spread.between if estimated else float("nan"),
+        within_db=law.spread.within if estimated else float("nan"),
         incidence_error_deg=law.method.incidence_error_deg,
         class_deg=centre,
         class_db=shown,

@@ -139,7 +139,7 @@ def _belief(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) 
     """Which was shown: that a histogram is matched, or that a law is found; and where it is not identified."""
     curves = [m for m in materials if m["identified"] is not None]
     lost = [m for m in curves if not m["identified"]]
-    whose = "" if len(materials) == 1 else f" of {_who(lost, len(materials))}"
+    whose = f" of {_who(lost, len(materials))}" if lost and len(materials) > 1 else ""
     if summary["objective"] == "density":
         matched = "What was matched is the histogram, not the law"
         return f"{matched}: the law{whose} is not identified." if lost else f"{matched}."
