@@ -10,7 +10,7 @@ import pytest
 from radcal.calibration.class_search import class_searches
 from radcal.calibration.expected import LawForward
 from radcal.calibration.history import History, Run
-from radcal.calibration.law_check import check_laws
+from radcal.calibration.law_check import check_laws, texture_note
 from radcal.calibration.validation import HeldOut
 from radcal.config import case_from
 from radcal.measurement.class_target import ClassTarget
@@ -142,3 +142,11 @@ def test_pooled_grounds_count_each_block_once():
     assert found.coverage_90 == pytest.approx(2 / 8)
     assert found.n_blocks == found.mean_db.size == 8
     assert HeldOut.pooled([]) is None
+
+
+def test_texture_is_said():
+    found = check_laws(*made())["area"]
+    said = texture_note({"area": replace(found, looks=2.5), "other": replace(found, looks=4.2)})
+    assert "has 4 looks" in said
+    assert "(area 2.50)" in said
+    assert texture_note({"area": replace(found, looks=4.0)}) == ""

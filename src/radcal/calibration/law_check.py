@@ -24,7 +24,7 @@ from radcal.measurement.patches import Spread, spreads
 from radcal.measurement.target import Target, Targets
 from radcal.radar.texture import log_speckle_cumulants
 
-__all__ = ["LawCheck", "check_laws"]
+__all__ = ["LawCheck", "check_laws", "texture_note"]
 
 _IDENTIFIED = 2.0  # see GroundLaw.identified
 _ALONE = Spread(0.8, 0.4)  # until the materials have been looked at together
@@ -100,6 +100,19 @@ def check_laws(case: Case, targets: Targets, history: History) -> dict[str, LawC
         found = spreads([law.cell_residuals() for law in laws.values()])
         laws = {name: replace(law, spread=spread) for (name, law), spread in zip(laws.items(), found, strict=True)}
     return {name: _check(case, name, target, laws.get(name), best[name], searches) for name, target in targets.items()}
+
+
+def texture_note(checks: Mapping[str, LawCheck]) -> str:
+    """Say where texture is multiplied onto simulated pixels, or nothing."""
+    found = {name: check for name, check in checks.items() if check.looks < check.looks_nominal}
+    if not found:
+        return ""
+    each = ", ".join(f"{name} {check.looks:.2f}" for name, check in found.items())
+    nominal = next(iter(found.values())).looks_nominal
+    return (
+        f"The simulated speckle has {nominal:.3g} looks, the pixels of some materials spread as those of fewer ({each}): "
+        "for densities and pictures gamma texture is multiplied onto their simulated pixels."
+    )
 
 
 def _of_density(case: Case, name: str, target: Target, run: Run) -> GroundLaw:
@@ -178,11 +191,6 @@ def _check(
             marginal = marginal_law(law, min(local, nominal))
             sentences += incidence_warnings(
                 name, law.method.law, law.fit, marginal, law.ground.incidence_deg, law.method.looks
-            )
-        if law.fit.looks < nominal:
-            sentences.append(
-                f"{name}: its pixels spread as those of {law.fit.looks:.2f} looks, the simulated speckle has "
-                f"{nominal:.3g}: for densities and pictures gamma texture is multiplied onto its simulated pixels."
             )
         expected = np.asarray(run.cumulants[name])[:, 0] + (
             log_speckle_cumulants(law.fit.looks)[0] - log_speckle_cumulants(nominal)[0]

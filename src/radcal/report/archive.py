@@ -78,7 +78,7 @@ from numpy.typing import NDArray
 
 from radcal.calibration.class_search import ClassSearch, class_searches
 from radcal.calibration.history import History
-from radcal.calibration.law_check import LawCheck, check_laws
+from radcal.calibration.law_check import LawCheck, check_laws, texture_note
 from radcal.calibration.noise import noise_sentence
 from radcal.calibration.steps import repeatability
 from radcal.calibration.stopping import decide
@@ -155,6 +155,7 @@ def write_archive(
     searches = class_searches(case, targets)
     checks = check_laws(case, targets, history)
     looks = {name: checks[name].looks for name in searches}
+    repeated += [note] if (note := texture_note(checks)) else []
     calibrated_db, fresh_db = (_textured(record.pixels_db, searches, looks) for record in final)
     start_db = _textured(reference.pixels_db, searches, history.runs[0].looks)
     final_scores = {"final": targets.score(calibrated_db), "fresh": targets.score(fresh_db)}
