@@ -110,7 +110,7 @@ def texture_note(checks: Mapping[str, LawCheck]) -> str:
     each = ", ".join(f"{name} {check.looks:.2f}" for name, check in found.items())
     nominal = next(iter(found.values())).looks_nominal
     return (
-        f"The simulated speckle has {nominal:.3g} looks, the pixels of some materials spread as those of fewer ({each}): "
+        f"The simulated speckle has {nominal:.3g} looks, some pixels spread as those of fewer ({each}): "
         "for densities and pictures gamma texture is multiplied onto their simulated pixels."
     )
 
