@@ -23,7 +23,7 @@ def copy(made, tmp_path):
 
 def test_counts_add_up(made):
     summary = summarise(made.path)
-    assert summary["runs"] == {"reference": 1, "design": 3, "infill": 2, "final": 1, "total": 7}
+    assert summary["runs"] == {"reference": 1, "design": 3, "infill": 2, "final": 1, "total": 7, "reused": 0}
     assert summary["iterations"] == 2
     assert (summary["converged"], summary["stop_reason"]) == (False, "unreachable")
     assert summary["wall_seconds"] == {}
