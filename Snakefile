@@ -167,9 +167,8 @@ onstart:
     except RadcalError as error:
         sys.stderr.write(f"radcal: {error}\n")
         sys.stderr.flush()
-        os._exit(
-            1
-        )  # as the lock does: no job has started, and Snakemake would add a traceback
+        # as the lock does: no job has started, and Snakemake would add a traceback
+        os._exit(1)
     if os.path.exists(os.environ[FAILURE]):
         os.remove(os.environ[FAILURE])
     if not workflow.local_exec:

@@ -64,36 +64,20 @@ def exponent(sizes: list[int], seconds: list[float]) -> float:
     return float(np.log(t1 / t0) / np.log((n1 - sizes[0]) / (n0 - sizes[0])))
 
 
-def planning(folder: Path, sizes: list[int]) -> dict[str, Any]:
-    """Dry runs of designs of these sizes."""
-    print(f"\n{'runs':>7} {'jobs':>6} {'plan [s]':>9} {'memory [MiB]':>13}")
+def designs(folder: Path, sizes: list[int], chunk: int, *options: str) -> dict[str, float]:
+    """Designs of these sizes: of the largest the time [s] and the memory [MiB], and how time grows with size."""
+    print(f"\n{'runs':>7} {'jobs':>6} {'time [s]':>9} {'per run [s]':>12} {'memory [MiB]':>13}")
     seconds = []
     for size in sizes:
-        project = make_project(folder / f"plan-{size}")
-        project.write(design={"size": size, "chunk": 4}, stop={"max_runs": size + 10})
-        wall, memory = timed(project, "-n", "design", "--configfile", "tiny.yaml", cores=2)
+        project = make_project(folder / f"{size}-of-{chunk}")
+        project.write(design={"size": size, "chunk": chunk}, stop={"max_runs": size + 10})
+        wall, memory = timed(project, *options, "design", "--configfile", "tiny.yaml", cores=2)
+        if "-n" not in options:
+            assert len(project.records()) == size + 1  # and the reference run
         seconds.append(wall)
-        print(f"{size:>7} {-(-size // 4):>6} {wall:>9.1f} {memory:>13.0f}", flush=True)
-    return {"plan_seconds": seconds[-1], "plan_exponent": exponent(sizes, seconds), "plan_mib": memory}
-
-
-def fast_runs(folder: Path, sizes: list[int]) -> dict[str, Any]:
-    """Designs of these sizes, simulated in milliseconds."""
-    print(f"\n{'runs':>7} {'design [s]':>11} {'per run [s]':>12} {'memory [MiB]':>13}")
-    seconds = []
-    for size in sizes:
-        project = make_project(folder / f"fast-{size}")
-        project.write(design={"size": size, "chunk": 100}, stop={"max_runs": size + 10})
-        wall, memory = timed(project, "design", "--configfile", "tiny.yaml", cores=2)
-        assert len(project.records()) == size + 1
-        seconds.append(wall)
-        print(f"{size:>7} {wall:>11.1f} {wall / size:>12.3f} {memory:>13.0f}", flush=True)
+        print(f"{size:>7} {-(-size // chunk):>6} {wall:>9.1f} {wall / size:>12.4f} {memory:>13.0f}", flush=True)
         shutil.rmtree(project.folder)
-    return {
-        "fast_seconds_per_run": seconds[-1] / sizes[-1],
-        "fast_exponent": exponent(sizes, seconds),
-        "fast_mib": memory,
-    }
+    return {"seconds": seconds[-1], "exponent": exponent(sizes, seconds), "mib": memory}
 
 
 def slow_runs(folder: Path, sleep_s: float, size: int = 8) -> dict[str, Any]:
@@ -133,9 +117,13 @@ def main() -> None:
     with tempfile.TemporaryDirectory(prefix="radcal-overhead-") as name:
         folder = Path(name)
         sizes = [100, 400, 1600] if options.quick else [100, 2500, 10_000]
-        found = {"runs": sizes[-1]}
-        found |= planning(folder, sizes)
-        found |= fast_runs(folder, [100, 300, 600] if options.quick else sizes)
+        print("\nplanning, four runs a job")
+        planning = designs(folder, sizes, 4, "-n")
+        print("\nruns of some milliseconds, a hundred a job")
+        fast = designs(folder, [100, 300, 600] if options.quick else sizes, 100)
+        found: dict[str, Any] = {"runs": sizes[-1]}
+        found |= {f"plan_{key}": value for key, value in planning.items()}
+        found |= {f"fast_{key}": value for key, value in fast.items()}
         found |= slow_runs(folder, 6.0 if options.quick else 60.0)
     print(json.dumps({key: round(value, 3) if isinstance(value, float) else value for key, value in found.items()}))
 

@@ -160,9 +160,12 @@ class Follower:
             self._show()
 
     def _show(self) -> None:
-        with self._path.open("rb") as file:
-            file.seek(self._shown)
-            whole, newline, _ = file.read().rpartition(b"\n")
+        try:
+            with self._path.open("rb") as file:
+                file.seek(self._shown)
+                whole, newline, _ = file.read().rpartition(b"\n")
+        except FileNotFoundError:  # somebody has tidied up the logs
+            return
         self._shown += len(whole + newline)
         sys.stderr.write((whole + newline).decode(errors="replace"))
         sys.stderr.flush()

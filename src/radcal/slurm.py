@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from radcal.errors import ClusterError
+from radcal.files import atomic
 
 __all__ = ["cancel_leftovers", "remember"]
 
@@ -26,7 +27,8 @@ def remember(file: str | Path, name: str) -> None:
     name : str
         Slurm's job name.
     """
-    Path(file).write_text(name + "\n", encoding="utf-8")
+    with atomic(file) as partial:  # half a name is that of other jobs
+        partial.write_text(name + "\n", encoding="utf-8")
 
 
 def cancel_leftovers(file: str | Path) -> int:

@@ -16,7 +16,7 @@ import pytest
 import yaml
 from faults.kills import Tally, Watch, campaign, result
 from sealed import DAMAGES
-from workflow_project import Project, make_project
+from workflow_project import Project
 
 from radcal.calibration.salvage import salvage
 from radcal.errors import RadcalError
@@ -240,9 +240,10 @@ def test_a_slow_rename_shows_no_half_file(project, monkeypatch):
 
 
 @pytest.mark.parametrize("hours", [-26, 26], ids=["backwards", "forwards"])
-def test_a_clock_that_jumps(finished, tmp_path, hours):
-    project = make_project(tmp_path / "project")
-    assert project.run("design", "--configfile", "tiny.yaml").returncode == 0
+def test_a_clock_that_jumps(finished, hours):
+    project, expected = finished, result(finished)
+    shutil.rmtree(project.out() / "iterations")
+    (project.out() / "calibration.h5").unlink()
     # a clock that goes back leaves files of the future behind
     for path in project.folder.rglob("*"):
         if path.is_file():
@@ -254,7 +255,7 @@ def test_a_clock_that_jumps(finished, tmp_path, hours):
     assert done.returncode == 0, done.stdout
     watch.look(tally)
     assert (tally.lost, tally.repeated) == ([], [])
-    assert result(project) == result(finished)
+    assert result(project) == expected
 
 
 def test_a_hundred_damaged_stores_are_recognised(finished):
@@ -322,10 +323,9 @@ def test_files_of_another_case_are_made_again(finished):
     shutil.copytree(finished.out(), finished.out("other"))
     finished.write("other.yaml", case="other")
     before = finished.records("other")
-    done = finished.run("--configfile", "other.yaml")
+    done = finished.run("design", "--configfile", "other.yaml")
     assert done.returncode == 0, done.stdout
     assert "belongs to the case 'tiny', expected 'other'" in done.stdout
     assert finished.records("other") == before
-    mine = finished.summary("other")
-    assert mine["case"] == "other"
-    assert mine["materials"] == finished.summary()["materials"]
+    scores = [read_json(finished.out(case) / "scores.json") for case in ("tiny", "other")]
+    assert scores[0] == scores[1]

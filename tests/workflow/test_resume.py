@@ -1,4 +1,4 @@
-"""kill -9 at any moment loses at most the run in flight; the same command ends in the same result."""
+"""Two commands on one case, and a record that is damaged between two; kills are in tests/faults."""
 
 from __future__ import annotations
 
@@ -6,53 +6,6 @@ import contextlib
 import os
 import signal
 import time
-
-import h5py
-import numpy as np
-import pytest
-from workflow_project import make_project
-
-
-def kill_when(project, condition, *arguments):
-    """Start the workflow and kill its whole process group once the condition holds."""
-    process = project.start(*arguments)
-    deadline = time.time() + 300
-    while not condition():
-        assert process.poll() is None, "the workflow ended before it could be killed"
-        assert time.time() < deadline
-        time.sleep(0.02)
-    os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
-
-
-def result(project):
-    with h5py.File(project.out() / "calibration.h5") as file:
-        return file["materials/field/parameters"][()], list(file["runs/key"].asstr()[()])
-
-
-@pytest.mark.parametrize(
-    ("records", "cores"),
-    [(5, 2), (14, 1)],
-    ids=["in the design, two cores", "in the loop, one core"],
-)
-def test_killed_and_continued_is_the_same_as_undisturbed(finished, tmp_path, records, cores):
-    project = make_project(tmp_path / "killed")
-    kill_when(project, lambda: len(project.records()) >= records, "--configfile", "tiny.yaml")
-    before = project.records()
-    assert len(before) >= records
-    assert not (project.out() / "summary.json").exists()
-
-    done = project.run("--configfile", "tiny.yaml", cores=cores)
-    assert done.returncode == 0, done.stdout
-    after = project.records()
-    assert {name: after[name] for name in before} == before, "a finished run was made again"
-    x, keys = result(project)
-    expected_x, expected_keys = result(finished)
-    np.testing.assert_array_equal(x, expected_x)
-    assert keys == expected_keys
-    mine, theirs = project.summary(), finished.summary()
-    assert mine["materials"] == theirs["materials"]
-    assert mine["runs"] == theirs["runs"]
 
 
 def test_a_second_snakemake_on_the_case_says_so(project):
