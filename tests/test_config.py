@@ -653,7 +653,6 @@ def test_wrong_external_simulators_end_in_a_sentence(changes: dict[str, Any], wo
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"objective": "likelihood"}, r"objective is likelihood, .* expected classes or density"),
         ({"objective": "entropy"}, r"objective is 'entropy', expected 'classes', 'density' or 'likelihood'"),
         ({"target": {"incidence_classes": 4}}, r"target\.incidence_classes is 4, .* expected objective: classes"),
         (

@@ -824,7 +824,8 @@ class Case(_Strict):
     measurement: Measurement = SyntheticMeasurement()
     registration: Registration = Registration()
     objective: Literal["classes", "density", "likelihood"] = Field(
-        "density", description="density (the histogram) or classes (the law: classes of incidence, docs/right_law.md)"
+        "density",
+        description="classes or likelihood (the law, from classes of incidence: docs/right_law.md), or density (histogram)",
     )
     target: Target = Target()
     validation: Validation | None = Field(None, description="ground kept out to check the laws: {rows, means, keep}")
@@ -891,11 +892,6 @@ class Case(_Strict):
 
     def _check_objective(self) -> None:
         """Refuse what an objective has no use for, or cannot do."""
-        if self.objective == "likelihood":
-            raise ValueError(
-                "objective is likelihood, which radcal's library and benchmarks/right_law.py know and the workflow "
-                "does not, expected classes or density"
-            )
         if self.objective == "density":
             if self.target.incidence_classes not in (1, "auto"):
                 raise ValueError(
@@ -904,11 +900,11 @@ class Case(_Strict):
                 )
         elif self.target.normalisation == "image":
             raise ValueError(
-                "objective is classes and target.normalisation is image, whose values are no longer dB: looks and "
+                f"objective is {self.objective} and target.normalisation is image, whose values are no longer dB: looks and "
                 "priors have no meaning there, expected normalisation none or offset"
             )
-        if self.objective == "classes" or self.validation is not None:
-            key = "objective is classes" if self.objective == "classes" else "validation is asked for"
+        if self.objective != "density" or self.validation is not None:
+            key = "validation is asked for" if self.objective == "density" else f"objective is {self.objective}"
             for name in self.calibrated:
                 if self.materials[name].law == EXTERNAL:
                     raise ValueError(

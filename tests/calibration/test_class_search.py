@@ -16,7 +16,7 @@ from radcal.calibration.surrogate import read_surrogates, write_surrogates
 from radcal.config import case_from
 from radcal.measurement.registration import Registered
 from radcal.measurement.sources import make_measurement
-from radcal.measurement.target import KEPT_OUT, make_targets, read_targets, write_targets
+from radcal.measurement.target import KEPT_OUT, Targets, make_targets, read_targets, write_targets
 from radcal.radar.geometry import make_geometry
 from radcal.radar.laws import LAWS
 from radcal.radar.texture import texture_db, texture_order
@@ -89,12 +89,8 @@ def calibrated(parts, runner):
     return calibrate(case, runner, targets)
 
 
-def test_it_settles_on_the_laws_in_a_few_runs(parts, calibrated):
-    case, _, _, _, targets = parts
-    history, decision = calibrated
-    assert decision.reason == "settled"
-    assert decision.converged
-    assert len(history.infill) <= 5
+def laws_are_right(case, targets, history):
+    """Within three standard errors of their own, which are small enough to mean something."""
     angle = np.linspace(21.5, 43.5, 40)
     searches = class_searches(case, targets)
     for name, truth in TRUTH.items():
@@ -102,13 +98,22 @@ def test_it_settles_on_the_laws_in_a_few_runs(parts, calibrated):
         x = best.parameters[name]
         error = LAWS["mangia"](np.radians(angle), x) - LAWS["mangia"](np.radians(angle), truth)
         # a single patch says nothing of how its level differs from that of others, the shape is its own
-        slopes = searches[name].law(x, best.looks[name], best.cumulants[name]).slopes(angle)
+        law = searches[name].law(x, best.looks[name], best.cumulants[name])
+        slopes = law.slopes(angle)
         shape = slopes - slopes.mean(axis=0)
-        covariance = searches[name].law(x, best.looks[name], best.cumulants[name]).fit.covariance
-        sd = np.sqrt(np.einsum("kd,de,ke->k", shape, covariance, shape))
+        sd = np.sqrt(np.einsum("kd,de,ke->k", shape, law.fit.covariance, shape))
         assert sd.max() < 1.0, name
         assert (np.abs(error - error.mean()) < 3.0 * sd).all(), name
         assert abs(error.mean()) < 1.0, name
+
+
+def test_it_settles_on_the_laws_in_a_few_runs(parts, calibrated):
+    case, _, _, _, targets = parts
+    history, decision = calibrated
+    assert decision.reason == "settled"
+    assert decision.converged
+    assert len(history.infill) <= 5
+    laws_are_right(case, targets, history)
 
 
 def test_looks_are_those_of_each_material(calibrated):
@@ -242,3 +247,23 @@ def test_a_difference_that_goes_with_the_level_is_followed():
     one = Corrected(baseline, runs[:1], [noisy(runs[0])])
     wanted = noisy(truth)[:, 0]
     assert np.abs(both(truth)[:, 0] - wanted).max() < 0.25 * np.abs(one(truth)[:, 0] - wanted).max()
+
+
+def test_the_likelihood_of_the_pixels_finds_the_laws_too(parts, tmp_path):
+    """The objective that knows nothing of patches, through the same loop and the same runs."""
+    classes, simulator, geometry, scene, targets = parts
+    case = classes.model_copy(update={"objective": "likelihood"})
+    targets = Targets(
+        {name: replace(t, classes=replace(t.classes, objective="likelihood")) for name, t in targets.items()},
+        targets.levels,
+        targets.looks,
+    )
+    write_targets(tmp_path / "target.h5", targets)
+    targets = read_targets(tmp_path / "target.h5")
+    runner = Runner(RunStore(tmp_path / "runs"), simulator, geometry, scene.identity, case)
+    history, decision = calibrate(case, runner, targets)
+    assert decision.reason == "settled"
+    laws_are_right(case, targets, history)
+    # texture of the one, none of the other
+    assert history.best("lake").looks["lake"] == pytest.approx(2.5, rel=0.2)
+    assert history.best("field").looks["field"] > 3.0

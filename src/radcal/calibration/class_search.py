@@ -53,9 +53,9 @@ def class_targets(case: Case, targets: Targets, geometry: Geometry, registered: 
     Returns
     -------
     Targets
-        The same with ``classes``; as they are where the objective is another.
+        The same with ``classes``; as they are where the objective is the density.
     """
-    if case.objective != "classes":
+    if case.objective == "density":
         return targets
     grounds, methods = {}, {}
     laws = case.laws
@@ -68,6 +68,7 @@ def class_targets(case: Case, targets: Targets, geometry: Geometry, registered: 
             laws[name],
             case.materials[name].box,
             float(case.radar.looks),
+            objective=case.objective,
             classes=case.target.incidence_classes,
             free_looks=case.target.looks == "free",
             priors=case.target.priors,
@@ -82,6 +83,7 @@ def class_targets(case: Case, targets: Targets, geometry: Geometry, registered: 
                     # a run shows the same pixels with one draw of speckle: the difference varies twice as much
                     classes=replace(found[name].classes, effective=0.5 * found[name].classes.effective),
                     spread=found[name].spread,
+                    objective=case.objective,
                     looks=methods[name].looks,
                     free_looks=methods[name].free_looks,
                     priors=methods[name].priors,
@@ -98,7 +100,7 @@ def class_targets(case: Case, targets: Targets, geometry: Geometry, registered: 
 
 
 def class_searches(case: Case, targets: Targets) -> dict[str, ClassSearch]:
-    """What judges the runs of each material in classes of incidence; empty for another objective.
+    """What judges the runs of each material in classes of incidence; empty where the objective is the density.
 
     Parameters
     ----------
@@ -139,6 +141,7 @@ class ClassSearch:
         self.classes, self._seed = classes, seed
         self.method = replace(
             method,
+            objective=classes.objective,
             classes=classes.classes.size,
             free_looks=classes.free_looks,
             priors=classes.priors,
@@ -225,8 +228,9 @@ class ClassSearch:
     ) -> LawFit:
         """The law with the smallest cost on a surrogate.
 
-        NSGA-II over X and looks minimises the squares of levels and of spreads side by side; its best sum,
-        the law found without a simulator and the starts given are polished by least squares.
+        NSGA-II over X and looks minimises the squares of levels and of spreads side by side (of the likelihood,
+        which has no such parts, those of the classes of small and of large incidence); its best sum, the law found
+        without a simulator and the starts given are polished by least squares.
 
         Parameters
         ----------
@@ -249,19 +253,24 @@ class ClassSearch:
         box = np.asarray(method.bounds, dtype=np.float64)
         looks_box = np.log([[LOOKS[0], LOOKS[1] * method.looks]])
         low, high = np.vstack([box, looks_box] if method.free_looks else [box]).T
-        n, d = self.classes.classes.size, len(box)
-        residuals = ground_residuals(self.ground, self.classes.classes, method, self.classes.spread, forward)
+        d = len(box)
+        classes = self.classes.classes
+        residuals = ground_residuals(self.ground, classes, method, self.classes.spread, forward)
 
         def split(unit: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
             q = low + unit * (high - low)
             return q[:d], float(np.exp(q[d])) if method.free_looks else method.looks
+
+        # residuals of classes: all means, then all others; of the likelihood: class by class
+        bins = residuals(*split(np.full(len(low), 0.5))).size // classes.size
+        part = classes.size if method.objective == "classes" else classes.size // 2 * bins
 
         def objectives(units: NDArray[np.float64]) -> NDArray[np.float64]:
             found = []
             for unit in units:
                 x, looks = split(unit)
                 squares, weak = residuals(x, looks) ** 2, (self._prior(x, looks) ** 2).sum()
-                found.append([squares[:n].sum() + weak, squares[n:].sum()])
+                found.append([squares[:part].sum() + weak, squares[part:].sum()])
             return np.array(found)
 
         first = split(nsga2(objectives, len(low), config, seed, objectives=2)[0])

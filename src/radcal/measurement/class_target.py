@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import h5py
 import numpy as np
@@ -27,6 +28,8 @@ class ClassTarget:
         for, half of the independent pixels.
     spread : Spread
         Among patches and their cells, pooled over the materials [dB].
+    objective : {'classes', 'likelihood'}
+        What is minimised.
     looks : float
         Of the simulated speckle, the sensor's.
     free_looks : bool
@@ -43,6 +46,7 @@ class ClassTarget:
 
     classes: Classes
     spread: Spread
+    objective: Literal["classes", "likelihood"]
     looks: float
     free_looks: bool
     priors: bool
@@ -68,7 +72,7 @@ def put_classes(group: h5py.Group, target: ClassTarget) -> None:
         group[key] = getattr(target.classes, key)
     group["first"] = target.first
     group.attrs["between_db"], group.attrs["within_db"] = target.spread.between, target.spread.within
-    for key in ("looks", "free_looks", "priors", "incidence_error_deg", "first_looks"):
+    for key in ("objective", "looks", "free_looks", "priors", "incidence_error_deg", "first_looks"):
         group.attrs[key] = getattr(target, key)
 
 
@@ -77,6 +81,7 @@ def take_classes(group: h5py.Group) -> ClassTarget:
     return ClassTarget(
         classes=Classes(**{key: group[key][()] for key in _ARRAYS}),
         spread=Spread(float(group.attrs["between_db"]), float(group.attrs["within_db"])),
+        objective=str(group.attrs["objective"]),  # type: ignore[arg-type]
         looks=float(group.attrs["looks"]),
         free_looks=bool(group.attrs["free_looks"]),
         priors=bool(group.attrs["priors"]),

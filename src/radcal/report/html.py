@@ -163,7 +163,7 @@ def _ending(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) 
     missed = [m for m in materials if not m["within"]]
     reasons = _listed(list(dict.fromkeys(m["reason"] for m in missed))) if missed else summary["stop_reason"]
     who = _who(missed, len(materials)) if missed else "none"
-    if summary["objective"] == "classes":
+    if summary["objective"] != "density":
         whose = (
             f"the law of {materials[0]['name']}" if len(materials) == 1 else f"the laws of {len(materials)} materials"
         )
