@@ -825,7 +825,7 @@ class Case(_Strict):
     registration: Registration = Registration()
     objective: Literal["classes", "density", "likelihood"] = Field(
         "density",
-        description="classes or likelihood (the law, from classes of incidence: docs/right_law.md), or density (histogram)",
+        description="classes or likelihood (the law, by classes of incidence: docs/right_law.md), density (histogram)",
     )
     target: Target = Target()
     validation: Validation | None = Field(None, description="ground kept out to check the laws: {rows, means, keep}")
@@ -900,8 +900,8 @@ class Case(_Strict):
                 )
         elif self.target.normalisation == "image":
             raise ValueError(
-                f"objective is {self.objective} and target.normalisation is image, whose values are no longer dB: looks and "
-                "priors have no meaning there, expected normalisation none or offset"
+                f"objective is {self.objective} and target.normalisation is image, whose values are no longer dB: "
+                "looks and priors have no meaning there, expected normalisation none or offset"
             )
         if self.objective != "density" or self.validation is not None:
             key = "validation is asked for" if self.objective == "density" else f"objective is {self.objective}"

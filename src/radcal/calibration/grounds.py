@@ -266,12 +266,9 @@ def marginal_law(found: GroundLaw, looks: float) -> LawFit:
     method = replace(found.method, objective="classes", classes=1, free_looks=False)
     ground = found.ground
     classes = make_classes(ground.values_db, ground.incidence_deg, 1, ground.independent)
-    moved = log_speckle_cumulants(looks) - log_speckle_cumulants(method.looks)
-    forward = LawForward(method.law, classes.nodes_deg, method.looks)
-    at_looks = ground_residuals(ground, classes, method, found.spread, lambda x: forward(x) + moved)
+    residuals = ground_residuals(ground, classes, method, found.spread)
     start = (found.fit.parameters, looks)
-    prior = curve_prior(ground, method)
-    return fit_law(at_looks, method.bounds, method.looks, False, start, looks, prior)
+    return fit_law(residuals, method.bounds, method.looks, False, start, looks, curve_prior(ground, method))
 
 
 def fit_grounds(

@@ -20,14 +20,26 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.calibration.law_fit import LawFit
 from radcal.radar.laws import Law
+from radcal.radar.texture import log_speckle_cumulants
 
-__all__ = ["ErrorKind", "attenuation", "incidence_warnings", "law_gap_db", "registration_error_deg", "true_nodes"]
+__all__ = [
+    "ErrorKind",
+    "attenuation",
+    "error_behind",
+    "incidence_warnings",
+    "law_gap_db",
+    "registration_error_deg",
+    "true_nodes",
+]
 
 ErrorKind = Literal["classical", "berkson"]
 _HERMITE = 5
 _LEAST_SHARE = 0.1  # of the mapped variance that may be true: an error as large as the spread leaves no classes
-_GAP_DB = 0.7  # 1,000 pixels of a right law show 0.2 to 0.7 dB (benchmarks/right_law.py)
+_GAP_DB = 0.7
+_GAP_ERRORS = 2.0  # 1,000 pixels of a right law show up to 1 dB by chance (benchmarks/right_law.py)
 _FEW_LOOKS = 0.5  # times the sensor's
+_BENT_DB = 0.5  # change of a law that is worth a warning
+_LIKELY_DEG = 6.0  # the most that maps are off by: what takes more is texture
 
 
 def attenuation(incidence_deg: ArrayLike, error_deg: float) -> float:
@@ -107,15 +119,77 @@ def true_nodes(nodes_deg: ArrayLike, error_deg: float, kind: ErrorKind, mean_deg
     return np.asarray(np.clip(centre[..., None] + sd * points, 0.0, 90.0).reshape(nodes.shape[0], -1))
 
 
-def law_gap_db(law: Law, first: ArrayLike, second: ArrayLike, incidence_deg: ArrayLike) -> float:
-    """Largest difference [dB] of the shapes of two curves between the 5 % and 95 % of the incidence [deg].
+def law_gap_db(law: Law, first: LawFit, second: LawFit, incidence_deg: ArrayLike) -> tuple[float, float]:
+    """Largest difference of the shapes of two laws between the 5 % and 95 % of the incidence [deg].
 
     The mean difference is taken out: looks and level move it, errors of the incidence the shape.
+
+    Returns
+    -------
+    gap_db : float
+        The difference [dB].
+    standard_errors : float
+        The same in standard errors of its own.
     """
+    phi = _seen(incidence_deg)
+    difference = law(phi, first.parameters) - law(phi, second.parameters)
+    difference = np.abs(difference - difference.mean())
+    variance = _shape_variance(law, first, phi) + _shape_variance(law, second, phi)
+    k = int(difference.argmax())
+    return float(difference[k]), float(difference[k] / np.sqrt(max(variance[k], 1e-12)))
+
+
+def _seen(incidence_deg: ArrayLike) -> NDArray[np.float64]:
+    """Angles [rad] from the 5 % to the 95 % quantile of the incidence."""
     low, high = np.quantile(np.asarray(incidence_deg, dtype=np.float64), [0.05, 0.95])
-    phi = np.radians(np.linspace(low, high, 91))
-    difference = law(phi, first) - law(phi, second)
-    return float(np.abs(difference - difference.mean()).max())
+    return np.radians(np.linspace(float(low), float(high), 91))
+
+
+def _shape_variance(law: Law, fit: LawFit, phi: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Variance of a law about its mean over the angles, to first order in X [dB^2]."""
+    x = fit.parameters
+    steps = 1e-4 * np.sqrt(np.diag(fit.covariance)[:-1]) * np.eye(x.size)
+    columns = [(law(phi, x + step) - law(phi, x - step)) / (2.0 * step.max()) for step in steps]
+    slope = np.stack(columns, axis=-1)
+    slope -= slope.mean(axis=0)
+    return np.asarray(np.einsum("kd,de,ke->k", slope, fit.covariance[:-1, :-1], slope))
+
+
+def error_behind(law: Law, fit: LawFit, incidence_deg: ArrayLike, sensor: float) -> tuple[float, float]:
+    r"""Error of the local incidence that alone would make the looks found so few, and what it does to the law.
+
+    A classical error e leaves in a class of mapped incidence the variance :math:`b^2 e^2 / \lambda`, b the slope
+    found, which is :math:`\lambda = 1 - e^2 / V` times the true one, V the variance of the mapped incidence. Solved
+    for e.
+
+    Parameters
+    ----------
+    law : Law
+        With a curve.
+    fit : LawFit
+        Law and looks found in classes of mapped incidence.
+    incidence_deg : array_like
+        Mapped incidence of the pixels [deg].
+    sensor : float
+        Looks of the sensor.
+
+    Returns
+    -------
+    error_deg : float
+        The error e besides any that was told [deg]; 0 where the looks are the sensor's.
+    bent_db : float
+        Largest change over the incidence seen (5-95 %) of the shape of the law, were that so [dB].
+    """
+    angle = np.asarray(incidence_deg, dtype=np.float64)
+    missing = float(log_speckle_cumulants(fit.looks)[1] - log_speckle_cumulants(sensor)[1])
+    phi = _seen(angle)
+    level = law(phi, fit.parameters)
+    step = np.radians(0.01)
+    slope = (law(phi + step, fit.parameters) - law(phi - step, fit.parameters)) / 0.02
+    spread = max(float(np.var(angle)), 1e-12)
+    ratio = max(missing, 0.0) / max(float(np.mean(slope**2)), 1e-12) / spread
+    error = np.sqrt(spread * ratio / (1.0 + ratio))
+    return float(error), float(ratio * np.abs(level - level.mean()).max())
 
 
 def incidence_warnings(
@@ -149,14 +223,22 @@ def incidence_warnings(
     of the regressor biases one more, with measurement error as an example.
     """
     lines = []
-    gap = law_gap_db(law, conditional.parameters, marginal.parameters, incidence_deg)
-    if gap > _GAP_DB:
+    gap, errors = law_gap_db(law, conditional, marginal, incidence_deg)
+    if gap > _GAP_DB and errors > _GAP_ERRORS:
         lines.append(
             f"{name}: the law in classes of incidence and the one behind the spread of all pixels differ by "
             f"{gap:.1f} dB over the incidence seen: texture, mixed ground, or an error of the local incidence "
             "(see incidence_error_deg), which flattens a law."
         )
-    if conditional.looks < _FEW_LOOKS * sensor:
+    error, bent = error_behind(law, conditional, incidence_deg, sensor)
+    if error <= _LIKELY_DEG and bent > _BENT_DB:
+        lines.append(
+            f"{name}: its pixels spread as those of {conditional.looks:.1f} looks, the sensor has {sensor:.3g}. "
+            f"Texture does that; so does an error of the local incidence of {error:.1f} deg, which would have "
+            f"flattened the law by up to {bent:.1f} dB over the incidence seen. If the map may be off that much, say "
+            "so in target.incidence_error_deg."
+        )
+    elif conditional.looks < _FEW_LOOKS * sensor:
         lines.append(
             f"{name}: its pixels spread as those of {conditional.looks:.1f} looks, the sensor has {sensor:.3g}: "
             "texture, mixed ground, or an error of the local incidence (see incidence_error_deg)."
