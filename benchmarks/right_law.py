@@ -26,9 +26,9 @@ from threadpoolctl import threadpool_limits
 
 from radcal.calibration.grounds import GroundLaw, Method, fit_grounds, marginal_law
 from radcal.calibration.incidence_error import incidence_warnings
-from radcal.calibration.validation import cross_validate, held_out, kept_blocks
+from radcal.calibration.validation import cross_validate, held_out
 from radcal.measurement.goodness import effective_sample_size
-from radcal.measurement.ground import Ground
+from radcal.measurement.ground import Blocks, Ground
 from radcal.measurement.patches import label_patches
 from radcal.radar.laws import LAWS
 from radcal.report.summary import law_difference_db
@@ -149,7 +149,7 @@ def flevoland(folder: Path, polarisation: str, objective: str) -> dict[str, Any]
     )
     rows, early = [], []
     for keep in ("even", "odd"):
-        kept = {name: kept_blocks(ground.block // (ROWS // MEANS), keep) for name, ground in grounds.items()}  # type: ignore[arg-type]
+        kept = {name: Blocks(ROWS, MEANS).kept(ground.block, keep) for name, ground in grounds.items()}  # type: ignore[arg-type]
         found = fit_grounds(
             {name: ground.part(kept[name]) for name, ground in grounds.items()}, dict.fromkeys(grounds, method)
         )

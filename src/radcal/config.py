@@ -725,6 +725,7 @@ class Validation(_Strict):
     """Ground that is kept out of the target, and predicted from what was found."""
 
     rows: Count = Field(20, description="image rows of a block that is kept or left out as a whole")
+    columns: Count | None = Field(None, description="image columns of a block, next to one another; all if missing")
     means: Count = Field(10, description="rows of a part of a block whose mean level is predicted")
     keep: Literal["even", "odd", "both"] = Field(
         "even", description="blocks that are calibrated on; both: all, and each half is predicted from the other"

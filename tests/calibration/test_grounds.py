@@ -10,8 +10,8 @@ import pytest
 from radcal.calibration.expected import LawForward
 from radcal.calibration.grounds import Method, fit_grounds
 from radcal.calibration.law_fit import fit_law
-from radcal.calibration.validation import CrossValidation, cross_validate, held_out, kept_blocks
-from radcal.measurement.ground import Ground
+from radcal.calibration.validation import CrossValidation, cross_validate, held_out
+from radcal.measurement.ground import Blocks, Ground
 from radcal.radar.laws import LAWS
 from radcal.radar.texture import log_speckle_cumulants
 
@@ -86,7 +86,7 @@ def test_bands_hold_and_patches_help():
     held = []
     for seed in range(6):
         ground = fields(np.random.default_rng(seed), between=1.0, within=0.3, rows=160, width=32, height=40)
-        kept = kept_blocks(ground.block // 2, "even")
+        kept = Blocks(20, 10).kept(ground.block, "even")
         found = fit_grounds({"field": ground.part(kept)}, {"field": METHOD})["field"]
         held.append(held_out(found, ground.part(~kept)))
     inside = np.average([h.coverage_90 for h in held], weights=[h.n_blocks for h in held])
@@ -124,10 +124,25 @@ def test_too_few_blocks_say_nothing_and_are_announced():
     assert crossed.no_better
 
 
-def test_rows_alternate():
-    assert kept_blocks(np.arange(4), "even").tolist() == [True, False, True, False]
-    assert kept_blocks(np.arange(4), "odd").tolist() == [False, True, False, True]
-    assert kept_blocks(np.arange(4), "both").all()
+def test_the_density_predicted_is_that_of_the_pixels():
+    """Of the right law, on ground that it has not seen; a law 3 dB off, or a constant, is farther."""
+    ground = fields(np.random.default_rng(12))
+    kept = Blocks(4, 2).kept(ground.block, "even")
+    found = fit_grounds({"field": ground.part(kept)}, {"field": METHOD})["field"]
+    far = ground.part(~kept & (ground.incidence_deg > 40.0))
+    level = LAW(np.radians(far.incidence_deg), TRUTH) + log_speckle_cumulants(2.8)[0]
+    held = held_out(found, far, level + 3.0)
+    assert far.values_db.size > 2000
+    # a sample's distance from its own law is below 1.63 over the square root of its size in 99 of 100 cases
+    assert held.ks_law < 1.63 / np.sqrt(far.values_db.size) + 0.02
+    assert held.ks_start > 0.3
+    assert held.ks_constant > 0.1
+    # the start is 3 dB off, and has the sensor's 4 looks where these are 2.8
+    assert 2.0 < held.tail_start_db < 3.0
+    assert abs(held.tail_law_db) < 0.4
+    assert held.tail_constant_db > 0.5
+    assert held.rmse_start_db == pytest.approx(3.0, abs=0.2)
+    assert np.isnan(held_out(found, far).ks_start)
 
 
 def test_the_covariance_is_that_of_repeated_fits():

@@ -71,7 +71,7 @@ def made(
         patch=ground.patch,
         block=ground.block,
         kept_out=out,
-        classes=ClassTarget(classes, Spread(0.1, 0.05), LOOKS, True, True, 0.0, truth, LOOKS)
+        classes=ClassTarget(classes, Spread(0.1, 0.05), "classes", LOOKS, True, True, 0.0, truth, LOOKS)
         if case.objective == "classes"
         else None,
     )
@@ -133,7 +133,8 @@ def test_nothing_is_kept_out_without_validation():
 def test_pooled_grounds_count_each_block_once():
     def part(error: float, n: int) -> HeldOut:
         zeros = np.zeros(n)
-        return HeldOut(error, error, error, error, 1.0 / n, n, np.arange(n), zeros, zeros, zeros, zeros)
+        errors, shares = (error,) * 5, (1.0 / n,) * 3
+        return HeldOut(*errors, *shares, *shares, 1.0 / n, n, np.arange(n), zeros, zeros, zeros, zeros)
 
     found = HeldOut.pooled([part(1.0, 2), part(3.0, 6)])
     assert found is not None

@@ -103,6 +103,8 @@ def checked(file):
         for key, values in {"block": blocks, **held}.items():
             check[key] = values
         rmse = {"rmse_law_db": 1.25, "rmse_law_patch_db": 1.0, "rmse_constant_db": constant, "rmse_best_db": 0.75}
+        rmse |= {"rmse_start_db": 4.0, "ks_law": 0.03, "ks_constant": 0.2, "ks_start": float("nan")}
+        rmse |= {"tail_law_db": 0.25, "tail_constant_db": -1.5, "tail_start_db": float("nan")}
         check.attrs.update({**rmse, "coverage_90": 0.875, "n_blocks": 6, "identified": int(name == "dyke")})
         check.attrs["looks"] = 2.5
         check.attrs["sentences"] = [f"{name}: remarkable."]
@@ -141,6 +143,7 @@ def test_held_out_ground_has_a_table(page, copy, tmp_path):
         "1.00",
         "1.25",
         "3.00",
+        "4.00",
         "0.75",
         "88 %",
         r"2.5 \([\d.]+\)",
@@ -149,6 +152,8 @@ def test_held_out_ground_has_a_table(page, copy, tmp_path):
     ]
     assert re.search(r"\s*".join(f"(?:{cell})" for cell in cells), text), text
     assert "no better than a constant, not identified" in text
+    # of the density: a start without a curve predicts none
+    assert re.search(r"dyke\s*0\.03\s*0\.20\s*–\s*0\.25\s*−1\.50\s*–", text)
     assert "stem beans: remarkable." in text
 
 

@@ -20,6 +20,7 @@ from radcal.calibration.priors import looks_residuals
 from radcal.calibration.validation import HeldOut, cross_validate, held_out
 from radcal.config import Case
 from radcal.measurement.classes import make_classes
+from radcal.measurement.ground import Blocks, Ground
 from radcal.measurement.patches import Spread, spreads
 from radcal.measurement.target import Target, Targets
 from radcal.radar.texture import log_speckle_cumulants
@@ -142,17 +143,28 @@ def _of_density(case: Case, name: str, target: Target, run: Run) -> GroundLaw:
     return GroundLaw(ground, method, classes, _ALONE, replace(fit, parameters=x, looks=looks), correction)
 
 
-def _held(case: Case, target: Target, law: GroundLaw) -> HeldOut | None:
+def _start_db(case: Case, name: str, ground: Ground) -> NDArray[np.float64] | None:
+    """Expected mean of dB values of the starting law, at the sensor's looks; None for a law without a curve."""
+    law = case.at_start.laws[name]
+    if not law.has_curve:
+        return None
+    level = law(np.radians(ground.incidence_deg), case.materials[name].start_parameters)
+    return np.asarray(level + log_speckle_cumulants(float(case.radar.looks))[0])
+
+
+def _held(case: Case, name: str, target: Target, law: GroundLaw) -> HeldOut | None:
     """Prediction of ground that was kept out; with ``both``, of each half from the other."""
     if case.validation is None:
         return None
     if case.validation.keep != "both":
-        return held_out(law, target.kept_out) if target.kept_out is not None else None
-    even = law.ground.block // (case.validation.rows // case.validation.means) % 2 == 0
+        out = target.kept_out
+        return held_out(law, out, _start_db(case, name, out)) if out is not None else None
+    even = Blocks.of(case.validation).kept(law.ground.block, "even")
     parts = []
     for kept in (even, ~even):
         if kept.any() and not kept.all():
-            parts.append(held_out(refit(law, law.ground.part(kept)), law.ground.part(~kept)))
+            out = law.ground.part(~kept)
+            parts.append(held_out(refit(law, law.ground.part(kept)), out, _start_db(case, name, out)))
     return HeldOut.pooled([part for part in parts if part is not None])
 
 
@@ -165,7 +177,7 @@ def _check(
         return LawCheck(
             nominal, nominal, None, None, float(target.values_db.mean()), *(float("nan"),) * 3, *(nothing,) * 3, []
         )
-    held = _held(case, target, law)
+    held = _held(case, name, target, law)
     estimated = name in searches or case.validation is not None
     identified = law.identified >= _IDENTIFIED
     sentences = []
@@ -183,8 +195,7 @@ def _check(
     classes = law.classes
     centre = shown = error = nothing
     if name in searches:
-        parts = 2 if case.validation is None else case.validation.rows // case.validation.means
-        if sentence := cross_validate(law, law.ground.block // parts).sentence(name):
+        if sentence := cross_validate(law, law.ground.block // Blocks.of(case.validation).parts).sentence(name):
             sentences.append(sentence)
         if law.method.free_looks:
             local = target.looks if np.isfinite(target.looks) else nominal

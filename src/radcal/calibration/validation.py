@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,19 +13,15 @@ from radcal.calibration.grounds import GroundLaw, refit
 from radcal.calibration.law_fit import fit_law
 from radcal.measurement.ground import Ground
 from radcal.radar.laws import Law
+from radcal.radar.texture import log_speckle_cumulants
 
-__all__ = ["CrossValidation", "HeldOut", "cross_validate", "held_out", "kept_blocks"]
+__all__ = ["CrossValidation", "HeldOut", "cross_validate", "held_out"]
 
 _FEWEST = 20  # pixels in a block whose mean is compared
 _FOLDS = 5
+_LEVELS = 200  # that stand for the pixels of a predicted density
+_TAIL = 0.99
 _BAND = 1.6448536269514722  # standard deviations on each side that hold 90 % of a normal law
-
-
-def kept_blocks(block: NDArray[np.int64], keep: Literal["even", "odd", "both"]) -> NDArray[np.bool_]:
-    """Which blocks, by their number, are calibrated on."""
-    if keep == "both":
-        return np.ones(block.shape, dtype=np.bool_)
-    return np.asarray(block % 2 == (0 if keep == "even" else 1))
 
 
 @dataclass(frozen=True)
@@ -40,6 +36,13 @@ class HeldOut:
         Of the mean of the calibrated ground.
     rmse_best_db : float
         Of the same law fitted to these block means themselves.
+    rmse_start_db : float
+        Of the starting law; NaN where it has no curve.
+    ks_law, ks_constant, ks_start : float
+        Kolmogorov distance of the density of the held-out pixels from that which the law with its looks and
+        patches predicts, from that of the calibrated ground, and from that of the starting law at the sensor's looks.
+    tail_law_db, tail_constant_db, tail_start_db : float
+        How far the 99 % quantile that each predicts lies above the measured one [dB].
     coverage_90 : float
         Share of the block means inside of the 90 % band.
     n_blocks : int
@@ -55,6 +58,13 @@ class HeldOut:
     rmse_law_patch_db: float
     rmse_constant_db: float
     rmse_best_db: float
+    rmse_start_db: float
+    ks_law: float
+    ks_constant: float
+    ks_start: float
+    tail_law_db: float
+    tail_constant_db: float
+    tail_start_db: float
     coverage_90: float
     n_blocks: int
     block: NDArray[np.int64]
@@ -70,6 +80,9 @@ class HeldOut:
             return None
         n = np.array([part.n_blocks for part in parts], dtype=np.float64)
 
+        def mean(key: str) -> float:
+            return float(np.average([getattr(part, key) for part in parts], weights=n))
+
         def together(key: str) -> float:
             return float(np.sqrt(np.average([getattr(part, key) ** 2 for part in parts], weights=n)))
 
@@ -81,7 +94,14 @@ class HeldOut:
             rmse_law_patch_db=together("rmse_law_patch_db"),
             rmse_constant_db=together("rmse_constant_db"),
             rmse_best_db=together("rmse_best_db"),
-            coverage_90=float(np.average([part.coverage_90 for part in parts], weights=n)),
+            rmse_start_db=together("rmse_start_db"),
+            ks_law=mean("ks_law"),
+            ks_constant=mean("ks_constant"),
+            ks_start=mean("ks_start"),
+            tail_law_db=mean("tail_law_db"),
+            tail_constant_db=mean("tail_constant_db"),
+            tail_start_db=mean("tail_start_db"),
+            coverage_90=mean("coverage_90"),
             n_blocks=int(n.sum()),
             block=all_of("block"),
             mean_db=all_of("mean_db"),
@@ -98,7 +118,8 @@ def _rms(values: NDArray[np.float64]) -> float:
 def _predict(found: GroundLaw, ground: Ground) -> dict[str, NDArray[np.float64]]:
     """Prediction of each block's mean, by law and patches, and its standard deviation."""
     cells, spread, effects = ground.cells, found.spread, found.effects
-    law = cells.mean(found.levels_db(ground.incidence_deg))
+    levels = found.levels_db(ground.incidence_deg)
+    law = cells.mean(levels)
     slope = cells.mean(found.slopes(ground.incidence_deg))
     # what an error of the law does to the patches' effects, which are taken from residuals of it
     seen = found.ground
@@ -124,6 +145,8 @@ def _predict(found: GroundLaw, ground: Ground) -> dict[str, NDArray[np.float64]]
     variance = over(share**2 * (patch_variance + spread.within**2 + ground.sampling))
     variance += np.einsum("kd,de,ke->k", slope, found.fit.covariance, slope)
     return {
+        "pixels": levels + effect[cells.of_pixel],
+        "pixel_sd": np.sqrt(patch_variance + spread.within**2)[cells.of_pixel],
         "block": block,
         "count": count,
         "mean": over(share * cells.mean(ground.values_db)),
@@ -134,8 +157,33 @@ def _predict(found: GroundLaw, ground: Ground) -> dict[str, NDArray[np.float64]]
     }
 
 
-def held_out(found: GroundLaw, ground: Ground) -> HeldOut | None:
-    """Predict the block means of ground that was kept out.
+def _against(
+    values_db: NDArray[np.float64],
+    levels_db: NDArray[np.float64],
+    looks: float,
+    sd_db: NDArray[np.float64] | float = 0.0,
+) -> tuple[float, float]:
+    """Kolmogorov distance and excess of the 99 % quantile [dB] of gamma speckle about expected levels."""
+    from scipy.optimize import brentq
+    from scipy.special import gammainc
+
+    levels = np.concatenate([levels_db - sd_db, levels_db + sd_db])
+    levels = np.quantile(levels, (np.arange(_LEVELS) + 0.5) / _LEVELS) - log_speckle_cumulants(looks)[0]
+
+    def below(x: NDArray[np.float64] | float) -> NDArray[np.float64]:
+        power = 10.0 ** ((np.asarray(x)[..., None] - levels) / 10.0)
+        return np.asarray(gammainc(looks, looks * power).mean(axis=-1))
+
+    ordered = np.sort(values_db)
+    at = np.unique(np.linspace(0, ordered.size - 1, 500).astype(np.int64))
+    expected = below(ordered[at])
+    distance = np.maximum(np.abs(expected - at / ordered.size), np.abs(expected - (at + 1) / ordered.size)).max()
+    top = brentq(lambda x: float(below(x)) - _TAIL, levels.min() - 60.0, levels.max() + 60.0, xtol=1e-6)
+    return float(distance), float(top - np.quantile(values_db, _TAIL))
+
+
+def held_out(found: GroundLaw, ground: Ground, start_db: NDArray[np.float64] | None = None) -> HeldOut | None:
+    """Predict the block means of ground that was kept out, and its density.
 
     Parameters
     ----------
@@ -143,6 +191,8 @@ def held_out(found: GroundLaw, ground: Ground) -> HeldOut | None:
         Fitted to the ground that was kept.
     ground : Ground
         Kept out, with the patches' labels of the other.
+    start_db : ndarray, shape (pixels,), optional
+        Expected mean of dB values of the starting law at its pixels [dB].
 
     Returns
     -------
@@ -154,6 +204,8 @@ def held_out(found: GroundLaw, ground: Ground) -> HeldOut | None:
     Robinson, "That BLUP is a good thing: the estimation of random effects", Statistical Science 6
     (1991): predictions and their variances, that of the fixed effects included.
     """
+    from scipy.stats import ks_2samp
+
     blocks = _predict(found, ground)
     many = blocks["count"] >= _FEWEST
     if not many.any():
@@ -161,11 +213,26 @@ def held_out(found: GroundLaw, ground: Ground) -> HeldOut | None:
     block, mean, law, patch, sd, angle = (
         blocks[key][many] for key in ("block", "mean", "law", "patch", "sd", "incidence")
     )
+    calibrated, values = found.ground.values_db, ground.values_db
+    ks_law, tail_law = _against(values, blocks["pixels"], found.fit.looks, blocks["pixel_sd"])
+    start, ks_start, tail_start = (float("nan"),) * 3
+    if start_db is not None:
+        _, of_block = np.unique(ground.block, return_inverse=True)
+        expected = np.bincount(of_block, start_db) / np.bincount(of_block)
+        start = _rms(mean - expected[many])
+        ks_start, tail_start = _against(values, start_db, found.method.looks)
     return HeldOut(
         rmse_law_db=_rms(mean - law),
         rmse_law_patch_db=_rms(mean - patch),
         rmse_constant_db=_rms(mean - found.ground.values_db.mean()),
         rmse_best_db=_best(found.method.law, found.method.bounds, angle, mean),
+        rmse_start_db=start,
+        ks_law=ks_law,
+        ks_constant=float(ks_2samp(calibrated, values).statistic),
+        ks_start=ks_start,
+        tail_law_db=tail_law,
+        tail_constant_db=float(np.quantile(calibrated, _TAIL) - np.quantile(values, _TAIL)),
+        tail_start_db=tail_start,
         coverage_90=float(np.mean(np.abs(mean - patch) <= _BAND * sd)),
         n_blocks=int(mean.size),
         block=block.astype(np.int64),

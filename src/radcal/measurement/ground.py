@@ -4,13 +4,61 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.config import Validation
 from radcal.measurement.patches import Cells, make_cells
 
-__all__ = ["Ground"]
+__all__ = ["Blocks", "Ground"]
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """An image in blocks, which are kept or left out as a whole, like the squares of a chessboard.
+
+    Attributes
+    ----------
+    rows : int
+        Image rows of a block.
+    part_rows : int
+        Of a part of a block whose mean is predicted; a divisor of ``rows``.
+    columns : int, optional
+        Image columns of a block; all of them if missing.
+    """
+
+    rows: int
+    part_rows: int
+    columns: int | None = None
+
+    @classmethod
+    def of(cls, validation: Validation | None) -> Blocks:
+        """As configured; of 20 rows in two parts where nothing is."""
+        return cls(20, 10) if validation is None else cls(validation.rows, validation.means, validation.columns)
+
+    @property
+    def parts(self) -> int:
+        """Parts of a block."""
+        return self.rows // self.part_rows
+
+    def parts_of(self, pixels: NDArray[np.int64], width: int) -> NDArray[np.int64]:
+        """Number of each pixel's part, from its flat index in an image of a width; blocks are counted row by row.
+
+        Blocks that share a side have numbers of which one is even and one is odd.
+        """
+        row, column = np.divmod(np.asarray(pixels, dtype=np.int64), width)
+        step = width if self.columns is None else self.columns
+        across = -(-width // step)
+        block = row // self.rows * (across + 1 - across % 2) + column // step
+        return np.asarray(block * self.parts + row % self.rows // self.part_rows)
+
+    def kept(self, part: NDArray[np.int64], keep: Literal["even", "odd", "both"]) -> NDArray[np.bool_]:
+        """Whether the parts are calibrated on: those of blocks with an even number, or an odd one, or all."""
+        if keep == "both":
+            return np.ones(part.shape, dtype=np.bool_)
+        return np.asarray(part // self.parts % 2 == (0 if keep == "even" else 1))
 
 
 @dataclass(frozen=True)
@@ -24,7 +72,7 @@ class Ground:
     incidence_deg : ndarray, shape (pixels,)
         Local incidence [deg].
     patch, block : ndarray of int, shape (pixels,)
-        Connected area and block of the image that each lies in.
+        Connected area, and part of a block of the image (see :class:`Blocks`), that each lies in.
     independent : float
         Independent pixels for each pixel, at most 1.
     """

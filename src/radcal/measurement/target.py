@@ -17,7 +17,7 @@ from radcal.config import Target as TargetConfig
 from radcal.errors import MeasurementError
 from radcal.measurement.class_target import ClassTarget, put_classes, take_classes
 from radcal.measurement.goodness import Goodness, effective_sample_size, goodness_of_fit
-from radcal.measurement.ground import Ground
+from radcal.measurement.ground import Blocks, Ground
 from radcal.measurement.levels import Levels, image_levels, offset_levels
 from radcal.measurement.looks import estimate_looks, local_looks
 from radcal.measurement.model import Measurement
@@ -49,7 +49,6 @@ _SETTLED = 1e-5
 _UNLIKELY = 0.01  # the smallest share that so many bootstrap samples can show
 _TEXTURED = 0.7  # times the looks of homogeneous areas
 _LEVEL_PIXELS = 1000  # of each reference material
-_BLOCK_ROWS = 10  # of cells, where no validation says how many
 KEPT_OUT = "kept out to check the law"  # a reason why pixels are left out
 
 
@@ -91,7 +90,7 @@ class Target:
     penalised : bool
         The density, and that of every run, is the penalised likelihood's.
     patch, block : ndarray of int, shape (n,)
-        Connected area of the material, and block of image rows, that each pixel lies in.
+        Connected area of the material, and part of a block of the image, that each pixel lies in.
     kept_out : Ground or None
         Pixels of ground that no law has seen, for validation.
     classes : ClassTarget or None
@@ -276,7 +275,7 @@ def make_target(
     radar : Radar, optional
         Resolutions and pixel spacings, for the looks.
     validation : Validation, optional
-        Which rows are kept out.
+        Which blocks are kept out.
 
     Raises
     ------
@@ -285,11 +284,12 @@ def make_target(
     FitError
         The pixels cannot be fitted.
     """
-    rows = np.arange(geometry.shape[0])
-    out = np.zeros(geometry.shape, dtype=np.bool_)
+    blocks = Blocks.of(validation)
+    part = blocks.parts_of(np.arange(geometry.incidence_deg.size), geometry.shape[1])
+    out = np.zeros(part.shape, dtype=np.bool_)
     if validation is not None and validation.keep != "both":
-        out[(rows // validation.rows) % 2 == (1 if validation.keep == "even" else 0)] = True
-        flags = {**(flags or {}), KEPT_OUT: out}
+        out = ~blocks.kept(part, validation.keep)
+        flags = {**(flags or {}), KEPT_OUT: out.reshape(geometry.shape)}
     eligible = eligible_pixels(name, geometry, measurement, config, uncertainty_px, flags)
     rng = derived_rng(seed, "target", name)
     drawn = np.sort(rng.choice(eligible.pixels, size=min(config.pixels, eligible.pixels.size), replace=False))
@@ -298,17 +298,16 @@ def make_target(
     fit = skewnormal.fit(values, penalised)
     effective = effective_sample_size(measurement.image_db, eligible.pixels, drawn)
     patches = label_patches(geometry.material == geometry.names.index(name) + 1).ravel()
-    block_rows = validation.means if validation is not None else _BLOCK_ROWS
     kept_out = None
     if out.any():
         others = {reason: flag for reason, flag in (flags or {}).items() if reason != KEPT_OUT}
         with_it = eligible_pixels(name, geometry, measurement, config, uncertainty_px, others).pixels
-        held = with_it[out.ravel()[with_it]]
+        held = with_it[out[with_it]]
         kept_out = Ground(
             values_db=Levels.apply(measurement.image_db.ravel()[held], (levels or Levels()).measured),
             incidence_deg=geometry.incidence_deg.ravel()[held].astype(np.float64),
             patch=patches[held],
-            block=held // geometry.shape[1] // block_rows,
+            block=part[held],
             # correlated as the others are, but all of them and not some
             independent=effective_sample_size(measurement.image_db, held, held) / held.size if held.size else 1.0,
         )
@@ -329,7 +328,7 @@ def make_target(
         left_out=eligible.left_out,
         looks=local_looks(measurement.image_db, eligible.pixels, radar) if radar is not None else float("nan"),
         patch=patches[drawn],
-        block=drawn // geometry.shape[1] // block_rows,
+        block=part[drawn],
         kept_out=kept_out,
     )
 

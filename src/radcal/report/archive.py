@@ -34,6 +34,8 @@ Layout of the archive (schema 2); backscatter in dB, angles in degrees:
                                           curve), ``constant_db``, ``between_db``, ``within_db``,
                                           ``incidence_error_deg``, ``sentences``; of held-out blocks ``rmse_law_db``,
                                           ``rmse_law_patch_db``, ``rmse_constant_db``, ``rmse_best_db``,
+                                          ``rmse_start_db``, ``ks_law``, ``ks_constant``, ``ks_start``,
+                                          ``tail_law_db``, ``tail_constant_db``, ``tail_start_db``,
                                           ``coverage_90``, ``n_blocks``
 ``materials/<m>/check/class_deg,``        each class's mean incidence [deg], the level that its pixels ask of the law
 ``  class_db, class_error_db``            there [dB] and its standard error (n,)

@@ -103,7 +103,10 @@ def sentences(archive: str | Path) -> list[str]:
         return [*(str(sentence) for sentence in file.attrs["sentences"]), *of_laws]
 
 
-_HELD_OUT = ("rmse_law_db", "rmse_law_patch_db", "rmse_constant_db", "rmse_best_db", "coverage_90")
+_HELD_OUT = (
+    *("rmse_law_db", "rmse_law_patch_db", "rmse_constant_db", "rmse_best_db", "rmse_start_db"),
+    *("ks_law", "ks_constant", "ks_start", "tail_law_db", "tail_constant_db", "tail_start_db", "coverage_90"),
+)
 
 
 def _check(group: h5py.Group) -> dict[str, Any]:
