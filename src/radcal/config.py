@@ -207,6 +207,9 @@ class RasterScene(_Strict):
     vertical_datum: str | None = Field(
         None, description="what heights refer to, such as EGM96; needed where the elevation's CRS does not say"
     )
+    elevation_error_m: Annotated[Real, Field(ge=0, le=100)] = Field(
+        0.0, description="standard error of a height against its neighbours [m]: of the incidence a law is found at"
+    )
     objects: SceneObjects | None = Field(None, description="what stands on the ground")
 
     @model_validator(mode="after")
@@ -717,7 +720,7 @@ class Target(_Strict):
     priors: bool = Field(True, description="weak priors on curve and looks (docs/right_law.md); for objective: classes")
     incidence_error_deg: Annotated[Real, Field(ge=0, le=30)] | None = Field(
         None,
-        description="standard error of the local incidence [deg]; from the registration's uncertainty if missing",
+        description="standard error of the local incidence [deg]; from elevation and registration if missing",
     )
 
 

@@ -194,6 +194,28 @@ def test_another_objective_has_no_classes(parts):
     assert class_targets(density, targets, geometry, None) is targets
 
 
+def test_errors_of_slopes_and_of_the_place_add_up(parts):
+    case, _, geometry, _, targets = parts
+    shape = geometry.shape
+    registered = Registered(
+        measurement=None,
+        unregistered_db=np.empty(0),
+        displacement_px=np.zeros((2, *shape), dtype=np.float32),
+        uncertainty_px=np.full(shape, 2.0, dtype=np.float32),
+        correlation=np.ones(shape, dtype=np.float32),
+        method="gefolki",
+        applied=True,
+        verdict="",
+    )
+    errors = [
+        class_targets(case, targets, geometry, registered, slope)["field"].classes.incidence_error_deg
+        for slope in (0.0, 3.0)
+    ]
+    # 25 degrees over 90 rows, a displacement of 2 pixels in any direction
+    assert errors[0] == pytest.approx(25.0 / 89.0 * 2.0 / np.sqrt(2.0), rel=0.02)
+    assert errors[1] == pytest.approx(np.hypot(errors[0], 3.0))
+
+
 def test_its_own_correction_leaves_nothing_at_the_minimum(parts):
     """Where the simulator is law and speckle alone, the law found without it is the minimum."""
     case, _, _, _, targets = parts

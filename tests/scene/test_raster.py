@@ -570,3 +570,19 @@ def test_a_raster_scene_is_seen_by_the_radar(build: Build) -> None:
     assert np.median(incidence) == pytest.approx(45.0 - np.degrees(np.arctan(0.2)), abs=0.5)
     left = make_geometry(scene, radar.model_copy(update={"look_side": "left"}))
     assert np.nanmedian(left.incidence_deg) == pytest.approx(45.0 + np.degrees(np.arctan(0.2)), abs=0.5)
+
+
+def test_an_error_of_the_heights_is_one_of_the_slopes(build: Build, tmp_path: Path) -> None:
+    noise = np.random.default_rng(1).normal(0.0, 0.8, SHAPE)
+    scene = raster_scene(build(50.0 + noise, elevation_error_m=0.8))
+    slopes = np.degrees(np.arctan(np.diff(scene.elevation_m, axis=1) / scene.cell_m))
+    assert scene.slope_error_deg == pytest.approx(slopes.std(), rel=0.05)
+    # cells between the heights have no slopes of their own, larger cells have the heights' means
+    assert raster_scene(build(50.0 + noise, elevation_error_m=0.8, cell_m=5.0)).slope_error_deg == scene.slope_error_deg
+    assert raster_scene(build(50.0 + noise, elevation_error_m=0.8, cell_m=20.0)).slope_error_deg < scene.slope_error_deg
+    plain = raster_scene(build(50.0 + noise))
+    assert plain.slope_error_deg == 0.0
+    # nothing that is simulated depends on it
+    assert plain.identity == scene.identity
+    write_scene(tmp_path / "scene.h5", scene)
+    assert read_scene(tmp_path / "scene.h5").slope_error_deg == scene.slope_error_deg

@@ -53,6 +53,7 @@ rule registration:
 
 rule target:
     input:
+        scene=rules.scene.output.scene,
         geometry=rules.geometry.output.geometry,
         reference=f"{OUT}/reference.json",
         registered=rules.registration.output.registered,

@@ -7,6 +7,7 @@ from radcal.jobs import logged, progress
 from radcal.measurement.registration import read_registered
 from radcal.measurement.target import make_targets, write_targets
 from radcal.radar.geometry import read_geometry
+from radcal.scene.model import read_scene
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = Case.of_sections(snakemake.params.case)
@@ -14,7 +15,8 @@ with logged(snakemake.log[0], snakemake.params.case):
     registered = read_registered(snakemake.input.registered)
     geometry = read_geometry(snakemake.input.geometry)
     targets = make_targets(case, geometry, registered, reference.image_db)
-    targets = class_targets(case, targets, geometry, registered)
+    scene = read_scene(snakemake.input.scene)
+    targets = class_targets(case, targets, geometry, registered, scene.slope_error_deg)
     write_targets(snakemake.output.target, targets)
     for sentence in targets.sentences():
         progress(sentence)

@@ -32,7 +32,9 @@ if TYPE_CHECKING:
 __all__ = ["ClassSearch", "class_searches", "class_targets"]
 
 
-def class_targets(case: Case, targets: Targets, geometry: Geometry, registered: Registered) -> Targets:
+def class_targets(
+    case: Case, targets: Targets, geometry: Geometry, registered: Registered, slope_error_deg: float = 0.0
+) -> Targets:
     """Divide the targets' pixels by incidence, and find how patches spread.
 
     The spread is taken from the measured image alone, with laws that no simulator has seen
@@ -49,6 +51,8 @@ def class_targets(case: Case, targets: Targets, geometry: Geometry, registered: 
     registered : Registered
         The measured image; the uncertainty of its registration gives the error of the local incidence where
         ``target.incidence_error_deg`` does not say it.
+    slope_error_deg : float
+        Standard error of the scene's slopes [deg], the other part of that error.
 
     Returns
     -------
@@ -62,7 +66,8 @@ def class_targets(case: Case, targets: Targets, geometry: Geometry, registered: 
     for name, target in targets.items():
         error = case.target.incidence_error_deg
         if error is None:
-            error = registration_error_deg(geometry.incidence_deg, registered.uncertainty_px, target.pixels)
+            moved = registration_error_deg(geometry.incidence_deg, registered.uncertainty_px, target.pixels)
+            error = float(np.hypot(moved, slope_error_deg))
         grounds[name] = target.ground
         methods[name] = Method(
             laws[name],

@@ -18,7 +18,7 @@ from radcal.scene.crs import METRES, crs_of, horizontal, same_place, utm
 if TYPE_CHECKING:
     from pyproj import CRS
 
-__all__ = ["LARGEST_CELLS", "Grid", "Source", "box_in", "opened", "scene_grid", "subdivision"]
+__all__ = ["LARGEST_CELLS", "Grid", "Source", "box_in", "opened", "pixel_m", "scene_grid", "subdivision"]
 
 LARGEST_CELLS = 100_000_000  # of the grid, and of what is read of a raster
 _SMALLEST_SIDE = 8  # cells
@@ -247,7 +247,7 @@ def scene_grid(elevation: Source, materials: Source, config: RasterScene) -> Gri
             )
         box = config.bounds
         west, south = (west, south) if same else box[:2]
-    pixel = float(np.sqrt(np.prod(_pixel_m(elevation, crs, box))))
+    pixel = float(np.sqrt(np.prod(pixel_m(elevation, crs, box))))
     # three digits say enough about the size of a pixel seen through a projection
     cell = config.cell_m or (pixel if same else float(f"{pixel:.3g}"))
     # whole cells inside the box, on the lattice that has a corner at (west, south)
@@ -320,7 +320,7 @@ def _unfit(crs: CRS, longitude: float, latitude: float) -> str | None:
     return None
 
 
-def _pixel_m(source: Source, crs: CRS, box: Box) -> tuple[float, float]:
+def pixel_m(source: Source, crs: CRS, box: Box) -> tuple[float, float]:
     """Sides of a raster's pixel in the middle of a box of another CRS in metres [m]."""
     from pyproj import Transformer
 
@@ -336,4 +336,4 @@ def _pixel_m(source: Source, crs: CRS, box: Box) -> tuple[float, float]:
 def subdivision(source: Source, grid: Grid) -> int:
     """Into how many parts a cell's side must be cut for parts no larger than a raster's pixels."""
     # a cell that differs from the pixel by rounding is none that must be cut
-    return max(1, int(np.ceil(grid.cell_m / min(_pixel_m(source, grid.crs, grid.box)) - 1e-3)))
+    return max(1, int(np.ceil(grid.cell_m / min(pixel_m(source, grid.crs, grid.box)) - 1e-3)))

@@ -46,6 +46,8 @@ class Scene:
         What was done to the sources: resampling, datum, gaps.
     objects : Objects or None
         What stands on the ground; None where there is none, as in every slant-range scene.
+    slope_error_deg : float
+        Standard error of the ground's slope in any one direction [deg]; 0 where nothing is known of it.
     """
 
     identity: str
@@ -59,6 +61,7 @@ class Scene:
     vertical_datum: str | None = None
     notes: tuple[str, ...] = ()
     objects: Objects | None = None
+    slope_error_deg: float = 0.0
 
     def require(self, materials: list[str]) -> None:
         """Check that configuration and scene name the same materials.
@@ -86,6 +89,8 @@ def write_scene(path: str | Path, scene: Scene) -> None:
     with write_hdf5(path, "scene", protected=True) as file:
         file.attrs["identity"] = scene.identity
         file.attrs["cell_m"] = scene.cell_m
+        if scene.slope_error_deg:
+            file.attrs["slope_error_deg"] = scene.slope_error_deg
         file["names"] = list(scene.names)
         file.create_dataset("material", data=scene.material, compression="gzip")
         for name in ("elevation_m", "incidence_deg"):
@@ -121,4 +126,5 @@ def read_scene(path: str | Path) -> Scene:
             vertical_datum=str(file.attrs["vertical_datum"]) if "vertical_datum" in file.attrs else None,
             notes=tuple(file["notes"].asstr()[()]) if "notes" in file else (),
             objects=take_objects(file["objects"]) if "objects" in file else None,
+            slope_error_deg=float(file.attrs.get("slope_error_deg", 0.0)),
         )

@@ -21,7 +21,7 @@ from radcal.scene.crs import (
     vertical_datum,
     vertical_unit,
 )
-from radcal.scene.grid import LARGEST_CELLS, Grid, Source, box_in, opened, scene_grid, subdivision
+from radcal.scene.grid import LARGEST_CELLS, Grid, Source, box_in, opened, pixel_m, scene_grid, subdivision
 from radcal.scene.model import Scene
 from radcal.scene.names import by_id, read_names
 
@@ -51,7 +51,7 @@ def raster_scene(config: RasterScene) -> Scene:
     Returns
     -------
     Scene
-        With ``crs``, ``transform``, ``vertical_datum`` and ``notes``. The identity depends on
+        With ``crs``, ``transform``, ``vertical_datum``, ``notes`` and ``slope_error_deg``. The identity depends on
         materials, elevation and cell size, which determine runs, and not on where they lie.
 
     Raises
@@ -74,6 +74,9 @@ def raster_scene(config: RasterScene) -> Scene:
         grid = scene_grid(elevation, materials, config)
         heights, filled, how_heights = _heights(elevation, grid)
         ids, how_ids = _ids(materials, grid)
+        # heights between two of the raster's own are interpolated: no steeper than from one to the next
+        posting = max(grid.cell_m, *pixel_m(elevation, grid.crs, grid.box))
+        slope_error = float(np.degrees(np.arctan(np.sqrt(2.0) * config.elevation_error_m / posting)))
         names = read_names(names_path, (int(k) for k in np.unique(ids)), materials.path)
         notes = [
             f"cells of {grid.cell_m:g} m in {grid.crs.name}",
@@ -115,6 +118,7 @@ def raster_scene(config: RasterScene) -> Scene:
         transform=(grid.cell_m, 0.0, grid.west, 0.0, grid.cell_m, grid.south),
         vertical_datum=datum,
         notes=tuple(notes),
+        slope_error_deg=slope_error,
     )
 
 
