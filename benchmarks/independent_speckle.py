@@ -46,6 +46,7 @@ def run(name: str, parameters: list[float], seed: int) -> dict[str, Any]:
             "case": name,
             "measurement": {"synthetic": {"parameters": {"dyke": parameters}, "seed": seed, "warp_px": 0}},
             "registration": {"method": "none"},
+            "objective": "density",
         }
     )
     if not config.exists() or config.read_text() != text:

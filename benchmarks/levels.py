@@ -64,6 +64,7 @@ class Bench:
                     "synthetic": {"parameters": dict(hidden), "seed": seed, "offset_db": offset_db, "warp_px": 0.0}
                 },
                 "registration": {"method": "none"},
+                "objective": "density",
                 "target": {"normalisation": normalisation},
             }
         )

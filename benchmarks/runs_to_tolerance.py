@@ -42,7 +42,9 @@ def main() -> None:
         parser.error(f"unknown method {unknown.pop()!r}, expected some of {', '.join(METHODS)}")
 
     # the images lie in place: registration is another benchmark's
-    case: Case = case_from({"measurement": {"source": "synthetic", "synthetic": {"warp_px": 0}}})
+    case: Case = case_from(
+        {"objective": "density", "measurement": {"source": "synthetic", "synthetic": {"warp_px": 0}}}
+    )
     scene = make_scene(case.scene, list(case.materials))
     geometry = make_geometry(scene, case.radar)
     simulator = BuiltinSimulator(geometry, case.radar, {name: m.law for name, m in case.materials.items()})

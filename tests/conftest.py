@@ -76,6 +76,7 @@ def build_case() -> Callable[..., Case]:
             "radar": {"altitude_m": 1000.0},
             "materials": {"dyke": {"calibrate": True}, "grass": {"parameters": [10.0, 14.0, 6.0, 4.0]}},
             "measurement": {"source": "synthetic", "synthetic": {"parameters": {"dyke": [6.1, 14.2, 21.5, 3.3]}}},
+            "objective": "density",
             "target": {"pixels": 500},
         }
         return case_from(data | sections)

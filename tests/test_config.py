@@ -73,7 +73,10 @@ def test_defaults_are_a_valid_case() -> None:
     assert case.measurement.synthetic.parameters == {"dyke": [6.1, 14.2, 21.5, 3.3]}
     assert case.materials["dyke"].box == [(0.0, 50.0)] * 4
     assert (case.stop.rms, case.stop.max_runs, case.stop.stagnation_runs) == (1e-5, 200, 20)
-    assert (case.design.sampler, case.design.size) == ("sobol", 16)
+    assert (case.objective, case.design.sampler, case.design_size) == ("classes", "sobol", 2)
+    # the published method is one key away
+    assert case_from({"objective": "density"}).design_size == 16
+    assert case_from({"objective": "density", "design": {"size": 20}}).design_size == 20
 
 
 def test_default_yaml_is_the_default_case(tmp_path: Path) -> None:
@@ -278,7 +281,7 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     ({"optimiser": {"evaluations": 0}}, ["optimiser.evaluations is 0"]),
     ({"stop": {"rms": 0}}, ["stop.rms is 0"]),
     ({"stop": {"rms": float("nan")}}, ["stop.rms is nan"]),
-    ({"stop": {"max_runs": 15}}, ["stop.max_runs is 15", "design.size (16)"]),
+    ({"objective": "density", "stop": {"max_runs": 15}}, ["stop.max_runs is 15", "design.size (16)"]),
     ({"stop": {"stagnation_runs": 0}}, ["stop.stagnation_runs is 0"]),
 ]
 
@@ -654,7 +657,10 @@ def test_wrong_external_simulators_end_in_a_sentence(changes: dict[str, Any], wo
     ("changes", "words"),
     [
         ({"objective": "entropy"}, r"objective is 'entropy', expected 'classes', 'density' or 'likelihood'"),
-        ({"target": {"incidence_classes": 4}}, r"target\.incidence_classes is 4, .* expected objective: classes"),
+        (
+            {"objective": "density", "target": {"incidence_classes": 4}},
+            r"target\.incidence_classes is 4, .* expected objective: classes",
+        ),
         (
             {"objective": "classes", "target": {"normalisation": "image"}},
             r"target\.normalisation is image, .* expected normalisation none or offset",
@@ -662,6 +668,11 @@ def test_wrong_external_simulators_end_in_a_sentence(changes: dict[str, Any], wo
         ({"validation": {"rows": 20, "means": 3}}, r"means is 3, expected a divisor of rows \(20\)"),
         ({"validation": {"keep": "all"}}, r"validation\.keep is 'all', expected 'even', 'odd' or 'both'"),
         ({"validation": {"row": 20}}, r"unknown key validation\.row \(did you mean 'rows'"),
+        (
+            {"target": {"incidence_classes": 0}},
+            r"target\.incidence_classes is 0, expected greater than or equal to 1\.",
+        ),
+        ({"design": {"size": "many"}}, r"design\.size is 'many', expected"),
         ({"target": {"looks": 3}}, r"target\.looks is 3, expected 'free' or 'nominal'"),
         ({"target": {"incidence_error_deg": -1}}, r"target\.incidence_error_deg is -1, expected"),
     ],
@@ -670,6 +681,14 @@ def test_wrong_objectives_end_in_a_sentence(changes: dict[str, Any], words: str)
     with pytest.raises(ConfigError, match=words) as caught:
         case_from(changes)
     assert "\n" not in str(caught.value)
+
+
+def test_where_there_can_be_no_classes_the_density_is_minimised() -> None:
+    assert case_from({"target": {"incidence_classes": 1}}).objective == "density"
+    assert case_from({"target": {"normalisation": "image"}}).objective == "density"
+    external = {"simulator": COMMAND, "materials": {"soil": SOIL}, "measurement": NO_TRUTH}
+    assert case_from(external).objective == "density"
+    assert case_from({"target": {"incidence_classes": 5}}).objective == "classes"
 
 
 def test_an_external_law_has_no_classes() -> None:

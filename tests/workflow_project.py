@@ -50,6 +50,7 @@ def tiny_case(**changes: Any) -> dict[str, Any]:
             "synthetic": {"parameters": {"field": [6.1, 14.2, 21.5, 3.3]}, "seed": 1, "warp_px": 0},
         },
         "registration": {"method": "none"},
+        "objective": "density",
         "target": {"pixels": 400},
         "design": {"sampler": "sobol", "size": 12, "chunk": 6},
         "optimiser": {"population": 40, "evaluations": 800},

@@ -99,6 +99,7 @@ Radiometry = Literal["sigma0_local", "sigma0_ref", "beta0", "gamma0"]
 
 
 _DEFAULT_LAW = "mangia"
+_DESIGN_SIZE = {"classes": 2, "likelihood": 2, "density": 16}  # runs; classes know of law and speckle without any
 _LARGEST = 1000.0  # of any parameter: powers beyond 10^100 are a unit mix-up, and no single-precision image holds them
 
 
@@ -747,8 +748,8 @@ class Design(_Strict):
     sampler: Literal["monte_carlo", "latin_hypercube", "sobol"] = Field(
         "sobol", description="monte_carlo, latin_hypercube or sobol"
     )
-    size: Annotated[Integer, Field(ge=2, le=100_000)] = Field(
-        16, description="runs; a larger design keeps a smaller one's"
+    size: Annotated[Integer, Field(ge=2, le=100_000)] | Literal["auto"] = Field(
+        "auto", description="runs, or auto: 2, 16 for objective: density; a larger design keeps a smaller one's"
     )
     chunk: Annotated[Integer, Field(ge=1, le=1000)] = Field(4, description="runs per workflow job")
     reuse: CaseName | None = Field(None, description="earlier case of the same scene and simulator: its runs count")
@@ -828,7 +829,7 @@ class Case(_Strict):
     measurement: Measurement = SyntheticMeasurement()
     registration: Registration = Registration()
     objective: Literal["classes", "density", "likelihood"] = Field(
-        "density",
+        "classes",
         description="classes or likelihood (the law, by classes of incidence: docs/right_law.md), density (histogram)",
     )
     target: Target = Target()
@@ -837,6 +838,20 @@ class Case(_Strict):
     surrogate: Surrogate = Surrogate()
     optimiser: Optimiser = Optimiser()
     stop: Stop = Stop()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _fitting_defaults(cls, data: object) -> object:
+        """Take the density where its one class is asked for, and where nothing else can be had."""
+        if not isinstance(data, dict) or "objective" in data:
+            return data
+        target, materials = (data[key] if isinstance(data.get(key), dict) else {} for key in ("target", "materials"))
+        alone = target.get("incidence_classes") == 1 or target.get("normalisation") == "image"
+        outside = any(
+            isinstance(item, dict) and item.get("calibrate") and item.get("law") == EXTERNAL
+            for item in materials.values()
+        )
+        return {**data, "objective": "density"} if alone or outside else data
 
     @field_validator("scene", "simulator", "measurement", mode="before")
     @classmethod
@@ -888,9 +903,9 @@ class Case(_Strict):
         self._check_objective()
         if self.design.reuse == self.case:
             raise ValueError(f"design.reuse is {self.case!r}, this case itself, expected an earlier one")
-        if self.stop.max_runs < self.design.size:
+        if self.stop.max_runs < self.design_size:
             raise ValueError(
-                f"stop.max_runs is {self.stop.max_runs}, expected at least design.size ({self.design.size})"
+                f"stop.max_runs is {self.stop.max_runs}, expected at least design.size ({self.design_size})"
             )
         return self
 
@@ -976,6 +991,11 @@ class Case(_Strict):
     def calibrated(self) -> list[str]:
         """Names of the materials to calibrate, in the order of the file."""
         return [name for name, material in self.materials.items() if material.calibrate]
+
+    @property
+    def design_size(self) -> int:
+        """Runs of the design."""
+        return _DESIGN_SIZE[self.objective] if self.design.size == "auto" else self.design.size
 
     @property
     def laws(self) -> dict[str, Law]:
@@ -1182,11 +1202,7 @@ def _sentence(error: ValidationError, origin: str) -> str:
     # a misspelt key that is required is both unknown and missing: what people wrote comes first
     details = sorted(error.errors(), key=lambda detail: detail["type"] != "extra_forbidden")
     first = details[0]
-    location = list(first["loc"])
-    if location and location[0] in _TAGS and len(location) > 1:
-        location.pop(1)  # the tag that pydantic puts there; people never wrote it
-    location = [part for part in location if part not in _ALTERNATIVES]
-    key = ".".join(str(part) for part in location) or "the configuration"
+    key = _key(first["loc"])
     found = first["input"]
     match first["type"]:
         case "extra_forbidden":
@@ -1201,8 +1217,19 @@ def _sentence(error: ValidationError, origin: str) -> str:
         case _:
             message = first["msg"].removeprefix("Input should be ")
             text = f"{key} is {found!r}, expected {message}"
-    more = f" (and {len(details) - 1} more)" if len(details) > 1 else ""
+    # of several alternatives for one key none fits, which is one problem
+    others = {_key(detail["loc"]) for detail in details[1:]} - {key}
+    more = f" (and {len(others)} more)" if others else ""
     return f"{origin}: {text}{more}."
+
+
+def _key(place: Sequence[int | str]) -> str:
+    """Where an error is, as people write it: without the tags that pydantic puts there."""
+    location = list(place)
+    if location and location[0] in _TAGS and len(location) > 1:
+        location.pop(1)
+    location = [part for part in location if part not in _ALTERNATIVES and "[" not in str(part)]
+    return ".".join(str(part) for part in location) or "the configuration"
 
 
 def _shown(found: object, key: str) -> str:

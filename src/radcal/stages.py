@@ -27,7 +27,7 @@ READS: Mapping[str, tuple[str, ...]] = {
     "reference_run": _SIMULATION,
     "registration": ("registration", "materials"),
     "target": ("seed", "materials", "radar", "objective", "target", "validation"),
-    "design_chunk": (*_SIMULATION, "design"),
+    "design_chunk": (*_SIMULATION, "objective", "design"),
     # what is minimised comes with the targets' file
     "scores": ("seed", "materials", "radar"),
     "train": ("simulator", "materials", "surrogate"),
@@ -51,7 +51,7 @@ _RUNS: Mapping[str, str] = {
     "all for a new law or another material's parameters",
     "measurement": "none of the design; infill towards the new target",
     "registration": "none of the design; infill towards the new target",
-    "objective": "none of the design; infill towards what is now minimised",
+    "objective": "those that the larger design of the density has besides; infill towards what is now minimised",
     "target": "none of the design; infill towards the new target",
     "validation": "none of the design; infill towards the new target",
     "design": "those that a larger design, or another sampler, has besides",

@@ -35,6 +35,7 @@ def parts():
             },
             "materials": {name: {"calibrate": True, "start": [5, 5, 5, 5]} for name in TRUTH},
             "measurement": {"source": "synthetic", "synthetic": {"parameters": TRUTH}},
+            "objective": "density",
             "target": {"pixels": 500},
             "design": {"size": 12},
             "optimiser": {"population": 20, "evaluations": 400},

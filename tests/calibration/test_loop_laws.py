@@ -41,6 +41,7 @@ def case_of(law: str, rms: float = 5e-3, max_runs: int = 40, **keys: Any) -> Cas
             "materials": {"field": {"calibrate": True, "law": law, **settings, **keys}},
             "measurement": {"source": "synthetic", "synthetic": {"parameters": {"field": hidden}, "warp_px": 0}},
             "registration": {"method": "none"},
+            "objective": "density",
             "target": {"pixels": 500},
             "design": {"size": 8},
             "optimiser": {"population": 20, "evaluations": 200},

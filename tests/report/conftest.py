@@ -84,6 +84,7 @@ def make_archive(
             "case": "small",
             "simulator": command if external else {},
             "materials": materials,
+            "objective": "density",
             "measurement": {"source": "synthetic", "synthetic": {"parameters": dict.fromkeys(other_start, HIDDEN)}},
             "design": {"size": len(next(iter(shifts.values()))["design"])},
         }

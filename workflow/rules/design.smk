@@ -4,7 +4,7 @@
 # behind an ancient() input whose own job runs, Snakemake does not ask a job for reasons of its own, so
 # that a new seed, which changes the target too, would leave the old design in place.
 
-CHUNKS = range(-(-CASE.design.size // CASE.design.chunk))
+CHUNKS = range(-(-CASE.design_size // CASE.design.chunk))
 EARLIER = f"results/{CASE.design.reuse}/runs"
 
 

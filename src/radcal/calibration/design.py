@@ -72,7 +72,7 @@ def design_points(case: Case, reused: Sequence[Mapping[str, Sequence[float]]] = 
     Parameters
     ----------
     case : Case
-        Sections ``seed``, ``materials`` and ``design`` are read.
+        Sections ``seed``, ``materials``, ``objective`` and ``design`` are read.
     reused : sequence of mapping, optional
         Parameters of runs of an earlier case: each stands for a run of the design.
 
@@ -85,14 +85,14 @@ def design_points(case: Case, reused: Sequence[Mapping[str, Sequence[float]]] = 
     boxes = {name: np.array(case.materials[name].box, dtype=np.float64) for name in case.calibrated}
     low, high = np.concatenate(list(boxes.values())).T
     rng = derived_rng(case.seed, "design", case.design.sampler)
-    points = low + sample_unit(case.design.sampler, case.design.size, len(low), rng) * (high - low)
+    points = low + sample_unit(case.design.sampler, case.design_size, len(low), rng) * (high - low)
     ends = np.cumsum([len(box) for box in boxes.values()])
     columns = dict(zip(boxes, np.split(points, ends[:-1], axis=1), strict=True))
     fixed = {name: material.start_parameters for name, material in case.materials.items()}
     design = [
         {name: columns[name][k].tolist() if name in columns else list(x) for name, x in fixed.items()}
-        for k in range(case.design.size)
+        for k in range(case.design_size)
     ]
     there = {tuple(tuple(x[name]) for name in columns) for x in reused}
     missing = [x for x in design if tuple(tuple(x[name]) for name in columns) not in there]
-    return missing[: max(case.design.size - len(reused), 0)]
+    return missing[: max(case.design_size - len(reused), 0)]

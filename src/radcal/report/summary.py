@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radcal import skewnormal
+from radcal.config import Case
 from radcal.radar.laws import Law
 from radcal.records import read_hdf5
 from radcal.report.law_records import read_law
@@ -60,8 +61,9 @@ def numbered_jobs(archive: str | Path) -> dict[str, int]:
     """
     with read_hdf5(archive, "calibration") as file:
         iterations = int(np.count_nonzero(file["runs/kind"].asstr()[()] == "infill"))
-        design = json.loads(str(file.attrs["config"]))["design"]
-    chunks = -(-int(design["size"]) // int(design["chunk"]))
+        config = json.loads(str(file.attrs["config"]))
+    case = Case.of_sections({key: config[key] for key in ("objective", "design")})
+    chunks = -(-case.design_size // case.design.chunk)
     return {"design": chunks, **dict.fromkeys(("train", "propose", "verify"), iterations)}
 
 
