@@ -18,7 +18,7 @@ from radcal.report import figures as module
 from radcal.report.archive import write_archive
 from radcal.report.figures import write_figures
 from radcal.report.held_out_figures import held_out
-from radcal.report.law_figures import law
+from radcal.report.law_figures import cost, law
 from radcal.scene.objects import Objects
 
 MANY = [f"material {n}" for n in range(13)] + ["a_name_" * 12, "two words", "two_words"]
@@ -290,3 +290,25 @@ def test_held_out_ground_and_classes_are_drawn(made, tmp_path):
         assert drawn(canvas) == []
         assert "Dots" in caption
         assert "Dots" not in law(case, beans)[1]
+
+
+def test_the_misfit_of_classes_is_drawn_beside_the_densities(made, tmp_path):
+    copy = shutil.copy(made.path, tmp_path / "copy.h5")
+    with changed(copy) as file:
+        file.attrs["objective"] = "classes"
+        group = file["materials/dyke"]
+        group["cost"] = np.linspace(400.0, 8.0, group["rms"].size)
+        for key in ("class_deg", "class_db", "class_error_db"):
+            del group["check"][key]
+            group["check"][key] = [25.0, 35.0]
+    case = drawing.read_case(copy)
+    with mpl.rc_context(drawing.STYLE):
+        canvas, caption, _ = cost(case, case.materials[0])
+        assert drawn(canvas) == []
+    upper, lower = canvas.axes
+    best = [next(line for line in axes.lines if line.get_label() == "best so far") for axes in (upper, lower)]
+    np.testing.assert_allclose(best[0].get_ydata(), 2.0 * np.linspace(400.0, 8.0, case.kinds.size))
+    # two classes of three numbers each
+    assert "A right law leaves about 6," in caption
+    assert not any("tolerance" in str(line.get_label()) for line in lower.lines)
+    assert [line.get_ydata()[0] for line in upper.lines if line.get_label() == "a right law"] == [6]

@@ -88,6 +88,7 @@ class MaterialData:
     measured_db: Array
     floor_rms: Array
     mode: tuple[str, ...]
+    cost: Array | None
     effective: float
     goodness: Mapping[str, float]
     check: Mapping[str, Any]
@@ -105,6 +106,7 @@ class CaseData:
     """What the figures need of an archive."""
 
     case: str
+    objective: str
     tolerance: float
     unit: str
     looks: int
@@ -161,6 +163,7 @@ def read_case(archive: str | Path) -> CaseData:
                 rms_sampling=float(group.attrs["rms_sampling"]),
                 hidden=group["hidden"][()] if "hidden" in group else None,
                 mode=tuple(group["mode"].asstr()[()]),
+                cost=group["cost"][()] if "cost" in group else None,
                 effective=float(group.attrs["effective"]),
                 check={
                     **{key: np.asarray(values[()], dtype=np.float64) for key, values in group["check"].items()},
@@ -178,6 +181,7 @@ def read_case(archive: str | Path) -> CaseData:
         )  # fmt: skip
         return CaseData(
             case=str(file.attrs["case"]),
+            objective=str(file.attrs["objective"]),
             tolerance=float(file.attrs["tolerance"]),
             unit=str(file["levels"].attrs["unit"]),
             looks=int(file.attrs["looks"]),

@@ -27,6 +27,7 @@ from radcal.report.drawing import (
 from radcal.report.summary import law_difference_db
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
 __all__ = ["cost", "law"]
@@ -34,28 +35,17 @@ __all__ = ["cost", "law"]
 _GRAZING_DB = -60.0
 
 
-def cost(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str]:
-    """Difference of the densities, run by run."""
-    from matplotlib.ticker import MaxNLocator
-
-    canvas = new_canvas(6.2, 4.8)
-    axes = canvas.subplots()
-    rms = material.rms
-    runs = np.arange(rms.size)
-    positive = np.concatenate([rms[rms > 0], [case.tolerance, material.rms_sampling]])
-    positive = positive[np.isfinite(positive) & (positive > 0)]
-    # a cost of exactly 0 has no place on a logarithmic axis: it is drawn on its lower edge
-    bottom = float(positive.min()) / 3.0
-    shown = np.where(rms > 0, rms, bottom)
-
+def _runs(axes: Axes, case: CaseData, material: MaterialData, shown: Array) -> None:
+    """Every run's value by kind, and the best so far."""
+    runs = np.arange(shown.size)
     counted = np.isfinite(material.parameters).all(axis=1)  # a run of another law is nobody's best
     best = np.minimum.accumulate(shown[counted])
     axes.step(runs[counted], best, where="post", color="black", linewidth=1.6, label="best so far")
-    ended = np.zeros(rms.size, dtype=bool)
-    infill = np.flatnonzero(case.kinds == "infill")
-    ended[infill[[mode == "ended" for mode in material.mode]]] = True
+    ended = np.zeros(shown.size, dtype=bool)
+    ended[np.flatnonzero(case.kinds == "infill")[[mode == "ended" for mode in material.mode]]] = True
     markers: tuple[tuple[str, NDArray[np.bool_], dict[str, Any]], ...] = (
         ("reference (start)", case.kinds == "reference", {"color": START["color"], "marker": "s", "s": 62}),
+        ("earlier case", case.kinds == "reused", {"color": MUTED, "marker": "D", "s": 26}),
         ("design", case.kinds == "design", {"color": DESIGN, "marker": "o", "s": 30}),
         ("infill", (case.kinds == "infill") & ~ended, {"color": FOUND["color"], "marker": "^", "s": 40}),
         ("infill after it ended", ended, {"color": PALE, "marker": "^", "s": 26}),
@@ -66,6 +56,74 @@ def cost(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str]:
                 runs[which], shown[which], label=label, edgecolors="black", linewidths=0.4, zorder=3, clip_on=False,
                 **style,
             )  # fmt: skip
+    axes.set_yscale("log")
+
+
+def _number_runs(axes: Axes, number: int) -> None:
+    """The axis of the runs."""
+    from matplotlib.ticker import MaxNLocator
+
+    axes.set_xlim(-0.5, max(number - 0.5, 1.0))
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.set_xlabel("run (0: reference)")
+
+
+def cost(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str]:
+    """What is minimised, run by run."""
+    return _density_cost(case, material) if material.cost is None else _law_cost(case, material, material.cost)
+
+
+def _law_cost(case: CaseData, material: MaterialData, costs: Array) -> tuple[Canvas, str, str]:
+    """Misfit of the classes of incidence, and the difference of the densities that comes with it."""
+    canvas = new_canvas(6.2, 6.2)
+    upper, lower = canvas.subplots(2, 1, sharex=True)
+    squares = np.maximum(2.0 * costs, 1e-3)
+    _runs(upper, case, material, squares)
+    numbers = 3 * material.check["class_deg"].size
+    if case.objective == "classes":
+        upper.axhline(numbers, label="a right law", **SAMPLING)
+    upper.set_ylabel("squared residuals")
+    upper.set_title(material.title(f"best misfit {short(squares[material.best])} in run {material.best}"))
+    rms = material.rms
+    _runs(lower, case, material, np.where(rms > 0, rms, rms[rms > 0].min() / 3.0 if (rms > 0).any() else 1.0))
+    if material.rms_sampling > 0:
+        lower.axhline(material.rms_sampling, label=f"what {material.measured_db.size:,} pixels can tell", **SAMPLING)
+    lower.set_ylabel(f"densities, rms [1/{case.unit}]")
+    _number_runs(lower, rms.size)
+    entries = {}
+    for axes in (upper, lower):
+        entries |= {label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+    add_legend(canvas, (list(entries.values()), list(entries)), 3)
+    caption = (
+        "Above: sum of the squared residuals of the classes of incidence, in standard deviations, at the effective "
+        "looks that suit each run best. "
+    )
+    if case.objective == "classes":
+        caption += f"A right law leaves about {numbers}, as many as there are numbers compared (dotted). "
+    caption += (
+        "Below: root mean square difference of the simulated and the target density, which nothing here was made to "
+        f"match; another sample of {material.measured_db.size:,} pixels would move the target itself by about "
+        f"{short(material.rms_sampling)} 1/{case.unit} (dotted)."
+    )
+    return (
+        canvas,
+        caption,
+        f"Misfit of each run of {material.name} on logarithmic axes: classes, density.",
+    )
+
+
+def _density_cost(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str]:
+    """Difference of the densities, run by run."""
+    canvas = new_canvas(6.2, 4.8)
+    axes = canvas.subplots()
+    rms = material.rms
+    runs, infill = np.arange(rms.size), np.flatnonzero(case.kinds == "infill")
+    positive = np.concatenate([rms[rms > 0], [case.tolerance, material.rms_sampling]])
+    positive = positive[np.isfinite(positive) & (positive > 0)]
+    # a cost of exactly 0 has no place on a logarithmic axis: it is drawn on its lower edge
+    bottom = float(positive.min()) / 3.0
+    shown = np.where(rms > 0, rms, bottom)
+    _runs(axes, case, material, shown)
     axes.axhline(case.tolerance, label=f"tolerance {short(case.tolerance)}", **TOLERANCE)
     pixels = material.measured_db.size
     if material.rms_sampling > 0:
@@ -76,13 +134,10 @@ def cost(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str]:
     if known.any():
         axes.plot(runs[known], np.maximum(floor[known], bottom), color=MUTED, linestyle="none", marker="_",
                   markersize=9, markeredgewidth=1.8, label="floor seen by the surrogate")  # fmt: skip
-    axes.set_yscale("log")
     top = max(float(shown.max()), float(positive.max()))
     axes.set_ylim(bottom, 2.0 * top)
-    axes.set_xlim(-0.5, max(rms.size - 0.5, 1.0))
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    _number_runs(axes, rms.size)
     axes.set_title(material.title(f"best rms {short(rms[material.best])} 1/{case.unit} in run {material.best}"))
-    axes.set_xlabel("run (0: reference)")
     axes.set_ylabel(f"difference of the densities, rms [1/{case.unit}]")
     add_legend(canvas, axes.get_legend_handles_labels(), 3)
     caption = (
