@@ -90,7 +90,7 @@ def _law_cost(case: CaseData, material: MaterialData, costs: Array) -> tuple[Can
         lower.axhline(material.rms_sampling, label=f"what {material.measured_db.size:,} pixels can tell", **SAMPLING)
     lower.set_ylabel(f"densities, rms [1/{case.unit}]")
     _number_runs(lower, rms.size)
-    entries = {}
+    entries: dict[str, Any] = {}
     for axes in (upper, lower):
         entries |= {label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
     add_legend(canvas, (list(entries.values()), list(entries)), 3)
