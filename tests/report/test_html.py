@@ -124,7 +124,10 @@ def test_the_first_line_says_whether_a_law_was_found_or_a_histogram_matched(page
     with changed(copy) as file:
         file["materials/stem beans/check"].attrs["identified"] = 0
     text = render(tmp_path / "report.html", copy)[1].text
-    assert "settled after 5 runs. The law of stem beans is not identified by this image." in text
+    assert (
+        "settled after 5 runs. The law of stem beans is not identified by this image. Ground that was kept out is "
+        "predicted no better by the law of stem beans than by a constant."
+    ) in text
     with changed(copy) as file:
         file.attrs.update({"converged": False, "reason": "max_runs"})
         file["materials/dyke"].attrs["reason"] = "max_runs"

@@ -139,13 +139,21 @@ def _belief(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) 
     """Which was shown: that a histogram is matched, or that a law is found; and where it is not identified."""
     curves = [m for m in materials if m["identified"] is not None]
     lost = [m for m in curves if not m["identified"]]
-    whose = f" of {_who(lost, len(materials))}" if lost and len(materials) > 1 else ""
+    useless = [m for m in curves if (v := m["validation"]) and not v["rmse_law_patch_db"] < v["rmse_constant_db"]]
+
+    def of(found: Sequence[Mapping[str, Any]]) -> str:
+        return f" of {_who(found, len(materials))}" if len(materials) > 1 else ""
+
     if summary["objective"] == "density":
         matched = "What was matched is the histogram, not the law"
-        return f"{matched}: the law{whose} is not identified." if lost else f"{matched}."
-    if lost:
-        return f"The law{whose} is not identified by this image."
-    return "What was matched is the law, in classes of local incidence."
+        text = f"{matched}: the law{of(lost)} is not identified." if lost else f"{matched}."
+    elif lost:
+        text = f"The law{of(lost)} is not identified by this image."
+    else:
+        text = "What was matched is the law, in classes of local incidence."
+    if useless:
+        text += f" Ground that was kept out is predicted no better by the law{of(useless)} than by a constant."
+    return text
 
 
 def _verdict(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) -> str:
