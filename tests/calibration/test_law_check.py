@@ -117,6 +117,20 @@ def test_one_density_does_not_identify_the_law():
     assert centred(history.runs[0].dp["area"])[0] == pytest.approx(targets["area"].values_db.mean(), abs=0.1)
 
 
+def test_a_wrong_law_of_one_density_is_found_out_by_its_own_ground():
+    """A slope that the ground does not have: blocks of it are told from one another by nothing."""
+    flat = np.array([20.0, 0.0, 0.0, 1.0])
+    wrong = np.array([2.0, 25.0, 3.0, 1.0])
+    case, targets, history = made(objective="density", truth=flat, kept=tuple(range(10)), validation=None)
+    run = replace(history.runs[0], parameters={"area": wrong.tolist()})
+    check = check_laws(case, targets, History([run]))["area"]
+    assert check.identified is False
+    assert "area: the law is not identified: blocks of its own ground" in check.sentences[0]
+    assert "objective: classes can tell more" in check.sentences[0]
+    # a right law passes
+    assert check_laws(*made(objective="density", kept=tuple(range(10)), validation=None))["area"].identified is True
+
+
 def test_both_halves_predict_each_other():
     case, targets, history = made(kept=tuple(range(10)), validation={"rows": 20, "means": 10, "keep": "both"})
     held = check_laws(case, targets, history)["area"].held

@@ -40,8 +40,9 @@ class LawCheck:
     looks, looks_nominal : float
         Effective looks of the material and those of the simulated speckle.
     identified : bool or None
-        Whether the law's change over the incidence seen exceeds its own uncertainty; None for a law without
-        a curve.
+        Whether the law's change over the incidence seen exceeds its own uncertainty and, where one density of
+        all pixels was matched, whether it predicts blocks of its own ground better than a constant; None for a law
+        without a curve.
     held : HeldOut or None
         How well block means of ground that was kept out are predicted.
     constant_db : float
@@ -180,12 +181,20 @@ def _check(
     held = _held(case, name, target, law)
     estimated = name in searches or case.validation is not None
     identified = law.identified >= _IDENTIFIED
+    crossed = cross_validate(law, law.ground.block // Blocks.of(case.validation).parts)
     sentences = []
+    why = "" if name in searches else " One density of all pixels cannot tell; objective: classes can tell more."
     if not identified:
-        why = "" if name in searches else " One density of all pixels cannot tell; objective: classes can tell more."
         sentences.append(
             f"{name}: the law is not identified: its change over the incidence seen is no larger than its own "
             f"uncertainty.{why}"
+        )
+    elif name not in searches and crossed.rmse_law_patch_db >= crossed.rmse_constant_db:
+        # three moments of all pixels do not say that level goes with incidence as the law has it: blocks do
+        identified = False
+        sentences.append(
+            f"{name}: the law is not identified: blocks of its own ground, each predicted from the others, are "
+            f"{crossed.rmse_law_patch_db:.2f} dB off, from a constant {crossed.rmse_constant_db:.2f} dB.{why}"
         )
     if held is not None and not held.rmse_law_patch_db < held.rmse_constant_db:
         sentences.append(
@@ -195,7 +204,7 @@ def _check(
     classes = law.classes
     centre = shown = error = nothing
     if name in searches:
-        if sentence := cross_validate(law, law.ground.block // Blocks.of(case.validation).parts).sentence(name):
+        if sentence := crossed.sentence(name):
             sentences.append(sentence)
         if law.method.free_looks:
             local = target.looks if np.isfinite(target.looks) else nominal
