@@ -141,18 +141,20 @@ def _belief(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) 
     lost = [m for m in curves if not m["identified"]]
     useless = [m for m in curves if (v := m["validation"]) and not v["rmse_law_patch_db"] < v["rmse_constant_db"]]
 
-    def of(found: Sequence[Mapping[str, Any]]) -> str:
-        return f" of {_who(found, len(materials))}" if len(materials) > 1 else ""
+    def laws(found: Sequence[Mapping[str, Any]]) -> str:
+        whose = f" of {_who(found, len(materials))}" if found and len(materials) > 1 else ""
+        return f"law{'s' if len(found) > 1 else ''}{whose}"
 
+    no = f"{laws(lost)} {'are' if len(lost) > 1 else 'is'} not identified"
     if summary["objective"] == "density":
         matched = "What was matched is the histogram, not the law"
-        text = f"{matched}: the law{of(lost)} is not identified." if lost else f"{matched}."
+        text = f"{matched}: the {no}." if lost else f"{matched}."
     elif lost:
-        text = f"The law{of(lost)} is not identified by this image."
+        text = f"The {no} by this image."
     else:
         text = "What was matched is the law, in classes of local incidence."
     if useless:
-        text += f" Ground that was kept out is predicted no better by the law{of(useless)} than by a constant."
+        text += f" Ground that was kept out is predicted no better by the {laws(useless)} than by a constant."
     return text
 
 
