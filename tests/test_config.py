@@ -665,6 +665,10 @@ def test_wrong_external_simulators_end_in_a_sentence(changes: dict[str, Any], wo
             {"objective": "classes", "target": {"normalisation": "image"}},
             r"target\.normalisation is image, .* expected normalisation none or offset",
         ),
+        (
+            {"validation": {}, "target": {"normalisation": "image"}},
+            r"validation is asked for and target\.normalisation is image, .* expected normalisation none or offset",
+        ),
         ({"validation": {"rows": 20, "means": 3}}, r"means is 3, expected a divisor of rows \(20\)"),
         ({"validation": {"keep": "all"}}, r"validation\.keep is 'all', expected 'even', 'odd' or 'both'"),
         ({"validation": {"row": 20}}, r"unknown key validation\.row \(did you mean 'rows'"),

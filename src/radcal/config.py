@@ -846,7 +846,7 @@ class Case(_Strict):
         if not isinstance(data, dict) or "objective" in data:
             return data
         target, materials = (data[key] if isinstance(data.get(key), dict) else {} for key in ("target", "materials"))
-        alone = target.get("incidence_classes") == 1 or target.get("normalisation") == "image"
+        alone = target.get("incidence_classes") in (1, "1") or target.get("normalisation") == "image"
         outside = any(
             isinstance(item, dict) and item.get("calibrate") and item.get("law") == EXTERNAL
             for item in materials.values()
@@ -911,13 +911,17 @@ class Case(_Strict):
 
     def _check_objective(self) -> None:
         """Refuse what an objective has no use for, or cannot do."""
-        if self.objective == "density":
-            if self.target.incidence_classes not in (1, "auto"):
-                raise ValueError(
-                    f"target.incidence_classes is {self.target.incidence_classes}, which objective: density has no use "
-                    "for, expected objective: classes"
-                )
-        elif self.target.normalisation == "image":
+        if self.objective == "density" and self.target.incidence_classes not in (1, "auto"):
+            raise ValueError(
+                f"target.incidence_classes is {self.target.incidence_classes}, which objective: density has no use "
+                "for, expected objective: classes"
+            )
+        if self.target.normalisation == "image" and self.validation is not None:
+            raise ValueError(
+                "validation is asked for and target.normalisation is image, whose values are no longer dB: errors of "
+                "block means would have no unit, expected normalisation none or offset"
+            )
+        if self.objective != "density" and self.target.normalisation == "image":
             raise ValueError(
                 f"objective is {self.objective} and target.normalisation is image, whose values are no longer dB: "
                 "looks and priors have no meaning there, expected normalisation none or offset"

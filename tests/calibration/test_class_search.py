@@ -178,6 +178,26 @@ def test_steps_from_files_are_those_from_memory(parts, calibrated, tmp_path):
         assert target.classes.spread == again[name].classes.spread
 
 
+def test_proposals_do_not_depend_on_the_number_of_processes(parts, calibrated):
+    case, _, _, _, targets = parts
+    history, _ = calibrated
+    start = type(history)([run for run in history.runs if run.kind != "infill"])
+    found = [
+        propose_all(train_all(start, case, 0, None), targets, start, case, 0, case.stop, processes)
+        for processes in (1, 2)
+    ]
+    assert found[0] == found[1]
+
+
+def test_a_fresh_run_has_texture_of_its_own(parts):
+    case, _, _, _, targets = parts
+    search = class_searches(case, targets)["lake"]
+    values = np.zeros(5000, dtype=np.float32)
+    drawn = [search.textured(values, 2.5, fresh) for fresh in (False, True)]
+    assert abs(np.corrcoef(*drawn)[0, 1]) < 0.05
+    assert drawn[0].std() == pytest.approx(drawn[1].std(), rel=0.05)
+
+
 def test_ground_is_kept_out_in_whole_blocks(parts):
     _, _, geometry, _, targets = parts
     columns = geometry.shape[1]

@@ -107,7 +107,9 @@ def test_warnings_name_the_material_and_what_to_look_at():
     # no map is off by what would make so few looks on so flat a law
     (line,) = incidence_warnings("field", MANGIA, fit(flat, 1.6), fit(flat), incidence, 4.0)
     assert "1.6 looks, the sensor has 4: texture" in line
-    (line,) = incidence_warnings("field", MANGIA, fit(steep, 3.2), fit(steep), incidence, 4.0)
+    assert incidence_warnings("field", MANGIA, fit(steep, 3.2), fit(steep), incidence, 4.0) == []  # may be 4 looks
+    few = replace(fit(steep, 3.2), covariance=exact)
+    (line,) = incidence_warnings("field", MANGIA, few, few, incidence, 4.0)
     assert re.search(r"3\.2 looks, the sensor has 4\. .* error of the local incidence of \d\.\d deg, .* by up to", line)
 
 

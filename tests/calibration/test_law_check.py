@@ -139,6 +139,25 @@ def test_both_halves_predict_each_other():
     assert set(held.block) == set(targets["area"].block)
 
 
+def test_a_material_without_held_out_pixels_is_named():
+    case, targets, history = made()
+    target = targets["area"]
+    nothing = target.kept_out.part(np.zeros(target.kept_out.values_db.size, dtype=bool))
+    check = check_laws(case, Targets({"area": replace(target, kept_out=nothing)}), history)["area"]
+    assert check.held is None
+    assert any("area: validation checks nothing: no block that was kept out" in line for line in check.sentences)
+
+
+def test_an_error_of_the_incidence_is_not_put_down_to_the_law():
+    case, targets, history = made()
+    told = replace(targets["area"].classes, incidence_error_deg=4.0)
+    check = check_laws(case, Targets({"area": replace(targets["area"], classes=told)}), history)["area"]
+    plain = check_laws(case, targets, history)["area"]
+    # the same pixels ask for a steeper law where the map is known to be off
+    slope = [np.polyfit(c.class_deg, c.class_db, 1)[0] for c in (check, plain)]
+    assert slope[0] < 1.1 * slope[1] < 0.0
+
+
 def test_nothing_is_kept_out_without_validation():
     case, targets, history = made(validation=None)
     assert check_laws(case, targets, history)["area"].held is None

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -143,6 +143,7 @@ class ClassSearch:
     """
 
     def __init__(self, target: Target, classes: ClassTarget, method: Method, seed: int) -> None:
+        self._made_from = (target, classes, method, seed)
         self.classes, self._seed = classes, seed
         self.method = replace(
             method,
@@ -162,6 +163,10 @@ class ClassSearch:
         self._of_run = ground_residuals(
             self.ground, classes.classes, self.method, classes.spread, lambda _: self._simulated
         )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # another process makes its own: what is called while searching cannot be sent
+        return ClassSearch, self._made_from
 
     def cost(self, parameters: NDArray[np.float64], looks: float, cumulants: NDArray[np.float64]) -> float:
         """Half the sum of squared residuals of a run, priors included."""
@@ -197,7 +202,7 @@ class ClassSearch:
         )
         return float(np.exp(found.x)), float(found.fun)
 
-    def textured(self, values_db: NDArray[np.float32], looks: float) -> NDArray[np.float32]:
+    def textured(self, values_db: NDArray[np.float32], looks: float, fresh: bool = False) -> NDArray[np.float32]:
         """Pixels of the material with the texture that makes the sensor's looks the material's.
 
         Parameters
@@ -206,6 +211,8 @@ class ClassSearch:
             All visible pixels of the material in a run [dB].
         looks : float
             Effective looks of the material; texture only lowers those of the speckle.
+        fresh : bool
+            Other random numbers, for the final check.
 
         Returns
         -------
@@ -215,7 +222,7 @@ class ClassSearch:
         order = texture_order(self.method.looks, looks)
         if not np.isfinite(order):
             return values_db
-        uniform = np.random.default_rng(self._seed).random(values_db.shape)
+        uniform = np.random.default_rng([self._seed, int(fresh)]).random(values_db.shape)
         return (values_db + texture_db(uniform, order)).astype(np.float32)
 
     def surrogate(self, parameters: ArrayLike, cumulants: ArrayLike) -> Corrected:
@@ -332,4 +339,8 @@ class ClassSearch:
         fit = self.fit(self.surrogate(x[None], run[None]), (x, looks), moves=False)
         fit = replace(fit, parameters=x, looks=looks)
         correction = run[:, 0] - self._baseline(x)[:, 0]
+        # part of how it differs from class to class is the run's own speckle
+        common = correction.mean()
+        noise = float(np.mean(run[:, 1] / (2.0 * self.classes.classes.effective)))
+        correction = common + max(0.0, 1.0 - noise / max(float(np.var(correction)), 1e-12)) * (correction - common)
         return GroundLaw(self.ground, self.method, self.classes.classes, self.classes.spread, fit, correction)

@@ -14,8 +14,8 @@ from radcal import skewnormal
 from radcal.calibration.expected import Forward, LawForward, expected_cumulants, law_cumulants
 from radcal.calibration.incidence_error import ErrorKind, attenuation, true_nodes
 from radcal.calibration.law_fit import LawFit, Residuals, fit_law, prior_residuals
-from radcal.calibration.objective import ClassesObjective, DensityObjective, LikelihoodObjective
-from radcal.calibration.priors import CurvePrior
+from radcal.calibration.objective import SKEWNESS_SHAPE, ClassesObjective, DensityObjective, LikelihoodObjective
+from radcal.calibration.priors import CurvePrior, looks_residuals
 from radcal.measurement.classes import Classes, class_of, incidence_edges, make_classes, winsorised
 from radcal.measurement.ground import Ground
 from radcal.measurement.patches import Effects, Spread, patch_effects, spreads
@@ -28,6 +28,7 @@ __all__ = [
     "Method",
     "Objective",
     "curve_prior",
+    "density_fit",
     "fit_grounds",
     "ground_residuals",
     "limited",
@@ -153,7 +154,8 @@ class GroundLaw:
             (1973)).
         """
         angle = self.classes.nodes_deg.ravel()  # equally likely, but for the sizes of classes, which are alike
-        level, slope = self.levels_db(angle), self.slopes(angle)
+        # of the law alone: a run's correction has its speckle in it
+        level, slope = replace(self, correction_db=None).levels_db(angle), self.slopes(angle)
         slope = slope - slope.mean(axis=0)
         variance = float(np.mean(np.einsum("kd,de,ke->k", slope, self.fit.covariance, slope)))
         return float(np.var(level)) / max(variance, 1e-12)
@@ -242,7 +244,48 @@ def refit(found: GroundLaw, ground: Ground) -> GroundLaw:
     fit = fit_law(
         residuals, method.bounds, method.looks, method.free_looks, start, prior=curve_prior(ground, found.method)
     )
+    if method.objective == "density":
+        fit = density_fit(ground, classes, method, fit.parameters)
     return GroundLaw(ground, found.method, classes, found.spread, fit)
+
+
+def density_fit(ground: Ground, classes: Classes, method: Method, parameters: ArrayLike) -> LawFit:
+    """How well one density of all pixels knows the law that was found by it.
+
+    Looks were taken for the sensor's and skewness for that of speckle alone. Texture moves both, and how well the law
+    is known must not hang on there being none: looks are as uncertain as their prior, skewness as in classes. The
+    simulated density has speckle of its own.
+
+    Parameters
+    ----------
+    ground : Ground
+        The pixels.
+    classes : Classes
+        One.
+    method : Method
+        Of objective ``density``.
+    parameters : array_like, shape (d,)
+        X.
+
+    Returns
+    -------
+    LawFit
+        Of this X and the sensor's looks.
+    """
+    x, looks = np.asarray(parameters, dtype=np.float64), method.looks
+    compared = replace(classes, effective=0.5 * classes.effective)
+    residuals = ground_residuals(ground, compared, method, _START_SPREAD)
+    sampling = np.sqrt(6.0 / compared.effective.sum())  # of a skewness, as the objective has it
+    weight = np.array([1.0, 1.0, sampling / np.hypot(sampling, SKEWNESS_SHAPE)])
+    fit = fit_law(
+        lambda at, effective: weight * residuals(at, effective),
+        method.bounds,
+        looks,
+        start=(x, looks),
+        prior=lambda _, effective: looks_residuals(effective, looks),
+        moves=False,
+    )
+    return replace(fit, parameters=x, looks=looks)
 
 
 def marginal_law(found: GroundLaw, looks: float) -> LawFit:

@@ -40,6 +40,7 @@ _GAP_ERRORS = 2.0  # 1,000 pixels of a right law show up to 1 dB by chance (benc
 _FEW_LOOKS = 0.5  # times the sensor's
 _BENT_DB = 0.5  # change of a law that is worth a warning
 _LIKELY_DEG = 6.0  # the most that maps are off by: what takes more is texture
+_MOST_OF_SPREAD = 0.75  # times the mapped incidence's own: a map that is mostly error has no classes
 
 
 def attenuation(incidence_deg: ArrayLike, error_deg: float) -> float:
@@ -231,7 +232,10 @@ def incidence_warnings(
             "(see incidence_error_deg), which flattens a law."
         )
     error, bent = error_behind(law, conditional, incidence_deg, sensor)
-    if error <= _LIKELY_DEG and bent > _BENT_DB:
+    spread = float(np.std(np.asarray(incidence_deg, dtype=np.float64)))
+    few = np.log(sensor / conditional.looks) > np.sqrt(conditional.covariance[-1, -1])
+    few = few and _shape_variance(law, conditional, _seen(incidence_deg)).max() > 0.0  # no shape, nothing to bend
+    if few and bent > _BENT_DB and error <= min(_LIKELY_DEG, _MOST_OF_SPREAD * spread):
         lines.append(
             f"{name}: its pixels spread as those of {conditional.looks:.1f} looks, the sensor has {sensor:.3g}. "
             f"Texture does that; so does an error of the local incidence of {error:.1f} deg, which would have "

@@ -11,15 +11,12 @@ from numpy.typing import NDArray
 from radcal import skewnormal
 from radcal.calibration.class_search import ClassSearch, class_searches
 from radcal.calibration.expected import LawForward, law_cumulants
-from radcal.calibration.grounds import GroundLaw, Method, ground_residuals, marginal_law, refit
+from radcal.calibration.grounds import GroundLaw, Method, density_fit, marginal_law, refit
 from radcal.calibration.history import History, Run
-from radcal.calibration.incidence_error import incidence_warnings
-from radcal.calibration.law_fit import fit_law
-from radcal.calibration.objective import SKEWNESS_SHAPE
-from radcal.calibration.priors import looks_residuals
+from radcal.calibration.incidence_error import attenuation, incidence_warnings, true_nodes
 from radcal.calibration.validation import HeldOut, cross_validate, held_out
 from radcal.config import Case
-from radcal.measurement.classes import make_classes
+from radcal.measurement.classes import FEWEST, make_classes
 from radcal.measurement.ground import Blocks, Ground
 from radcal.measurement.patches import Spread, spreads
 from radcal.measurement.target import Target, Targets
@@ -96,7 +93,8 @@ def check_laws(case: Case, targets: Targets, history: History) -> dict[str, LawC
         if name in searches
         else _of_density(case, name, targets[name], run)
         for name, run in best.items()
-        if case.laws[name].has_curve
+        # values of normalised images are no dB
+        if case.laws[name].has_curve and case.target.normalisation != "image"
     }
     if case.validation is not None and not searches:
         found = spreads([law.cell_residuals() for law in laws.values()])
@@ -118,30 +116,15 @@ def texture_note(checks: Mapping[str, LawCheck]) -> str:
 
 
 def _of_density(case: Case, name: str, target: Target, run: Run) -> GroundLaw:
-    """What one density says of the law of a run.
-
-    Looks were taken for the sensor's and skewness for that of speckle alone. Texture moves both, and how well the law
-    is known must not hang on there being none: looks are as uncertain as their prior, skewness as in classes.
-    """
+    """What one density says of the law of a run."""
     looks = float(case.radar.looks)
     method = Method(case.laws[name], case.materials[name].box, looks, "density", 1, free_looks=False, priors=False)
     ground = target.ground
     classes = make_classes(ground.values_db, ground.incidence_deg, 1, ground.independent)
-    x = np.asarray(run.parameters[name], dtype=np.float64)
-    forward = LawForward(method.law, classes.nodes_deg, looks)
-    residuals = ground_residuals(ground, classes, method, _ALONE, forward)
-    sampling = np.sqrt(6.0 / classes.effective.sum())  # of a skewness, as the objective has it
-    weight = np.array([1.0, 1.0, sampling / np.hypot(sampling, SKEWNESS_SHAPE)])
-    fit = fit_law(
-        lambda at, effective: weight * residuals(at, effective),
-        method.bounds,
-        looks,
-        start=(x, looks),
-        prior=lambda _, effective: looks_residuals(effective, looks),
-        moves=False,
-    )
-    correction = skewnormal.centred(run.dp[name])[:1] - forward(x)[:, 0]
-    return GroundLaw(ground, method, classes, _ALONE, replace(fit, parameters=x, looks=looks), correction)
+    fit = density_fit(ground, classes, method, run.parameters[name])
+    simulated = LawForward(method.law, classes.nodes_deg, looks)(fit.parameters)
+    correction = skewnormal.centred(run.dp[name])[:1] - simulated[:, 0]
+    return GroundLaw(ground, method, classes, _ALONE, fit, correction)
 
 
 def _start_db(case: Case, name: str, ground: Ground) -> NDArray[np.float64] | None:
@@ -163,7 +146,7 @@ def _held(case: Case, name: str, target: Target, law: GroundLaw) -> HeldOut | No
     even = Blocks.of(case.validation).kept(law.ground.block, "even")
     parts = []
     for kept in (even, ~even):
-        if kept.any() and not kept.all():
+        if min(kept.sum(), (~kept).sum()) >= FEWEST:
             out = law.ground.part(~kept)
             parts.append(held_out(refit(law, law.ground.part(kept)), out, _start_db(case, name, out)))
     return HeldOut.pooled([part for part in parts if part is not None])
@@ -189,7 +172,7 @@ def _check(
             f"{name}: the law is not identified: its change over the incidence seen is no larger than its own "
             f"uncertainty.{why}"
         )
-    elif name not in searches and crossed.rmse_law_patch_db >= crossed.rmse_constant_db:
+    elif name not in searches and crossed.no_better:
         # three moments of all pixels do not say that level goes with incidence as the law has it: blocks do
         identified = False
         sentences.append(
@@ -200,6 +183,11 @@ def _check(
         sentences.append(
             f"{name}: its law is no better than a constant: means of {held.n_blocks} blocks that were kept out are "
             f"{held.rmse_law_patch_db:.2f} dB off, from a constant {held.rmse_constant_db:.2f} dB."
+        )
+    if held is None and case.validation is not None:
+        sentences.append(
+            f"{name}: validation checks nothing: no block that was kept out holds 20 of its pixels "
+            f"(validation.rows is {case.validation.rows}, keep {case.validation.keep})."
         )
     classes = law.classes
     centre = shown = error = nothing
@@ -216,8 +204,15 @@ def _check(
             log_speckle_cumulants(law.fit.looks)[0] - log_speckle_cumulants(nominal)[0]
         )
         centre = classes.nodes_deg.mean(axis=1)
-        level = law_cumulants(law.method.law, law.fit.parameters, classes.nodes_deg)[:, 0]
-        shown = level + classes.cumulants[:, 0] - expected
+        mapped, off = law.ground.incidence_deg, law.method.incidence_error_deg
+        nodes = true_nodes(
+            classes.nodes_deg, off, law.method.incidence_error, float(mapped.mean()), attenuation(mapped, off)
+        )
+        level, there = (
+            law_cumulants(law.method.law, law.fit.parameters, at)[:, 0] for at in (classes.nodes_deg, nodes)
+        )
+        # an error of the incidence is part of what is expected, and not of the law
+        shown = level + classes.cumulants[:, 0] - (expected + there - level)
         error = np.sqrt(classes.cumulants[:, 1] / classes.effective)
     return LawCheck(
         looks=law.fit.looks,

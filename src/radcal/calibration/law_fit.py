@@ -21,6 +21,7 @@ _SCREENED = 256
 _STARTS = 5
 _TOLERANCE = {"ftol": 1e-6, "xtol": 1e-6, "gtol": 1e-6}  # residuals are in standard deviations
 _SAME_COST = 1e-3
+_KNOWN = 1e9  # inverse variance
 
 
 @dataclass(frozen=True)
@@ -137,7 +138,8 @@ def fit_law(
     priors = prior(*at(best.x)).size if prior is not None else 0
     data, weak = np.split(best.jac, [len(best.jac) - priors])
     known += weak.T @ weak
-    covariance, information = np.zeros((d + 1, d + 1)), np.eye(d + 1)
+    # looks that are not searched are known
+    covariance, information = np.zeros((d + 1, d + 1)), np.diag([0.0] * d + [_KNOWN])
     inside = slice(len(low))
     covariance[inside, inside] = np.linalg.inv(known + data.T @ data) * np.multiply.outer(width, width)
     information[inside, inside] = known / np.multiply.outer(width, width)

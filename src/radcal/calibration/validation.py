@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.calibration.grounds import GroundLaw, refit
 from radcal.calibration.law_fit import fit_law
+from radcal.measurement.classes import FEWEST
 from radcal.measurement.ground import Ground
 from radcal.radar.laws import Law
 from radcal.radar.texture import log_speckle_cumulants
@@ -206,6 +207,8 @@ def held_out(found: GroundLaw, ground: Ground, start_db: NDArray[np.float64] | N
     """
     from scipy.stats import ks_2samp
 
+    if not ground.values_db.size:
+        return None
     blocks = _predict(found, ground)
     many = blocks["count"] >= _FEWEST
     if not many.any():
@@ -257,7 +260,7 @@ class CrossValidation:
     Attributes
     ----------
     rmse_law_patch_db, rmse_constant_db : float
-        Of block means [dB]; NaN where there are too few blocks.
+        Of block means [dB]; NaN where there are too few blocks, or too few pixels in them.
     """
 
     rmse_law_patch_db: float
@@ -265,8 +268,8 @@ class CrossValidation:
 
     @property
     def no_better(self) -> bool:
-        """Whether the law is not seen to be better than a constant."""
-        return not self.rmse_law_patch_db < self.rmse_constant_db
+        """Whether the law is seen to be no better than a constant; never where there are too few blocks."""
+        return self.rmse_law_patch_db >= self.rmse_constant_db
 
     def sentence(self, name: str) -> str:
         """Say so, or nothing."""
@@ -302,6 +305,8 @@ def cross_validate(found: GroundLaw, group: NDArray[np.int64]) -> CrossValidatio
     law, constant = [], []
     for k in range(min(_FOLDS, groups.size) if groups.size > 1 else 0):
         rest, out = found.ground.part(fold != k), found.ground.part(fold == k)
+        if rest.values_db.size < FEWEST:
+            continue
         blocks = _predict(refit(found, rest), out)
         many = blocks["count"] >= _FEWEST
         law.append((blocks["mean"] - blocks["patch"])[many])

@@ -16,6 +16,7 @@ FEWEST = 30  # pixels in a class
 _AUTO = (4, 8)  # classes
 _AUTO_SPAN_DEG = 2.0  # of incidence a class: a law of 0.3 dB/deg changes by less than a third of speckle's spread
 _FAR = 6.0  # robust standard deviations; of the log of single-look speckle, one pixel in 1,500 lies beyond
+_LEAST_DB2 = 1e-6  # variance
 _NODES = 24  # incidence angles that stand for a class
 
 
@@ -120,13 +121,15 @@ def class_cumulants(values_db: ArrayLike, member: NDArray[np.int64], size: int) 
     Returns
     -------
     ndarray, shape (size, 3)
-        Mean [dB], variance [dB^2], third central moment [dB^3]; their biases, of order 1/n, are left.
+        Mean [dB], variance [dB^2], third central moment [dB^3]; their biases, of order 1/n, are left. Pixels
+        that are all equal, as in a filled image, have a variance of 1e-6.
     """
     values = np.asarray(values_db, dtype=np.float64)
     count = np.bincount(member, minlength=size)
     mean = np.bincount(member, values, size) / count
     left = values - mean[member]
-    return np.stack([mean, np.bincount(member, left**2, size) / count, np.bincount(member, left**3, size) / count], -1)
+    variance = np.maximum(np.bincount(member, left**2, size) / count, _LEAST_DB2)
+    return np.stack([mean, variance, np.bincount(member, left**3, size) / count], -1)
 
 
 def make_classes(

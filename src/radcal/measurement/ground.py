@@ -34,9 +34,12 @@ class Blocks:
     columns: int | None = None
 
     @classmethod
-    def of(cls, validation: Validation | None) -> Blocks:
-        """As configured; of 20 rows in two parts where nothing is."""
-        return cls(20, 10) if validation is None else cls(validation.rows, validation.means, validation.columns)
+    def of(cls, validation: Validation | None, rows: int = 0) -> Blocks:
+        """As configured; where nothing is, two parts of 10 rows or more, at most 50 in an image of so many rows."""
+        if validation is not None:
+            return cls(validation.rows, validation.means, validation.columns)
+        part = max(10, -(-rows // 50))
+        return cls(2 * part, part)
 
     @property
     def parts(self) -> int:

@@ -18,6 +18,8 @@ __all__ = ["Cells", "Effects", "Residuals", "Spread", "label_patches", "make_cel
 _GRID_DB = np.concatenate([[0.0], np.geomspace(0.02, 6.0, 40)])  # of both standard deviations
 _SCALES_DB = np.geomspace(0.1, 4.0, 40)  # of the half-normal law that materials share
 _PRIOR_DB = 1.0
+_FREEDOM = 10  # pixels beside the first of each cell, from which the spread inside of cells is taken
+_LEAST_DB2 = 1e-6
 
 
 @dataclass(frozen=True)
@@ -51,9 +53,11 @@ class Cells:
     def sampling_variance(self, values: ArrayLike, independent: float) -> NDArray[np.float64]:
         """Variance of each cell's mean [dB^2] from the pixels' spread inside of cells, pooled."""
         v = np.asarray(values, dtype=np.float64)
-        left = v - self.mean(v)[self.of_pixel]
-        freedom = max(v.size - self.count.size, 1)
-        return np.asarray((left @ left) / freedom / np.maximum(self.count * independent, 1.0))
+        left, freedom = v - self.mean(v)[self.of_pixel], v.size - self.count.size
+        if freedom < _FREEDOM:  # cells of one pixel say nothing of the spread inside: that of all is an upper bound
+            left, freedom = v - v.mean(), max(v.size - 1, 1)
+        pooled = max(float(left @ left) / freedom, _LEAST_DB2)
+        return np.asarray(pooled / np.maximum(self.count * independent, 1.0))
 
 
 @dataclass(frozen=True)

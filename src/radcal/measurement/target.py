@@ -284,7 +284,7 @@ def make_target(
     FitError
         The pixels cannot be fitted.
     """
-    blocks = Blocks.of(validation)
+    blocks = Blocks.of(validation, geometry.shape[0])
     part = blocks.parts_of(np.arange(geometry.incidence_deg.size), geometry.shape[1])
     out = np.zeros(part.shape, dtype=np.bool_)
     if validation is not None and validation.keep != "both":

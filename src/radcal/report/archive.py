@@ -158,7 +158,7 @@ def write_archive(
     checks = check_laws(case, targets, history)
     looks = {name: checks[name].looks for name in searches}
     repeated += [note] if (note := texture_note(checks)) else []
-    calibrated_db, fresh_db = (_textured(record.pixels_db, searches, looks) for record in final)
+    calibrated_db, fresh_db = (_textured(final[k].pixels_db, searches, looks, fresh=k == 1) for k in range(2))
     start_db = _textured(reference.pixels_db, searches, history.runs[0].looks)
     final_scores = {"final": targets.score(calibrated_db), "fresh": targets.score(fresh_db)}
     with write_hdf5(path, "calibration") as file:
@@ -266,10 +266,13 @@ def write_archive(
 
 
 def _textured(
-    pixels_db: Mapping[str, NDArray[np.float32]], searches: Mapping[str, ClassSearch], looks: Mapping[str, float]
+    pixels_db: Mapping[str, NDArray[np.float32]],
+    searches: Mapping[str, ClassSearch],
+    looks: Mapping[str, float],
+    fresh: bool = False,
 ) -> dict[str, NDArray[np.float32]]:
     """A run's pixels with the texture of each material whose looks are known."""
-    known = {name: searches[name].textured(pixels_db[name], looks[name]) for name in searches if name in looks}
+    known = {name: searches[name].textured(pixels_db[name], looks[name], fresh) for name in searches if name in looks}
     return {**pixels_db, **known}
 
 
