@@ -26,7 +26,7 @@ READS: Mapping[str, tuple[str, ...]] = {
     "reuse": _SIMULATION,
     "reference_run": _SIMULATION,
     "registration": ("registration", "materials"),
-    "target": ("seed", "materials", "radar", "objective", "target", "validation"),
+    "target": ("seed", "materials", "radar", "simulator", "objective", "target", "validation"),
     "design_chunk": (*_SIMULATION, "objective", "design"),
     # what is minimised comes with the targets' file
     "scores": ("seed", "materials", "radar"),

@@ -11,7 +11,7 @@ from radcal.calibration.class_search import ClassSearch, class_searches, class_t
 from radcal.calibration.class_surrogate import ClassRuns, Corrected
 from radcal.calibration.expected import LawForward
 from radcal.calibration.loop import calibrate
-from radcal.calibration.steps import propose_all, train_all
+from radcal.calibration.steps import noise_seed, propose_all, train_all
 from radcal.calibration.surrogate import read_surrogates, write_surrogates
 from radcal.config import case_from
 from radcal.measurement.registration import Registered
@@ -187,6 +187,27 @@ def test_proposals_do_not_depend_on_the_number_of_processes(parts, calibrated):
         for processes in (1, 2)
     ]
     assert found[0] == found[1]
+
+
+def test_noise_is_part_of_what_is_expected_without_any_run(parts, runner):
+    """Of a law far below the noise: law, noise and speckle, within what speckle leaves."""
+    case, _, _, _, targets = parts
+    deep = {"field": [-70.0, 5.0, 5.0, 5.0], "lake": TRUTH["lake"]}
+    record = runner.run(deep, noise_seed(case))
+    search = class_searches(case, targets)["field"]
+    shown = targets["field"].classes.cumulants(record.pixels_db["field"][targets["field"].order])
+    expected = search.surrogate([], [])(np.array(deep["field"]))
+    assert search.classes.noise_db == pytest.approx(-40.0)
+    np.testing.assert_allclose(shown[:, 0], expected[:, 0], atol=0.6)
+    alone = LawForward(LAWS["mangia"], search.classes.classes.nodes_deg, 4.0)(np.array(deep["field"]))
+    assert alone[:, 0].max() < -60.0
+
+
+def test_where_there_is_infill_it_alone_corrects(calibrated):
+    history, _ = calibrated
+    assert len(history.class_training("field").parameters) <= len(history.infill)
+    design = type(history)([run for run in history.runs if run.kind != "infill"])
+    assert len(design.class_training("field").parameters) == len(design.runs)
 
 
 def test_a_fresh_run_has_texture_of_its_own(parts):

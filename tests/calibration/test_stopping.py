@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from radcal.calibration.history import History, Proposal, Run
@@ -103,3 +105,36 @@ def test_the_worst_reason_names_the_loop():
     decision = decide(History(runs), ["a", "b"], Stop(rms=1e-3))
     assert decision.reason == "unreachable"
     assert not decision.converged
+
+
+def of_law(cost, predicted, left=1.0, moved=1.0):
+    """Infill scored in classes: cost, what was promised, and what its own correction would still take."""
+    runs = [replace(run("design", 0, {"dyke": 0.5}), cumulants={"dyke": [[0.0, 1.0, 0.0]]}, cost={"dyke": 50.0})]
+    for k, (found, promise) in enumerate(zip(cost, predicted, strict=True)):
+        runs.append(
+            replace(
+                run("infill", k, {"dyke": 0.1}),
+                proposals={"dyke": Proposal([float(k)], "exploit", predicted_cost=promise)},
+                cumulants={"dyke": [[0.0, 1.0, 0.0]]},
+                cost={"dyke": found},
+                left={"dyke": left},
+                moved_db={"dyke": moved},
+            )
+        )
+    return History(runs)
+
+
+def test_a_law_settles_when_its_last_run_would_hardly_change_it():
+    assert reason(of_law([5.0], [4.0])) is None
+    assert reason(of_law([5.0], [4.0], left=0.04)) == "settled"
+    assert reason(of_law([5.0], [4.0], moved=0.04), law_db=0.05) == "settled"
+    # not in a run that is worse than the best
+    assert reason(of_law([5.0, 6.0], [4.0, 4.5], left=0.04)) == "settled"
+    assert decide(of_law([5.0], [4.0], left=0.04), ["dyke"], Stop()).converged
+
+
+def test_a_law_settles_when_all_runs_promise_no_better_and_are_right():
+    # the correction of one run alone sees more to gain than there is
+    assert reason(of_law([5.0, 4.98], [4.0, 4.97])) == "settled"
+    assert reason(of_law([5.0, 4.80], [4.0, 4.97])) is None, "better than promised: go on"
+    assert reason(of_law([5.0, 4.98], [4.0, 4.50])) is None, "the promise was not kept"

@@ -18,10 +18,11 @@ from radcal.calibration.expected import Forward, LawForward
 from radcal.calibration.grounds import GroundLaw, Method, curve_prior, fit_grounds, ground_residuals, limited
 from radcal.calibration.incidence_error import registration_error_deg
 from radcal.calibration.law_fit import LOOKS, LawFit, fit_law
-from radcal.config import Case, Optimiser
+from radcal.config import BuiltinSimulation, Case, Optimiser
 from radcal.measurement.class_target import ClassTarget
 from radcal.measurement.ground import Ground
 from radcal.measurement.target import Target, Targets
+from radcal.radar.radiometry import noise_floor_db
 from radcal.radar.texture import texture_db, texture_order
 from radcal.seeds import derived_seed
 
@@ -43,7 +44,7 @@ def class_targets(
     Parameters
     ----------
     case : Case
-        Sections ``materials``, ``radar``, ``objective`` and ``target`` are read.
+        Sections ``materials``, ``radar``, ``simulator``, ``objective`` and ``target`` are read.
     targets : Targets
         By calibrated material.
     geometry : Geometry
@@ -93,6 +94,7 @@ def class_targets(
                     free_looks=methods[name].free_looks,
                     priors=methods[name].priors,
                     incidence_error_deg=methods[name].incidence_error_deg,
+                    noise_db=_noise_db(case, geometry, target),
                     first=found[name].fit.parameters,
                     first_looks=found[name].fit.looks,
                 ),
@@ -102,6 +104,14 @@ def class_targets(
         targets.levels,
         targets.looks,
     )
+
+
+def _noise_db(case: Case, geometry: Geometry, target: Target) -> float:
+    """Mean power of the noise that radcal's own simulator adds to a target's pixels [dB]."""
+    if not isinstance(case.simulator, BuiltinSimulation):
+        return float("-inf")
+    floor_db = noise_floor_db(case.radar, geometry.flat_incidence_deg)[target.pixels // geometry.shape[1]]
+    return float(10.0 * np.log10(np.mean(10.0 ** (floor_db / 10.0))))
 
 
 def class_searches(case: Case, targets: Targets) -> dict[str, ClassSearch]:
@@ -155,7 +165,8 @@ class ClassSearch:
         )
         self.ground: Ground = limited(target.ground, classes.classes.member)
         self._prior = curve_prior(self.ground, self.method)
-        self._baseline = LawForward(method.law, classes.classes.nodes_deg, method.looks)
+        self._law = LawForward(method.law, classes.classes.nodes_deg, method.looks)
+        self._baseline = replace(self._law, noise_db=classes.noise_db)
         low, high = np.quantile(self.ground.incidence_deg, [0.05, 0.95])
         self._seen = np.radians(np.linspace(float(low), float(high), 91))
         self._simulated: NDArray[np.float64] = classes.classes.cumulants
@@ -338,7 +349,7 @@ class ClassSearch:
         x, run = np.asarray(parameters, dtype=np.float64), np.asarray(cumulants, dtype=np.float64)
         fit = self.fit(self.surrogate(x[None], run[None]), (x, looks), moves=False)
         fit = replace(fit, parameters=x, looks=looks)
-        correction = run[:, 0] - self._baseline(x)[:, 0]
+        correction = run[:, 0] - self._law(x)[:, 0]
         # part of how it differs from class to class is the run's own speckle
         common = correction.mean()
         noise = float(np.mean(run[:, 1] / (2.0 * self.classes.classes.effective)))

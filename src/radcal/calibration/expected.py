@@ -17,7 +17,9 @@ Forward = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """X, shape (d,), to mean [dB], variance [dB^2] and third central moment [dB^3] of each class, shape (n, 3)."""
 
 
-def law_cumulants(law: Law, parameters: ArrayLike, nodes_deg: NDArray[np.float64]) -> NDArray[np.float64]:
+def law_cumulants(
+    law: Law, parameters: ArrayLike, nodes_deg: NDArray[np.float64], noise_db: float = -np.inf
+) -> NDArray[np.float64]:
     """Mean [dB], variance [dB^2] and third central moment [dB^3] of a law over each class's angles.
 
     Parameters
@@ -28,12 +30,17 @@ def law_cumulants(law: Law, parameters: ArrayLike, nodes_deg: NDArray[np.float64
         X.
     nodes_deg : ndarray, shape (n, m)
         Angles that stand for each class, equally likely [deg].
+    noise_db : float
+        Noise-equivalent backscatter, whose power adds to the law's [dB].
 
     Returns
     -------
     ndarray, shape (n, 3)
     """
+    per_neper = 10.0 / np.log(10.0)
     level = law(np.radians(nodes_deg), parameters)
+    if np.isfinite(noise_db):
+        level = per_neper * np.logaddexp(level / per_neper, noise_db / per_neper)
     mean = level.mean(axis=1)
     left = level - mean[:, None]
     return np.stack([mean, (left**2).mean(axis=1), (left**3).mean(axis=1)], axis=-1)
@@ -41,7 +48,7 @@ def law_cumulants(law: Law, parameters: ArrayLike, nodes_deg: NDArray[np.float64
 
 @dataclass(frozen=True)
 class LawForward:
-    """A simulator that is nothing but law and speckle: cumulants of independent factors add in dB.
+    """A simulator that is nothing but law, noise and speckle: cumulants of independent factors add in dB.
 
     Attributes
     ----------
@@ -51,15 +58,18 @@ class LawForward:
         Angles of each class [deg].
     looks : float
         Of the speckle.
+    noise_db : float
+        Noise-equivalent backscatter [dB].
     """
 
     law: Law
     nodes_deg: NDArray[np.float64]
     looks: float
+    noise_db: float = -np.inf
 
     def __call__(self, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
         """Mean, variance and third central moment of each class, shape (n, 3)."""
-        return law_cumulants(self.law, parameters, self.nodes_deg) + log_speckle_cumulants(self.looks)
+        return law_cumulants(self.law, parameters, self.nodes_deg, self.noise_db) + log_speckle_cumulants(self.looks)
 
 
 def expected_cumulants(

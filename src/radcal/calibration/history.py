@@ -236,11 +236,15 @@ class History:
         return any(run.cost for run in self.runs)
 
     def class_training(self, material: str) -> ClassRuns:
-        """Distinct parameters and the cumulants of their classes."""
+        """Distinct parameters and the cumulants of their classes: of infill, where there is any.
+
+        In reference and design the neighbours have laws at random, whose echo in a material's pixels may outweigh
+        its own; in infill they are nearly right, in the latest run of a repeated X most so.
+        """
         seen: dict[tuple[float, ...], list[list[float]]] = {}
-        for run in self.runs:
+        for run in self.infill or self.runs:
             if material not in run.other_law:
-                seen.setdefault(tuple(run.parameters[material]), run.cumulants[material])
+                seen[tuple(run.parameters[material])] = run.cumulants[material]
         return ClassRuns(np.array(list(seen)), np.array(list(seen.values())))
 
     def training(self, material: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -142,11 +142,19 @@ def _judge_law(history: History, name: str, stop: Stop) -> Verdict:
     for k, run in enumerate(history.infill, start=1):
         if design + k > stop.max_runs:
             break
-        cost = run.cost[name]
+        cost, predicted = run.cost[name], run.proposals[name].predicted_cost
+        # all runs together promised no more than this, and were right
+        promised = predicted is not None and best - predicted <= _SETTLED and abs(cost - predicted) <= _SETTLED
         if run.proposals[name].mode != "ended":
             idle = 0 if best - cost > _SETTLED else idle + 1
             best = min(best, cost)
         stands = run.left[name] <= _SETTLED or run.moved_db[name] <= stop.law_db
+        if promised and not stands and cost <= best + _SETTLED:
+            return Verdict(
+                "settled",
+                f"{name}: the law has settled after {design + k} runs: all runs together promised no better one, and "
+                "the last confirmed it.",
+            )
         if stands and cost <= best + _SETTLED:
             return Verdict(
                 "settled",

@@ -38,6 +38,9 @@ class ClassTarget:
         Whether weak priors on curve and looks count.
     incidence_error_deg : float
         Standard error of the local incidence [deg].
+    noise_db : float
+        Mean noise-equivalent backscatter that the simulator adds at these pixels [dB]; -inf where it adds none
+        that is known of.
     first : ndarray, shape (d,)
         X of the law found without a simulator, by law and speckle alone.
     first_looks : float
@@ -51,6 +54,7 @@ class ClassTarget:
     free_looks: bool
     priors: bool
     incidence_error_deg: float
+    noise_db: float
     first: NDArray[np.float64]
     first_looks: float
 
@@ -72,7 +76,7 @@ def put_classes(group: h5py.Group, target: ClassTarget) -> None:
         group[key] = getattr(target.classes, key)
     group["first"] = target.first
     group.attrs["between_db"], group.attrs["within_db"] = target.spread.between, target.spread.within
-    for key in ("objective", "looks", "free_looks", "priors", "incidence_error_deg", "first_looks"):
+    for key in ("objective", "looks", "free_looks", "priors", "incidence_error_deg", "noise_db", "first_looks"):
         group.attrs[key] = getattr(target, key)
 
 
@@ -86,6 +90,7 @@ def take_classes(group: h5py.Group) -> ClassTarget:
         free_looks=bool(group.attrs["free_looks"]),
         priors=bool(group.attrs["priors"]),
         incidence_error_deg=float(group.attrs["incidence_error_deg"]),
+        noise_db=float(group.attrs["noise_db"]),
         first=group["first"][()],
         first_looks=float(group.attrs["first_looks"]),
     )
