@@ -46,7 +46,7 @@ def run_example(project: Project, name: str) -> tuple[dict, str]:
     assert summary["runs"]["reference"] == 2
     assert summary["runs"]["infill"] > 0
     assert len(project.records(name)) == summary["runs"]["total"]
-    assert not any((project.out(name) / "work").iterdir())
+    assert not any((project.out(name) / "external").iterdir())
     reference = read_json(project.out(name) / "reference.json")
     assert [entry.get("difference_db") for entry in reference] == [None, 0.0]
     return summary, (project.out(name) / "report.html").read_text()
@@ -183,13 +183,13 @@ def test_every_failure_in_the_middle_ends_in_its_sentence_and_keeps_all_finished
         done = project.run("--configfile", "tiny.yaml")
         assert done.returncode != 0
         (said,) = sentences(done.stdout)
-        for word in [*words, "its folder is kept as results/tiny/work/failed-"]:
+        for word in [*words, "its folder is kept as results/tiny/external/failed-"]:
             assert word in said
         assert "Traceback" not in done.stdout
         assert "the same command continues" in done.stdout
         # the folder of the failed run, and of no other
         (new,) = set(folders(project)) - failed
-        assert f"results/tiny/work/{new}." in said
+        assert f"results/tiny/external/{new}." in said
         # twice the reference, the first chunk and the first run of the second
         records = contents(project)
         assert len(records) == 6
@@ -213,7 +213,7 @@ def contents(project: Project) -> dict[str, bytes]:
 
 
 def folders(project: Project) -> list[str]:
-    work = project.out() / "work"
+    work = project.out() / "external"
     return [path.name for path in work.iterdir()] if work.exists() else []
 
 

@@ -34,6 +34,7 @@ __all__ = [
     "limited",
     "marginal_law",
     "refit",
+    "true_angles",
 ]
 
 Objective = Literal["classes", "density", "likelihood"]
@@ -107,12 +108,8 @@ class GroundLaw:
         """Expected mean of dB values at mapped angles [deg], shape (k,): law, mean of the log speckle, correction."""
         x = self.fit.parameters if parameters is None else parameters
         angle = np.asarray(incidence_deg, dtype=np.float64)
-        mapped, method = self.ground.incidence_deg, self.method
-        error = method.incidence_error_deg
-        nodes = true_nodes(
-            angle[:, None], error, method.incidence_error, float(mapped.mean()), attenuation(mapped, error)
-        )
-        level = method.law(np.radians(nodes), x).mean(axis=1) + log_speckle_cumulants(self.fit.looks)[0]
+        nodes = true_angles(self.ground, self.method, angle[:, None])
+        level = self.method.law(np.radians(nodes), x).mean(axis=1) + log_speckle_cumulants(self.fit.looks)[0]
         if self.correction_db is not None:
             level = level + self.correction_db[class_of(angle, self.classes.edges_deg)]
         return np.asarray(level)
@@ -188,18 +185,22 @@ def curve_prior(ground: Ground, method: Method) -> Residuals:
     return prior_residuals(prior, method.looks, method.free_looks)
 
 
+def true_angles(ground: Ground, method: Method, nodes_deg: NDArray[np.float64]) -> NDArray[np.float64]:
+    """True angles behind mapped ones of a material [deg], (n, m) to (n, k), at the error that the method tells."""
+    mapped, error = ground.incidence_deg, method.incidence_error_deg
+    share = attenuation(mapped, error)
+    return np.asarray(true_nodes(nodes_deg, error, method.incidence_error, float(mapped.mean()), share))
+
+
 def ground_residuals(
     ground: Ground, classes: Classes, method: Method, spread: Spread, forward: Forward | None = None
 ) -> Residuals:
     """Residuals of one material, without priors, as a function of X and looks."""
-    mapped = ground.incidence_deg
-    error = method.incidence_error_deg
-    share = attenuation(mapped, error)
-    nodes = true_nodes(classes.nodes_deg, error, method.incidence_error, float(mapped.mean()), share)
+    nodes = true_angles(ground, method, classes.nodes_deg)
     simulate = forward or LawForward(method.law, classes.nodes_deg, method.looks)
 
     def shifted(x: NDArray[np.float64]) -> NDArray[np.float64] | float:
-        if error == 0.0:
+        if method.incidence_error_deg == 0.0:
             return 0.0
         return law_cumulants(method.law, x, nodes) - law_cumulants(method.law, x, classes.nodes_deg)
 

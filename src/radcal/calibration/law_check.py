@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from radcal import skewnormal
 from radcal.calibration.class_search import ClassSearch, class_searches
 from radcal.calibration.expected import LawForward, law_cumulants
-from radcal.calibration.grounds import GroundLaw, Method, density_fit, marginal_law, refit
+from radcal.calibration.grounds import GroundLaw, Method, density_fit, marginal_law, refit, true_angles
 from radcal.calibration.history import History, Run
-from radcal.calibration.incidence_error import attenuation, incidence_warnings, true_nodes
+from radcal.calibration.incidence_error import incidence_warnings
 from radcal.calibration.validation import HeldOut, cross_validate, held_out
 from radcal.config import Case
 from radcal.measurement.classes import FEWEST, make_classes
@@ -204,10 +204,7 @@ def _check(
             log_speckle_cumulants(law.fit.looks)[0] - log_speckle_cumulants(nominal)[0]
         )
         centre = classes.nodes_deg.mean(axis=1)
-        mapped, off = law.ground.incidence_deg, law.method.incidence_error_deg
-        nodes = true_nodes(
-            classes.nodes_deg, off, law.method.incidence_error, float(mapped.mean()), attenuation(mapped, off)
-        )
+        nodes = true_angles(law.ground, law.method, classes.nodes_deg)
         level, there = (
             law_cumulants(law.method.law, law.fit.parameters, at)[:, 0] for at in (classes.nodes_deg, nodes)
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -90,26 +90,15 @@ class HeldOut:
         def all_of(key: str) -> NDArray[Any]:
             return np.concatenate([getattr(part, key) for part in parts])
 
-        return cls(
-            rmse_law_db=together("rmse_law_db"),
-            rmse_law_patch_db=together("rmse_law_patch_db"),
-            rmse_constant_db=together("rmse_constant_db"),
-            rmse_best_db=together("rmse_best_db"),
-            rmse_start_db=together("rmse_start_db"),
-            ks_law=mean("ks_law"),
-            ks_constant=mean("ks_constant"),
-            ks_start=mean("ks_start"),
-            tail_law_db=mean("tail_law_db"),
-            tail_constant_db=mean("tail_constant_db"),
-            tail_start_db=mean("tail_start_db"),
-            coverage_90=mean("coverage_90"),
-            n_blocks=int(n.sum()),
-            block=all_of("block"),
-            mean_db=all_of("mean_db"),
-            predicted_db=all_of("predicted_db"),
-            law_db=all_of("law_db"),
-            sd_db=all_of("sd_db"),
-        )
+        combined: dict[str, Any] = {"n_blocks": int(n.sum())}
+        for field in fields(cls):
+            if isinstance(getattr(parts[0], field.name), np.ndarray):
+                combined[field.name] = all_of(field.name)
+            elif field.name.startswith("rmse"):
+                combined[field.name] = together(field.name)
+            else:
+                combined.setdefault(field.name, mean(field.name))
+        return cls(**combined)
 
 
 def _rms(values: NDArray[np.float64]) -> float:

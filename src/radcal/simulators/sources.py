@@ -34,7 +34,7 @@ def make_simulator(case: Case, geometry: Geometry, geometry_path: str | Path) ->
     """
     if isinstance(case.simulator, CommandSimulation):
         plan = CommandPlan(case.simulator, case.materials)
-        work = Path(geometry_path).parent / "work"
+        work = Path(geometry_path).parent / "external"
         return CommandSimulator(plan, case.materials, case.radar, geometry, geometry_path, work)
     return BuiltinSimulator(geometry, case.radar, case.laws)
 
