@@ -9,6 +9,7 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,32 @@ from radcal.scene.model import Scene
 
 pytest_plugins = ["workflow_fixtures"]
 
+MARKED = ("workflow", "faults", "cluster")  # folders of tests, and the markers that their tests get
+DESELECTED = f"not ({' or '.join(MARKED)})"  # as in pyproject.toml
+TESTS = Path(__file__).parent
+FIRST = TESTS / "test_small_calibration.py"
+
 Surface = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Folders that are named on the command line are run whatever their marker."""
+    named = [(config.invocation_params.dir / arg.partition("::")[0]).resolve() for arg in config.args]
+    if config.option.markexpr == DESELECTED and all(_marker(path) for path in named):
+        config.option.markexpr = ""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark by folder, so that no test can forget; begin with what takes longest, so that no worker ends alone."""
+    for item in items:
+        if marker := _marker(item.path):
+            item.add_marker(marker)
+    items.sort(key=lambda item: item.path != FIRST)
+
+
+def _marker(path: Path) -> str | None:
+    """Marker of the tests in a file or folder."""
+    return next((name for name in MARKED if path.is_relative_to(TESTS / name)), None)
 
 
 @pytest.fixture(scope="session")

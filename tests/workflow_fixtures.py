@@ -1,4 +1,4 @@
-"""The tiny case as fixtures, for tests/workflow and tests/faults: fresh, and run to its end."""
+"""The tiny case as fixtures: fresh, and run to its end."""
 
 from __future__ import annotations
 
