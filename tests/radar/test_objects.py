@@ -20,7 +20,7 @@ from radcal.radar.image import ImageFormation
 from radcal.radar.laws import LAWS
 from radcal.radar.points import Points, phased
 from radcal.radar.reflectivity import law_tables, reflectivity, uniform
-from radcal.radar.speckle import impulse_response, width_factor
+from radcal.radar.speckle import WIDTH_FACTOR, impulse_response
 from radcal.scene.model import Scene
 from radcal.scene.objects import Objects
 from radcal.simulators.builtin import BuiltinSimulator
@@ -260,7 +260,7 @@ def test_points_do_not_depend_on_tiles() -> None:
     points = Points(order, rng.uniform(-5, 295, n), rng.random(n).astype(np.float32), np.arange(n, dtype=np.uint32))
     found = ImageFormation(FINE, shape, QUIET, points).look(uniform(np.zeros(shape, dtype=np.float32)), 8)
     weights = signal.windows.taylor(1000, nbar=4, sll=35, norm=False)
-    frequency = ((np.arange(1000) + 0.5) / 1000 - 0.5) * width_factor() / 2.0
+    frequency = ((np.arange(1000) + 0.5) / 1000 - 0.5) * WIDTH_FACTOR / 2.0
 
     def at(length: int, place: float) -> np.ndarray:
         offset = np.arange(-20.0, length + 20) - place

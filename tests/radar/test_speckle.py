@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import windows
 
-from radcal.radar.speckle import impulse_response, log_speckle_sd_db, taylor_weights, width_factor
+from radcal.radar.speckle import WIDTH_FACTOR, impulse_response, log_speckle_sd_db, taylor_weights
 
 
 @pytest.mark.parametrize("n", [8, 1024])
@@ -13,9 +13,13 @@ def test_taylor_weights_are_those_of_scipy(n: int) -> None:
     np.testing.assert_allclose(taylor_weights((np.arange(n) + 0.5) / n - 0.5), expected, rtol=1e-12)
 
 
-def test_width_factor_is_that_of_taylor_weighting() -> None:
-    # 0.886 for the unweighted band; Taylor of 35 dB widens it by about a third
-    assert width_factor() == pytest.approx(1.18, abs=0.02)
+def test_width_factor_is_twice_the_half_power_point_of_taylor_weighting() -> None:
+    frequency = (np.arange(1024) + 0.5) / 1024 - 0.5
+    weights = windows.taylor(1024, nbar=4, sll=35, norm=False)
+    x = np.linspace(0.0, 1.0, 20_001)[11_800:11_900]  # the others are far from half power
+    power = (np.cos(2 * np.pi * np.outer(x, frequency)) @ weights / weights.sum()) ** 2
+    assert power[0] > 0.5 > power[-1]
+    assert pytest.approx(2 * np.interp(-0.5, -power, x), rel=1e-13) == WIDTH_FACTOR
 
 
 @pytest.mark.parametrize(("resolution", "spacing"), [(2.0, 1.5), (3.5, 2.5), (1.2, 1.0), (5.0, 1.0)])

@@ -13,7 +13,7 @@ from radcal.errors import ConfigError
 from radcal.radar.gaussian import gaussian_row, seed_words
 from radcal.radar.points import Points, add_points, fine_taps, phased
 from radcal.radar.reflectivity import Reflectivity
-from radcal.radar.speckle import impulse_response, width_factor
+from radcal.radar.speckle import WIDTH_FACTOR, impulse_response
 
 __all__ = ["ImageFormation", "decibels"]
 
@@ -223,7 +223,7 @@ class ImageFormation:
     def __init__(self, radar: Radar, shape: tuple[int, int], noise_db: ArrayLike, points: Points | None = None) -> None:
         for axis in ("range", "azimuth"):
             resolution = getattr(radar, f"{axis}_resolution_m")
-            finest = width_factor() * getattr(radar, f"{axis}_spacing_m")
+            finest = WIDTH_FACTOR * getattr(radar, f"{axis}_spacing_m")
             if resolution < finest * (1 - 1e-9):
                 raise ConfigError(
                     f"radar.{axis}_resolution_m is {resolution:g}, expected at least {finest:.2f} at a spacing of "
