@@ -371,7 +371,7 @@ def test_file_needs_only_the_keys_that_differ(tmp_path: Path) -> None:
     assert case.stop.rms == 1e-4
     assert case.stop.max_runs == Case().stop.max_runs
     assert case.radar == Case().radar
-    assert load([write(tmp_path, "# nothing\n")]) == Case()
+    assert load([write(tmp_path, "{}\n")]) == Case()
 
 
 def test_later_files_win_key_by_key(tmp_path: Path) -> None:
@@ -428,7 +428,8 @@ def test_bad_overrides(tmp_path: Path, overrides: dict[str, Any], words: list[st
         ("seed: 1\n\tcase: x\n", r"case\.yaml, line 2: not a YAML file"),
         ("a: b: c\n", r"case\.yaml, line 1: not a YAML file"),
         ("!!python/object/apply:os.getcwd []\n", "not a YAML file"),
-        (b"case: \xff\xfe\n", r"case\.yaml: not a YAML file"),
+        (b"seed: 1\ncase: \xff\xfe\n", r"case\.yaml, line 2: not a text file in UTF-8"),
+        ("# nothing\n", r"case\.yaml: is empty, expected keys and values"),
         ("- seed\n- 3\n", r"case\.yaml: holds list, expected keys and values"),
         ("just text\n", r"case\.yaml: holds str, expected keys and values"),
         ("seed: minus one\n", r"case\.yaml: seed is 'minus one'"),

@@ -20,7 +20,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-import yaml
 from pydantic import (
     AfterValidator,
     BaseModel,
@@ -37,6 +36,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
+from radcal.casefile import merged, read_case_file, read_value
 from radcal.errors import ConfigError
 from radcal.radar.bands import same_label, within_band
 from radcal.radar.laws import EXTERNAL, LAWS, Law, external_law, law_for
@@ -1240,26 +1240,12 @@ def _shown(found: object, key: str) -> str:
     return repr(found.get(key)) if isinstance(found, Mapping) else repr(found)
 
 
-def _merge(base: dict[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
-    """Deep-merge ``over`` into a copy of ``base``."""
-    merged = dict(base)
-    for key, value in over.items():
-        if isinstance(value, Mapping) and isinstance(merged.get(key), Mapping):
-            merged[key] = _merge(dict(merged[key]), value)
-        else:
-            merged[key] = value
-    return merged
-
-
 def _parsed(overrides: Mapping[str, Any]) -> dict[str, Any]:
     """Sections that came from the command line as text, as data."""
     parsed = dict(overrides)
     for key, value in overrides.items():
         if isinstance(value, str) and key in Case.model_fields.keys() - {"case", "seed"}:
-            try:
-                parsed[key] = yaml.safe_load(value)
-            except yaml.YAMLError as error:
-                raise ConfigError(f"--config {key}={value}: not valid JSON or YAML.") from error
+            parsed[key] = read_value(value, f"--config {key}")
     return parsed
 
 
@@ -1291,22 +1277,12 @@ def load(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None
     Raises
     ------
     ConfigError
-        A file is missing or not YAML, or a value is refused.
+        A file is missing, empty or not YAML, a key stands in it twice, or a value is refused.
     """
     data: dict[str, Any] = {}
     for file in files:
-        try:
-            read = yaml.safe_load(Path(file).read_text(encoding="utf-8"))
-        except OSError as error:
-            raise ConfigError(f"{file}: cannot be read ({error.strerror}).") from None
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
-            where = getattr(error, "problem_mark", None)
-            line = f", line {where.line + 1}" if where is not None else ""
-            raise ConfigError(f"{file}{line}: not a YAML file ({getattr(error, 'problem', error)}).") from None
-        if not isinstance(read, Mapping | None):
-            raise ConfigError(f"{file}: holds {type(read).__name__}, expected keys and values.")
-        data = _merge(data, read or {})
-    data = _merge(data, _parsed(overrides or {}))
+        data = merged(data, read_case_file(file))
+    data = merged(data, _parsed(overrides or {}))
     return case_from(data, ", ".join(str(f) for f in files) or "configuration")
 
 
