@@ -201,7 +201,7 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     ({"stop": [1, 2]}, ["stop is [1, 2]"]),
     ({"scene": "builtin"}, ["scene is 'builtin'"]),
     # radar
-    ({"radar": {"altitude_m": 0}}, ["radar.altitude_m is 0", "greater than 0"]),
+    ({"radar": {"altitude_m": 0}}, ["radar.altitude_m is 0", "greater than or equal to 1"]),
     ({"radar": {"altitude_m": "high"}}, ["radar.altitude_m is 'high'"]),
     ({"radar": {"altitude_m": float("nan")}}, ["radar.altitude_m is nan"]),
     ({"radar": {"altitude_m": float("inf")}}, ["radar.altitude_m is inf"]),
@@ -227,7 +227,7 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     (flat(labels=7), ["scene.labels is 7"]),
     ({"scene": {"source": "slant_range"}}, ["scene.labels is missing"]),
     ({"scene": {"source": "raster"}}, ["scene.elevation is missing"]),
-    (mapped(cell_m=0), ["scene.cell_m is 0", "greater than 0"]),
+    (mapped(cell_m=0), ["scene.cell_m is 0", "greater than or equal to 0.001"]),
     (mapped(crs=32631), ["scene.crs is 32631"]),
     (mapped(bounds=[0, 1, 2]), ["scene.bounds.3 is missing"]),
     (mapped(bounds=[0, 2, 1, 1]), ["scene", "bounds are [0, 2, 1, 1]", "south < north"]),

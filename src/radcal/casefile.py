@@ -15,10 +15,10 @@ import yaml
 
 from radcal.errors import ConfigError
 
-__all__ = ["check_words", "merged", "read_case_file", "read_value", "setting"]
+__all__ = ["check_words", "merged", "read_case_file", "read_value", "setting", "shown"]
 
-_LARGEST_BYTES = 1_000_000  # of a case file: some hundred times the longest that radcal ships
-_LARGEST_VALUES = 1_000_000  # once every alias is written out: no file of that size without aliases holds so many
+_LARGEST_BYTES = 200_000  # of a case file: some twenty times the longest that radcal ships
+_LARGEST_VALUES = 200_000  # once every alias is written out: no file of that size without aliases holds so many
 _MERGE = "tag:yaml.org,2002:merge"
 
 
@@ -35,10 +35,13 @@ class _Loader(yaml.SafeLoader):
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
         try:
-            return super().construct_object(node, deep)
+            value = super().construct_object(node, deep)
+            if isinstance(value, int):
+                str(value)  # which Python refuses for thousands of digits; written in hexadecimal they got here
+            return value
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
-            shown = _short(str(node.value)) if isinstance(node, yaml.ScalarNode) else "what stands there"
-            raise _Fault(f"{shown} is no value of the kind {node.tag.rpartition(':')[2]}", _line(node)) from None
+            text = shown(str(node.value)) if isinstance(node, yaml.ScalarNode) else "what stands there"
+            raise _Fault(f"{text} is no value of the kind {node.tag.rpartition(':')[2]}", _line(node)) from None
 
 
 def read_case_file(path: str | Path) -> dict[str, Any]:
@@ -58,7 +61,7 @@ def read_case_file(path: str | Path) -> dict[str, Any]:
     ------
     ConfigError
         The file cannot be read, is no such text, holds a key twice, an anchor that contains itself or
-        aliases that stand for more than a million values, or is anything but keys and values.
+        aliases that stand for more than 200,000 values, or is anything but keys and values.
 
     References
     ----------
@@ -94,7 +97,7 @@ def read_value(text: str, origin: str) -> Any:
     try:
         return _parsed(text)
     except _Fault as fault:
-        raise ConfigError(f"{origin}={_short(text)}: not valid JSON or YAML ({fault}).") from None
+        raise ConfigError(f"{origin}={shown(text)}: not valid JSON or YAML ({fault}).") from None
 
 
 def setting(word: str, origin: str) -> dict[str, Any]:
@@ -115,7 +118,7 @@ def setting(word: str, origin: str) -> dict[str, Any]:
     key, equals, text = word.partition("=")
     parts = key.split(".")
     if not equals or not all(part.strip() for part in parts):
-        raise ConfigError(f"{origin} {_short(word)}: expected KEY=VALUE such as stop.rms=1e-6.")
+        raise ConfigError(f"{origin} {shown(word)}: expected KEY=VALUE such as stop.rms=1e-6.")
     value = read_value(text, f"{origin} {key}")
     for part in reversed(parts):
         value = {part: value}
@@ -129,6 +132,12 @@ def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
         below = both.get(key)
         both[key] = merged(below, value) if isinstance(value, Mapping) and isinstance(below, Mapping) else value
     return both
+
+
+def shown(text: str, most: int = 60) -> str:
+    """A text as a sentence may quote it: cut after so many characters, and nothing in it moves a terminal."""
+    safe = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text[:most])
+    return safe if len(text) <= most else f"{safe[: most - 3]}..."
 
 
 def check_words(words: Sequence[str], origin: str = "--config") -> None:
@@ -150,7 +159,7 @@ def check_words(words: Sequence[str], origin: str = "--config") -> None:
     for word in words:
         for key in _leaves(setting(word, origin)):
             if key in given:
-                raise ConfigError(f"{origin}: {key} is given twice, expected once.")
+                raise ConfigError(f"{origin}: {shown(key)} is given twice, expected once.")
             given.add(key)
 
 
@@ -215,7 +224,7 @@ def _parsed(text: str) -> Any:
 
 def _problem(error: yaml.MarkedYAMLError) -> str:
     """What PyYAML found, in words that say what to do where the usual mistakes are known."""
-    problem = " ".join(str(error.problem).split())
+    problem = shown(" ".join(str(error.problem).split()), 200)
     if "'\\t'" in problem:
         return "a tab, expected blanks: YAML takes no tabs before a key"
     if problem == "but found another document":
@@ -234,7 +243,7 @@ def _check(loader: yaml.SafeLoader, root: yaml.Node) -> None:
         if id(node) in weights:
             return weights[id(node)]
         if id(node) in entered:
-            raise _Fault(f"the anchor that {key or 'the case'} refers to contains itself", _line(node))
+            raise _Fault(f"the anchor that {shown(key) or 'the case'} refers to contains itself", _line(node))
         entered.add(id(node))
         weight = 1
         if isinstance(node, yaml.SequenceNode):
@@ -246,8 +255,8 @@ def _check(loader: yaml.SafeLoader, root: yaml.Node) -> None:
         return weight
 
     if (values := weigh(root, "")) > _LARGEST_VALUES:
-        shown = f"{values:,}" if values < 10**15 else "10^15 and more"
-        raise _Fault(f"its aliases stand for {shown} values, expected at most {_LARGEST_VALUES:,}")
+        number = f"{values:,}" if values < 10**15 else "10^15 and more"
+        raise _Fault(f"its aliases stand for {number} values, expected at most {_LARGEST_VALUES:,}")
 
 
 def _names(loader: yaml.SafeLoader, node: yaml.MappingNode, above: str) -> list[str]:
@@ -260,7 +269,7 @@ def _names(loader: yaml.SafeLoader, node: yaml.MappingNode, above: str) -> list[
         key = key_node.value if key_node.tag == _MERGE else loader.construct_object(key_node)
         name = f"{above}.{key}" if above else str(key)
         if key in lines:
-            raise _Fault(f"{name} stands here and in line {lines[key]}, expected each key once", _line(key_node))
+            raise _Fault(f"{shown(name)} stands here and in line {lines[key]}, expected each key once", _line(key_node))
         lines[key] = _line(key_node)
         names.append(name)
     return names
@@ -268,7 +277,3 @@ def _names(loader: yaml.SafeLoader, node: yaml.MappingNode, above: str) -> list[
 
 def _line(node: yaml.Node) -> int:
     return int(node.start_mark.line) + 1
-
-
-def _short(text: str) -> str:
-    return text if len(text) <= 60 else f"{text[:57]}..."
