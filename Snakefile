@@ -20,6 +20,7 @@ from radcal.calibration.history import read_runs
 from radcal.calibration.reuse import check_reuse
 from radcal.calibration.salvage import salvage
 from radcal.calibration.stopping import decide
+from radcal.casefile import check_words
 from radcal.errors import RadcalError
 from radcal.jobs import CASE as CASE_NAME
 from radcal.jobs import FAILURE, OWNER, PROGRESS, STARTED, Follower
@@ -37,6 +38,7 @@ if not workflow.configfiles:
 
 
 try:
+    check_words(workflow.config_settings.config_args or ())
     CASE = configuration.load(workflow.configfiles, config)
     FILES = configuration.input_files(CASE)
     check_command(CASE)

@@ -201,7 +201,7 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     ({"stop": [1, 2]}, ["stop is [1, 2]"]),
     ({"scene": "builtin"}, ["scene is 'builtin'"]),
     # radar
-    ({"radar": {"altitude_m": 0}}, ["radar.altitude_m is 0", "greater than 0"]),
+    ({"radar": {"altitude_m": 0}}, ["radar.altitude_m is 0", "greater than or equal to 1"]),
     ({"radar": {"altitude_m": "high"}}, ["radar.altitude_m is 'high'"]),
     ({"radar": {"altitude_m": float("nan")}}, ["radar.altitude_m is nan"]),
     ({"radar": {"altitude_m": float("inf")}}, ["radar.altitude_m is inf"]),
@@ -227,7 +227,7 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     (flat(labels=7), ["scene.labels is 7"]),
     ({"scene": {"source": "slant_range"}}, ["scene.labels is missing"]),
     ({"scene": {"source": "raster"}}, ["scene.elevation is missing"]),
-    (mapped(cell_m=0), ["scene.cell_m is 0", "greater than 0"]),
+    (mapped(cell_m=0), ["scene.cell_m is 0", "greater than or equal to 0.001"]),
     (mapped(crs=32631), ["scene.crs is 32631"]),
     (mapped(bounds=[0, 1, 2]), ["scene.bounds.3 is missing"]),
     (mapped(bounds=[0, 2, 1, 1]), ["scene", "bounds are [0, 2, 1, 1]", "south < north"]),
@@ -267,6 +267,10 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     (synthetic(warp_px=-1), ["measurement.synthetic.warp_px is -1"]),
     (synthetic(warp_px=float("nan")), ["measurement.synthetic.warp_px is nan"]),
     (synthetic(seed=-1), ["measurement.synthetic.seed is -1"]),
+    (
+        {"radar": {"azimuth_resolution_m": 1e4}},
+        ["radar: azimuth_resolution_m is 10000, expected at most 1000 times azimuth_spacing_m (2.5)"],
+    ),
     # the rest
     ({"simulator": {"kind": "emprise"}}, ["simulator.kind is 'emprise'", "'builtin'"]),
     ({"registration": {"method": "magic"}}, ["registration.method is 'magic'", "'none'"]),
@@ -371,7 +375,7 @@ def test_file_needs_only_the_keys_that_differ(tmp_path: Path) -> None:
     assert case.stop.rms == 1e-4
     assert case.stop.max_runs == Case().stop.max_runs
     assert case.radar == Case().radar
-    assert load([write(tmp_path, "# nothing\n")]) == Case()
+    assert load([write(tmp_path, "{}\n")]) == Case()
 
 
 def test_later_files_win_key_by_key(tmp_path: Path) -> None:
@@ -428,7 +432,8 @@ def test_bad_overrides(tmp_path: Path, overrides: dict[str, Any], words: list[st
         ("seed: 1\n\tcase: x\n", r"case\.yaml, line 2: not a YAML file"),
         ("a: b: c\n", r"case\.yaml, line 1: not a YAML file"),
         ("!!python/object/apply:os.getcwd []\n", "not a YAML file"),
-        (b"case: \xff\xfe\n", r"case\.yaml: not a YAML file"),
+        (b"seed: 1\ncase: \xff\xfe\n", r"case\.yaml, line 2: not a text file in UTF-8"),
+        ("# nothing\n", r"case\.yaml: is empty, expected keys and values"),
         ("- seed\n- 3\n", r"case\.yaml: holds list, expected keys and values"),
         ("just text\n", r"case\.yaml: holds str, expected keys and values"),
         ("seed: minus one\n", r"case\.yaml: seed is 'minus one'"),

@@ -20,7 +20,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-import yaml
 from pydantic import (
     AfterValidator,
     BaseModel,
@@ -35,9 +34,25 @@ from pydantic import (
     field_validator,
     model_validator,
 )
-from pydantic_core import PydanticCustomError
 
+from radcal.casefile import merged, read_case_file, read_value, shown
 from radcal.errors import ConfigError
+from radcal.limits import (
+    ALL_PIXELS,
+    LONGEST_S,
+    Altitude,
+    Coordinate,
+    Count,
+    Decibels,
+    Frequency,
+    Integer,
+    Length,
+    Parameter,
+    Real,
+    RetryWait,
+    Seed,
+    Timeout,
+)
 from radcal.radar.bands import same_label, within_band
 from radcal.radar.laws import EXTERNAL, LAWS, Law, external_law, law_for
 from radcal.scene.objects import check_curve
@@ -79,28 +94,13 @@ __all__ = [
     "nearest",
 ]
 
-ALL_PIXELS = 2**31 - 1  # more than any material has: what "all" stands for
-
-
-def _not_bool(value: object) -> object:
-    """Refuse YAML's yes, no, on, off, true and false where a number is asked for: Python would take them as 1 and 0."""
-    if isinstance(value, bool):
-        raise PydanticCustomError("bool_as_number", "a number")
-    return value
-
-
-Integer = Annotated[int, BeforeValidator(_not_bool)]
-Real = Annotated[float, BeforeValidator(_not_bool)]
-Seed = Annotated[Integer, Field(ge=0, lt=2**63)]
-Positive = Annotated[Real, Field(gt=0, allow_inf_nan=False)]
-Finite = Annotated[Real, Field(allow_inf_nan=False)]
-Count = Annotated[Integer, Field(ge=1)]
 Radiometry = Literal["sigma0_local", "sigma0_ref", "beta0", "gamma0"]
 
 
 _DEFAULT_LAW = "mangia"
 _DESIGN_SIZE = {"classes": 2, "likelihood": 2, "density": 16}  # runs; classes know of law and speckle without any
 _LARGEST = 1000.0  # of any parameter: powers beyond 10^100 are a unit mix-up, and no single-precision image holds them
+_COARSEST = 1000.0  # pixels to a resolution cell: the impulse response is sampled that much further
 
 
 def _case_name(value: str) -> str:
@@ -121,9 +121,9 @@ class _Strict(BaseModel):
 class GeneratedObjects(_Strict):
     """Made-up objects, scattered evenly."""
 
-    trees: Annotated[int, Field(ge=0, le=10_000_000)] = 0
-    cars: Annotated[int, Field(ge=0, le=10_000_000)] = 0
-    buildings: Annotated[int, Field(ge=0, le=10_000_000)] = 0
+    trees: Annotated[Integer, Field(ge=0, le=10_000_000)] = 0
+    cars: Annotated[Integer, Field(ge=0, le=10_000_000)] = 0
+    buildings: Annotated[Integer, Field(ge=0, le=10_000_000)] = 0
     seed: Seed = 1
 
     @model_validator(mode="after")
@@ -138,7 +138,7 @@ class SceneObjects(_Strict):
 
     path: str | None = Field(None, description="table of objects: .csv, .gpkg or .h5")
     layer: str | None = Field(None, description="layer of a GeoPackage; needed where it has several")
-    aspect: dict[str, list[tuple[Finite, Finite]]] = Field(
+    aspect: dict[str, list[tuple[Annotated[Real, Field(ge=-180, le=360)], Decibels]]] = Field(
         default_factory=dict, description="aspect class -> [aspect in degrees, cross-section in dBsm] pairs"
     )
     generate: GeneratedObjects | None = Field(None, description="made-up trees, cars and buildings in place of a table")
@@ -201,8 +201,8 @@ class RasterScene(_Strict):
         None,
         description="projected CRS of the scene, such as EPSG:32631; the elevation's if that is in metres, else UTM",
     )
-    cell_m: Positive | None = Field(None, description="cell size [m]; the elevation's own if missing")
-    bounds: tuple[Finite, Finite, Finite, Finite] | None = Field(
+    cell_m: Length | None = Field(None, description="cell size [m]; the elevation's own if missing")
+    bounds: tuple[Coordinate, Coordinate, Coordinate, Coordinate] | None = Field(
         None, description="[west, south, east, north] in the scene's CRS [m]; where both rasters are if missing"
     )
     vertical_datum: str | None = Field(
@@ -230,7 +230,7 @@ Scene = Annotated[BuiltinScene | SlantRangeScene | RasterScene, Field(discrimina
 class Radar(_Strict):
     """One pass: track, sensor and image grid."""
 
-    altitude_m: Positive = Field(4000.0, description="height of the track above the scene's mean elevation [m]")
+    altitude_m: Altitude = Field(4000.0, description="height of the track above the scene's mean elevation [m]")
     depression_deg: Annotated[Real, Field(gt=5, lt=85)] = Field(
         45.0, description="depression angle towards the scene's centre [deg]"
     )
@@ -238,16 +238,16 @@ class Radar(_Strict):
         "right", description="the track heads north: right looks east, left looks west"
     )
     band: str = Field("X", description="label of the carrier's band")
-    frequency_ghz: Positive | None = Field(None, description="carrier frequency [GHz], for laws that depend on it")
+    frequency_ghz: Frequency | None = Field(None, description="carrier frequency [GHz], for laws that depend on it")
     polarisation: Literal["HH", "HV", "VH", "VV"] = "HH"
-    range_resolution_m: Positive = Field(2.0, description="-3 dB width in slant range [m]")
-    azimuth_resolution_m: Positive = Field(3.5, description="-3 dB width in azimuth [m]")
-    range_spacing_m: Positive = Field(1.5, description="pixel spacing in slant range [m]")
-    azimuth_spacing_m: Positive = Field(2.5, description="pixel spacing in azimuth [m]")
+    range_resolution_m: Length = Field(2.0, description="-3 dB width in slant range [m]")
+    azimuth_resolution_m: Length = Field(3.5, description="-3 dB width in azimuth [m]")
+    range_spacing_m: Length = Field(1.5, description="pixel spacing in slant range [m]")
+    azimuth_spacing_m: Length = Field(2.5, description="pixel spacing in azimuth [m]")
     looks: Annotated[Integer, Field(ge=1, le=64)] = Field(4, description="independent looks averaged in power")
     nesz_db: Annotated[
-        Annotated[Finite, Tag("one level")]
-        | Annotated[list[tuple[Annotated[Real, Field(ge=0, lt=90)], Finite]], Field(min_length=2), Tag("a table")],
+        Annotated[Decibels, Tag("one level")]
+        | Annotated[list[tuple[Annotated[Real, Field(ge=0, lt=90)], Decibels]], Field(min_length=2), Tag("a table")],
         Discriminator(lambda value: "a table" if isinstance(value, list) else "one level"),
     ] = Field(
         -20.0, description="noise-equivalent sigma0 [dB], or a table of [incidence on flat ground in degrees, dB]"
@@ -264,6 +264,17 @@ class Radar(_Strict):
             if any(second <= first for first, second in itertools.pairwise(angles)):
                 raise ValueError(f"the incidence angles are {angles}, expected increasing angles")
         return table
+
+    @model_validator(mode="after")
+    def _sampled(self) -> Self:
+        for way in ("range", "azimuth"):
+            resolution, spacing = getattr(self, f"{way}_resolution_m"), getattr(self, f"{way}_spacing_m")
+            if resolution > _COARSEST * spacing:
+                raise ValueError(
+                    f"{way}_resolution_m is {resolution:g}, expected at most {_COARSEST:g} times {way}_spacing_m "
+                    f"({spacing:g})"
+                )
+        return self
 
     @model_validator(mode="after")
     def _one_band(self) -> Self:
@@ -346,7 +357,7 @@ class Start(_Strict):
 
     law: str = Field(description="law of the reference run")
     angles_deg: Knots | None = Field(None, description="knots of a tabulated law [deg]")
-    parameters: list[Finite] = Field(description="its parameters")
+    parameters: list[Parameter] = Field(description="its parameters")
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -442,7 +453,9 @@ class Output(_Strict):
     shape: tuple[Count, Count] | None = Field(
         None, description="[rows, columns] of a raw file as written; the simulated image's if missing"
     )
-    header_bytes: Annotated[Integer, Field(ge=0)] | None = Field(None, description="bytes before a raw file's numbers")
+    header_bytes: Annotated[Integer, Field(ge=0, le=10**12)] | None = Field(
+        None, description="bytes before a raw file's numbers"
+    )
     transpose: bool = Field(False, description="the file's rows are columns of the image (azimuth)")
     flip_rows: bool = Field(False, description="the last row is the nearest in slant range (after transpose)")
     flip_columns: bool = Field(False, description="columns run against the flight (after transpose)")
@@ -477,11 +490,9 @@ class CommandSimulation(_Strict):
     environment: Annotated[dict[str, Variable], AfterValidator(_environment)] = Field(
         default_factory=dict, description="environment variables, besides radcal's own"
     )
-    timeout_s: Positive = Field(3600.0, description="a run that takes longer is killed [s]")
+    timeout_s: Timeout = Field(3600.0, description="a run that takes longer is killed [s]")
     retries: Annotated[Integer, Field(ge=0, le=20)] = Field(0, description="times that a failed run is tried again")
-    retry_wait_s: Annotated[Real, Field(ge=0, allow_inf_nan=False)] = Field(
-        1.0, description="wait before the first retry [s]; doubles each time"
-    )
+    retry_wait_s: RetryWait = Field(1.0, description="wait before the first retry [s]; doubles each time")
     accept_exit_codes: Annotated[list[Annotated[Integer, Field(ge=-64, le=255)]], Field(min_length=1)] = Field(
         default_factory=lambda: [0],
         description="exit codes of a complete output; -11: ended by signal 11",
@@ -495,8 +506,20 @@ class CommandSimulation(_Strict):
     @property
     def longest_run_s(self) -> float:
         """What a run takes at most, with all its retries [s]."""
-        waits = self.retry_wait_s * (2.0**self.retries - 1.0)
-        return self.timeout_s * (self.retries + 1) + waits
+        return self.timeout_s * (self.retries + 1) + self._waits_s
+
+    @property
+    def _waits_s(self) -> float:
+        return self.retry_wait_s * (2.0**self.retries - 1.0)
+
+    @model_validator(mode="after")
+    def _patience(self) -> Self:
+        if self._waits_s > LONGEST_S:
+            raise ValueError(
+                f"retry_wait_s is {self.retry_wait_s:g} and retries {self.retries}: waits that double each time add "
+                f"up to {self._waits_s / 86_400:.3g} days, expected at most {LONGEST_S / 86_400:g}"
+            )
+        return self
 
     @model_validator(mode="after")
     def _names(self) -> Self:
@@ -536,11 +559,11 @@ class Material(_Strict):
     angles_deg: Knots | None = Field(None, description="incidence angles of a tabulated law's knots [deg]")
     names: list[str] | None = Field(None, description="of the parameters (law: external)")
     units: list[str] | None = Field(None, description="of the parameters (law: external)")
-    parameters: list[Finite] | None = Field(None, description="fixed parameters (calibrate: false)")
-    bounds: list[tuple[Finite, Finite]] | None = Field(None, description="[lower, upper] of each parameter")
+    parameters: list[Parameter] | None = Field(None, description="fixed parameters (calibrate: false)")
+    bounds: list[tuple[Parameter, Parameter]] | None = Field(None, description="[lower, upper] of each parameter")
     start: (
         Annotated[
-            Annotated[list[Finite], Tag("a list")] | Annotated[Start, Tag("a law")],
+            Annotated[list[Parameter], Tag("a list")] | Annotated[Start, Tag("a law")],
             Discriminator(lambda value: "a law" if isinstance(value, dict | Start) else "a list"),
         ]
         | None
@@ -637,7 +660,7 @@ class Material(_Strict):
 class Synthetic(_Strict):
     """The hidden truth of a synthetic measurement."""
 
-    parameters: dict[str, list[Finite]] = Field(
+    parameters: dict[str, list[Parameter]] = Field(
         default_factory=lambda: {"dyke": [6.1, 14.2, 21.5, 3.3]},
         description="hidden parameters by material; others keep theirs",
     )
@@ -648,7 +671,7 @@ class Synthetic(_Strict):
         return "parameters" in self.model_fields_set
 
     seed: Seed = Field(2, description="seed of the measurement's speckle, noise and warp")
-    offset_db: Finite = Field(0.0, description="level offset of the measurement [dB]")
+    offset_db: Decibels = Field(0.0, description="level offset of the measurement [dB]")
     warp_px: Annotated[Real, Field(ge=0, le=50)] = Field(2.0, description="rms misregistration [pixels]")
 
 
@@ -694,9 +717,9 @@ class Registration(_Strict):
 class Target(_Strict):
     """Which pixels of a material make its target density."""
 
-    pixels: Annotated[Integer, Field(ge=50), BeforeValidator(lambda value: ALL_PIXELS if value == "all" else value)] = (
-        Field(1000, description="pixels drawn without replacement, or all")
-    )
+    pixels: Annotated[
+        Integer, Field(ge=50, le=ALL_PIXELS), BeforeValidator(lambda value: ALL_PIXELS if value == "all" else value)
+    ] = Field(1000, description="pixels drawn without replacement, or all")
     margin_px: Annotated[Integer, Field(ge=0, le=100)] = Field(
         1, description="pixels this near to another material are left out"
     )
@@ -704,7 +727,9 @@ class Target(_Strict):
         "likelihood",
         description="likelihood, or penalised likelihood, whose alpha is finite; of runs too",
     )
-    snr_db: Finite = Field(0.0, description="pixels whose surroundings rise less above radar.nesz_db are left out [dB]")
+    snr_db: Decibels = Field(
+        0.0, description="pixels whose surroundings rise less above radar.nesz_db are left out [dB]"
+    )
     leave_out_point_targets: bool = Field(True, description="pixels far above what speckle allows are left out")
     normalisation: Literal["none", "offset", "image"] = Field(
         "none", description="none, offset (a level seen in the fixed materials) or image (zero median, unit range)"
@@ -775,18 +800,20 @@ class Optimiser(_Strict):
     )
     # Platypus sorts in pure Python, with time growing as evaluations times population; the polish and
     # the multi-start search make up for a small population
-    population: Annotated[Integer, Field(ge=4)] = Field(40, description="solutions in a generation")
-    evaluations: Annotated[Integer, Field(ge=1)] = Field(1600, description="evaluations of the surrogate")
+    population: Annotated[Integer, Field(ge=4, le=10_000)] = Field(40, description="solutions in a generation")
+    evaluations: Annotated[Integer, Field(ge=1, le=10_000_000)] = Field(
+        1600, description="evaluations of the surrogate"
+    )
     polish: bool = Field(True, description="least squares in theta from NSGA-II's best point")
 
 
 class Stop(_Strict):
     """When the loop ends; never touches finished runs."""
 
-    rms: Positive = Field(1.0e-5, description="tolerance on the density mismatch [1/dB]")
+    rms: Annotated[Real, Field(gt=0, le=100)] = Field(1.0e-5, description="tolerance on the density mismatch [1/dB]")
     max_runs: Count = Field(200, description="design and infill runs together")
     stagnation_runs: Count = Field(20, description="infill runs without a better point")
-    law_db: Positive = Field(
+    law_db: Annotated[Real, Field(gt=0, le=200)] = Field(
         0.05, description="change of a law over the incidence seen that counts as none [dB]; for objective: classes"
     )
 
@@ -1218,13 +1245,15 @@ def _sentence(error: ValidationError, origin: str) -> str:
         case "union_tag_invalid" | "union_tag_not_found":
             tag = _TAGS[key]
             text = f"{key}.{tag} is {_shown(found, tag)}, expected {first.get('ctx', {}).get('expected_tags', '')}"
+        case "int_parsing_size":
+            text = f"{key} is {shown(repr(found))}, expected an integer of fewer digits"
         case _:
             message = first["msg"].removeprefix("Input should be ")
-            text = f"{key} is {found!r}, expected {message}"
+            text = f"{key} is {shown(repr(found))}, expected {message}"
     # of several alternatives for one key none fits, which is one problem
     others = {_key(detail["loc"]) for detail in details[1:]} - {key}
     more = f" (and {len(others)} more)" if others else ""
-    return f"{origin}: {text}{more}."
+    return f"{origin}: {shown(text, 600)}{more}."
 
 
 def _key(place: Sequence[int | str]) -> str:
@@ -1240,26 +1269,12 @@ def _shown(found: object, key: str) -> str:
     return repr(found.get(key)) if isinstance(found, Mapping) else repr(found)
 
 
-def _merge(base: dict[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
-    """Deep-merge ``over`` into a copy of ``base``."""
-    merged = dict(base)
-    for key, value in over.items():
-        if isinstance(value, Mapping) and isinstance(merged.get(key), Mapping):
-            merged[key] = _merge(dict(merged[key]), value)
-        else:
-            merged[key] = value
-    return merged
-
-
 def _parsed(overrides: Mapping[str, Any]) -> dict[str, Any]:
     """Sections that came from the command line as text, as data."""
     parsed = dict(overrides)
     for key, value in overrides.items():
         if isinstance(value, str) and key in Case.model_fields.keys() - {"case", "seed"}:
-            try:
-                parsed[key] = yaml.safe_load(value)
-            except yaml.YAMLError as error:
-                raise ConfigError(f"--config {key}={value}: not valid JSON or YAML.") from error
+            parsed[key] = read_value(value, f"--config {key}")
     return parsed
 
 
@@ -1291,22 +1306,12 @@ def load(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None
     Raises
     ------
     ConfigError
-        A file is missing or not YAML, or a value is refused.
+        A file is missing, empty or not YAML, a key stands in it twice, or a value is refused.
     """
     data: dict[str, Any] = {}
     for file in files:
-        try:
-            read = yaml.safe_load(Path(file).read_text(encoding="utf-8"))
-        except OSError as error:
-            raise ConfigError(f"{file}: cannot be read ({error.strerror}).") from None
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
-            where = getattr(error, "problem_mark", None)
-            line = f", line {where.line + 1}" if where is not None else ""
-            raise ConfigError(f"{file}{line}: not a YAML file ({getattr(error, 'problem', error)}).") from None
-        if not isinstance(read, Mapping | None):
-            raise ConfigError(f"{file}: holds {type(read).__name__}, expected keys and values.")
-        data = _merge(data, read or {})
-    data = _merge(data, _parsed(overrides or {}))
+        data = merged(data, read_case_file(file))
+    data = merged(data, _parsed(overrides or {}))
     return case_from(data, ", ".join(str(f) for f in files) or "configuration")
 
 

@@ -1,0 +1,279 @@
+"""Case files and values of the command line as text: one YAML document, each key once, safe to expand.
+
+Nothing here knows what a key means; :mod:`radcal.config` does.
+"""
+
+from __future__ import annotations
+
+import codecs
+import stat
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from radcal.errors import ConfigError
+
+__all__ = ["check_words", "merged", "read_case_file", "read_value", "setting", "shown"]
+
+_LARGEST_BYTES = 200_000  # of a case file: some twenty times the longest that radcal ships
+_LARGEST_VALUES = 200_000  # once every alias is written out: no file of that size without aliases holds so many
+_MERGE = "tag:yaml.org,2002:merge"
+
+
+class _Fault(Exception):
+    """What is wrong, and in which line, from 1."""
+
+    def __init__(self, text: str, line: int | None = None) -> None:
+        super().__init__(text)
+        self.line = line
+
+
+class _Loader(yaml.SafeLoader):
+    """PyYAML's safe loader, which says where a value is that it cannot make."""
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        try:
+            value = super().construct_object(node, deep)
+            if isinstance(value, int):
+                str(value)  # which Python refuses for thousands of digits; written in hexadecimal they got here
+            return value
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
+            text = shown(str(node.value)) if isinstance(node, yaml.ScalarNode) else "what stands there"
+            raise _Fault(f"{text} is no value of the kind {node.tag.rpartition(':')[2]}", _line(node)) from None
+
+
+def read_case_file(path: str | Path) -> dict[str, Any]:
+    """The keys and values of a case file.
+
+    Parameters
+    ----------
+    path : path
+        A YAML file in UTF-8 with one document.
+
+    Returns
+    -------
+    dict
+        Plain data; aliases and merge keys (``<<``) are followed.
+
+    Raises
+    ------
+    ConfigError
+        The file cannot be read, is no such text, holds a key twice, an anchor that contains itself or
+        aliases that stand for more than 200,000 values, or is anything but keys and values.
+
+    References
+    ----------
+    YAML 1.1, sections 3.2.1.3 (keys are unique) and 7.1 (aliases).
+    """
+    try:
+        found = _parsed(_text(_content(Path(path))))
+    except _Fault as fault:
+        line = "" if fault.line is None else f", line {fault.line}"
+        raise ConfigError(f"{path}{line}: {fault}.") from None
+    if found is None:
+        raise ConfigError(f"{path}: is empty, expected keys and values such as case: mine.")
+    if not isinstance(found, Mapping):
+        raise ConfigError(f"{path}: holds {type(found).__name__}, expected keys and values.")
+    return dict(found)
+
+
+def read_value(text: str, origin: str) -> Any:
+    """A value of the command line: JSON or YAML on one line.
+
+    Parameters
+    ----------
+    text : str
+        The value as typed.
+    origin : str
+        The option and the key, for messages.
+
+    Raises
+    ------
+    ConfigError
+        It is neither, or a key stands in it twice.
+    """
+    try:
+        return _parsed(text)
+    except _Fault as fault:
+        raise ConfigError(f"{origin}={shown(text)}: not valid JSON or YAML ({fault}).") from None
+
+
+def setting(word: str, origin: str) -> dict[str, Any]:
+    """The data that one ``section.key=value`` stands for.
+
+    Parameters
+    ----------
+    word : str
+        Such as ``stop.rms=1e-6``; names between the dots may hold blanks.
+    origin : str
+        The option, for messages.
+
+    Raises
+    ------
+    ConfigError
+        It is no key and value.
+    """
+    key, equals, text = word.partition("=")
+    parts = key.split(".")
+    if not equals or not all(part.strip() for part in parts):
+        raise ConfigError(f"{origin} {shown(word)}: expected KEY=VALUE such as stop.rms=1e-6.")
+    value = read_value(text, f"{origin} {key}")
+    for part in reversed(parts):
+        value = {part: value}
+    return dict(value)
+
+
+def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    """A copy of ``base`` with ``over`` merged into it, section by section."""
+    both = dict(base)
+    for key, value in over.items():
+        below = both.get(key)
+        both[key] = merged(below, value) if isinstance(value, Mapping) and isinstance(below, Mapping) else value
+    return both
+
+
+def shown(text: str, most: int = 60) -> str:
+    """A text as a sentence may quote it: cut after so many characters, and nothing in it moves a terminal."""
+    safe = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text[:most])
+    return safe if len(text) <= most else f"{safe[: most - 3]}..."
+
+
+def check_words(words: Sequence[str], origin: str = "--config") -> None:
+    """Refuse settings of the command line that give one key twice: the last would win without a word.
+
+    Parameters
+    ----------
+    words : sequence of str
+        As typed, each ``key=value``.
+    origin : str
+        The option, for messages.
+
+    Raises
+    ------
+    ConfigError
+        A key stands there twice, or a value is neither JSON nor YAML.
+    """
+    given: set[str] = set()
+    for word in words:
+        for key in _leaves(setting(word, origin)):
+            if key in given:
+                raise ConfigError(f"{origin}: {shown(key)} is given twice, expected once.")
+            given.add(key)
+
+
+def _leaves(data: Mapping[Any, Any], above: str = "") -> Iterator[str]:
+    for key, value in data.items():
+        name = f"{above}{key}"
+        if isinstance(value, Mapping):
+            yield from _leaves(value, f"{name}.")
+        else:
+            yield name
+
+
+def _content(path: Path) -> bytes:
+    """The bytes of a regular file: a pipe or a device might never end."""
+    try:
+        found = path.stat()
+        if stat.S_ISDIR(found.st_mode):
+            raise _Fault("cannot be read (a folder, expected a YAML file)")
+        if not stat.S_ISREG(found.st_mode):
+            raise _Fault("cannot be read (not a regular file)")
+        if found.st_size > _LARGEST_BYTES:
+            raise _Fault(f"holds {found.st_size:,} bytes, expected a case file of at most {_LARGEST_BYTES:,}")
+        return path.read_bytes()
+    except OSError as error:
+        raise _Fault(f"cannot be read ({error.strerror})") from None
+    except ValueError:  # a zero character in the path
+        raise _Fault("cannot be read (no name of a file)") from None
+
+
+def _text(content: bytes) -> str:
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) or b"\0" in content[:2]:
+        raise _Fault("is text in UTF-16, expected UTF-8: save it as UTF-8")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        wrong = f"byte 0x{content[error.start]:02x} is not UTF-8"
+        raise _Fault(f"not a text file in UTF-8 ({wrong}; in Latin-1? save it as UTF-8)", line) from None
+
+
+def _parsed(text: str) -> Any:
+    """The value of a YAML text."""
+    try:
+        loader = _Loader(text)
+    except yaml.reader.ReaderError as error:
+        line = text.count("\n", 0, error.position) + 1
+        raise _Fault(f"not a YAML file (character U+{ord(text[error.position]):04X} in it)", line) from None
+    try:
+        node = loader.get_single_node()
+        if node is None:
+            return None
+        _check(loader, node)
+        return loader.construct_document(node)
+    except RecursionError:
+        raise _Fault("not a case (sections or lists nested in one another hundreds of times)") from None
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        raise _Fault(f"not a YAML file ({_problem(error)})", None if mark is None else mark.line + 1) from None
+    finally:
+        loader.dispose()
+
+
+def _problem(error: yaml.MarkedYAMLError) -> str:
+    """What PyYAML found, in words that say what to do where the usual mistakes are known."""
+    problem = shown(" ".join(str(error.problem).split()), 200)
+    if "'\\t'" in problem:
+        return "a tab, expected blanks: YAML takes no tabs before a key"
+    if problem == "but found another document":
+        return "a second document begins, expected one"
+    if problem.startswith("could not determine a constructor"):
+        return f"{problem}: only plain values are read"
+    return problem
+
+
+def _check(loader: yaml.SafeLoader, root: yaml.Node) -> None:
+    """Refuse keys that stand twice, anchors that contain themselves, and aliases that grow without end."""
+    weights: dict[int, int] = {}  # values that a node stands for, aliases written out
+    entered: set[int] = set()
+
+    def weigh(node: yaml.Node, key: str) -> int:
+        if id(node) in weights:
+            return weights[id(node)]
+        if id(node) in entered:
+            raise _Fault(f"the anchor that {shown(key) or 'the case'} refers to contains itself", _line(node))
+        entered.add(id(node))
+        weight = 1
+        if isinstance(node, yaml.SequenceNode):
+            weight += sum(weigh(item, key) for item in node.value)
+        elif isinstance(node, yaml.MappingNode):
+            for name, (key_node, value) in zip(_names(loader, node, key), node.value, strict=True):
+                weight += weigh(key_node, name) + weigh(value, name)
+        weights[id(node)] = weight
+        return weight
+
+    if (values := weigh(root, "")) > _LARGEST_VALUES:
+        number = f"{values:,}" if values < 10**15 else "10^15 and more"
+        raise _Fault(f"its aliases stand for {number} values, expected at most {_LARGEST_VALUES:,}")
+
+
+def _names(loader: yaml.SafeLoader, node: yaml.MappingNode, above: str) -> list[str]:
+    """Dotted names of a section's keys, of which none stands twice."""
+    lines: dict[Any, int] = {}
+    names = []
+    for key_node, _ in node.value:
+        if not isinstance(key_node, yaml.ScalarNode):
+            raise _Fault("not a YAML file (a key is a list or a section, expected a name)", _line(key_node))
+        key = key_node.value if key_node.tag == _MERGE else loader.construct_object(key_node)
+        name = f"{above}.{key}" if above else str(key)
+        if key in lines:
+            raise _Fault(f"{shown(name)} stands here and in line {lines[key]}, expected each key once", _line(key_node))
+        lines[key] = _line(key_node)
+        names.append(name)
+    return names
+
+
+def _line(node: yaml.Node) -> int:
+    return int(node.start_mark.line) + 1

@@ -1,0 +1,53 @@
+"""Numbers of a configuration, each kind with the range in which radcal computes: docs/limits.md lists the keys.
+
+Beyond these ranges there is no pass, no scene and no computer, but a slip of the unit or of a digit.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import BeforeValidator, Field
+from pydantic_core import PydanticCustomError
+
+__all__ = [
+    "ALL_PIXELS",
+    "LONGEST_S",
+    "Altitude",
+    "Coordinate",
+    "Count",
+    "Decibels",
+    "Frequency",
+    "Integer",
+    "Length",
+    "Parameter",
+    "Real",
+    "RetryWait",
+    "Seed",
+    "Timeout",
+]
+
+ALL_PIXELS = 2**31 - 1  # more than any material has: what "all" stands for
+LONGEST_S = 30 * 86_400.0  # of a run, and of what is waited between its attempts: clusters grant no more
+
+
+def _not_bool(value: object) -> object:
+    """Refuse YAML's yes, no, on, off, true and false where a number is asked for: Python would take them as 1 and 0."""
+    if isinstance(value, bool):
+        raise PydanticCustomError("bool_as_number", "a number")
+    return value
+
+
+Integer = Annotated[int, BeforeValidator(_not_bool)]
+Real = Annotated[float, BeforeValidator(_not_bool)]
+Seed = Annotated[Integer, Field(ge=0, le=2**63 - 1)]
+Count = Annotated[Integer, Field(ge=1, le=1_000_000)]
+Altitude = Annotated[Real, Field(ge=1, le=1e8)]  # geosynchronous orbits are at 3.6e7 m
+Length = Annotated[Real, Field(ge=1e-3, le=1e6)]  # of a cell or a pixel
+Coordinate = Annotated[Real, Field(ge=-1e8, le=1e8)]  # the Earth is 4e7 m round
+Frequency = Annotated[Real, Field(ge=0.01, le=1000)]  # from HF to where radars end
+Decibels = Annotated[Real, Field(ge=-200, le=200)]  # as in images
+# of a law: its square and its cube are numbers yet, and it has a place in single precision
+Parameter = Annotated[Real, Field(ge=-1e30, le=1e30)]
+Timeout = Annotated[Real, Field(gt=0, le=LONGEST_S)]
+RetryWait = Annotated[Real, Field(ge=0, le=86_400)]

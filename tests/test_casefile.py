@@ -1,0 +1,153 @@
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+
+import pytest
+
+from radcal.casefile import check_words, merged, read_case_file, read_value, setting
+from radcal.errors import ConfigError
+
+
+def write(folder: Path, content: str | bytes) -> Path:
+    path = folder / "mine.yaml"
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return path
+
+
+def sentence(folder: Path, content: str | bytes) -> str:
+    path = write(folder, content)
+    with pytest.raises(ConfigError) as caught:
+        read_case_file(path)
+    text = str(caught.value)
+    assert "\n" not in text
+    assert text.endswith(".")
+    assert text.startswith(str(path))
+    return text.removeprefix(str(path))
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("seed: 1\nstop: {rms: 1}\n\nseed: 2\n", ", line 4: seed stands here and in line 1, expected each key once."),
+        ("stop:\n  rms: 1\n  max_runs: 9\n  rms: 2\n", ", line 4: stop.rms stands here and in line 2, expected"),
+        ('"stop": {}\nstop:\n  rms: 1\n', ", line 2: stop stands here and in line 1"),
+        ("a:\n- b: 1\n- b: 1\n  c: {d: 0,\n    d: 0}\n", ", line 5: a.c.d stands here and in line 4"),
+        ("materials:\n  yes: {}\n  on: {}\n", ", line 3: materials.True stands here and in line 2"),
+        ("a: &a {b: 1}\nc:\n  <<: *a\n  <<: *a\n", ", line 4: c.<< stands here and in line 3"),
+    ],
+)
+def test_keys_that_stand_twice_are_refused_with_both_lines(tmp_path: Path, content: str, said: str) -> None:
+    assert sentence(tmp_path, content).startswith(said)
+
+
+def test_anchors_and_merge_keys_behave(tmp_path: Path) -> None:
+    text = """
+materials:
+  dyke: &soil {calibrate: true, bounds: &box [[0, 50], [1, 2]]}
+  grass: {<<: *soil, calibrate: false}
+  road: {<<: [{law: a}, *soil], bounds: *box}
+"""
+    box = [[0, 50], [1, 2]]
+    assert read_case_file(write(tmp_path, text))["materials"] == {
+        "dyke": {"calibrate": True, "bounds": box},
+        "grass": {"calibrate": False, "bounds": box},
+        "road": {"law": "a", "calibrate": True, "bounds": box},
+    }
+
+
+def bomb(item: str, levels: int, of: str = "[]") -> str:
+    """Aliases of aliases: nine times as many values on every level."""
+    lines = [f"k0: &k0 {item}"]
+    for n in range(levels):
+        items = [f"*k{n}"] * 9 if of == "[]" else [f"m{i}: *k{n}" for i in range(9)]
+        lines.append(f"k{n + 1}: &k{n + 1} {of[0]}{', '.join(items)}{of[1]}")
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize("of", ["[]", "{}"])
+@pytest.mark.parametrize(("levels", "shown"), [(8, "[0-9,]{10,}"), (60, r"10\^15 and more")])
+def test_aliases_that_grow_without_end_are_refused(tmp_path: Path, of: str, levels: int, shown: str) -> None:
+    text = sentence(tmp_path, bomb("[1]", levels, of))
+    assert re.fullmatch(rf": its aliases stand for {shown} values, expected at most 200,000\.", text)
+
+
+def test_aliases_of_some_thousand_values_are_read(tmp_path: Path) -> None:
+    found = read_case_file(write(tmp_path, bomb("[7]", 4)))
+    assert found["k4"][8][8][8][8] == [7]
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("a: &a [1, *a]\n", ", line 1: the anchor that a refers to contains itself."),
+        ("seed: 1\nstop: &s\n  rms: *s\n", ", line 2: the anchor that stop.rms refers to contains itself."),
+        ("", ": is empty, expected keys and values such as case: mine."),
+        ("---\n...\n", ": is empty, expected keys and values"),
+        ("- 1\n", ": holds list, expected keys and values."),
+        ("seed: 1\nstop:\n\trms: 1\n", ", line 3: not a YAML file (a tab, expected blanks"),
+        ("seed: 1\n---\nseed: 2\n", ", line 2: not a YAML file (a second document begins, expected one)."),
+        ("a: !!python/object/apply:os.system [ls]\n", ", line 1: not a YAML file (could not determine a constructor"),
+        ("a: 1\nb: 2024-13-45\n", ", line 2: 2024-13-45 is no value of the kind timestamp."),
+        ("a: !!bool maybe\n", ", line 1: maybe is no value of the kind bool."),
+        ("a: " + "9" * 5000 + "\n", f", line 1: {'9' * 57}... is no value of the kind int."),
+        ("a: 0x" + "f" * 5000 + "\n", f", line 1: 0x{'f' * 55}... is no value of the kind int."),
+        ('"a\\e[31m\\n": 1\n"a\\e[31m\\n": 1\n', r", line 2: a\x1b[31m\n stands here and in line 1"),
+        ("a: " + "[" * 2000 + "]" * 2000 + "\n", ": not a case (sections or lists nested in one another hundreds"),
+        ("a: 1\nb: \x07\n", ", line 2: not a YAML file (character U+0007 in it)."),
+        ("? [1, 2]\n: 3\n", ", line 1: not a YAML file (a key is a list or a section, expected a name)."),
+        ("a: *nobody\n", ", line 1: not a YAML file (found undefined alias"),
+        ("seed: 1\n".encode("utf-16"), ": is text in UTF-16, expected UTF-8: save it as UTF-8."),
+        ("seed: 1\n".encode("utf-16-le"), ": is text in UTF-16, expected UTF-8: save it as UTF-8."),
+        ("seed: 1\ncase: é\n".encode("latin-1"), ", line 2: not a text file in UTF-8 (byte 0xe9 is not UTF-8"),
+        (b"a: 1\n" * 40_001, ": holds 200,005 bytes, expected a case file of at most 200,000."),
+    ],
+)
+def test_what_is_no_case_ends_in_a_sentence(tmp_path: Path, content: str | bytes, said: str) -> None:
+    assert sentence(tmp_path, content).startswith(said)
+
+
+def test_line_ends_and_byte_order_marks_of_other_systems_are_read(tmp_path: Path) -> None:
+    found = read_case_file(write(tmp_path, b"\xef\xbb\xbfcase: mine\r\nstop:\r\n  max_runs: 30\r\n"))
+    assert found == {"case": "mine", "stop": {"max_runs": 30}}
+
+
+def test_what_is_no_file_is_not_opened(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for name, why in [("pipe", "not a regular file"), ("gone", "No such file"), (".", "a folder"), ("a\0", "no name")]:
+        with pytest.raises(ConfigError, match=rf"cannot be read \({why}"):
+            read_case_file(tmp_path / name)
+
+
+def test_values_of_the_command_line() -> None:
+    assert read_value('{"rms": 1.0e-6}', "--config stop") == {"rms": 1e-6}
+    assert read_value("", "--config stop") is None
+    with pytest.raises(ConfigError, match=r"--config stop=.*: not valid JSON or YAML \(rms stands here and in line 1"):
+        read_value("{rms: 1, rms: 2}", "--config stop")
+    with pytest.raises(ConfigError, match=r"--config stop=\{.{55,60}\.\.\.: not valid"):
+        read_value("{rms: " + "[" * 500, "--config stop")
+
+
+def test_a_single_key_is_a_section_of_one() -> None:
+    assert setting("stop.max_runs=30", "--set") == {"stop": {"max_runs": 30}}
+    assert setting("materials.wheat 2.bounds=[[0, 1]]", "--set") == {"materials": {"wheat 2": {"bounds": [[0, 1]]}}}
+    assert setting("measurement.path=a=b", "--set") == {"measurement": {"path": "a=b"}}
+    for word in ("stop.rms", "=3", "stop..rms=1", ".=1", "stop.=1"):
+        with pytest.raises(ConfigError, match=r"^--set .*: expected KEY=VALUE such as stop\.rms=1e-6\.$"):
+            setting(word, "--set")
+
+
+def test_sections_are_merged_key_by_key() -> None:
+    base = {"seed": 1, "stop": {"rms": 1, "max_runs": 2}, "scene": {"source": "raster"}}
+    both = merged(base, {"stop": {"rms": 3}, "scene": None})
+    assert both == {"seed": 1, "stop": {"rms": 3, "max_runs": 2}, "scene": None}
+    assert base["stop"] == {"rms": 1, "max_runs": 2}
+
+
+def test_settings_given_twice_are_refused() -> None:
+    check_words(["stop={rms: 1}", "stop={max_runs: 3}", "seed=1", "case=mine"])
+    with pytest.raises(ConfigError, match=r"^--config: seed is given twice, expected once\.$"):
+        check_words(["seed=1", "stop={rms: 1}", "seed=1"])
+    with pytest.raises(ConfigError, match=r"^--set: stop\.rms is given twice"):
+        check_words(["stop.rms=1", "stop={rms: 2}"], "--set")
