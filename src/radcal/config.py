@@ -40,6 +40,7 @@ from pydantic_core import PydanticCustomError
 from radcal.errors import ConfigError
 from radcal.radar.bands import same_label, within_band
 from radcal.radar.laws import EXTERNAL, LAWS, Law, external_law, law_for
+from radcal.rasters import RasterRefused, raster_files
 from radcal.scene.objects import check_curve
 
 __all__ = [
@@ -77,6 +78,7 @@ __all__ = [
     "input_files",
     "load",
     "nearest",
+    "vrt_folders",
 ]
 
 ALL_PIXELS = 2**31 - 1  # more than any material has: what "all" stands for
@@ -180,6 +182,10 @@ class SlantRangeScene(_Strict):
         description="local incidence angle at the last row [deg]"
     )
 
+    vrt_folders: list[str] | None = Field(
+        None, description="folders in which sources of a VRT may lie, besides the VRT's own"
+    )
+
     @model_validator(mode="after")
     def _ordered(self) -> Self:
         if self.near_incidence_deg >= self.far_incidence_deg:
@@ -210,6 +216,9 @@ class RasterScene(_Strict):
     )
     elevation_error_m: Annotated[Real, Field(ge=0, le=100)] = Field(
         0.0, description="standard error of a height against its neighbours [m]: of the incidence a law is found at"
+    )
+    vrt_folders: list[str] | None = Field(
+        None, description="folders in which sources of a VRT may lie, besides the VRT's own"
     )
     objects: SceneObjects | None = Field(None, description="what stands on the ground")
 
@@ -673,6 +682,9 @@ class FileMeasurement(_Strict):
         None, description="transmitted and received; checked against radar.polarisation"
     )
     carrier_band: str | None = Field(None, description="label of the carrier's band; checked against radar.band")
+    vrt_folders: list[str] | None = Field(
+        None, description="folders in which sources of a VRT may lie, besides the VRT's own"
+    )
     radiometry: Radiometry = Field("sigma0_local", description="what its pixels hold; that of radar.radiometry")
 
 
@@ -1137,20 +1149,46 @@ def input_files(case: Case) -> dict[str, Path]:
         A file is missing.
     """
     files: dict[str, Path] = {}
-    keys: tuple[str, ...] = ()
+    rasters: tuple[str, ...] = ()
     if isinstance(case.scene, SlantRangeScene):
-        keys = ("labels", "names")
+        rasters = ("labels",)
     elif isinstance(case.scene, RasterScene):
-        keys = ("elevation", "materials", "names")
-    for key in keys:
-        files[f"scene.{key}"] = expand_path(getattr(case.scene, key), f"scene.{key}")
+        rasters = ("elevation", "materials")
+    if isinstance(case.scene, SlantRangeScene | RasterScene):
+        for key in rasters:
+            files |= _raster_inputs(case.scene, key, f"scene.{key}")
+        files["scene.names"] = expand_path(case.scene.names, "scene.names")
     if isinstance(case.scene, BuiltinScene | RasterScene) and case.scene.objects and case.scene.objects.path:
         files["scene.objects.path"] = expand_path(case.scene.objects.path, "scene.objects.path")
     if isinstance(case.measurement, FileMeasurement):
-        files["measurement.path"] = expand_path(case.measurement.path, "measurement.path")
+        files |= _raster_inputs(case.measurement, "path", "measurement.path")
     if isinstance(case.simulator, CommandSimulation):
         files |= _simulator_files(case.simulator)
     return files
+
+
+def vrt_folders(config: SlantRangeScene | RasterScene | FileMeasurement) -> tuple[Path, ...]:
+    """Folders in which sources of a VRT may lie besides its own.
+
+    Raises
+    ------
+    ConfigError
+        One of them is missing.
+    """
+    section = "measurement" if isinstance(config, FileMeasurement) else "scene"
+    return tuple(
+        expand_path(text, f"{section}.vrt_folders.{k}", folder=True) for k, text in enumerate(config.vrt_folders or ())
+    )
+
+
+def _raster_inputs(config: SlantRangeScene | RasterScene | FileMeasurement, name: str, key: str) -> dict[str, Path]:
+    """A file that may be a raster, and all that it is read together with."""
+    path = expand_path(getattr(config, name), key)
+    try:
+        others = raster_files(path, vrt_folders(config))
+    except RasterRefused as error:
+        raise ConfigError(f"{key}: {path} cannot be read as a raster ({error}).") from None
+    return {key: path} | {f"{key}.{k}": other for k, other in enumerate(others)}
 
 
 def _simulator_files(config: CommandSimulation) -> dict[str, Path]:
