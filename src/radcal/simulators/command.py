@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.arrays import read_array
 from radcal.config import (
     Case,
     CommandSimulation,
@@ -30,7 +31,7 @@ from radcal.config import (
 )
 from radcal.errors import ConfigError, SimulatorError, StoreError
 from radcal.files import working_folder
-from radcal.images import ImageFile, Values, read_array, reading, to_db
+from radcal.images import ImageFile, Values, reading, to_db
 from radcal.simulators.placeholders import Marked, argument, template
 from radcal.simulators.process import last_words, run_program
 
