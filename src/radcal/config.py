@@ -37,6 +37,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
+from radcal.disclosure import Undisclosed
 from radcal.errors import ConfigError
 from radcal.radar.bands import same_label, within_band
 from radcal.radar.laws import EXTERNAL, LAWS, Law, external_law, law_for
@@ -1049,7 +1050,10 @@ class Case(_Strict):
 
     def sections(self, *names: str) -> dict[str, Any]:
         """Return the named sections as plain data, for a rule's ``params``."""
-        return self.model_dump(mode="json", include=set(names))
+        sections = self.model_dump(mode="json", include=set(names))
+        if environment := sections.get("simulator", {}).get("environment"):
+            sections["simulator"]["environment"] = Undisclosed(environment)
+        return sections
 
     @classmethod
     def of_sections(cls, sections: Mapping[str, Any]) -> Case:
