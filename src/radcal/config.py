@@ -36,6 +36,7 @@ from pydantic import (
 )
 
 from radcal.casefile import merged, read_case_file, read_value, shown
+from radcal.disclosure import Undisclosed
 from radcal.errors import ConfigError
 from radcal.limits import (
     ALL_PIXELS,
@@ -55,6 +56,7 @@ from radcal.limits import (
 )
 from radcal.radar.bands import same_label, within_band
 from radcal.radar.laws import EXTERNAL, LAWS, Law, external_law, law_for
+from radcal.rasters import RasterRefused, raster_files
 from radcal.scene.objects import check_curve
 
 __all__ = [
@@ -92,6 +94,7 @@ __all__ = [
     "input_files",
     "load",
     "nearest",
+    "vrt_folders",
 ]
 
 Radiometry = Literal["sigma0_local", "sigma0_ref", "beta0", "gamma0"]
@@ -180,6 +183,10 @@ class SlantRangeScene(_Strict):
         description="local incidence angle at the last row [deg]"
     )
 
+    vrt_folders: list[str] | None = Field(
+        None, description="folders in which sources of a VRT may lie, besides the VRT's own"
+    )
+
     @model_validator(mode="after")
     def _ordered(self) -> Self:
         if self.near_incidence_deg >= self.far_incidence_deg:
@@ -210,6 +217,9 @@ class RasterScene(_Strict):
     )
     elevation_error_m: Annotated[Real, Field(ge=0, le=100)] = Field(
         0.0, description="standard error of a height against its neighbours [m]: of the incidence a law is found at"
+    )
+    vrt_folders: list[str] | None = Field(
+        None, description="folders in which sources of a VRT may lie, besides the VRT's own"
     )
     objects: SceneObjects | None = Field(None, description="what stands on the ground")
 
@@ -696,6 +706,9 @@ class FileMeasurement(_Strict):
         None, description="transmitted and received; checked against radar.polarisation"
     )
     carrier_band: str | None = Field(None, description="label of the carrier's band; checked against radar.band")
+    vrt_folders: list[str] | None = Field(
+        None, description="folders in which sources of a VRT may lie, besides the VRT's own"
+    )
     radiometry: Radiometry = Field("sigma0_local", description="what its pixels hold; that of radar.radiometry")
 
 
@@ -1064,7 +1077,10 @@ class Case(_Strict):
 
     def sections(self, *names: str) -> dict[str, Any]:
         """Return the named sections as plain data, for a rule's ``params``."""
-        return self.model_dump(mode="json", include=set(names))
+        sections = self.model_dump(mode="json", include=set(names))
+        if environment := sections.get("simulator", {}).get("environment"):
+            sections["simulator"]["environment"] = Undisclosed(environment)
+        return sections
 
     @classmethod
     def of_sections(cls, sections: Mapping[str, Any]) -> Case:
@@ -1164,20 +1180,46 @@ def input_files(case: Case) -> dict[str, Path]:
         A file is missing.
     """
     files: dict[str, Path] = {}
-    keys: tuple[str, ...] = ()
+    rasters: tuple[str, ...] = ()
     if isinstance(case.scene, SlantRangeScene):
-        keys = ("labels", "names")
+        rasters = ("labels",)
     elif isinstance(case.scene, RasterScene):
-        keys = ("elevation", "materials", "names")
-    for key in keys:
-        files[f"scene.{key}"] = expand_path(getattr(case.scene, key), f"scene.{key}")
+        rasters = ("elevation", "materials")
+    if isinstance(case.scene, SlantRangeScene | RasterScene):
+        for key in rasters:
+            files |= _raster_inputs(case.scene, key, f"scene.{key}")
+        files["scene.names"] = expand_path(case.scene.names, "scene.names")
     if isinstance(case.scene, BuiltinScene | RasterScene) and case.scene.objects and case.scene.objects.path:
         files["scene.objects.path"] = expand_path(case.scene.objects.path, "scene.objects.path")
     if isinstance(case.measurement, FileMeasurement):
-        files["measurement.path"] = expand_path(case.measurement.path, "measurement.path")
+        files |= _raster_inputs(case.measurement, "path", "measurement.path")
     if isinstance(case.simulator, CommandSimulation):
         files |= _simulator_files(case.simulator)
     return files
+
+
+def vrt_folders(config: SlantRangeScene | RasterScene | FileMeasurement) -> tuple[Path, ...]:
+    """Folders in which sources of a VRT may lie besides its own.
+
+    Raises
+    ------
+    ConfigError
+        One of them is missing.
+    """
+    section = "measurement" if isinstance(config, FileMeasurement) else "scene"
+    return tuple(
+        expand_path(text, f"{section}.vrt_folders.{k}", folder=True) for k, text in enumerate(config.vrt_folders or ())
+    )
+
+
+def _raster_inputs(config: SlantRangeScene | RasterScene | FileMeasurement, name: str, key: str) -> dict[str, Path]:
+    """A file that may be a raster, and all that it is read together with."""
+    path = expand_path(getattr(config, name), key)
+    try:
+        others = raster_files(path, vrt_folders(config))
+    except RasterRefused as error:
+        raise ConfigError(f"{key}: {path} cannot be read as a raster ({error}).") from None
+    return {key: path} | {f"{key}.{k}": other for k, other in enumerate(others)}
 
 
 def _simulator_files(config: CommandSimulation) -> dict[str, Path]:

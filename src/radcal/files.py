@@ -8,6 +8,7 @@ import json
 import os
 import shutil
 import socket
+import stat
 import tempfile
 import time
 from collections.abc import Iterator
@@ -104,7 +105,7 @@ def bring_back(folder: str | Path) -> int:
     """Date files of the future now, in their order, and return how many there were.
 
     After a clock was set back, Snakemake would end every job whose output is older than its input. Records of
-    runs, of which Snakemake knows nothing, stay as they are.
+    runs, of which Snakemake knows nothing, stay as they are, and so does whatever a link leads to.
 
     Parameters
     ----------
@@ -113,15 +114,20 @@ def bring_back(folder: str | Path) -> int:
     """
     now = time.time_ns()
     dated = []
-    for path in Path(folder).rglob("*"):
-        if path.parent.name == "runs":
+    # os.walk() goes into no linked folder
+    for place, _, names in os.walk(folder):
+        if Path(place).name == "runs":
             continue
-        with contextlib.suppress(OSError):  # removed meanwhile
-            dated.append((path.stat().st_mtime_ns, path))
+        for path in (Path(place, name) for name in ("", *names)):
+            with contextlib.suppress(OSError):  # removed meanwhile
+                status = path.lstat()
+                # what has another name besides may be somebody's own file, kept elsewhere
+                if stat.S_ISDIR(status.st_mode) or (stat.S_ISREG(status.st_mode) and status.st_nlink == 1):
+                    dated.append((status.st_mtime_ns, path))
     future = sorted(item for item in dated if item[0] > now)
     for k, (_, path) in enumerate(reversed(future)):
         with contextlib.suppress(OSError):
-            os.utime(path, ns=(now - k * 1000, now - k * 1000))
+            os.utime(path, ns=(now - k * 1000, now - k * 1000), follow_symlinks=False)
     return len(future)
 
 

@@ -6,8 +6,7 @@ importing each other; what differs is the section of the configuration that mess
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,22 +16,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.errors import RadcalError
+from radcal.intake import LARGEST_VALUES, bounded_memory, unchanged
 
 __all__ = [
+    "LARGEST_DB",
     "Counts",
     "ImageFile",
     "Options",
     "Values",
-    "is_raster",
-    "open_raster",
-    "raster_band",
-    "read_array",
+    "check_header",
     "reading",
     "to_db",
 ]
 
 Values = NDArray[Any]
 _NEGATIVE_SHARE = 0.01  # of a power image: noise subtraction leaves a few
+LARGEST_DB = 200.0
+"""No backscatter, however calibrated, is further from 0 dB: a scale mix-up, or damage."""
 
 
 class Options(Protocol):
@@ -68,6 +68,14 @@ class ImageFile:
         Section of the configuration with the options, and its key of the path.
     error : type of RadcalError
         What is raised.
+    shape : (int, int) or None
+        Size that the image must have as it stands in the file; None where any will do.
+    resized, turned : str
+        What to do with an image of another size, and with one whose rows are columns.
+    impossible_share : float
+        Share of the finite pixels up to which impossible values are masked rather than refused.
+    folders : tuple of Path
+        Where the sources of a VRT may lie besides its own folder.
     """
 
     path: Path
@@ -75,6 +83,11 @@ class ImageFile:
     section: str
     key: str
     error: type[RadcalError]
+    shape: tuple[int, int] | None = None
+    resized: str = ""
+    turned: str = ""
+    impossible_share: float = 0.0
+    folders: tuple[Path, ...] = ()
 
     def refused(self, text: str) -> RadcalError:
         """Return the error of a file that is not what it should be; ``text`` goes on after the key."""
@@ -99,17 +112,21 @@ class Counts:
         No power at all.
     negative : int
         Negative power, as the subtraction of noise leaves it.
+    impossible : int
+        Further than :data:`LARGEST_DB` from 0 dB.
     """
 
     pixels: int
     no_data: int
     zero: int
     negative: int
+    impossible: int = 0
 
     def __str__(self) -> str:
+        impossible = f", {self.impossible:,} impossible (beyond +-{LARGEST_DB:g} dB)" * (self.impossible > 0)
         return (
-            f"{self.pixels:,} pixels, {self.no_data:,} without data, {self.zero:,} zero, {self.negative:,} negative: "
-            "NaN in the image"
+            f"{self.pixels:,} pixels, {self.no_data:,} without data, {self.zero:,} zero, {self.negative:,} negative"
+            f"{impossible}: NaN in the image"
         )
 
 
@@ -126,7 +143,7 @@ def to_db(values: Values, file: ImageFile) -> tuple[NDArray[np.float32], Counts]
     Returns
     -------
     image_db : ndarray of float32, shape (rows, columns)
-        10 log10 of the power [dB], NaN where it is not positive and finite.
+        10 log10 of the power [dB], NaN where it is not positive and finite, or impossible.
     counts : Counts
         How many pixels are NaN, and why.
 
@@ -134,14 +151,11 @@ def to_db(values: Values, file: ImageFile) -> tuple[NDArray[np.float32], Counts]
     ------
     RadcalError
         The file's error: no image, or no number of it is finite, or no power positive, or real
-        numbers for complex ones; too many negative numbers for power or amplitude.
+        numbers for complex ones; too many negative numbers for power or amplitude, or impossible
+        levels for any scale.
     """
     scale, path = file.options.scale, file.path
-    if values.ndim != 2:
-        raise file.refused(f"{path} holds an array of shape {values.shape}, expected an image.")
-    kinds, wanted = ("c", "complex numbers") if scale == "complex" else ("fiu", "real numbers")
-    if values.dtype.kind not in kinds:
-        raise file.refused(f"{path} holds {values.dtype}, expected {wanted} for {file.section}.scale: {scale}.")
+    check_header(file, values.shape, values.dtype)
     finite = np.isfinite(values)
     if not finite.any():
         raise file.refused(f"{path} holds no finite number.")
@@ -162,45 +176,73 @@ def to_db(values: Values, file: ImageFile) -> tuple[NDArray[np.float32], Counts]
         with np.errstate(divide="ignore", invalid="ignore"):
             level = factor * np.log10(size, dtype=np.float64)
         image = np.where(finite & (size > 0), level, np.nan).astype(np.float32)
+    impossible = _without_impossible(image, file)
     counts = Counts(
         pixels=values.size,
         no_data=int(np.count_nonzero(~finite & ~zero)),
         zero=int(np.count_nonzero(zero)),
         negative=negative,
+        impossible=impossible,
     )
     if not np.isfinite(image).any():
         raise file.refused(f"{path} holds no power: {counts.zero:,} of its pixels are 0.")
     return image, counts
 
 
-def read_array(file: ImageFile, kind: str | None = None) -> Values:
-    """Numbers of a file as they are; no-data as NaN where the format knows it.
+def _without_impossible(image: NDArray[np.float32], file: ImageFile) -> int:
+    """Mask what no backscatter can be and return how many pixels that were; refuse many."""
+    wrong = np.abs(image) > LARGEST_DB  # never true of NaN
+    count, known = int(np.count_nonzero(wrong)), int(np.count_nonzero(np.isfinite(image)))
+    if count > file.impossible_share * known:
+        extreme = image[wrong][np.argmax(np.abs(image[wrong]))]
+        raise file.refused(
+            f"{file.path} holds {extreme:.4g} dB and {count:,} of {known:,} values like it, expected within "
+            f"+-{LARGEST_DB:g} dB: most likely {file.section}.scale is not {file.options.scale}, or no-data is not "
+            "declared as such."
+        )
+    image[wrong] = np.nan
+    return count
+
+
+def check_header(file: ImageFile, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
+    """Refuse an array by what its file tells of it, before memory is taken for it.
 
     Parameters
     ----------
     file : ImageFile
-        The file, and the dataset or band of it.
-    kind : {'npy', 'npz', 'mat', 'hdf5', 'raster'}, optional
-        Its format; without it, its ending says that.
+        Its scale, and the size that the image must have.
+    shape : tuple of int
+        Of the array in the file.
+    dtype : dtype
+        Of its numbers; complex ones may stand as a pair ``real``, ``imag``, as MATLAB writes them.
 
     Raises
     ------
     RadcalError
-        The file's error: it cannot be read or does not hold the dataset or band.
+        The file's error: no image, one of another size, of too many pixels, or not numbers of the scale.
     """
-    reader, called = _READERS[kind or _ENDINGS.get(file.path.suffix.lower(), "raster")]
-    with reading(file, called):
-        return reader(file)
-
-
-def is_raster(path: Path) -> bool:
-    """Whether a file is read as a raster, by its ending."""
-    return path.suffix.lower() not in _ENDINGS
+    path, scale = file.path, file.options.scale
+    if len(shape) != 2:
+        raise file.refused(f"{path} holds an array of shape {shape}, expected an image.")
+    kinds, wanted = ("c", "complex numbers") if scale == "complex" else ("fiu", "real numbers")
+    kind = "c" if dtype.names == ("real", "imag") else dtype.kind
+    if kind not in kinds:
+        raise file.refused(f"{path} holds {dtype}, expected {wanted} for {file.section}.scale: {scale}.")
+    if file.shape is not None and shape != file.shape:
+        raise file.refused(
+            f"{path} has {shape[0]} x {shape[1]} pixels, the scene's image {file.shape[0]} x {file.shape[1]}"
+            f"{file.turned if shape == file.shape[::-1] and file.turned else file.resized}."
+        )
+    if file.shape is None and shape[0] * shape[1] > LARGEST_VALUES:
+        raise file.refused(
+            f"{path} has {shape[0]} x {shape[1]} pixels, expected at most {LARGEST_VALUES:.0e}: cut out the scene's "
+            "area."
+        )
 
 
 @contextmanager
 def reading(file: ImageFile, called: str) -> Iterator[None]:
-    """Turn whatever a library raises on a damaged file into the file's error.
+    """Turn whatever a library raises on a damaged file into the file's error, and bound what it takes.
 
     Parameters
     ----------
@@ -209,129 +251,15 @@ def reading(file: ImageFile, called: str) -> Iterator[None]:
     called : str
         What it is read as, such as "a raster".
     """
+    pixels = LARGEST_VALUES if file.shape is None else file.shape[0] * file.shape[1]
     try:
-        yield
+        with unchanged(file.path), bounded_memory(pixels):
+            yield
     except RadcalError:
         raise
+    except MemoryError:
+        raise file.refused(
+            f"{file.path} cannot be read as {called} (it takes far more memory than {pixels:,} pixels do)."
+        ) from None
     except Exception as error:  # what the libraries raise on damaged files has no common base
-        raise file.refused(f"{file.path} cannot be read as {called} ({error}).") from None
-
-
-@contextmanager
-def open_raster(path: Path) -> Iterator[Any]:
-    """Open a raster, without a warning where it has no place on the map.
-
-    Parameters
-    ----------
-    path : path
-        Any raster that GDAL reads.
-
-    Yields
-    ------
-    rasterio.DatasetReader
-    """
-    import rasterio
-    from rasterio.errors import NotGeoreferencedWarning
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", NotGeoreferencedWarning)
-        with rasterio.open(path) as raster:
-            yield raster
-
-
-def raster_band(raster: Any, file: ImageFile) -> Values:
-    """Band of an open raster.
-
-    Parameters
-    ----------
-    raster : rasterio.DatasetReader
-        An open raster.
-    file : ImageFile
-        Which band.
-
-    Returns
-    -------
-    ndarray, shape (rows, columns)
-        float64 or complex128, NaN where the file masks it. Where the band has a scale and an offset (GDAL's raster
-        data model), the file's numbers times the scale plus the offset.
-
-    Raises
-    ------
-    RadcalError
-        The file's error: no such band, several to choose from, or not numbers.
-    """
-    band = file.options.band
-    if band is None:
-        if raster.count != 1:
-            raise file.refused(
-                f"{file.path} has {raster.count} bands, expected one: say which with {file.section}.band."
-            )
-        band = 1
-    if band > raster.count:
-        raise file.asked("band", f"{band}, {file.path} has {raster.count}.")
-    values = raster.read(band, masked=True)
-    if values.dtype.kind not in "fiuc":
-        raise file.refused(f"{file.path} holds {values.dtype}, expected real or complex numbers.")
-    numbers = values.astype(np.complex128 if values.dtype.kind == "c" else np.float64).filled(np.nan)
-    scale, offset = raster.scales[band - 1], raster.offsets[band - 1]
-    if (scale, offset) != (1.0, 0.0):
-        numbers = numbers * scale + offset
-    return np.asarray(numbers)
-
-
-def _raster(file: ImageFile) -> Values:
-    with open_raster(file.path) as raster:
-        return raster_band(raster, file)
-
-
-def _chosen(names: list[str], file: ImageFile) -> str:
-    """Name of the dataset to read."""
-    listed, chosen = ", ".join(names) or "no array", file.options.dataset
-    if chosen is None:
-        if len(names) == 1:
-            return names[0]
-        raise file.refused(f"{file.path} holds {listed}: say which with {file.section}.dataset.")
-    if chosen not in names:
-        raise file.asked("dataset", f"{chosen!r}, {file.path} holds {listed}.")
-    return chosen
-
-
-def _npy(file: ImageFile) -> Values:
-    return np.asarray(np.load(file.path, allow_pickle=False))
-
-
-def _npz(file: ImageFile) -> Values:
-    with np.load(file.path, allow_pickle=False) as archive:
-        return np.asarray(archive[_chosen(list(archive.files), file)])
-
-
-def _hdf5(file: ImageFile) -> Values:
-    import h5py
-
-    with h5py.File(file.path, "r") as content:
-        found: list[str] = []
-        content.visititems(lambda name, item: found.append(name) if isinstance(item, h5py.Dataset) else None)
-        return np.asarray(content[_chosen(found, file)][()])
-
-
-def _mat(file: ImageFile) -> Values:
-    from scipy.io import loadmat, whosmat
-
-    try:
-        names = [name for name, _, kind in whosmat(file.path) if kind in ("double", "single") or "int" in kind]
-        return np.asarray(loadmat(file.path, variable_names=[name := _chosen(names, file)])[name])
-    except NotImplementedError:  # version 7.3 is HDF5, with the axes the other way round
-        values = _hdf5(file).T
-        if values.dtype.names == ("real", "imag"):
-            values = values["real"] + 1j * values["imag"]
-        return values
-
-
-_READERS: dict[str, tuple[Callable[[ImageFile], Values], str]] = {
-    "npy": (_npy, "a numpy array"),
-    "npz": (_npz, "numpy arrays"),
-    "mat": (_mat, "a MATLAB file"),
-    "hdf5": (_hdf5, "HDF5"),
-    "raster": (_raster, "a raster"),
-}
-_ENDINGS = {".npy": "npy", ".npz": "npz", ".mat": "mat", ".h5": "hdf5", ".hdf5": "hdf5"}
+        raise file.refused(f"{file.path} cannot be read as {called} ({' '.join(str(error).split())}).") from None

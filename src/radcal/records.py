@@ -27,8 +27,10 @@ from typing import IO, Any
 
 import h5py
 
+from radcal.disclosure import disclosed
 from radcal.errors import ConfigError, DamagedError, StoreError
 from radcal.files import atomic, first_difference
+from radcal.intake import elsewhere
 
 __all__ = [
     "REPLACE",
@@ -94,7 +96,7 @@ def provenance(case: str | None = None, config: Mapping[str, Any] | None = None)
     config : mapping, optional
         Sections of the configuration that the work depends on.
     """
-    token = _origin.set(_Origin(case, config))
+    token = _origin.set(_Origin(case, disclosed(config) if config is not None else None))
     try:
         yield
     finally:
@@ -172,7 +174,7 @@ def _protect(path: Path, kind: str, content: str) -> None:
     with h5py.File(path, "r", locking=False) as file:
         if file.attrs["content"] == content:
             return
-        theirs = json.loads(file["config"].asstr()[()]) if "config" in file else {}
+        theirs = disclosed(json.loads(file["config"].asstr()[()])) if "config" in file else {}
         made_by = str(file.attrs["radcal"])
     ours = json.loads(json.dumps(_origin.get().config or {}, default=str))
     if theirs != ours:
@@ -305,11 +307,14 @@ def inspect_file(path: Path, kind: str | None, most_bytes: int | None = None) ->
     try:
         with h5py.File(path, "r", locking=False) as file:
             found = {name: file.attrs.get(name) for name in ("kind", "schema", "case")}
-    except (OSError, RuntimeError) as error:
+            outside = elsewhere(file)
+    except (OSError, RuntimeError, KeyError, ValueError) as error:
         if isinstance(error, OSError) and error.errno is not None:
             raise  # the system's word that it cannot be reached
         # only where the whole was not compared
         raise _Fault(f"is damaged ({error})") from None
+    if outside is not None:
+        raise _Fault(f"is not what radcal wrote ({outside})")
     if found["kind"] != kind:
         raise _Fault(f"is a file of kind {found['kind']!r}, expected {kind!r}")
     if kind == "run" and found["schema"] != SCHEMAS[kind]:

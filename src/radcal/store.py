@@ -22,8 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config import Case, Material, Radar
+from radcal.disclosure import disclosed
 from radcal.errors import DamagedError, SimulatorError, StoreError
 from radcal.files import digest
+from radcal.intake import elsewhere
 from radcal.lock import claimed
 from radcal.radar.laws import EXTERNAL
 from radcal.records import inspect, is_sealed, set_aside, write_hdf5
@@ -121,6 +123,8 @@ class RunStore:
                 inspect(path, "run")
             # records never change once they are visible: no lock is needed to read one
             with h5py.File(path, "r", locking=False) as file:
+                if not sealed and (outside := elsewhere(file)) is not None:
+                    raise KeyError(outside)
                 if not sealed and file.attrs["schema"] != _UNSEALED:
                     raise KeyError("schema")
                 if file.attrs["hash"] != key:
@@ -147,7 +151,7 @@ class RunStore:
         return Record(key, pixels, whole, seconds)
 
     def description(self, key: str) -> dict[str, Any]:
-        """All that determined the numbers of a record, as :meth:`Runner.description` gave it.
+        """All that determined the numbers of a record: :meth:`Runner.description`, disclosed.
 
         Raises
         ------
@@ -158,7 +162,7 @@ class RunStore:
             raise StoreError(f"{self.path(key)}: is missing; type the same command again to have it made.")
         try:
             with h5py.File(self.path(key), "r", locking=False) as file:
-                return dict(json.loads(str(file.attrs["description"])))
+                return disclosed(json.loads(str(file.attrs["description"])))
         except (OSError, KeyError, ValueError) as error:
             raise StoreError(f"{self.path(key)}: cannot be read ({error}).") from None
 
@@ -170,7 +174,7 @@ class RunStore:
             record = Record(record.key, {**earlier.pixels_db, **record.pixels_db}, image, record.seconds)
         with write_hdf5(self.path(record.key), "run") as file:
             file.attrs["hash"] = record.key
-            file.attrs["description"] = json.dumps(description, sort_keys=True)
+            file.attrs["description"] = json.dumps(disclosed(description), sort_keys=True)
             file.attrs["seconds"] = record.seconds
             file.attrs["unit"] = "dB"
             for name, values in record.pixels_db.items():

@@ -128,7 +128,7 @@ def test_several_bands(read: Read, image_db: np.ndarray) -> None:
 
 @pytest.mark.parametrize("scale", ["db", "power"])
 def test_complex_numbers(read: Read, image_db: np.ndarray, scale: str) -> None:
-    with pytest.raises(MeasurementError, match=rf"measured\.tif holds complex128, expected real .*scale: {scale}"):
+    with pytest.raises(MeasurementError, match=rf"measured\.tif holds complex64, expected real .*scale: {scale}"):
         read(image_db.astype(np.complex64), scale)
 
 

@@ -1,6 +1,7 @@
 """Write what the simulator's runs are known by."""
 
 from radcal.config import Case
+from radcal.disclosure import disclosed
 from radcal.jobs import logged
 from radcal.radar.geometry import read_geometry
 from radcal.records import write_json
@@ -9,4 +10,4 @@ from radcal.simulators.sources import make_simulator
 with logged(snakemake.log[0], snakemake.params.case):
     case = Case.of_sections(snakemake.params.case)
     simulator = make_simulator(case, read_geometry(snakemake.input.geometry), snakemake.input.geometry)
-    write_json(snakemake.output.identity, dict(simulator.identity))
+    write_json(snakemake.output.identity, disclosed(simulator.identity))

@@ -10,6 +10,7 @@ from typing import Any
 
 from radcal.calibration.steps import noise_seed, reference_parameters
 from radcal.config import Case
+from radcal.disclosure import disclosed
 from radcal.errors import ConfigError, StoreError
 from radcal.files import digest, first_difference
 from radcal.store import Runner, RunStore
@@ -56,7 +57,7 @@ def reuse_runs(case: Case, runner: Runner, earlier: str | Path) -> list[dict[str
         parameters = {**reference, **_calibrated(case, theirs)}
         ours = runner.description(parameters, seed)
         if digest(ours) != path.stem:
-            unlike[first_difference(theirs, ours)] += 1
+            unlike[first_difference(theirs, disclosed(ours))] += 1
             continue
         outside = [name for name in case.calibrated if not _inside(parameters[name], case.materials[name].box)]
         if outside and parameters != reference:

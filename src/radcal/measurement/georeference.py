@@ -10,16 +10,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.arrays import is_raster
 from radcal.config import FileMeasurement
 from radcal.errors import MeasurementError
-from radcal.images import is_raster, open_raster
-from radcal.measurement.readers import read_raster
+from radcal.measurement.readers import Places, read_raster
+from radcal.rasters import open_raster
 from radcal.scene.crs import crs_of
 
 if TYPE_CHECKING:
     from pyproj import CRS
 
-__all__ = ["GeoreferencedImage", "is_georeferenced", "read_georeferenced", "values_at_ground"]
+__all__ = ["GeoreferencedImage", "is_georeferenced", "places_on_ground", "read_georeferenced", "values_at_ground"]
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class GeoreferencedImage:
     crs: CRS
 
 
-def is_georeferenced(path: Path) -> bool:
+def is_georeferenced(path: Path, folders: Sequence[Path] = ()) -> bool:
     """Whether a file is a raster with a CRS and a transform to it.
 
     A file that cannot be read is none: reading it tells why.
@@ -53,17 +54,19 @@ def is_georeferenced(path: Path) -> bool:
     ----------
     path : path
         Any measured image.
+    folders : sequence of path
+        Where the sources of a VRT may lie besides its own folder.
     """
     if not is_raster(path):
         return False
     try:
-        with open_raster(path) as raster:
+        with open_raster(path, folders) as raster:
             return not raster.transform.is_identity and crs_of(raster) is not None
     except Exception:  # what the libraries raise on damaged files has no common base
         return False
 
 
-def read_georeferenced(path: Path, config: FileMeasurement) -> GeoreferencedImage:
+def read_georeferenced(path: Path, config: FileMeasurement, places: Places | None = None) -> GeoreferencedImage:
     """Read a measured image with where it lies.
 
     Parameters
@@ -72,19 +75,47 @@ def read_georeferenced(path: Path, config: FileMeasurement) -> GeoreferencedImag
         A file of which :func:`is_georeferenced` is true.
     config : FileMeasurement
         Band.
+    places : callable, optional
+        From a CRS to the coordinates that are asked for; no more is read than the rectangle around them.
 
     Raises
     ------
     MeasurementError
         The file cannot be read, or has no CRS or transform.
     """
-    values, transform, crs = read_raster(path, config)
+    values, transform, crs = read_raster(path, config, places)
     if crs is None or transform.is_identity:
         raise MeasurementError(
             f"measurement.path: {path} has no coordinate reference system or no transform to one, expected a "
             "georeferenced image."
         )
     return GeoreferencedImage(path, values, transform, crs)
+
+
+def places_on_ground(
+    crs: str, transform: Sequence[float], ground: NDArray[np.float32], other: CRS
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Coordinates, in another CRS, of the places that the pixels of the scene's image show.
+
+    Parameters
+    ----------
+    crs, transform, ground
+        As :func:`values_at_ground` takes them.
+    other : pyproj.CRS
+        Of the coordinates.
+
+    Returns
+    -------
+    x, y : ndarray, shape (pixels that show a place,)
+        Infinite outside the domain of the other CRS.
+    """
+    from pyproj import CRS, Transformer
+
+    row, column = (ground[k][np.isfinite(ground).all(axis=0)].astype(np.float64) + 0.5 for k in range(2))
+    a, b, c, d, e, f = transform
+    to_other = Transformer.from_crs(CRS.from_user_input(crs), other, always_xy=True)
+    x, y = to_other.transform(a * column + b * row + c, d * column + e * row + f)
+    return np.asarray(x), np.asarray(y)
 
 
 def values_at_ground(
@@ -114,15 +145,10 @@ def values_at_ground(
     MeasurementError
         The image lies elsewhere.
     """
-    from pyproj import CRS, Transformer
-
     if image.values.dtype.kind not in "fc":
         raise TypeError(f"values are {image.values.dtype}, expected floating-point numbers, which have NaN")
     shown = np.isfinite(ground).all(axis=0)
-    row, column = (ground[k][shown].astype(np.float64) + 0.5 for k in range(2))
-    a, b, c, d, e, f = transform
-    to_image = Transformer.from_crs(CRS.from_user_input(crs), image.crs, always_xy=True)
-    x, y = to_image.transform(a * column + b * row + c, d * column + e * row + f)
+    x, y = places_on_ground(crs, transform, ground, image.crs)
     inverse = ~image.transform
     # nearest pixels: a mean of n neighbours has 1/n of the variance of speckle, and the spread is what the
     # target density is made of

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -9,15 +10,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.config import FileMeasurement
+from radcal.arrays import raster_band, read_array
+from radcal.config import FileMeasurement, vrt_folders
 from radcal.errors import MeasurementError
-from radcal.images import Counts, ImageFile, open_raster, raster_band, read_array, reading, to_db
+from radcal.images import Counts, ImageFile, reading, to_db
 from radcal.measurement.sicd import is_sicd, read_sicd
+from radcal.rasters import open_raster
 from radcal.scene.crs import crs_of, horizontal
 
 __all__ = ["ReadImage", "image_of", "read_image", "read_raster", "read_values"]
 
 Values = NDArray[Any]
+Places = Callable[[Any], tuple[NDArray[np.float64], NDArray[np.float64]]]
+# a target of 1,000 pixels loses one at most; a sector of random bytes in a float32 image of 10^6 pixels leaves half of
+# that, and speckle of power whose mean is 29 or more, taken for dB, has this share beyond 200: exp(-200 / 29) = 0.001
+_IMPOSSIBLE_SHARE = 1e-3
 _SICD_ENDINGS = (".nitf", ".ntf", ".sicd")
 
 
@@ -64,11 +71,11 @@ def read_image(path: Path, config: FileMeasurement, shape: tuple[int, int] | Non
         The file cannot be read, holds something else, or its numbers contradict the scale.
     """
     if path.suffix.lower() in _SICD_ENDINGS and is_sicd(path):
-        sicd = read_sicd(path, config)
+        sicd = read_sicd(path, config, _file(path, config, shape))
         # complex pixels come back as power already, with the level that the file gives them
         read = image_of(sicd.power, path, config.model_copy(update={"scale": "power"}), shape)
         return replace(read, notes=sicd.notes, polarisation=sicd.polarisation, frequency_hz=sicd.frequency_hz)
-    return image_of(read_values(path, config), path, config, shape)
+    return image_of(read_array(_file(path, config, shape)), path, config, shape)
 
 
 def image_of(values: Values, path: Path, config: FileMeasurement, shape: tuple[int, int] | None = None) -> ReadImage:
@@ -90,12 +97,7 @@ def image_of(values: Values, path: Path, config: FileMeasurement, shape: tuple[i
     MeasurementError
         The numbers are no image of this shape or contradict the scale.
     """
-    if values.ndim == 2 and shape is not None and values.shape != shape:
-        raise MeasurementError(
-            f"measurement.path: {path} has {values.shape[0]} x {values.shape[1]} pixels, the scene's image "
-            f"{shape[0]} x {shape[1]}: crop or resample it to the same grid."
-        )
-    image, counts = to_db(values, _file(path, config))
+    image, counts = to_db(values, _file(path, config, shape))
     present = image[np.isfinite(image)]
     # speckle spreads dB by 2 and more, so that an image with its median near 0 dB has negative values
     if config.scale == "db" and present.min() >= 0 and np.median(present) < 3.0:
@@ -117,15 +119,17 @@ def read_values(path: Path, config: FileMeasurement) -> Values:
     return read_array(_file(path, config))
 
 
-def read_raster(path: Path, config: FileMeasurement) -> tuple[Values, Any, Any]:
+def read_raster(path: Path, config: FileMeasurement, places: Places | None = None) -> tuple[Values, Any, Any]:
     """Numbers of a raster with where they lie.
 
     Parameters
     ----------
     path : path
-        GeoTIFF or any other raster that GDAL reads.
+        GeoTIFF or another raster.
     config : FileMeasurement
         Band.
+    places : callable, optional
+        From a CRS to the coordinates that are asked for: no more is read than the rectangle around them.
 
     Returns
     -------
@@ -142,10 +146,42 @@ def read_raster(path: Path, config: FileMeasurement) -> tuple[Values, Any, Any]:
         The file cannot be read or does not hold the band.
     """
     file = _file(path, config)
-    with reading(file, "a raster"), open_raster(path) as raster:
+    with reading(file, "a raster"), open_raster(path, vrt_folders(config)) as raster:
         crs = crs_of(raster)
-        return raster_band(raster, file), raster.transform, horizontal(crs) if crs is not None else None
+        plane = horizontal(crs) if crs is not None else None
+        if plane is None or places is None:
+            return raster_band(raster, file), raster.transform, plane
+        window = _window(raster, *places(plane))
+        return raster_band(raster, file, window), raster.window_transform(window), plane
 
 
-def _file(path: Path, config: FileMeasurement) -> ImageFile:
-    return ImageFile(path, config, "measurement", "path", MeasurementError)
+def _window(raster: Any, x: NDArray[np.float64], y: NDArray[np.float64]) -> Any:
+    """Rectangle of a raster's pixels around places; one pixel where none lies in it."""
+    from rasterio.windows import Window
+
+    inverse = ~raster.transform
+    around = []
+    for at, size in (
+        (inverse.a * x + inverse.b * y + inverse.c, raster.width),
+        (inverse.d * x + inverse.e * y + inverse.f, raster.height),
+    ):
+        known = at[np.isfinite(at)]
+        low, high = (known.min(), known.max()) if known.size else (0.0, 0.0)
+        first = int(np.clip(np.floor(low), 0, size - 1))
+        around.append((first, int(np.clip(np.floor(high) + 1, first + 1, size)) - first))
+    (left, width), (top, height) = around
+    return Window(left, top, width, height)
+
+
+def _file(path: Path, config: FileMeasurement, shape: tuple[int, int] | None = None) -> ImageFile:
+    return ImageFile(
+        path,
+        config,
+        "measurement",
+        "path",
+        MeasurementError,
+        shape=shape,
+        resized=": crop or resample it to the same grid",
+        impossible_share=_IMPOSSIBLE_SHARE,
+        folders=vrt_folders(config),
+    )

@@ -7,6 +7,7 @@ flight direction, and against it with the radar looking left.
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -17,10 +18,13 @@ from numpy.typing import NDArray
 
 from radcal.config import FileMeasurement
 from radcal.errors import MeasurementError
+from radcal.images import ImageFile, check_header
+from radcal.intake import LARGEST_VALUES, bounded_memory, parse_xml, unchanged
 
 __all__ = ["SicdImage", "is_sicd", "read_sicd"]
 
 _HEADER_BYTES = 1_000_000  # a NITF header tells its length in six digits
+_IMAGE, _EXTENSION = 0, 4  # segments of a NITF file, in the order of its header
 _LINEAR = frozenset("HV")
 
 
@@ -57,7 +61,7 @@ def is_sicd(path: Path) -> bool:
         return False
 
 
-def read_sicd(path: Path, config: FileMeasurement) -> SicdImage:
+def read_sicd(path: Path, config: FileMeasurement, file: ImageFile) -> SicdImage:
     """Read a SICD image as sigma0.
 
     Pixel power times the polynomial SigmaZeroSFPoly of the file, in row and column distance [m]
@@ -70,6 +74,8 @@ def read_sicd(path: Path, config: FileMeasurement) -> SicdImage:
         The file.
     config : FileMeasurement
         Its scale must be complex.
+    file : ImageFile
+        The same for messages, with the size that the image must have.
 
     Raises
     ------
@@ -90,14 +96,20 @@ def read_sicd(path: Path, config: FileMeasurement) -> SicdImage:
         )
     if config.band not in (None, 1):
         raise MeasurementError(f"measurement.band is {config.band}, {path} has 1.")
+    if config.dataset is not None:
+        raise MeasurementError(f"measurement.dataset is {config.dataset!r}, {path} is SICD, which has no datasets.")
+    pixels = LARGEST_VALUES if file.shape is None else file.shape[0] * file.shape[1]
     try:
-        return _read(path)
+        with unchanged(path), bounded_memory(pixels):
+            return _read(path, file)
+    except MeasurementError:
+        raise
     except Exception as error:  # what the libraries raise on damaged files has no common base
         reason = " ".join(str(error).split()) or type(error).__name__
         raise MeasurementError(f"measurement.path: {path} cannot be read as SICD ({reason}).") from None
 
 
-def _read(path: Path) -> SicdImage:
+def _read(path: Path, checked: ImageFile) -> SicdImage:
     from sarkit import sicd
 
     with path.open("rb") as file:
@@ -111,6 +123,8 @@ def _read(path: Path) -> SicdImage:
         pixel_type = _needed(xml, "ImageData/PixelType")
         if pixel_type not in sicd.PIXEL_TYPES:
             raise ValueError(f"its pixel type is {pixel_type}, expected one of {', '.join(sicd.PIXEL_TYPES)}")
+        size = (_needed(xml, "ImageData/NumRows"), _needed(xml, "ImageData/NumCols"))
+        check_header(checked, size, np.dtype(np.complex64))
         _check_segments(reader, xml, sicd.PIXEL_TYPES[pixel_type]["bytes"])
         backwards = _flown_backwards(xml)
         power = _power(reader.read_image(), pixel_type, _value(xml, "ImageData/AmpTable"))
@@ -137,31 +151,44 @@ def _check_header(file: BinaryIO) -> None:
     minutes and more to lay out so many.
     """
     header = file.read(_HEADER_BYTES)
-    at, images = 360, []
+    at, segments = 360, []
     # lengths of subheader and data: images, graphics, nothing, texts, data and reserved extensions
     # (MIL-STD-2500C, table A-1)
     for kind, (subheader, data) in enumerate(((6, 10), (4, 6), (0, 0), (4, 5), (4, 9), (4, 7))):
         count, at = int(header[at : at + 3]), at + 3
         for _ in range(count):
-            if kind == 0:
-                images.append((int(header[at : at + 6]), int(header[at + 6 : at + 16])))
-            at += subheader + data
+            middle, end = at + subheader, at + subheader + data
+            segments.append((kind, int(header[at:middle]), int(header[middle:end])))
+            at = end
     for _ in range(2):  # user-defined and extended header data
         at += 5 + int(header[at : at + 5])
     length = int(header[354:360])
     if length != at:
         raise ValueError(f"its header tells of a length of {length} bytes and of contents of {at}")
-    for number, (subheader, data) in enumerate(images, start=1):
+    held = at + sum(subheader + data for _, subheader, data in segments)
+    if (found := file.seek(0, os.SEEK_END)) < held:
+        raise ValueError(f"it has {found} bytes, its header tells of {held}")
+    seen = {_IMAGE: 0, _EXTENSION: 0}
+    for kind, subheader, data in segments:
+        seen[kind] = seen.get(kind, 0) + 1
         file.seek(at)
-        fields = file.read(subheader)
-        # comments follow corner coordinates, if there are any (table A-3), compression and bands the comments
-        comments = 432 if fields[371:372] != b" " else 372
-        compression = comments + 1 + 80 * int(fields[comments : comments + 1])
-        found = fields[compression : compression + 3]
-        if found != b"NC2":  # not compressed, two bands
-            raise ValueError(f"the compression and bands of image segment {number} are {found!r}, expected NC and 2")
+        if kind == _IMAGE:
+            _check_image(file.read(subheader), seen[kind])
+        elif kind == _EXTENSION and seen[kind] == 1:
+            file.seek(at + subheader)
+            parse_xml(file.read(data))  # the library parses the first one, by its own defaults
         at += subheader + data
     file.seek(0)
+
+
+def _check_image(fields: bytes, number: int) -> None:
+    """Refuse an image subheader that is not SICD's."""
+    # comments follow corner coordinates, if there are any (table A-3), compression and bands the comments
+    comments = 432 if fields[371:372] != b" " else 372
+    compression = comments + 1 + 80 * int(fields[comments : comments + 1])
+    found = fields[compression : compression + 3]
+    if found != b"NC2":  # not compressed, two bands
+        raise ValueError(f"the compression and bands of image segment {number} are {found!r}, expected NC and 2")
 
 
 def _value(xml: Any, name: str) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -9,10 +10,15 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from radcal import skewnormal
-from radcal.config import Case, FileMeasurement, Radar, Synthetic, expand_path
+from radcal.config import Case, FileMeasurement, Radar, Synthetic, expand_path, vrt_folders
 from radcal.errors import FitError, MeasurementError
 from radcal.measurement.displacement import invert, warp
-from radcal.measurement.georeference import is_georeferenced, read_georeferenced, values_at_ground
+from radcal.measurement.georeference import (
+    is_georeferenced,
+    places_on_ground,
+    read_georeferenced,
+    values_at_ground,
+)
 from radcal.measurement.looks import check_looks, estimate_looks
 from radcal.measurement.model import Measurement
 from radcal.measurement.pixels import eligible_pixels
@@ -111,9 +117,10 @@ def _synthetic(case: Case, synthetic: Synthetic, simulator: Simulator) -> Measur
 
 def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene: Scene | None) -> Measurement:
     path = expand_path(config.path, "measurement.path")
-    if scene is not None and scene.crs is not None and scene.transform is not None and is_georeferenced(path):
-        georeferenced = read_georeferenced(path, config)
-        values = values_at_ground(georeferenced, scene.crs, scene.transform, geometry.ground)
+    crs, transform = (scene.crs, scene.transform) if scene is not None else (None, None)
+    if crs is not None and transform is not None and is_georeferenced(path, vrt_folders(config)):
+        places = partial(places_on_ground, crs, transform, geometry.ground)
+        values = values_at_ground(read_georeferenced(path, config, places), crs, transform, geometry.ground)
         read = image_of(values, path, config, geometry.shape)
     else:
         read = read_image(path, config, geometry.shape)

@@ -85,6 +85,7 @@ from radcal.calibration.noise import noise_sentence
 from radcal.calibration.steps import repeatability
 from radcal.calibration.stopping import decide
 from radcal.config import Case, Stop
+from radcal.disclosure import disclosed
 from radcal.errors import StoreError
 from radcal.files import atomic
 from radcal.measurement.registration import Registered
@@ -163,7 +164,9 @@ def write_archive(
     final_scores = {"final": targets.score(calibrated_db), "fresh": targets.score(fresh_db)}
     with write_hdf5(path, "calibration") as file:
         file.attrs["case"] = case.case
-        file.attrs["config"] = json.dumps({**case.sections(*case.__dict__), "stop": stop.model_dump(mode="json")})
+        file.attrs["config"] = json.dumps(
+            disclosed({**case.sections(*case.__dict__), "stop": stop.model_dump(mode="json")})
+        )
         file.attrs["objective"] = case.objective
         file.attrs["reason"] = decision.reason or "running"
         file.attrs["converged"] = decision.converged

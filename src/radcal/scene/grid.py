@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -11,8 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from radcal.config import RasterScene, expand_path
+from radcal.config import RasterScene, expand_path, vrt_folders
 from radcal.errors import SceneError
+from radcal.intake import LARGEST_VALUES
+from radcal.rasters import open_raster
 from radcal.scene.crs import METRES, crs_of, horizontal, same_place, utm
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["LARGEST_CELLS", "Grid", "Source", "box_in", "opened", "pixel_m", "scene_grid", "subdivision"]
 
-LARGEST_CELLS = 100_000_000  # of the grid, and of what is read of a raster
+LARGEST_CELLS = LARGEST_VALUES  # of the grid, and of what is read of a raster
 _SMALLEST_SIDE = 8  # cells
 _SCALE_ERROR = 0.01  # of lengths on the map, beyond which cells are not what they say
 
@@ -97,32 +98,27 @@ class Grid:
 
 
 @contextmanager
-def opened(key: str, text: str) -> Iterator[Source]:
+def opened(key: str, config: RasterScene) -> Iterator[Source]:
     """Open a configured raster.
 
     Parameters
     ----------
     key : str
-        Configuration key, for messages.
-    text : str
-        Path as configured.
+        Configuration key of its path.
+    config : RasterScene
+        The paths.
 
     Raises
     ------
     SceneError
         The file cannot be read, has several bands, no CRS, or no transform along its axes.
     """
-    import rasterio
-    from rasterio.errors import NotGeoreferencedWarning
-
-    path = expand_path(text, key)
+    path = expand_path(getattr(config, key.removeprefix("scene.")), key)
     with ExitStack() as stack:
         try:
             # GDAL drops the vertical part of the CRS of GeoTIFF 1.0 unless told otherwise
-            with warnings.catch_warnings(), rasterio.Env(GTIFF_REPORT_COMPD_CS="YES"):
-                warnings.simplefilter("ignore", NotGeoreferencedWarning)
-                raster = stack.enter_context(rasterio.open(path))
-                crs, transform = crs_of(raster), raster.transform
+            raster = stack.enter_context(open_raster(path, vrt_folders(config), GTIFF_REPORT_COMPD_CS="YES"))
+            crs, transform = crs_of(raster), raster.transform
         except Exception as error:  # what the libraries raise on damaged files has no common base
             raise SceneError(f"{key}: {path} cannot be read as a raster ({error}).") from None
         if raster.count != 1:

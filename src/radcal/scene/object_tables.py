@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.errors import SceneError
+from radcal.intake import LARGEST_VALUES, bounded_memory, elsewhere, unchanged
 from radcal.scene.objects import DBSM_LIMITS, Objects, check_curve
 
 if TYPE_CHECKING:
@@ -32,6 +33,7 @@ _LIMITS: dict[str, tuple[float, float, str]] = {
 }
 _DEFAULTS = {"length_m": 0.0, "width_m": 0.0, "heading_deg": 0.0}
 _TEXTS = ("aspect", "kind")
+_LARGEST_TABLE = 30_000_000  # objects: as many as can be made up
 _COLUMNS = ("x_m", "y_m", *_LIMITS, *_TEXTS)
 _UNDEFINED_SRS = (-1, 0)  # of GeoPackage: Cartesian and geographic coordinates of nobody knows where
 _ENVELOPE_BYTES = np.array([0, 32, 48, 48, 64])
@@ -120,7 +122,9 @@ def _hdf5(path: Path, place: Place) -> tuple[pd.DataFrame, dict[str, Any]]:
     import pandas as pd
 
     try:
-        with h5py.File(path, "r") as file:
+        with unchanged(path), bounded_memory(LARGEST_VALUES), h5py.File(path, "r") as file:
+            if (what := elsewhere(file)) is not None:
+                raise _error(path, f"is not read: {what}.")
             group = file.get("objects")
             if not isinstance(group, h5py.Group):
                 raise _error(path, "has no group 'objects', expected one with a dataset for each column.")
@@ -128,9 +132,12 @@ def _hdf5(path: Path, place: Place) -> tuple[pd.DataFrame, dict[str, Any]]:
                 _check_crs(path, str(group.attrs["crs"]), str(group.attrs["crs"]), place)
             columns: dict[str, NDArray[Any]] = {}
             for name, data in group.items():
-                if not isinstance(data, h5py.Dataset) or data.ndim != 1:
+                text = isinstance(data, h5py.Dataset) and h5py.check_string_dtype(data.dtype) is not None
+                if not isinstance(data, h5py.Dataset) or data.ndim != 1 or not (text or data.dtype.kind in "fiub"):
                     raise _error(path, f"objects/{name} is no list of one number or text for each object.")
-                columns[name] = data.asstr()[()] if h5py.check_string_dtype(data.dtype) else data[()]
+                if data.size > _LARGEST_TABLE:
+                    raise _error(path, f"objects/{name} has {data.size} entries, expected at most {_LARGEST_TABLE}.")
+                columns[name] = data.asstr()[()] if text else data[()]
             counts = {name: len(values) for name, values in columns.items()}
             for name, count in counts.items():
                 if count != (first := next(iter(counts.values()))):
@@ -140,13 +147,15 @@ def _hdf5(path: Path, place: Place) -> tuple[pd.DataFrame, dict[str, Any]]:
                 raise _error(path, "aspect is no group, expected one with a dataset for each aspect class.")
             curves = {}
             for name, data in found.items():
-                if not isinstance(data, h5py.Dataset) or data.dtype.kind not in "fiu":
+                if not isinstance(data, h5py.Dataset) or data.dtype.kind not in "fiu" or data.size > _LARGEST_TABLE:
                     raise _error(path, f"aspect/{name} is no dataset of numbers.")
                 if (wrong := check_curve(data[()])) is not None:
                     raise _error(path, f"aspect/{name} {wrong}.")
                 curves[name] = data[()]
             return pd.DataFrame(columns), curves
-    except OSError as error:
+    except SceneError:
+        raise
+    except Exception as error:  # what the libraries raise on damaged files has no common base
         raise _error(path, f"cannot be read as HDF5 ({error}).") from None
 
 

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from radcal.config import RasterScene, expand_path
 from radcal.errors import SceneError
 from radcal.files import digest
+from radcal.intake import bounded_memory, unchanged
+from radcal.rasters import check_blocks
 from radcal.scene.crs import (
     METRES,
     label,
@@ -66,8 +68,8 @@ def raster_scene(config: RasterScene) -> Scene:
     """
     names_path = expand_path(config.names, "scene.names")
     with (
-        opened("scene.elevation", config.elevation) as elevation,
-        opened("scene.materials", config.materials) as materials,
+        opened("scene.elevation", config) as elevation,
+        opened("scene.materials", config) as materials,
     ):
         _check_heights(elevation)
         datum, origin = _datum(elevation, config)
@@ -154,7 +156,6 @@ def _datum(elevation: Source, config: RasterScene) -> tuple[str, str]:
 
 def _window(source: Source, grid: Grid) -> tuple[np.ma.MaskedArray[Any, Any], Any]:
     """Masked values around a grid and their transform."""
-    from rasterio.errors import RasterioError
     from rasterio.windows import Window
     from rasterio.windows import transform as of_window
 
@@ -172,8 +173,10 @@ def _window(source: Source, grid: Grid) -> tuple[np.ma.MaskedArray[Any, Any], An
         )
     window = Window(left, top, right - left, bottom - top)
     try:
-        return source.raster.read(1, window=window, masked=True), of_window(window, t)
-    except RasterioError as error:
+        check_blocks(source.raster)
+        with unchanged(source.path), bounded_memory(LARGEST_CELLS):
+            return source.raster.read(1, window=window, masked=True), of_window(window, t)
+    except Exception as error:  # what the libraries raise on damaged files has no common base
         raise source.error(f"cannot be read as a raster ({error}).") from None
 
 

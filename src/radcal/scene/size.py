@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from radcal.config import BuiltinScene, RasterScene, Scene, SlantRangeScene, expand_path
+from radcal.config import BuiltinScene, RasterScene, Scene, SlantRangeScene, expand_path, vrt_folders
 
 __all__ = ["SceneSize", "scene_size"]
 
@@ -56,13 +56,13 @@ def _slant_range(config: SlantRangeScene) -> SceneSize:
     from rasterio.errors import RasterioError
 
     from radcal.errors import SceneError
-    from radcal.images import open_raster
+    from radcal.rasters import RasterRefused, open_raster
 
     path = expand_path(config.labels, "scene.labels")
     try:
-        with open_raster(path) as raster:
+        with open_raster(path, vrt_folders(config)) as raster:
             cells = int(raster.width) * int(raster.height)
-    except RasterioError as error:
+    except (OSError, RasterioError, RasterRefused) as error:
         raise SceneError(f"scene.labels: {path} cannot be read as a raster ({error}).") from None
     return SceneSize(cells, None, cells)
 
@@ -71,8 +71,8 @@ def _raster(config: RasterScene) -> SceneSize:
     from radcal.scene.grid import opened, scene_grid, subdivision
 
     with (
-        opened("scene.elevation", config.elevation) as elevation,
-        opened("scene.materials", config.materials) as materials,
+        opened("scene.elevation", config) as elevation,
+        opened("scene.materials", config) as materials,
     ):
         grid = scene_grid(elevation, materials, config)
         cells = grid.rows * grid.columns

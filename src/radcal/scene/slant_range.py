@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.config import SlantRangeScene, expand_path
+from radcal.config import SlantRangeScene, expand_path, vrt_folders
 from radcal.errors import SceneError
 from radcal.files import digest
-from radcal.images import open_raster
+from radcal.intake import LARGEST_VALUES, bounded_memory, unchanged
+from radcal.rasters import check_blocks, open_raster
 from radcal.scene.model import Scene
 from radcal.scene.names import by_id, read_names
 
@@ -43,6 +47,25 @@ def flat_incidence_deg(near_deg: float, far_deg: float, rows: int) -> NDArray[np
     return np.degrees(np.arccos(1.0 / np.linspace(near, far, rows)))
 
 
+def _labels(path: Path, folders: Sequence[Path]) -> NDArray[Any]:
+    """Band of a label raster, read in bounded memory."""
+    try:
+        with unchanged(path), bounded_memory(LARGEST_VALUES), open_raster(path, folders) as raster:
+            if raster.count != 1:
+                raise SceneError(f"scene.labels: {path} has {raster.count} bands, expected one.")
+            if raster.height * raster.width > LARGEST_VALUES:
+                raise SceneError(
+                    f"scene.labels: {path} has {raster.height} x {raster.width} pixels, expected at most "
+                    f"{LARGEST_VALUES:.0e}."
+                )
+            check_blocks(raster)
+            return np.asarray(raster.read(1))
+    except SceneError:
+        raise
+    except Exception as error:  # what the libraries raise on damaged files has no common base
+        raise SceneError(f"scene.labels: {path} cannot be read as a raster ({error}).") from None
+
+
 def slant_range_scene(config: SlantRangeScene) -> Scene:
     """Read labels and names.
 
@@ -51,17 +74,9 @@ def slant_range_scene(config: SlantRangeScene) -> Scene:
     SceneError
         A file cannot be read, holds something else, or lacks a name.
     """
-    from rasterio.errors import RasterioError
-
     labels_path = expand_path(config.labels, "scene.labels")
     names_path = expand_path(config.names, "scene.names")
-    try:
-        with open_raster(labels_path) as raster:
-            if raster.count != 1:
-                raise SceneError(f"scene.labels: {labels_path} has {raster.count} bands, expected one.")
-            labels = raster.read(1)
-    except RasterioError as error:
-        raise SceneError(f"scene.labels: {labels_path} cannot be read as a raster ({error}).") from None
+    labels = _labels(labels_path, vrt_folders(config))
     if labels.dtype.kind not in "ui" or labels.min() < 0 or labels.max() > 255:
         raise SceneError(
             f"scene.labels: {labels_path} holds {labels.dtype} from {labels.min()} to {labels.max()}, "
@@ -71,7 +86,7 @@ def slant_range_scene(config: SlantRangeScene) -> Scene:
     return Scene(
         identity=digest(
             {
-                "config": config.model_dump(mode="json", exclude={"labels", "names"}),
+                "config": config.model_dump(mode="json", exclude={"labels", "names", "vrt_folders"}),
                 "shape": list(labels.shape),
                 "labels": hashlib.sha256(labels.astype(np.uint8).tobytes()).hexdigest(),
                 "names": {str(k): v for k, v in names.items()},

@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from radcal.disclosure import hashed
 from radcal.errors import SimulatorError
 from radcal.simulators import guard
 
@@ -102,7 +103,7 @@ def run_program(arguments: Sequence[str], folder: Path, environment: Mapping[str
     ended = Ended(code, time.perf_counter() - started)
     log = {
         "command": list(arguments),
-        "environment": dict(environment),
+        "environment_sha256": hashed(environment),
         "exit_code": ended.code,
         "timed_out": ended.code is None,
         "seconds": round(ended.seconds, 3),

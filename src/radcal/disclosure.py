@@ -1,0 +1,45 @@
+"""What of a configuration is written into files: values of environment variables, which may be secrets, as hashes."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from typing import Any
+
+__all__ = ["Undisclosed", "disclosed", "hashed"]
+
+
+def hashed(environment: Mapping[str, str]) -> dict[str, str]:
+    """SHA-256 of the value of each variable, by its name.
+
+    Parameters
+    ----------
+    environment : mapping
+        Variables of a program's environment.
+    """
+    return {name: hashlib.sha256(value.encode()).hexdigest() for name, value in environment.items()}
+
+
+class Undisclosed(dict[str, str]):
+    """Environment variables whose values are not printed: Snakemake keeps what it prints of a rule's ``params``."""
+
+    def __repr__(self) -> str:
+        return repr(hashed(self))
+
+
+def disclosed(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Copy of plain data with ``environment_sha256`` in place of a simulator's ``environment``.
+
+    Parameters
+    ----------
+    data : mapping
+        A simulator's section or identity, or data that hold one under the key ``simulator``. An environment without
+        variables is left as it is.
+    """
+    copy = dict(data)
+    if isinstance(inner := copy.get("simulator"), Mapping):
+        copy["simulator"] = disclosed(inner)
+    if isinstance(environment := copy.get("environment"), Mapping) and environment:
+        del copy["environment"]
+        copy["environment_sha256"] = hashed(environment)
+    return copy
