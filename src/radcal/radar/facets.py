@@ -9,7 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit, prange
+
+from radcal.radar.compiled import njit, prange
 
 __all__ = [
     "ANGLES_PER_RADIAN",
@@ -27,7 +28,7 @@ VISIBLE, LAID_OVER, OBJECT = 1, 2, 4  # bits of a facet's state
 _BLOCK = 16  # columns that one thread works on at a time
 
 
-@njit(cache=True, parallel=True)
+@njit(parallel=True)
 def count_facets(
     near: Any, far: Any, state: Any, per_column: Any, rows: Any, columns: Any, counts: Any, layover: Any, shadow: Any
 ) -> None:
@@ -59,7 +60,7 @@ def count_facets(
                             shadow[row, column] = True
 
 
-@njit(cache=True, parallel=True)
+@njit(parallel=True)
 def fill_facets(
     near: Any, far: Any, state: Any, angle: Any, area: Any, material: Any, k: Any, per_column: Any, rows: Any,
     columns: Any, start: Any, by_area: Any, objects: Any, out_material: Any, out_angle: Any, out_weight: Any,
@@ -105,7 +106,7 @@ def fill_facets(
                         place[1, at] = f
 
 
-@njit(cache=True, parallel=True)
+@njit(parallel=True)
 def order_facets(
     start: Any, columns: Any, material: Any, angle: Any, weight: Any, place: Any, local: Any, factor: Any,
     objects: Any, whole: Any, cells: Any, pure: Any, mean_deg: Any, ground: Any,
@@ -167,7 +168,7 @@ def order_facets(
                 weight[i] = weight[i] * scale
 
 
-@njit(cache=True, parallel=True)
+@njit(parallel=True)
 def cells_of(start: Any, cell_start: Any, material: Any, cell_material: Any, facet_start: Any) -> None:
     """Material and first facet of every cell."""
     for pixel in prange(start.size - 1):

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit, prange
 from numpy.typing import NDArray
 
+from radcal.radar.compiled import njit, prange
 from radcal.radar.facets import OBJECT, VISIBLE
 from radcal.scene.objects import Objects
 
@@ -79,7 +79,7 @@ class Spots:
     slant_m: NDArray[np.float64]
 
 
-@njit(cache=True)
+@njit()
 def _holds(line: Any, facet: Any, place: Any, axis: Any, half: Any) -> Any:
     """Whether the middle of a facet lies in a footprint."""
     down, across = line + 0.5 - place[0], facet + 0.5 - place[1]
@@ -87,7 +87,7 @@ def _holds(line: Any, facet: Any, place: Any, axis: Any, half: Any) -> Any:
     return abs(along) <= half[0] and abs(beside) <= half[1]
 
 
-@njit(cache=True, parallel=True)
+@njit(parallel=True)
 def _covers(place: Any, axis: Any, half: Any, reach: Any, shape: Any, found: Any) -> None:
     """Which footprints hold the middle of a facet."""
     for i in prange(place.shape[0]):
@@ -100,7 +100,7 @@ def _covers(place: Any, axis: Any, half: Any, reach: Any, shape: Any, found: Any
                     found[i] = True
 
 
-@njit(cache=True)
+@njit()
 def _between(grid: Any, row: Any, column: Any) -> Any:
     """Bilinear interpolation, constant beyond the border."""
     row, column = min(max(row, 0.0), grid.shape[0] - 1.0), min(max(column, 0.0), grid.shape[1] - 1.0)
@@ -110,7 +110,7 @@ def _between(grid: Any, row: Any, column: Any) -> Any:
     return (1.0 - p) * upper + p * ((1.0 - q) * grid[r + 1, c] + q * grid[r + 1, c + 1])
 
 
-@njit(cache=True, parallel=True)
+@njit(parallel=True)
 def _mean_ground(elevation: Any, k: Any, place: Any, axis: Any, half: Any, mean: Any) -> None:
     """Mean elevation of footprints."""
     for i in prange(place.shape[0]):
@@ -188,7 +188,7 @@ class Raised:
     roof_m: NDArray[np.float64]
 
 
-@njit(cache=True)
+@njit()
 def _raise(chosen: Any, place: Any, axis: Any, half: Any, reach: Any, top: Any, first: Any, owner: Any) -> None:
     """The highest box of every facet, the first of equals."""
     lines, facets = owner.shape
@@ -215,7 +215,7 @@ def raise_boxes(boxes: Boxes, ground_m: NDArray[np.float64], first: int) -> Rais
     return Raised(owner, roof)
 
 
-@njit(cache=True, parallel=True)
+@njit(parallel=True)
 def stand(
     owner: Any, roof: Any, at_edges: Any, cosine: Any, edges: Any, middles: Any, track: Any, near: Any, far: Any,
     visible: Any, horizon: Any, extent: Any,
@@ -271,7 +271,7 @@ def stand(
             before = max(before, np.arctan2(edges[f + 1], height))  # a level roof is seen to its far edge
 
 
-@njit(cache=True)
+@njit()
 def add_up(owner: Any, extent: Any, total: Any) -> None:
     """Add the slant extents of some lines to those of their boxes."""
     for line in range(owner.shape[0]):
@@ -280,7 +280,7 @@ def add_up(owner: Any, extent: Any, total: Any) -> None:
                 total[owner[line, f]] += extent[line, f]
 
 
-@njit(cache=True, parallel=True)
+@njit(parallel=True)
 def locate(
     place: Any, height: Any, ground: Any, first: Any, last: Any, horizon: Any, edges: Any, track: Any, step: Any,
     slant: Any,
@@ -301,7 +301,7 @@ def locate(
             slant[i] = np.hypot(away, up)
 
 
-@njit(cache=True, parallel=True)
+@njit(parallel=True)
 def share_out(near: Any, far: Any, state: Any, area: Any, owner: Any, rcs: Any, extent: Any) -> None:
     """Area of the facets of boxes: their part of the cross-section [m2].
 

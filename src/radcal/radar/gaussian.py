@@ -16,8 +16,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from radcal.radar.compiled import njit
 
 __all__ = ["circular_gaussian", "gaussian_row", "philox"]
 
@@ -27,7 +28,7 @@ _LOW = np.uint64(0xFFFFFFFF)
 _32 = np.uint64(32)
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def philox(c0: Any, c1: Any, c2: Any, c3: Any, k0: Any, k1: Any) -> Any:
     """Ten rounds of Philox4x32: four words of counter and two of key (uint32) to four random words."""
     for _ in range(10):
@@ -53,7 +54,7 @@ _ONE, _HALF, _TWO24, _LN2 = np.float32(1.0), np.float32(0.5), np.float32(2.0**-2
 _QUARTER, _ROOT2 = np.float32(np.pi / 2.0), np.float32(np.sqrt(2.0))
 
 
-@njit(cache=True)
+@njit()
 def gaussian_row(n: Any, place: Any, stream: Any, look: Any, seed: Any, words: Any, real: Any, imaginary: Any) -> None:
     """Circular Gaussian numbers of unit mean power for ``n`` places.
 

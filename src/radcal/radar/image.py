@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit, prange
 from numpy.typing import ArrayLike, NDArray
 
 from radcal.config import Radar
 from radcal.errors import ConfigError
+from radcal.radar.compiled import njit, prange
 from radcal.radar.gaussian import gaussian_row, seed_words
 from radcal.radar.points import Points, add_points, fine_taps, phased
 from radcal.radar.reflectivity import Reflectivity
@@ -22,7 +22,7 @@ _TILE = 256  # pixels a side: what neighbours need of one another is formed twic
 _PATCH = 64  # of what is formed anew where a law has changed, up to a tile in a row
 
 
-@njit(cache=True, parallel=True)
+@njit(parallel=True)
 def _touched(
     tiles: Any, rows: Any, columns: Any, reach: Any, start: Any, material: Any, changed: Any, found: Any
 ) -> None:  # fmt: skip
@@ -39,7 +39,7 @@ def _touched(
         found[t] = hit
 
 
-@njit(cache=True)
+@njit()
 def _amplitude_row(
     row: Any, left: Any, right: Any, columns: Any, start: Any, material: Any, power: Any, noise: Any, look: Any,
     seed: Any, work: Any, words: Any, parts: Any, out: Any,
@@ -72,7 +72,7 @@ def _amplitude_row(
             out[2 * column + 1] += noise * parts[1, column]
 
 
-@njit(cache=True)
+@njit()
 def _limit_rows(source: Any, first: Any, taps: Any, out: Any) -> None:
     """Symmetric taps down the rows of ``source`` from row ``first`` on: one line of the same width."""
     reach = taps.size // 2
@@ -95,7 +95,7 @@ def _limit_rows(source: Any, first: Any, taps: Any, out: Any) -> None:
             out[i] = out[i] + tap * (a[i] + d[i])
 
 
-@njit(cache=True)
+@njit()
 def _limit_line(line: Any, taps: Any, out: Any) -> None:
     """Symmetric taps along a line of interleaved complex numbers, longer than ``out`` by their reach on each side."""
     reach = taps.size // 2
@@ -117,13 +117,13 @@ def _limit_line(line: Any, taps: Any, out: Any) -> None:
             out[i] = out[i] + tap * (a[i] + d[i])
 
 
-@njit(cache=True)
+@njit()
 def _add(spots: Any, line: Any) -> None:
     for i in range(line.size):
         line[i] += spots[i]
 
 
-@njit(cache=True)
+@njit()
 def _detect(field: Any, first: Any, power: Any) -> None:
     """Power of a line of interleaved complex numbers: set by the first look, added by the others."""
     for i in range(power.size):
@@ -131,7 +131,7 @@ def _detect(field: Any, first: Any, power: Any) -> None:
         power[i] = value if first else power[i] + value
 
 
-@njit(cache=True, parallel=True)
+@njit(parallel=True)
 def _form(
     tiles: Any, rows: Any, columns: Any, start: Any, material: Any, power: Any, noise: Any, seed: Any,
     first_look: Any, looks: Any, down: Any, across: Any, most: Any, point_rows: Any, point_columns: Any,
