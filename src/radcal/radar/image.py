@@ -13,7 +13,7 @@ from radcal.radar.compiled import njit, prange
 from radcal.radar.gaussian import gaussian_row, seed_words
 from radcal.radar.points import Points, add_points, fine_taps, phased
 from radcal.radar.reflectivity import Reflectivity
-from radcal.radar.speckle import impulse_response, width_factor
+from radcal.radar.speckle import border_gain, impulse_response, width_factor
 
 __all__ = ["ImageFormation", "decibels"]
 
@@ -118,6 +118,16 @@ def _limit_line(line: Any, taps: Any, out: Any) -> None:
 
 
 @njit()
+def _raise(line: Any, first: Any, gain: Any, reach: Any) -> None:
+    """Multiply the columns of a line of interleaved complex numbers that lie along the image's border by their gain."""
+    n = line.size // 2
+    for i in range(n):
+        if first + i < reach or first + i >= gain.size - reach:
+            line[2 * i] *= gain[first + i]
+            line[2 * i + 1] *= gain[first + i]
+
+
+@njit()
 def _add(spots: Any, line: Any) -> None:
     for i in range(line.size):
         line[i] += spots[i]
@@ -134,8 +144,9 @@ def _detect(field: Any, first: Any, power: Any) -> None:
 @njit(parallel=True)
 def _form(
     tiles: Any, rows: Any, columns: Any, start: Any, material: Any, power: Any, noise: Any, seed: Any,
-    first_look: Any, looks: Any, down: Any, across: Any, most: Any, point_rows: Any, point_columns: Any,
-    point_values: Any, fine_down: Any, fine_across: Any, intensity: Any, field: Any,
+    first_look: Any, looks: Any, down: Any, across: Any, gain_down: Any, gain_across: Any, most: Any,
+    point_rows: Any, point_columns: Any, point_values: Any, fine_down: Any, fine_across: Any, intensity: Any,
+    field: Any,
 ) -> None:  # fmt: skip
     """Looks of some tiles: amplitude, separable band limit, and their mean power or the one complex look.
 
@@ -149,7 +160,8 @@ def _form(
         work = np.empty((2, most), np.uint32)
         words = np.empty((2, most), np.uint32)
         parts = np.empty((2, most), np.float32)
-        # zero beyond the image's border
+        at_border = left < reach_across or right > columns - reach_across
+        # zero beyond the image's border; the gains bring the mean power there back
         amplitude = np.zeros((bottom - top + 2 * reach_down, 2 * (right - left + 2 * reach_across)), np.float32)
         line = np.empty(amplitude.shape[1], np.float32)
         result = np.empty(2 * (right - left), np.float32)
@@ -166,12 +178,18 @@ def _form(
                 )  # fmt: skip
             for row in range(top, bottom):
                 _limit_rows(amplitude, row - top, down, line)
+                if gain_down[row] != np.float32(1.0):
+                    line *= gain_down[row]
                 if field.size:
                     _limit_line(line, across, field[row, 2 * left : 2 * right])
+                    if at_border:
+                        _raise(field[row, 2 * left : 2 * right], left, gain_across, reach_across)
                     if spots.size:
                         _add(spots[row - top], field[row, 2 * left : 2 * right])
                 else:
                     _limit_line(line, across, result)
+                    if at_border:
+                        _raise(result, left, gain_across, reach_across)
                     if spots.size:
                         _add(spots[row - top], result)
                     _detect(result, look == first_look, intensity[row, left:right])
@@ -199,7 +217,8 @@ class ImageFormation:
     """Complex looks and multilooked intensity of a reflectivity, with common random numbers.
 
     Each look is h * (sum over materials of sqrt(P_m) u_m + sqrt(nesz) v + sum over points of a_p d_p):
-    u and v white circular Gaussian, one for each pixel and material; h the impulse response; thermal
+    u and v white circular Gaussian, one for each pixel and material; h the impulse response, which along the
+    image's border, where what lies beyond is not there, has unit energy within the image; thermal
     noise is added before detection and passes through the same band limit; d_p is an impulse at the
     point's place and a_p its amplitude, the same in every look. Looks are averaged in power.
 
@@ -233,6 +252,7 @@ class ImageFormation:
         self._shape = shape
         self._down = impulse_response(radar.range_resolution_m, radar.range_spacing_m).astype(np.float32)
         self._across = impulse_response(radar.azimuth_resolution_m, radar.azimuth_spacing_m).astype(np.float32)
+        self._gains = [border_gain(taps, n) for taps, n in zip((self._down, self._across), shape, strict=True)]
         self._points = Points.none() if points is None else points
         self._fine_down = fine_taps(radar.range_resolution_m, radar.range_spacing_m)
         self._fine_across = fine_taps(radar.azimuth_resolution_m, radar.azimuth_spacing_m)
@@ -296,7 +316,7 @@ class ImageFormation:
         most = int(np.diff(reflectivity.start).max(initial=1))
         _form(
             tiles, rows, columns, reflectivity.start, reflectivity.material, reflectivity.power,
-            self._noise, seed_words(noise_seed), first, looks, self._down, across,
+            self._noise, seed_words(noise_seed), first, looks, self._down, across, *self._gains,
             stretch * max(1, most), self._points.row, self._points.column, points,
             self._fine_down, self._fine_across, intensity, field,
         )  # fmt: skip
