@@ -164,8 +164,9 @@ def test_normals_of_planes_and_of_a_sphere() -> None:
         height = np.sqrt(np.maximum(radius**2 - east**2 - north**2, 1.0))
         inside = np.hypot(east, north) < radius * np.sin(np.pi / 4)
         # n . r for r up and along each axis gives the normal's three components
-        up = local_incidence_cosine(height, step, (np.zeros(1), np.ones(1)))
-        across = local_incidence_cosine(height, step, (np.ones(1), np.zeros(1)))
+        slopes = np.gradient(height, step)
+        up = local_incidence_cosine(*slopes, (np.zeros(1), np.ones(1)))
+        across = local_incidence_cosine(*slopes, (np.ones(1), np.zeros(1)))
         error = np.hypot(up - height / radius, across - east / radius)
         return float(error[inside].max())
 
@@ -176,7 +177,7 @@ def test_normals_of_planes_and_of_a_sphere() -> None:
     plane = 0.3 * east - 0.2 * north
     normal = np.array([-0.3, 0.2, 1.0]) / np.sqrt(1 + 0.3**2 + 0.2**2)
     for component, direction in ((normal[0], (1.0, 0.0)), (normal[2], (0.0, 1.0))):
-        found = local_incidence_cosine(plane, 1.0, (np.full(1, direction[0]), np.full(1, direction[1])))
+        found = local_incidence_cosine(*np.gradient(plane), (np.full(1, direction[0]), np.full(1, direction[1])))
         np.testing.assert_allclose(found, component, atol=1e-6)
 
 

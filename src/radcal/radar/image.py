@@ -252,7 +252,7 @@ class ImageFormation:
         self._shape = shape
         self._down = impulse_response(radar.range_resolution_m, radar.range_spacing_m).astype(np.float32)
         self._across = impulse_response(radar.azimuth_resolution_m, radar.azimuth_spacing_m).astype(np.float32)
-        self._gains = [border_gain(taps, n) for taps, n in zip((self._down, self._across), shape, strict=True)]
+        self._gain_down, self._gain_across = border_gain(self._down, shape[0]), border_gain(self._across, shape[1])
         self._points = Points.none() if points is None else points
         self._fine_down = fine_taps(radar.range_resolution_m, radar.range_spacing_m)
         self._fine_across = fine_taps(radar.azimuth_resolution_m, radar.azimuth_spacing_m)
@@ -316,7 +316,7 @@ class ImageFormation:
         most = int(np.diff(reflectivity.start).max(initial=1))
         _form(
             tiles, rows, columns, reflectivity.start, reflectivity.material, reflectivity.power,
-            self._noise, seed_words(noise_seed), first, looks, self._down, across, *self._gains,
+            self._noise, seed_words(noise_seed), first, looks, self._down, across, self._gain_down, self._gain_across,
             stretch * max(1, most), self._points.row, self._points.column, points,
             self._fine_down, self._fine_across, intensity, field,
         )  # fmt: skip
