@@ -19,12 +19,14 @@ from radcal import config as configuration
 from radcal.calibration.history import read_runs
 from radcal.calibration.reuse import check_reuse
 from radcal.calibration.salvage import salvage
+from radcal.calibration.simulator_change import simulator_change
 from radcal.calibration.stopping import decide
 from radcal.casefile import check_words
 from radcal.errors import RadcalError
 from radcal.jobs import CASE as CASE_NAME
 from radcal.jobs import FAILURE, OWNER, PROGRESS, STARTED, Follower
 from radcal.lock import CaseLock
+from radcal.radar import SIMULATOR_VERSION
 from radcal.records import REPLACE
 from radcal.simulators.command import check_command
 from radcal.stages import READS
@@ -56,7 +58,7 @@ if workflow.is_main_process and not any(
     re.fullmatch("--dry-?run|-[a-z]*n[a-z]*", word) for word in sys.argv
 ):
     GONE, sentences = salvage(OUT, CASE.case)
-    for sentence in sentences:
+    for sentence in sentences + simulator_change(OUT, CASE):
         sys.stderr.write(f"radcal: {sentence}\n")
 os.environ[CASE_NAME] = CASE.case
 os.environ.pop(REPLACE, None)

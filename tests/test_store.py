@@ -4,6 +4,7 @@ import errno
 import fcntl
 import json
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -70,6 +71,23 @@ def test_a_run_is_simulated_once(runner: Runner, store: RunStore, simulator: Cou
         np.testing.assert_array_equal(record.pixels_db["dyke"], image.ravel()[geometry.pixels("dyke")])
         assert record.pixels_db["dyke"].dtype == np.float32
         assert record.image_db is None
+
+
+def test_a_run_with_the_pixels_of_another_geometry_is_made_again(
+    runner: Runner, store: RunStore, simulator: Counting, geometry: Geometry, case: Case
+) -> None:
+    """A later version may see a little more or less of the ground: pixels in an order of their own."""
+    material = geometry.material.copy()
+    material[tuple(np.argwhere(material == 1)[3])] = 0
+    other = replace(geometry, material=material)
+    key = Runner(store, simulator, other, "scene", case).run(X, 7).key
+    image = simulator.run(X, 7)
+    calls = simulator.calls
+    for _ in range(2):
+        found = runner.run(X, 7)
+        assert found.key == key
+        np.testing.assert_array_equal(found.pixels_db["dyke"], image.ravel()[geometry.pixels("dyke")])
+    assert simulator.calls == calls + 1
 
 
 def test_another_session_finds_the_run(

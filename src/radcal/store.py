@@ -14,6 +14,7 @@ import os
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -269,13 +270,24 @@ class Runner:
         """
         description = self.description(parameters, noise_seed, repeat)
         key = digest(description)
-        found = self._store.get(key, self._recorded, image)
+        found = self._found(key, image)
         if found is not None:
             return found
         with claimed(self._store.folder, key):
             # a job of a workflow that was killed may have been at this very run
-            found = self._store.get(key, self._recorded, image)
+            found = self._found(key, image)
             return found if found is not None else self._simulate(key, description, parameters, noise_seed, image)
+
+    def _found(self, key: str, image: bool) -> Record | None:
+        """The record, unless the pixels that it holds are those of another version's geometry."""
+        record = self._store.get(key, self._recorded, image)
+        if record is not None and any(record.pixels_db[name].size != n for name, n in self._sizes.items()):
+            return None
+        return record
+
+    @cached_property
+    def _sizes(self) -> Mapping[str, int]:
+        return {name: self._geometry.pixels(name).size for name in self._recorded}
 
     def _simulate(
         self, key: str, description: Mapping[str, Any], parameters: Parameters, noise_seed: int, image: bool

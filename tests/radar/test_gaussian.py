@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from radcal.radar.gaussian import circular_gaussian, philox
+from radcal.radar.gaussian import circular_gaussian, gaussian_row, philox, seed_words
 
 SHAPE = (300, 200)
 N = SHAPE[0] * SHAPE[1]
@@ -62,6 +62,28 @@ def test_parts_are_normal_and_phases_uniform() -> None:
     assert stats.kstest(u.imag * np.sqrt(2), "norm").pvalue > 1e-3
     assert stats.kstest(np.angle(u) / (2 * np.pi) % 1.0, "uniform").pvalue > 1e-3
     assert stats.kstest(np.abs(u) ** 2, "expon").pvalue > 1e-3
+
+
+@pytest.mark.parametrize("place", [30_473_775, 857_801_779, 12])
+def test_power_follows_the_whole_word(place: int) -> None:
+    """|z|^2 = -ln u of a word's 32 bits: the first place has the word 0, the second 2^32 - 2, both found by search."""
+    seed, stream, look = 11, 3, 1
+    word = int(philox(*map(np.uint32, [place, stream, look, 0, seed, 0]))[0])
+    real, imaginary = np.empty((2, 1), np.float32)
+    places, streams = np.array([place], np.uint32), np.array([stream], np.uint32)
+    words = np.empty((2, 1), np.uint32)
+    gaussian_row(1, places, streams, np.uint32(look), seed_words(seed), words, real, imaginary)
+    # near u = 1 single precision ends at 1 - 2^-24
+    expected = max(-np.log((word + 0.5) / 2**32), -np.log1p(-(2.0**-24)))
+    assert float(real[0]) ** 2 + float(imaginary[0]) ** 2 == pytest.approx(expected, rel=1e-5)
+
+
+def test_tail_is_exponential() -> None:
+    """Exceedances of the power's quantiles in 8 million draws, out to one in 200,000."""
+    power = np.concatenate([np.abs(circular_gaussian(seed, 0, 1, (2000, 2000))).ravel() ** 2 for seed in range(2)])
+    for exceeded in (1e-2, 1e-3, 1e-4, 5e-6):
+        found = np.count_nonzero(power > -np.log(exceeded))
+        assert found == pytest.approx(exceeded * power.size, abs=4 * np.sqrt(exceeded * power.size))
 
 
 def test_a_place_has_its_number_whatever_the_image() -> None:

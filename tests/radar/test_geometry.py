@@ -10,13 +10,12 @@ import numpy as np
 import pytest
 
 from radcal.config import Radar
-from radcal.errors import SceneError
+from radcal.errors import ConfigError, SceneError
 from radcal.radar.geometry import (
     Geometry,
     local_incidence_cosine,
     make_geometry,
     read_geometry,
-    shadowed,
     write_geometry,
 )
 from radcal.scene.model import Scene
@@ -118,7 +117,7 @@ def test_power_is_conserved_in_layover_and_shadow(build_scene: Build) -> None:
     z = hill.elevation_m[0]
     ground = 500.0 + x
     height = 500.0 + hill.elevation_m.mean() - z
-    visible = ~shadowed(np.arctan2(ground, height)[None])[0]
+    visible = ground / height >= np.maximum.accumulate(ground / height)
     slope = np.gradient(z)
     facing = (ground * slope + height) > 0
     area = np.sum(np.sqrt(1 + slope**2) * (visible & facing))
@@ -131,7 +130,7 @@ def test_power_is_conserved_in_layover_and_shadow(build_scene: Build) -> None:
 def test_local_incidence_cosine_is_normal_times_direction(across: float, along: float) -> None:
     y, x = np.mgrid[0:6, 0:7] * 2.0
     toward, up = -np.sin(np.radians(40.0)), np.cos(np.radians(40.0))
-    found = local_incidence_cosine(across * x + along * y, 2.0, (np.array(toward), np.array(up)))
+    found = local_incidence_cosine(*np.gradient(across * x + along * y, 2.0), (np.array(toward), np.array(up)))
     normal = np.cross([1, 0, across], [0, 1, along])  # of two tangents: ground range and azimuth
     expected = normal @ [toward, 0, up] / np.linalg.norm(normal)
     np.testing.assert_allclose(found, expected, rtol=1e-12)
@@ -142,26 +141,122 @@ def test_slope_steeper_than_the_look_angle_faces_away() -> None:
     look = np.radians(40.0)
     for slope_deg, sign in [(49.0, 1), (51.0, -1)]:  # falls away from the radar
         cosine = local_incidence_cosine(
-            -np.tan(np.radians(slope_deg)) * x, 1.0, (-np.sin(look) * np.ones(1), np.cos(look) * np.ones(1))
+            0.0 * x, -np.tan(np.radians(slope_deg)) + 0.0 * x, (-np.sin(look) * np.ones(1), np.cos(look) * np.ones(1))
         )
         assert (np.sign(cosine) == sign).all()
 
 
-def test_wall_casts_a_shadow_of_the_analytic_length() -> None:
-    altitude, wall, top, step = 500.0, 10.0, 400.0, 0.05
-    ground = np.arange(300.0, 500.0, step)
-    height = np.where(np.abs(ground - top) < step / 2, wall, 0.0)
-    hidden = shadowed(np.arctan2(ground, altitude - height)[None, :])[0]
-    assert not hidden[ground <= top].any()
-    # similar triangles: the ray over the top meets the ground at top H / (H - h)
-    length = top * wall / (altitude - wall)
-    assert np.count_nonzero(hidden) * step == pytest.approx(length, abs=2 * step)
-    assert hidden[(ground > top + step / 2) & (ground < top + length - step)].all()
+STEEP = Radar(
+    altitude_m=3000.0, range_spacing_m=1.0, azimuth_spacing_m=1.0, range_resolution_m=2.0, azimuth_resolution_m=2.0
+)  # as large as the cells of these scenes, so that facets are the cells and ground is straight between their middles
 
 
-def test_shadow_is_per_azimuth_line() -> None:
-    look = np.array([[0.1, 0.3, 0.2, 0.29, 0.31], [0.1, 0.2, 0.3, 0.4, 0.5]])
-    assert shadowed(look).tolist() == [[False, False, True, True, False], [False] * 5]
+def slant_m(radar: Radar, z: np.ndarray, east: float, up: float) -> float:
+    """Slant range of a place of a scene of 1 m cells with the profile z [m]."""
+    ground = radar.altitude_m / np.tan(np.radians(radar.depression_deg)) + east
+    return float(np.hypot(ground, radar.altitude_m + z.mean() - up))
+
+
+@pytest.mark.parametrize("depression", [25.0, 45.0, 60.0, 72.0])
+@pytest.mark.parametrize("height", [4.0, 7.3, 11.9])
+@pytest.mark.parametrize("look_side", ["right", "left"])
+def test_shadow_of_a_wedge_is_right_to_a_fraction_of_a_facet(
+    build_scene: Build, depression: float, height: float, look_side: str
+) -> None:
+    """Gently up, steeply down: dark from the crest to where the ray over it meets the ground."""
+    radar = STEEP.model_copy(update={"depression_deg": depression, "look_side": look_side})
+    crest = 0.5  # the middle of a cell; a metre on, the ground is level again
+
+    def surface(east: np.ndarray, north: np.ndarray) -> np.ndarray:
+        away = east if look_side == "right" else -east
+        return np.interp(away, [crest - 80.0, crest, crest + 1.0], [0.0, height, 0.0])
+
+    scene = build_scene(surface, cells=(16, 240), cell_m=1.0)
+    z = scene.elevation_m
+    geometry = make_geometry(scene, radar)
+    track = radar.altitude_m + z.mean()
+    centre = radar.altitude_m / np.tan(np.radians(depression))
+    end = (centre + crest) * track / (track - height) - centre  # similar triangles
+    assert end > crest + 1.0
+    first, last = slant_m(radar, z, crest, height), slant_m(radar, z, end, 0.0)
+    near = slant_m(radar, z, -120.0, 0.0)
+    # no layover: what is missing in the sum over the rows is the shadow, along the ray from the crest
+    assert not geometry.layover.any()
+    missing = geometry.shape[0] - weights(geometry).sum(axis=0)
+    np.testing.assert_allclose(missing, last - first, atol=0.01)
+    # and the rows that it reaches into are marked, no others
+    row = np.arange(geometry.shape[0])
+    np.testing.assert_array_equal(geometry.shadow.all(axis=1), (row + 1 > first - near) & (row < last - near))
+    np.testing.assert_array_equal(geometry.shadow.any(axis=1), geometry.shadow.all(axis=1))
+
+
+@pytest.mark.parametrize("depression", [20.0, 45.0, 70.0])
+def test_every_pixel_of_broken_ground_is_that_of_many_rays(build_scene: Build, depression: float) -> None:
+    """sigma0_local against 500 rays a cell: gently up and steeply down, hidden ground is missing from the pixels."""
+    radar = STEEP.model_copy(update={"depression_deg": depression})
+    rng = np.random.default_rng(4)
+    z = np.cumsum(np.where(rng.random(240) < 0.06, -rng.uniform(0.5, 5.0, 240), rng.uniform(0.05, 0.3, 240)))
+    scene = build_scene(lambda east, north: z + 0 * east, cells=(16, 240), cell_m=1.0)
+    geometry = make_geometry(scene, radar)
+    found = weights(geometry)
+    edges = radar.altitude_m / np.tan(np.radians(depression)) + np.arange(241) - 120.0
+    at = edges[0] + np.arange(0, 240 * 500 + 1) / 500
+    # straight on beyond the middles of the first and the last cell
+    places = np.concatenate([edges[:1], edges[:-1] + 0.5, edges[-1:]])
+    heights = np.concatenate([[1.5 * z[0] - 0.5 * z[1]], z, [1.5 * z[-1] - 0.5 * z[-2]]])
+    down = radar.altitude_m + z.mean() - np.interp(at, places, heights)
+    tangent, slant = at / down, np.hypot(at, down)
+    seen = tangent[1:] > np.maximum.accumulate(tangent)[:-1]
+    rows = 0.5 * (slant[1:] + slant[:-1]) - slant[0]
+    expected = np.histogram(rows, np.arange(geometry.shape[0] + 1), weights=np.abs(np.diff(slant)) * seen)[0]
+    np.testing.assert_allclose(found, expected[:, None] * np.ones(found.shape[1]), atol=0.02)
+    assert np.count_nonzero((expected > 0.1) & (expected < 0.9)) >= 2  # edges of shadows within pixels
+    hidden = np.histogram(rows, np.arange(geometry.shape[0] + 1), weights=np.abs(np.diff(slant)) * ~seen)[0]
+    np.testing.assert_array_equal(geometry.shadow[:, 3], hidden > 0)
+
+
+@pytest.mark.parametrize("radiometry", ["sigma0_local", "beta0", "gamma0"])
+def test_powers_add_in_layover(build_scene: Build, radiometry: str) -> None:
+    """A ramp that rises twice as fast as it goes away: three places in each row of its fold, and their echoes' sum."""
+    slope, length = 2.0, 24.0
+
+    def surface(east: np.ndarray, north: np.ndarray) -> np.ndarray:
+        return np.interp(east, [0.0, length, 120.0], [0.0, slope * length, 0.0])  # the back is in view
+
+    radar = STEEP.model_copy(update={"radiometry": radiometry})
+    scene = build_scene(surface, cells=(16, 320), cell_m=1.0)
+    geometry = make_geometry(scene, radar)
+    near = slant_m(radar, scene.elevation_m, -160.0, 0.0)
+    top = slant_m(radar, scene.elevation_m, length, slope * length) - near
+    foot = slant_m(radar, scene.elevation_m, 0.0, 0.0) - near
+    folded = weights(geometry)[int(top) + 3 : int(foot) - 2, 5]
+    assert folded.size > 5
+    # area over slant range of level ground, of the ramp and of the back; 1 each where areas do not count
+    look = np.arctan2(3000.0 + length / 2, 3000.0 + scene.elevation_m.mean() - slope * length / 2)
+    per_m = []
+    for rise in (0.0, slope, -slope * length / (120.0 - length)):
+        per_m.append(np.hypot(1.0, rise) / abs(np.sin(look) - rise * np.cos(look)))
+    expected = {"sigma0_local": 3.0, "beta0": sum(per_m), "gamma0": sum(per_m) * np.tan(look)}[radiometry]
+    # the ray turns by half a degree on the way
+    np.testing.assert_allclose(folded, expected, rtol=1e-4 if radiometry == "sigma0_local" else 0.02)
+
+
+def test_incidence_of_a_facet_seen_in_part_is_that_of_its_visible_half(build_scene: Build) -> None:
+    """The crest of a wedge: central differences would mix the slope that is seen with the one that is not."""
+    rise, fall = 0.2, -5.0
+
+    def surface(east: np.ndarray, north: np.ndarray) -> np.ndarray:
+        return np.where(east <= 0.5, rise * (east - 0.5), np.maximum(fall * (east - 0.5), -10.0))
+
+    scene = build_scene(surface, cells=(16, 100), cell_m=1.0)
+    geometry = make_geometry(scene, STEEP)
+    near = slant_m(STEEP, scene.elevation_m, -50.0, rise * -50.5)
+    crest = int(slant_m(STEEP, scene.elevation_m, 0.5, 0.0) - near)
+    normal = np.array([-rise, 1.0]) / np.hypot(rise, 1.0)
+    look = np.arctan2(3000.5, 3000.0 + scene.elevation_m.mean())
+    expected = np.degrees(np.arccos(normal @ [-np.sin(look), np.cos(look)]))
+    np.testing.assert_allclose(geometry.incidence_deg[crest - 3 : crest + 1, 5], expected, atol=0.1)
+    assert np.isnan(geometry.incidence_deg[crest + 1 : crest + 4, 5]).all()
 
 
 @pytest.mark.parametrize("look_side", ["right", "left"])
@@ -242,6 +337,25 @@ def test_margin_leaves_out_pixels_near_another_material(geometry: Geometry, name
 def test_hdf5_round_trip_is_exact(geometry: Geometry, tmp_path: Path) -> None:
     write_geometry(tmp_path / "geometry.h5", geometry)
     assert_equal(read_geometry(tmp_path / "geometry.h5"), geometry)
+
+
+def test_geometry_of_another_version_of_the_simulator_is_replaced(
+    geometry: Geometry, radar: Radar, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A finished calibration keeps the geometry of its pass from those of other passes, not from a better one."""
+    path = tmp_path / "geometry.h5"
+    (tmp_path / "calibration.h5").write_bytes(b"")
+    better = replace(geometry, facet_weight=geometry.facet_weight * np.float32(0.9))
+    with monkeypatch.context() as earlier:
+        earlier.setattr("radcal.radar.geometry.SIMULATOR_VERSION", 1)
+        write_geometry(path, geometry, radar)
+    with pytest.raises(ConfigError, match="holds a finished calibration of another geometry"):
+        write_geometry(path, better, radar.model_copy(update={"altitude_m": 1001.0}))
+    assert_equal(read_geometry(path), geometry)
+    write_geometry(path, better, radar)
+    assert_equal(read_geometry(path), better)
+    with pytest.raises(ConfigError, match="holds a finished calibration of another geometry"):
+        write_geometry(path, geometry, radar)
 
 
 def test_track_below_the_terrain(build_scene: Build) -> None:

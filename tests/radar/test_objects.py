@@ -147,10 +147,14 @@ def test_ground_beside_a_box_keeps_its_level_where_areas_do_not_count(flat: Scen
     geometry = make_geometry(with_objects(flat, length_m=8.0, width_m=8.0, height_m=10.0, rcs_dbsm=-90.0), FINE)
     tables = law_tables(geometry.names, {"dyke": LAWS["mangia"]}, {"dyke": [0.0, 0.0, 0.0, 0.0]})
     ground = reflectivity(geometry, tables).image
-    clear = geometry.material == 1
+    clear = (geometry.material == 1) & ~geometry.shadow
     assert clear.any()
     np.testing.assert_allclose(ground[clear], 1.0, rtol=1e-5)
     assert (ground <= 1.0 + 1e-5).all()
+    # the pixel in which the shadow ends has the rest of a whole one
+    end = slant((CENTRE + 4.0) * ALTITUDE / (ALTITUDE - 10.0) - CENTRE + NX / 2, 0.0) - NEAR
+    assert ground[int(end), NY // 2] == pytest.approx(1.0 - end % 1.0, abs=1e-3)
+    assert geometry.shadow[int(end), NY // 2]
     # laid over, the ground before the box counts in full; at the shadow's end as far as it is seen
     assert ground[geometry.layover & geometry.visible].max() == pytest.approx(1.0, rel=1e-5)
 

@@ -17,6 +17,7 @@ from radcal.radar.gaussian import circular_gaussian
 from radcal.radar.geometry import local_incidence_cosine, make_geometry
 from radcal.radar.image import ImageFormation
 from radcal.radar.reflectivity import Reflectivity, uniform
+from radcal.radar.speckle import impulse_response
 from radcal.scene.model import Scene
 from radcal.simulators.builtin import BuiltinSimulator
 
@@ -59,6 +60,24 @@ def test_zero_reflectivity_measures_the_noise() -> None:
     assert power.size >= 67_000
     assert 10 * np.log10(power.mean()) == pytest.approx(-23.0, abs=0.05)
     assert stats.kstest(power / 10**-2.3, stats.expon.cdf).pvalue > 0.003
+
+
+@pytest.mark.parametrize(("sigma0_db", "nesz_db"), [(-8.0, DARK), (DARK, -13.0), (-8.0, -13.0)])
+def test_even_ground_is_even_up_to_the_border(sigma0_db: float, nesz_db: float) -> None:
+    """Mean level of every row and column, the outermost too, over ground and noise of one level."""
+    shape, radar = (300, 340), Radar(looks=64)
+    even = uniform(np.full(shape, 10 ** (sigma0_db / 10), np.float32))
+    power = ImageFormation(radar, shape, nesz_db).intensity(even, 8).astype(np.float64)
+    expected = 10 ** (sigma0_db / 10) + 10 ** (nesz_db / 10)
+    for axis, (spacing, resolution) in enumerate([(2.5, 3.5), (1.5, 2.0)], start=1):
+        taps = impulse_response(resolution, spacing)
+        # variance of the mean of n correlated intensities: sum of the squared correlations of the field (Siegert)
+        correlation = np.correlate(taps, taps, mode="full") ** 2
+        n = power.shape[axis % 2]
+        sd = np.sqrt(correlation.sum() / (radar.looks * n))
+        # 640 rows and columns in all: 4.5 sigma; the border was 14 % (0.65 and 0.74 dB) dark
+        assert 4.5 * sd < 0.05
+        np.testing.assert_allclose(power.mean(axis=axis % 2) / expected, 1.0, atol=4.5 * sd)
 
 
 def test_signal_as_strong_as_noise_follows_the_gamma_law() -> None:
@@ -145,8 +164,9 @@ def test_normals_of_planes_and_of_a_sphere() -> None:
         height = np.sqrt(np.maximum(radius**2 - east**2 - north**2, 1.0))
         inside = np.hypot(east, north) < radius * np.sin(np.pi / 4)
         # n . r for r up and along each axis gives the normal's three components
-        up = local_incidence_cosine(height, step, (np.zeros(1), np.ones(1)))
-        across = local_incidence_cosine(height, step, (np.ones(1), np.zeros(1)))
+        slopes = np.gradient(height, step)
+        up = local_incidence_cosine(*slopes, (np.zeros(1), np.ones(1)))
+        across = local_incidence_cosine(*slopes, (np.ones(1), np.zeros(1)))
         error = np.hypot(up - height / radius, across - east / radius)
         return float(error[inside].max())
 
@@ -157,7 +177,7 @@ def test_normals_of_planes_and_of_a_sphere() -> None:
     plane = 0.3 * east - 0.2 * north
     normal = np.array([-0.3, 0.2, 1.0]) / np.sqrt(1 + 0.3**2 + 0.2**2)
     for component, direction in ((normal[0], (1.0, 0.0)), (normal[2], (0.0, 1.0))):
-        found = local_incidence_cosine(plane, 1.0, (np.full(1, direction[0]), np.full(1, direction[1])))
+        found = local_incidence_cosine(*np.gradient(plane), (np.full(1, direction[0]), np.full(1, direction[1])))
         np.testing.assert_allclose(found, component, atol=1e-6)
 
 

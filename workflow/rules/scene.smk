@@ -24,6 +24,11 @@ rule scene:
         "../scripts/scene.py"
 
 
+# The geometry is part of radcal's own simulator. Of a case with another simulator it stays what it was: the records
+# of finished runs hold its pixels.
+VERSION = {"version": SIMULATOR_VERSION} if CASE.simulator.kind == "builtin" else {}
+
+
 rule geometry:
     input:
         scene=rules.scene.output.scene,
@@ -39,6 +44,7 @@ rule geometry:
         mem_mb=memory("geometry"),
         runtime=minutes("geometry"),
     params:
+        **VERSION,
         case=CASE.sections(*READS["geometry"]),
     message:
         "geometry of the pass"

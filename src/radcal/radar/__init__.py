@@ -2,6 +2,11 @@
 
 import os
 
+__all__ = ["SIMULATOR_VERSION"]
+
+SIMULATOR_VERSION = 3
+"""Version of the built-in simulator, geometry included: raised whenever the same input gives another image."""
+
 # before numba is imported: a workflow's job has as many threads as its rule says, which Snakemake
 # puts there for the libraries it knows
 if "OMP_NUM_THREADS" in os.environ:

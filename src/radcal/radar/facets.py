@@ -9,7 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit, prange
+
+from radcal.radar.compiled import njit, prange
 
 __all__ = [
     "ANGLES_PER_RADIAN",
@@ -20,6 +21,7 @@ __all__ = [
     "count_facets",
     "fill_facets",
     "order_facets",
+    "shade",
 ]
 
 ANGLES_PER_RADIAN = 65535.0 / (np.pi / 2.0)
@@ -27,7 +29,7 @@ VISIBLE, LAID_OVER, OBJECT = 1, 2, 4  # bits of a facet's state
 _BLOCK = 16  # columns that one thread works on at a time
 
 
-@njit(cache=True, parallel=True)
+@njit(parallel=True)
 def count_facets(
     near: Any, far: Any, state: Any, per_column: Any, rows: Any, columns: Any, counts: Any, layover: Any, shadow: Any
 ) -> None:
@@ -59,7 +61,20 @@ def count_facets(
                             shadow[row, column] = True
 
 
-@njit(cache=True, parallel=True)
+@njit()
+def shade(line: Any, near: Any, far: Any, per_column: Any, shadow: Any) -> None:
+    """Mark the pixels of hidden parts of facets that are seen otherwise: of their lines, between two rows."""
+    rows, columns = shadow.shape
+    for i in range(line.size):
+        first, last = int(line[i] / per_column), int(np.ceil((line[i] + 1) / per_column))
+        for column in range(first, min(columns, last)):
+            # as where facets are counted: a line that no more than touches a column is none of it
+            if min(line[i] + 1.0, (column + 1) * per_column) - max(float(line[i]), column * per_column) >= 1e-6:
+                for row in range(max(0, int(np.floor(near[i]))), min(rows - 1, int(np.floor(far[i]))) + 1):
+                    shadow[row, column] = True
+
+
+@njit(parallel=True)
 def fill_facets(
     near: Any, far: Any, state: Any, angle: Any, area: Any, material: Any, k: Any, per_column: Any, rows: Any,
     columns: Any, start: Any, by_area: Any, objects: Any, out_material: Any, out_angle: Any, out_weight: Any,
@@ -67,8 +82,8 @@ def fill_facets(
 ) -> None:  # fmt: skip
     """Material, incidence and weight of every part of a facet, in the order of pixels.
 
-    The weight is the part's area [m2], or for ``sigma0_local`` its share of the pixel before
-    the shares of a pixel are brought to sum 1. Of objects, whose material is ``objects``, it is
+    The weight is the part's area [m2], or for ``sigma0_local`` its share of the pixel's slant range
+    times the lines that it is wide. Of objects, whose material is ``objects``, it is
     always the area. ``place`` is where it lies, in lines and facets.
     """
     lines, facets = near.shape
@@ -105,15 +120,15 @@ def fill_facets(
                         place[1, at] = f
 
 
-@njit(cache=True, parallel=True)
+@njit(parallel=True)
 def order_facets(
-    start: Any, columns: Any, material: Any, angle: Any, weight: Any, place: Any, local: Any, factor: Any,
-    objects: Any, whole: Any, cells: Any, pure: Any, mean_deg: Any, ground: Any,
+    start: Any, columns: Any, material: Any, angle: Any, weight: Any, place: Any, of_ground: Any, of_objects: Any,
+    objects: Any, cells: Any, pure: Any, mean_deg: Any, ground: Any,
 ) -> None:  # fmt: skip
     """Sort each pixel's facets by material, finish their weights, and take the means of the pixel.
 
-    Objects, of material ``objects``, are none of the ground: the means leave them out, and beside
-    them the shares of the ground are those of a ``whole`` pixel.
+    Weights are multiplied by ``of_ground``, and those of objects, of material ``objects``, by ``of_objects``,
+    shape (rows,). Objects are none of the ground: the means leave them out.
     """
     pixels = start.size - 1
     rows = pixels // columns
@@ -138,7 +153,7 @@ def order_facets(
             while ground_last > first and material[ground_last - 1] == objects:  # the greatest id: at the end
                 ground_last -= 1
             for i in range(ground_last, last):
-                weight[i] = weight[i] * factor[row]
+                weight[i] = weight[i] * of_objects[row]
             if ground_last == first:
                 cells[pixel] = 1
                 pure[pixel] = 0
@@ -160,14 +175,11 @@ def order_facets(
             mean_deg[pixel] = angles / total * (90.0 / 65535.0)
             ground[0, pixel] = down / total
             ground[1, pixel] = across / total
-            if local and ground_last < last:
-                total = max(total, whole)
-            scale = 1.0 / total if local else factor[row]
             for i in range(first, ground_last):
-                weight[i] = weight[i] * scale
+                weight[i] = weight[i] * of_ground[row]
 
 
-@njit(cache=True, parallel=True)
+@njit(parallel=True)
 def cells_of(start: Any, cell_start: Any, material: Any, cell_material: Any, facet_start: Any) -> None:
     """Material and first facet of every cell."""
     for pixel in prange(start.size - 1):

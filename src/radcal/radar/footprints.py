@@ -12,13 +12,25 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit, prange
 from numpy.typing import NDArray
 
+from radcal.radar.compiled import njit, prange
 from radcal.radar.facets import OBJECT, VISIBLE
+from radcal.radar.visibility import FAR_HALF, NEAR_HALF, part_seen, seen_from, slant_extent
 from radcal.scene.objects import Objects
 
-__all__ = ["Boxes", "Raised", "Spots", "add_up", "locate", "raise_boxes", "share_out", "stand", "to_boxes_and_spots"]
+__all__ = [
+    "Boxes",
+    "Raised",
+    "Seen",
+    "Spots",
+    "add_up",
+    "locate",
+    "raise_boxes",
+    "share_out",
+    "stand",
+    "to_boxes_and_spots",
+]
 
 _SAMPLES = 5  # along each side of a footprint, for its mean ground
 
@@ -79,7 +91,7 @@ class Spots:
     slant_m: NDArray[np.float64]
 
 
-@njit(cache=True)
+@njit()
 def _holds(line: Any, facet: Any, place: Any, axis: Any, half: Any) -> Any:
     """Whether the middle of a facet lies in a footprint."""
     down, across = line + 0.5 - place[0], facet + 0.5 - place[1]
@@ -87,7 +99,7 @@ def _holds(line: Any, facet: Any, place: Any, axis: Any, half: Any) -> Any:
     return abs(along) <= half[0] and abs(beside) <= half[1]
 
 
-@njit(cache=True, parallel=True)
+@njit(parallel=True)
 def _covers(place: Any, axis: Any, half: Any, reach: Any, shape: Any, found: Any) -> None:
     """Which footprints hold the middle of a facet."""
     for i in prange(place.shape[0]):
@@ -100,7 +112,7 @@ def _covers(place: Any, axis: Any, half: Any, reach: Any, shape: Any, found: Any
                     found[i] = True
 
 
-@njit(cache=True)
+@njit()
 def _between(grid: Any, row: Any, column: Any) -> Any:
     """Bilinear interpolation, constant beyond the border."""
     row, column = min(max(row, 0.0), grid.shape[0] - 1.0), min(max(column, 0.0), grid.shape[1] - 1.0)
@@ -110,7 +122,7 @@ def _between(grid: Any, row: Any, column: Any) -> Any:
     return (1.0 - p) * upper + p * ((1.0 - q) * grid[r + 1, c] + q * grid[r + 1, c + 1])
 
 
-@njit(cache=True, parallel=True)
+@njit(parallel=True)
 def _mean_ground(elevation: Any, k: Any, place: Any, axis: Any, half: Any, mean: Any) -> None:
     """Mean elevation of footprints."""
     for i in prange(place.shape[0]):
@@ -187,8 +199,51 @@ class Raised:
     owner: NDArray[np.int32]
     roof_m: NDArray[np.float64]
 
+    @classmethod
+    def none(cls, ground_m: NDArray[np.float64]) -> Raised:
+        """No box on ground of this elevation."""
+        return cls(np.full(ground_m.shape, -1, dtype=np.int32), ground_m)
 
-@njit(cache=True)
+
+@dataclass(frozen=True)
+class Seen:
+    """What the radar sees of the facets of some lines; arrays of shape (lines, facets), filled by :func:`stand`.
+
+    Attributes
+    ----------
+    near_m, far_m : ndarray of float64
+        Slant range of the facets' nearest and furthest part [m]: of what is seen, where that is not nothing.
+    share : ndarray of float32
+        How much of a facet of the ground is seen, 0 to 1; of a box, 1 where anything is.
+    half : ndarray of uint8
+        Which half of a facet, where no part of the other is seen; else 0.
+    hidden_m : ndarray of float64, shape (2, lines, facets)
+        Nearest and furthest slant range of what is hidden of a facet that is seen in part, else 0 [m].
+    horizon : ndarray of float64
+        Largest tangent of the angle from nadir of all that stands before.
+    extent_m : ndarray of float64
+        Slant extent of a facet of a box if nothing hid it [m].
+    """
+
+    near_m: NDArray[np.float64]
+    far_m: NDArray[np.float64]
+    share: NDArray[np.float32]
+    half: NDArray[np.uint8]
+    hidden_m: NDArray[np.float64]
+    horizon: NDArray[np.float64]
+    extent_m: NDArray[np.float64]
+
+    @classmethod
+    def room(cls, near_m: NDArray[np.float64], far_m: NDArray[np.float64]) -> Seen:
+        """For facets of these slant ranges of the ground."""
+        shape = near_m.shape
+        return cls(
+            near_m, far_m, np.zeros(shape, np.float32), np.zeros(shape, np.uint8), np.zeros((2, *shape)),
+            np.empty(shape), np.empty(shape),
+        )  # fmt: skip
+
+
+@njit()
 def _raise(chosen: Any, place: Any, axis: Any, half: Any, reach: Any, top: Any, first: Any, owner: Any) -> None:
     """The highest box of every facet, the first of equals."""
     lines, facets = owner.shape
@@ -208,19 +263,19 @@ def raise_boxes(boxes: Boxes, ground_m: NDArray[np.float64], first: int) -> Rais
     low, high = boxes.place[:, 0] - boxes.reach[:, 0], boxes.place[:, 0] + boxes.reach[:, 0]
     chosen = np.flatnonzero((high >= first) & (low <= first + len(ground_m)))
     if not chosen.size:
-        return Raised(owner, ground_m)
+        return Raised.none(ground_m)
     _raise(chosen, boxes.place, boxes.axis, boxes.half, boxes.reach, boxes.top_m, first, owner)
     # ground that rises through a roof stays ground in height
     roof = np.where(owner >= 0, np.maximum(ground_m, boxes.top_m[owner]), ground_m)
     return Raised(owner, roof)
 
 
-@njit(cache=True, parallel=True)
+@njit(parallel=True)
 def stand(
-    owner: Any, roof: Any, at_edges: Any, cosine: Any, edges: Any, middles: Any, track: Any, near: Any, far: Any,
-    visible: Any, horizon: Any, extent: Any,
+    owner: Any, roof: Any, at_edges: Any, edges: Any, middles: Any, track: Any, near: Any, far: Any, share: Any,
+    half: Any, hidden: Any, horizon: Any, extent: Any,
 ) -> None:  # fmt: skip
-    """Slant extents of the facets of boxes, and what hides what, along some lines.
+    """What is seen of facets along some lines: see :class:`Seen` for what is filled.
 
     Parameters
     ----------
@@ -228,50 +283,65 @@ def stand(
         As :class:`Raised` has them.
     at_edges : ndarray, shape (lines, facets + 1)
         Elevation of the ground at the facets' edges [m].
-    cosine : ndarray, shape (lines, facets)
-        Of the local incidence on the ground.
     edges, middles : ndarray, shape (facets + 1,), (facets,)
         Ground range of the facets' edges and middles [m].
     track : float
         Elevation of the radar [m].
-    near, far : ndarray, shape (lines, facets)
-        Slant range of the facets' nearest and furthest visible part [m]: of the ground; filled for boxes.
-    visible, horizon : ndarray, shape (lines, facets)
-        Filled: what returns an echo, and the largest angle from nadir of all that stands before [rad].
-    extent : ndarray, shape (lines, facets)
-        Filled for boxes: slant extent of a facet if nothing hid it [m].
+    near, far, share, half, hidden, horizon, extent : ndarray
+        Of :class:`Seen`.
     """
     lines, facets = owner.shape
     for line in prange(lines):
         before = -np.inf
         for f in range(facets):
-            height = track - roof[line, f]
-            angle = np.arctan2(middles[f], height)
             horizon[line, f] = before
-            seen = angle >= before
+            down = track - roof[line, f]
             if owner[line, f] < 0:
-                visible[line, f] = seen and cosine[line, f] > 0.0
-                before = max(before, angle)
+                first, last = track - at_edges[line, f], track - at_edges[line, f + 1]
+                place = edges[f], first, middles[f], down, edges[f + 1], last
+                start, end = part_seen(*place, before)
+                if start < end:
+                    share[line, f] = end - start
+                    if start > 0.0 or end < 1.0:
+                        half[line, f] = NEAR_HALF if end <= 0.5 else FAR_HALF if start >= 0.5 else 0
+                        near[line, f], far[line, f] = slant_extent(start, end, *place)
+                        low, high = slant_extent(0.0 if start > 0.0 else end, 1.0 if end < 1.0 else start, *place)
+                        hidden[0, line, f], hidden[1, line, f] = low, high
+                before = max(before, middles[f] / down, edges[f + 1] / last)
                 continue
-            visible[line, f] = seen
-            first, last = np.hypot(height, edges[f]), np.hypot(height, edges[f + 1])
-            nearest, furthest = min(first, last), max(first, last)
-            whole = furthest
             foot = at_edges[line, f]
             if f > 0 and owner[line, f - 1] >= 0:
                 foot = roof[line, f - 1]
-            if foot < roof[line, f] and (f == 0 or owner[line, f - 1] != owner[line, f]):
-                whole = max(whole, np.hypot(track - foot, edges[f]))
-                if before > 0.0:  # the wall is seen above the ray over what stands before it
-                    foot = max(foot, track - edges[f] / np.tan(before))
-                if foot < roof[line, f]:
-                    furthest = max(furthest, np.hypot(track - foot, edges[f]))
-            near[line, f], far[line, f] = nearest, furthest
-            extent[line, f] = whole - nearest
-            before = max(before, np.arctan2(edges[f + 1], height))  # a level roof is seen to its far edge
+            wall = foot < roof[line, f] and (f == 0 or owner[line, f - 1] != owner[line, f])
+            start = seen_from(edges[f], down, edges[f + 1], down, before)
+            share[line, f] = 1.0 if start < 1.0 else 0.0
+            near[line, f], far[line, f], extent[line, f] = _of_box(
+                edges[f], edges[f + 1], start, down, track - foot if wall else down, before
+            )
+            if 0.0 < start < 1.0:
+                hidden[0, line, f], hidden[1, line, f] = np.hypot(edges[f], down), near[line, f]
+            before = max(before, edges[f + 1] / down)  # a level roof is seen to its far edge
 
 
-@njit(cache=True)
+@njit()
+def _of_box(first: Any, last: Any, start: Any, down: Any, foot_down: Any, before: Any) -> tuple[Any, Any, Any]:
+    """Slant range of the nearest and furthest visible part of a facet of a box, and its extent if nothing hid it [m].
+
+    The roof reaches from ``first`` to ``last`` in ground range and is seen from the fraction ``start`` on, ``down``
+    below the radar; the wall before it stands on a foot ``foot_down`` below.
+    """
+    whole_near, whole_far = np.hypot(first, down), max(np.hypot(last, down), np.hypot(first, foot_down))
+    if start >= 1.0:
+        return whole_near, whole_far, whole_far - whole_near
+    nearest, furthest = np.hypot(first + start * (last - first), down), np.hypot(last, down)
+    if before > 0.0:  # the wall is seen above the ray over what stands before it
+        foot_down = min(foot_down, first / before)
+    if foot_down > down:
+        furthest = max(furthest, np.hypot(first, foot_down))
+    return nearest, furthest, whole_far - whole_near
+
+
+@njit()
 def add_up(owner: Any, extent: Any, total: Any) -> None:
     """Add the slant extents of some lines to those of their boxes."""
     for line in range(owner.shape[0]):
@@ -280,7 +350,7 @@ def add_up(owner: Any, extent: Any, total: Any) -> None:
                 total[owner[line, f]] += extent[line, f]
 
 
-@njit(cache=True, parallel=True)
+@njit(parallel=True)
 def locate(
     place: Any, height: Any, ground: Any, first: Any, last: Any, horizon: Any, edges: Any, track: Any, step: Any,
     slant: Any,
@@ -297,11 +367,11 @@ def locate(
         up = track - _between(ground, place[i, 0] - first + 0.5, place[i, 1] - 0.5) - height[i]
         away = edges[0] + place[i, 1] * step
         # facets before the point's own: within it, the ground would hide what lies in its near half
-        if np.arctan2(away, up) >= horizon[line, f]:
+        if away / up >= horizon[line, f]:
             slant[i] = np.hypot(away, up)
 
 
-@njit(cache=True, parallel=True)
+@njit(parallel=True)
 def share_out(near: Any, far: Any, state: Any, area: Any, owner: Any, rcs: Any, extent: Any) -> None:
     """Area of the facets of boxes: their part of the cross-section [m2].
 

@@ -16,8 +16,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from radcal.radar.compiled import njit
 
 __all__ = ["circular_gaussian", "gaussian_row", "philox"]
 
@@ -27,7 +28,7 @@ _LOW = np.uint64(0xFFFFFFFF)
 _32 = np.uint64(32)
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def philox(c0: Any, c1: Any, c2: Any, c3: Any, k0: Any, k1: Any) -> Any:
     """Ten rounds of Philox4x32: four words of counter and two of key (uint32) to four random words."""
     for _ in range(10):
@@ -50,10 +51,11 @@ _LOG = tuple(
 _SIN = tuple(np.float32(c) for c in (-1.6666654611e-1, 8.3321608736e-3, -1.9515295891e-4))
 _COS = tuple(np.float32(c) for c in (4.166664568298827e-2, -1.388731625493765e-3, 2.443315711809948e-5))
 _ONE, _HALF, _TWO24, _LN2 = np.float32(1.0), np.float32(0.5), np.float32(2.0**-24), np.float32(np.log(2.0))
+_TWO32, _BELOW_ONE = np.float32(2.0**-32), np.float32(1.0 - 2.0**-24)
 _QUARTER, _ROOT2 = np.float32(np.pi / 2.0), np.float32(np.sqrt(2.0))
 
 
-@njit(cache=True)
+@njit()
 def gaussian_row(n: Any, place: Any, stream: Any, look: Any, seed: Any, words: Any, real: Any, imaginary: Any) -> None:
     """Circular Gaussian numbers of unit mean power for ``n`` places.
 
@@ -80,9 +82,10 @@ def gaussian_row(n: Any, place: Any, stream: Any, look: Any, seed: Any, words: A
         a, b, _, _ = philox(place[i], stream[i], look, zero, k0, k1)
         words[0, i] = a
         words[1, i] = b
-    # 24 bits each, centred between their neighbours: neither 0 nor 1
+    # all 32 bits, centred between their neighbours: single precision has them where they count, near 0, which is
+    # where the largest powers come from (33 ln 2 = 22.9 at most); near 1 it would round to 1, which has no power
     for i in range(n):
-        real[i] = (_F(words[0, i] >> np.uint32(8)) + _HALF) * _TWO24
+        real[i] = min((_F(words[0, i]) + _HALF) * _TWO32, _BELOW_ONE)
     bits = real.view(np.int32)
     mantissa = imaginary.view(np.int32)
     for i in range(n):

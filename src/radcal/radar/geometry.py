@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_cdt, map_coordinates, maximum_filter, minimum_filter
 
 from radcal.config import Radar
-from radcal.errors import SceneError
+from radcal.errors import SceneError, StoreError
+from radcal.radar import SIMULATOR_VERSION
 from radcal.radar.facets import (
     ANGLES_PER_RADIAN,
     LAID_OVER,
@@ -23,22 +24,33 @@ from radcal.radar.facets import (
     count_facets,
     fill_facets,
     order_facets,
+    shade,
 )
-from radcal.radar.footprints import Boxes, Spots, add_up, locate, raise_boxes, share_out, stand, to_boxes_and_spots
+from radcal.radar.footprints import (
+    Boxes,
+    Raised,
+    Seen,
+    Spots,
+    add_up,
+    locate,
+    raise_boxes,
+    share_out,
+    stand,
+    to_boxes_and_spots,
+)
 from radcal.radar.points import Points, not_pure
 from radcal.radar.radiometry import of_sigma0
 from radcal.radar.size import check_size, refinement
+from radcal.radar.visibility import FAR_HALF, NEAR_HALF, laid_over
 from radcal.records import read_hdf5, write_hdf5
 from radcal.scene.model import Scene
 from radcal.scene.size import SceneSize
 
 __all__ = [
     "Geometry",
-    "laid_over",
     "local_incidence_cosine",
     "make_geometry",
     "read_geometry",
-    "shadowed",
     "write_geometry",
 ]
 
@@ -69,9 +81,10 @@ class Geometry:
     facet_incidence : ndarray of uint16, shape (facets,)
         Local incidence angle in units of 90 degrees / 65535.
     facet_weight : ndarray of float32, shape (facets,)
-        What the pixel holds is the sum of weight times sigma0: the weight is the facet's share
-        of the pixel (``sigma0_local``), or its area in the pixel over the pixel's reference area.
-        Of an object's facet, its part of the cross-section over the reference area.
+        What the pixel holds is the sum of weight times sigma0: the weight is the part of the pixel's
+        slant range that the facet takes (``sigma0_local``: 1 in all, more in layover, less beside
+        shadow), or its area in the pixel over the pixel's reference area. Of an object's facet, its
+        part of the cross-section over the reference area.
     material : ndarray of uint8, shape ``shape``
         Material id where all visible facets of a pixel share one, else 0; 0 near objects, too.
     incidence_deg : ndarray of float32, shape ``shape``
@@ -149,16 +162,14 @@ class Geometry:
 
 
 def local_incidence_cosine(
-    elevation_m: NDArray[np.float64], step_m: float, to_radar: tuple[NDArray[np.float64], NDArray[np.float64]]
+    along: NDArray[np.float64], across: NDArray[np.float64], to_radar: tuple[NDArray[np.float64], NDArray[np.float64]]
 ) -> NDArray[np.float64]:
-    """Cosine of the local incidence angle from the surface normals.
+    """Cosine of the local incidence angle from the surface's slopes.
 
     Parameters
     ----------
-    elevation_m : ndarray, shape (ny, nx)
-        Elevation; axis 1 is ground range away from the track, axis 0 is azimuth [m].
-    step_m : float
-        Grid step [m].
+    along, across : ndarray, shape (ny, nx)
+        Rise of the surface along azimuth, and along ground range away from the track [m/m].
     to_radar : (ndarray, ndarray), each broadcastable to (ny, nx)
         Components of the unit vector to the radar along ground range and up
         (zero Doppler: none along azimuth).
@@ -166,59 +177,15 @@ def local_incidence_cosine(
     Returns
     -------
     ndarray, shape (ny, nx)
-        n . r with the unit normal n of central differences; negative when back-facing.
+        n . r with the unit normal n; negative when back-facing.
 
     References
     ----------
     Ulander, "Radiometric slope correction of synthetic-aperture radar images", IEEE
     TGRS 34 (1996), eq. 10.
     """
-    along, across = np.gradient(elevation_m, step_m)
     toward, up = to_radar
     return np.asarray((up - across * toward) / np.sqrt(1.0 + along**2 + across**2))
-
-
-def shadowed(look_rad: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which facets are hidden by nearer ones: horizon scan along ground range.
-
-    Parameters
-    ----------
-    look_rad : ndarray, shape (ny, nx)
-        Angle from nadir at the radar; axis 1 is ground range, nearest first [rad].
-
-    Returns
-    -------
-    ndarray of bool
-        True where an earlier facet of the same row is seen at a larger angle.
-    """
-    horizon = np.maximum.accumulate(look_rad, axis=1)
-    return np.asarray(look_rad < horizon)
-
-
-def laid_over(slant_m: NDArray[np.float64], visible: NDArray[np.bool_], apart_m: float) -> NDArray[np.bool_]:
-    """Which facets share their slant range with others that lie elsewhere.
-
-    Parameters
-    ----------
-    slant_m : ndarray, shape (ny, nx)
-        Slant range; axis 1 is ground range, nearest first [m].
-    visible : ndarray of bool, shape (ny, nx)
-        Facets that return an echo; the others count for nothing.
-    apart_m : float
-        By how much slant range must fall back on the way between them [m].
-
-    Returns
-    -------
-    ndarray of bool, shape (ny, nx)
-        True where a visible facet further out is nearer to the radar, or one before it is
-        further from it: the active and the passive part of a layover (Schreier, "SAR
-        Geocoding: Data and Systems" (1993), chapter 6).
-    """
-    nearer = np.where(visible, slant_m, -np.inf)
-    further = np.where(visible, slant_m, np.inf)
-    before = np.maximum.accumulate(nearer, axis=1)
-    beyond = np.minimum.accumulate(further[:, ::-1], axis=1)[:, ::-1]
-    return np.asarray(visible & ((before > slant_m + apart_m) | (beyond < slant_m - apart_m)))
 
 
 def make_geometry(scene: Scene, radar: Radar) -> Geometry:
@@ -330,13 +297,18 @@ def _terrain_geometry(scene: Scene, radar: Radar) -> Geometry:
 
 @dataclass(frozen=True)
 class Lines:
-    """Facets along the azimuth lines of the refined scene; arrays of shape (lines, facets)."""
+    """Facets along the azimuth lines of the refined scene; arrays of shape (lines, facets).
+
+    Slant ranges are counted from ``base``; those of a facet that is seen in part are of that part. ``hidden``
+    holds line, nearest and furthest slant range of the other parts, for every block of lines.
+    """
 
     near_m: NDArray[np.float32]
     far_m: NDArray[np.float32]
     incidence: NDArray[np.uint16]
     area: NDArray[np.float32]
     state: NDArray[np.uint8]
+    hidden: list[tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.float32]]]
 
     @classmethod
     def empty(cls, lines: int, facets: int) -> Lines:
@@ -348,6 +320,7 @@ class Lines:
             np.empty(shape, np.uint16),
             np.empty(shape, np.float32),
             np.empty(shape, np.uint8),
+            [],
         )
 
 
@@ -382,47 +355,58 @@ def _lines(
         columns = (np.arange(nx * k) + 0.5) / k - 0.5 + _HALO
         fine = _refined(block, rows, columns, step * k)
     ground = 0.5 * (edges[1:] + edges[:-1])
-    height = track - fine
-    slant = np.hypot(height, ground)
-    towards = np.asarray(-ground / slant), np.asarray(height / slant)
-    cosine = local_incidence_cosine(fine, step, towards)[1:-1]
-    slopes: list[NDArray[np.float64]] = list(np.gradient(fine, step))
-    along, across = slopes[0][1:-1], slopes[1][1:-1]
-    beyond_ground, fine, height, slant = fine, fine[1:-1], height[1:-1], slant[1:-1]
+    beyond_ground, fine = fine, fine[1:-1]
     # heights at the facets' edges: neighbours share them, so that facets tile slant range without gaps
     at_edges = np.empty((fine.shape[0], fine.shape[1] + 1))
     at_edges[:, 1:-1] = 0.5 * (fine[:, 1:] + fine[:, :-1])
     at_edges[:, 0], at_edges[:, -1] = 1.5 * fine[:, 0] - 0.5 * fine[:, 1], 1.5 * fine[:, -1] - 0.5 * fine[:, -2]
     reach = np.hypot(track - at_edges, edges)
-    near, far = np.minimum(reach[:, 1:], reach[:, :-1]), np.maximum(reach[:, 1:], reach[:, :-1])
-    part = slice(first * k, last * k)
-    if standing is None:
-        visible = ~shadowed(np.arctan2(np.broadcast_to(ground, height.shape), height)) & (cosine > 0.0)
-        owner = None
-    else:
+    raised = Raised.none(fine) if standing is None else raise_boxes(standing[0], fine, first * k)
+    seen = Seen.room(np.minimum(reach[:, 1:], reach[:, :-1]), np.maximum(reach[:, 1:], reach[:, :-1]))
+    stand(
+        raised.owner, raised.roof_m, at_edges, edges, ground, track, seen.near_m, seen.far_m, seen.share, seen.half,
+        seen.hidden_m, seen.horizon, seen.extent_m,
+    )  # fmt: skip
+    if standing is not None:
         boxes, spots = standing
-        raised = raise_boxes(boxes, fine, first * k)
-        owner = raised.owner
-        visible = np.empty(fine.shape, dtype=np.bool_)
-        horizon, extent = np.empty((2, *fine.shape))
-        stand(owner, raised.roof_m, at_edges, cosine, edges, ground, track, near, far, visible, horizon, extent)
-        add_up(owner, extent, boxes.extent)
+        add_up(raised.owner, seen.extent_m, boxes.extent)
         locate(
-            spots.place, spots.height_m, beyond_ground, first * k, last * k, horizon, edges, track, step, spots.slant_m
-        )
-        slant = np.hypot(track - raised.roof_m, ground)
-    laid = laid_over(slant, visible, spacing_m)
-    lines.near_m[part] = near - base
-    lines.far_m[part] = far - base
-    lines.incidence[part] = np.round(np.arccos(np.clip(cosine, 0.0, 1.0)) * ANGLES_PER_RADIAN)
-    lines.area[part] = step**2 * np.sqrt(1.0 + along**2 + across**2)
+            spots.place, spots.height_m, beyond_ground, first * k, last * k, seen.horizon, edges, track, step,
+            spots.slant_m,
+        )  # fmt: skip
+    visible = seen.share > 0.0
+    laid = laid_over(np.hypot(track - raised.roof_m, ground), visible, spacing_m)
+    part = slice(first * k, last * k)
+    lines.near_m[part], lines.far_m[part] = seen.near_m - base, seen.far_m - base
+    lines.incidence[part], lines.area[part] = _faces(beyond_ground, at_edges, seen, ground, track, step)
     lines.state[part] = visible * VISIBLE + laid * LAID_OVER
-    if owner is not None:
-        # the cross-section of a facet is known only after the last line: until then its area is whose it is
-        standing_here = owner >= 0
-        lines.area[part].view(np.int32)[standing_here] = owner[standing_here]
-        lines.state[part] |= standing_here * np.uint8(OBJECT)
+    standing_here = raised.owner >= 0
+    # the cross-section of a facet is known only after the last line: until then its area is whose it is
+    lines.area[part].view(np.int32)[standing_here] = raised.owner[standing_here]
+    lines.state[part] |= standing_here * np.uint8(OBJECT)
+    line, facet = np.nonzero(seen.hidden_m[1] > seen.hidden_m[0])
+    hidden = [(extreme[line, facet] - base).astype(np.float32) for extreme in seen.hidden_m]
+    lines.hidden.append((line + first * k, hidden[0], hidden[1]))
     return float(reach[:, 0].max()), float(reach[:, -1].min())
+
+
+def _faces(
+    fine: NDArray[np.float64], at_edges: NDArray[np.float64], seen: Seen, ground: NDArray[np.float64], track: float,
+    step: float,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
+    """Incidence, in its units, and area [m2] of what is seen of the facets of some lines.
+
+    The slope along ground range is that of the half that is seen where it is only one.
+    """
+    slopes: list[NDArray[np.float64]] = list(np.gradient(fine, step))
+    along, across = slopes[0][1:-1], slopes[1][1:-1]
+    for half, rise in ((NEAR_HALF, fine[1:-1] - at_edges[:, :-1]), (FAR_HALF, at_edges[:, 1:] - fine[1:-1])):
+        across = np.where(seen.half == half, rise / (0.5 * step), across)
+    height = track - fine[1:-1]
+    slant = np.hypot(height, ground)
+    cosine = local_incidence_cosine(along, across, (-ground / slant, height / slant))
+    area = step**2 * np.sqrt(1.0 + along**2 + across**2) * seen.share
+    return np.round(np.arccos(np.clip(cosine, 0.0, 1.0)) * ANGLES_PER_RADIAN), area
 
 
 def _pixels(
@@ -437,6 +421,9 @@ def _pixels(
     counts = np.zeros(rows * columns, dtype=np.uint16)
     layover, shadow = np.zeros((2, rows, columns), dtype=np.bool_)
     count_facets(near_row, far_row, lines.state, per_column, rows, columns, counts, layover, shadow)
+    for line, nearest, furthest in lines.hidden:
+        from_row, to_row = ((slant - (near - base)) / radar.range_spacing_m for slant in (nearest, furthest))
+        shade(line, from_row, to_row, per_column, shadow)
     total = int(counts.sum(dtype=np.int64))
     if total == 0:
         raise SceneError("no part of the scene is visible to the radar.")
@@ -465,9 +452,12 @@ def _pixels(
     pure = np.zeros(rows * columns, dtype=np.uint8)
     mean_incidence = np.full(rows * columns, np.nan, dtype=np.float32)
     ground = np.full((2, rows * columns), np.nan, dtype=np.float32)
+    # weights to what the pixel holds: of objects one over the reference area, of the ground with sigma0_local one
+    # over a whole pixel's share, which is its width in lines
+    of_ground = np.full(rows, 1.0 / per_column, dtype=np.float32) if local else per_area
     order_facets(
-        start, columns, facet_material, incidence, weight, place, local, per_area, objects,
-        per_column, cells, pure, mean_incidence, ground,
+        start, columns, facet_material, incidence, weight, place, of_ground, per_area, objects, cells, pure,
+        mean_incidence, ground,
     )  # fmt: skip
     cell_start = np.zeros(rows * columns + 1, dtype=np.int32)
     np.cumsum(cells, out=cell_start[1:])
@@ -542,11 +532,14 @@ def write_geometry(path: str | Path, geometry: Geometry, radar: Radar | None = N
     Raises
     ------
     ConfigError
-        A finished calibration beside it rests on another pass.
+        A finished calibration beside it rests on another pass. One of the same pass that another version of the
+        simulator made is replaced.
     """
-    with write_hdf5(path, "geometry", protected=True) as file:
-        if radar is not None:
-            file.attrs["pass"] = radar.model_dump_json()
+    described = None if radar is None else radar.model_dump_json()
+    with write_hdf5(path, "geometry", protected=not _outdated(path, described)) as file:
+        if described is not None:
+            file.attrs["pass"] = described
+        file.attrs["simulator"] = SIMULATOR_VERSION
         file.attrs["shape"] = geometry.shape
         file["names"] = list(geometry.names)
         for item in fields(Geometry)[2:]:
@@ -554,6 +547,15 @@ def write_geometry(path: str | Path, geometry: Geometry, radar: Radar | None = N
             # HDF5 does not compress what is empty
             packed = {"compression": "gzip", "compression_opts": 1} if values.size else {}
             file.create_dataset(item.name, data=values, **packed)
+
+
+def _outdated(path: str | Path, described: str | None) -> bool:
+    """Whether a file is the geometry of a pass as another version of the simulator has it."""
+    try:
+        with read_hdf5(path, "geometry") as file:
+            return bool(file.attrs.get("pass") == described and file.attrs.get("simulator") != SIMULATOR_VERSION)
+    except StoreError:
+        return False
 
 
 def read_geometry(path: str | Path) -> Geometry:

@@ -5,15 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit, prange
 from numpy.typing import ArrayLike, NDArray
 
 from radcal.config import Radar
 from radcal.errors import ConfigError
+from radcal.radar.compiled import njit, prange
 from radcal.radar.gaussian import gaussian_row, seed_words
 from radcal.radar.points import Points, add_points, fine_taps, phased
 from radcal.radar.reflectivity import Reflectivity
-from radcal.radar.speckle import WIDTH_FACTOR, impulse_response
+from radcal.radar.speckle import WIDTH_FACTOR, border_gain, impulse_response
 
 __all__ = ["ImageFormation", "decibels"]
 
@@ -22,7 +22,7 @@ _TILE = 256  # pixels a side: what neighbours need of one another is formed twic
 _PATCH = 64  # of what is formed anew where a law has changed, up to a tile in a row
 
 
-@njit(cache=True, parallel=True)
+@njit(parallel=True)
 def _touched(
     tiles: Any, rows: Any, columns: Any, reach: Any, start: Any, material: Any, changed: Any, found: Any
 ) -> None:  # fmt: skip
@@ -39,7 +39,7 @@ def _touched(
         found[t] = hit
 
 
-@njit(cache=True)
+@njit()
 def _amplitude_row(
     row: Any, left: Any, right: Any, columns: Any, start: Any, material: Any, power: Any, noise: Any, look: Any,
     seed: Any, work: Any, words: Any, parts: Any, out: Any,
@@ -72,7 +72,7 @@ def _amplitude_row(
             out[2 * column + 1] += noise * parts[1, column]
 
 
-@njit(cache=True)
+@njit()
 def _limit_rows(source: Any, first: Any, taps: Any, out: Any) -> None:
     """Symmetric taps down the rows of ``source`` from row ``first`` on: one line of the same width."""
     reach = taps.size // 2
@@ -95,7 +95,7 @@ def _limit_rows(source: Any, first: Any, taps: Any, out: Any) -> None:
             out[i] = out[i] + tap * (a[i] + d[i])
 
 
-@njit(cache=True)
+@njit()
 def _limit_line(line: Any, taps: Any, out: Any) -> None:
     """Symmetric taps along a line of interleaved complex numbers, longer than ``out`` by their reach on each side."""
     reach = taps.size // 2
@@ -117,13 +117,23 @@ def _limit_line(line: Any, taps: Any, out: Any) -> None:
             out[i] = out[i] + tap * (a[i] + d[i])
 
 
-@njit(cache=True)
+@njit()
+def _raise(line: Any, first: Any, gain: Any, reach: Any) -> None:
+    """Multiply the columns of a line of interleaved complex numbers that lie along the image's border by their gain."""
+    n = line.size // 2
+    for i in range(n):
+        if first + i < reach or first + i >= gain.size - reach:
+            line[2 * i] *= gain[first + i]
+            line[2 * i + 1] *= gain[first + i]
+
+
+@njit()
 def _add(spots: Any, line: Any) -> None:
     for i in range(line.size):
         line[i] += spots[i]
 
 
-@njit(cache=True)
+@njit()
 def _detect(field: Any, first: Any, power: Any) -> None:
     """Power of a line of interleaved complex numbers: set by the first look, added by the others."""
     for i in range(power.size):
@@ -131,11 +141,12 @@ def _detect(field: Any, first: Any, power: Any) -> None:
         power[i] = value if first else power[i] + value
 
 
-@njit(cache=True, parallel=True)
+@njit(parallel=True)
 def _form(
     tiles: Any, rows: Any, columns: Any, start: Any, material: Any, power: Any, noise: Any, seed: Any,
-    first_look: Any, looks: Any, down: Any, across: Any, most: Any, point_rows: Any, point_columns: Any,
-    point_values: Any, fine_down: Any, fine_across: Any, intensity: Any, field: Any,
+    first_look: Any, looks: Any, down: Any, across: Any, gain_down: Any, gain_across: Any, most: Any,
+    point_rows: Any, point_columns: Any, point_values: Any, fine_down: Any, fine_across: Any, intensity: Any,
+    field: Any,
 ) -> None:  # fmt: skip
     """Looks of some tiles: amplitude, separable band limit, and their mean power or the one complex look.
 
@@ -149,7 +160,8 @@ def _form(
         work = np.empty((2, most), np.uint32)
         words = np.empty((2, most), np.uint32)
         parts = np.empty((2, most), np.float32)
-        # zero beyond the image's border
+        at_border = left < reach_across or right > columns - reach_across
+        # zero beyond the image's border; the gains bring the mean power there back
         amplitude = np.zeros((bottom - top + 2 * reach_down, 2 * (right - left + 2 * reach_across)), np.float32)
         line = np.empty(amplitude.shape[1], np.float32)
         result = np.empty(2 * (right - left), np.float32)
@@ -166,12 +178,18 @@ def _form(
                 )  # fmt: skip
             for row in range(top, bottom):
                 _limit_rows(amplitude, row - top, down, line)
+                if gain_down[row] != np.float32(1.0):
+                    line *= gain_down[row]
                 if field.size:
                     _limit_line(line, across, field[row, 2 * left : 2 * right])
+                    if at_border:
+                        _raise(field[row, 2 * left : 2 * right], left, gain_across, reach_across)
                     if spots.size:
                         _add(spots[row - top], field[row, 2 * left : 2 * right])
                 else:
                     _limit_line(line, across, result)
+                    if at_border:
+                        _raise(result, left, gain_across, reach_across)
                     if spots.size:
                         _add(spots[row - top], result)
                     _detect(result, look == first_look, intensity[row, left:right])
@@ -199,7 +217,8 @@ class ImageFormation:
     """Complex looks and multilooked intensity of a reflectivity, with common random numbers.
 
     Each look is h * (sum over materials of sqrt(P_m) u_m + sqrt(nesz) v + sum over points of a_p d_p):
-    u and v white circular Gaussian, one for each pixel and material; h the impulse response; thermal
+    u and v white circular Gaussian, one for each pixel and material; h the impulse response, which along the
+    image's border, where what lies beyond is not there, has unit energy within the image; thermal
     noise is added before detection and passes through the same band limit; d_p is an impulse at the
     point's place and a_p its amplitude, the same in every look. Looks are averaged in power.
 
@@ -233,6 +252,7 @@ class ImageFormation:
         self._shape = shape
         self._down = impulse_response(radar.range_resolution_m, radar.range_spacing_m).astype(np.float32)
         self._across = impulse_response(radar.azimuth_resolution_m, radar.azimuth_spacing_m).astype(np.float32)
+        self._gain_down, self._gain_across = border_gain(self._down, shape[0]), border_gain(self._across, shape[1])
         self._points = Points.none() if points is None else points
         self._fine_down = fine_taps(radar.range_resolution_m, radar.range_spacing_m)
         self._fine_across = fine_taps(radar.azimuth_resolution_m, radar.azimuth_spacing_m)
@@ -296,7 +316,7 @@ class ImageFormation:
         most = int(np.diff(reflectivity.start).max(initial=1))
         _form(
             tiles, rows, columns, reflectivity.start, reflectivity.material, reflectivity.power,
-            self._noise, seed_words(noise_seed), first, looks, self._down, across,
+            self._noise, seed_words(noise_seed), first, looks, self._down, across, self._gain_down, self._gain_across,
             stretch * max(1, most), self._points.row, self._points.column, points,
             self._fine_down, self._fine_across, intensity, field,
         )  # fmt: skip

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from radcal.config import Radar
+from radcal.radar.compiled import njit
 from radcal.radar.gaussian import philox, seed_words
 from radcal.radar.speckle import impulse_response
 
@@ -65,7 +65,7 @@ def fine_taps(resolution_m: float, spacing_m: float) -> NDArray[np.float32]:
     return np.asarray(impulse_response(resolution_m, spacing_m / FINENESS) * np.sqrt(FINENESS), dtype=np.float32)
 
 
-@njit(cache=True)
+@njit()
 def _phases(number: Any, k0: Any, k1: Any, amplitude: Any, out: Any) -> None:
     for i in range(number.size):
         word, _, _, _ = philox(number[i], np.uint32(_PHASE), np.uint32(0), np.uint32(0), k0, k1)
@@ -85,7 +85,7 @@ def phased(points: Points, noise_seed: int) -> NDArray[np.float32]:
     return out
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _tap(taps: Any, offset: Any) -> Any:
     """Impulse response at an offset in pixels, 0 beyond its end."""
     place = offset * FINENESS + taps.size // 2
@@ -96,7 +96,7 @@ def _tap(taps: Any, offset: Any) -> Any:
     return (np.float32(1.0) - part) * taps[k] + part * taps[k + 1]
 
 
-@njit(cache=True)
+@njit()
 def add_points(rows: Any, columns: Any, values: Any, down: Any, across: Any, top: Any, left: Any, out: Any) -> None:
     """Add points to a part of a look.
 
@@ -141,7 +141,7 @@ def not_pure(points: Points, radar: Radar, material: NDArray[np.uint8]) -> None:
     )
 
 
-@njit(cache=True)
+@njit()
 def _clear(rows: Any, columns: Any, down: Any, across: Any, material: Any) -> None:
     for i in range(rows.size):
         for r in range(max(0, int(np.ceil(rows[i] - down))), min(material.shape[0], int(rows[i] + down) + 1)):

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit, prange
 from numpy.typing import ArrayLike, NDArray
 
+from radcal.radar.compiled import njit, prange
 from radcal.radar.geometry import Geometry
 from radcal.radar.laws import Law
 
@@ -87,7 +87,7 @@ def law_tables(
     return tables
 
 
-@njit(cache=True, parallel=True)
+@njit(parallel=True)
 def _colour(material: Any, first: Any, incidence: Any, weight: Any, tables: Any, changed: Any, power: Any) -> None:
     """Power of every cell of the changed materials."""
     n = material.size

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from radcal.config import Radar
 from radcal.errors import ConfigError
+from radcal.radar import SIMULATOR_VERSION
 from radcal.radar.geometry import Geometry
 from radcal.radar.image import ImageFormation, decibels
 from radcal.radar.laws import EXTERNAL, LAWS, Law, law_for
@@ -18,9 +19,6 @@ from radcal.radar.radiometry import noise_floor_db
 from radcal.radar.reflectivity import Reflectivity, law_tables, reflectivity
 
 __all__ = ["BuiltinSimulator"]
-
-# raised whenever the same input gives another image
-_VERSION = 2
 
 
 @dataclass(frozen=True)
@@ -72,7 +70,7 @@ class BuiltinSimulator:
     @property
     def identity(self) -> Mapping[str, Any]:
         """Name and version."""
-        return {"kind": "builtin", "version": _VERSION}
+        return {"kind": "builtin", "version": SIMULATOR_VERSION}
 
     def run(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> NDArray[np.float32]:
         """Simulate one pass; see :class:`radcal.simulators.protocol.Simulator`.

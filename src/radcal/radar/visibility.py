@@ -1,0 +1,99 @@
+"""What the radar sees of the ground: parts of facets between shadows' edges, and which of them fold over others.
+
+Between the middles of its facets the ground is straight; a ray is known by the tangent of its angle from nadir.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.radar.compiled import njit
+
+__all__ = ["FAR_HALF", "NEAR_HALF", "laid_over", "part_seen", "seen_from", "slant_extent"]
+
+NEAR_HALF, FAR_HALF = 1, 2  # of a facet of which no more than that is seen
+
+
+@njit()
+def seen_from(near: Any, near_down: Any, far: Any, far_down: Any, horizon: Any) -> Any:
+    """Where the visible part of a straight piece begins.
+
+    Parameters
+    ----------
+    near, far : float
+        Ground range of its ends [m].
+    near_down, far_down : float
+        How far below the radar they lie [m].
+    horizon : float
+        Largest tangent of the angle from nadir of all that stands before it.
+
+    Returns
+    -------
+    float
+        Fraction of the way from the near to the far end; 1 where the piece is hidden or faces away.
+    """
+    first, last = near / near_down, far / far_down
+    if last <= horizon or last <= first:
+        return 1.0
+    if first >= horizon:
+        return 0.0
+    return (horizon * near_down - near) / (far - near - horizon * (far_down - near_down))
+
+
+@njit()
+def part_seen(
+    near: Any, near_down: Any, middle: Any, middle_down: Any, far: Any, far_down: Any, horizon: Any
+) -> tuple[Any, Any]:
+    """From and to which fraction a facet that bends in its middle is seen; nothing of it where from lies beyond to.
+
+    Within a half the angle from nadir grows or falls throughout: what is seen is in one piece.
+    """
+    first = seen_from(near, near_down, middle, middle_down, horizon)
+    second = seen_from(middle, middle_down, far, far_down, max(horizon, middle / middle_down))
+    return 0.5 * first if first < 1.0 else 0.5 + 0.5 * second, 1.0 if second < 1.0 else 0.5
+
+
+@njit()
+def slant_extent(
+    start: Any, end: Any, near: Any, near_down: Any, middle: Any, middle_down: Any, far: Any, far_down: Any
+) -> tuple[Any, Any]:
+    """Smallest and largest slant range [m] between two fractions of a facet that bends in its middle."""
+    low, high = np.inf, -np.inf
+    for at in (start, min(max(0.5, start), end), end):
+        if at < 0.5:
+            away, down = near + 2.0 * at * (middle - near), near_down + 2.0 * at * (middle_down - near_down)
+        else:
+            part = 2.0 * at - 1.0
+            away, down = middle + part * (far - middle), middle_down + part * (far_down - middle_down)
+        slant = np.hypot(away, down)
+        low, high = min(low, slant), max(high, slant)
+    return low, high
+
+
+def laid_over(slant_m: NDArray[np.float64], visible: NDArray[np.bool_], apart_m: float) -> NDArray[np.bool_]:
+    """Which facets share their slant range with others that lie elsewhere.
+
+    Parameters
+    ----------
+    slant_m : ndarray, shape (ny, nx)
+        Slant range; axis 1 is ground range, nearest first [m].
+    visible : ndarray of bool, shape (ny, nx)
+        Facets that return an echo; the others count for nothing.
+    apart_m : float
+        By how much slant range must fall back on the way between them [m].
+
+    Returns
+    -------
+    ndarray of bool, shape (ny, nx)
+        True where a visible facet further out is nearer to the radar, or one before it is
+        further from it: the active and the passive part of a layover (Schreier, "SAR
+        Geocoding: Data and Systems" (1993), chapter 6).
+    """
+    nearer = np.where(visible, slant_m, -np.inf)
+    further = np.where(visible, slant_m, np.inf)
+    before = np.maximum.accumulate(nearer, axis=1)
+    beyond = np.minimum.accumulate(further[:, ::-1], axis=1)[:, ::-1]
+    return np.asarray(visible & ((before > slant_m + apart_m) | (beyond < slant_m - apart_m)))

@@ -1,0 +1,134 @@
+"""The folder of the machine code: another one for other sources, and the same in every process of one source."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from radcal.radar import compiled
+from radcal.radar.compiled import cache_folder, sources
+
+PACKAGE = Path(compiled.__file__).parents[1]
+PROGRAM = """
+import numpy as np
+from radcal.radar import points
+
+one = points.Points(np.zeros(1), np.zeros(1), np.ones(1, np.float32), np.ones(1, np.uint32))
+print(points.phased(one, 7)[0].tolist(), sum(points._phases.stats.cache_hits.values()), points.__file__)
+"""
+
+
+@pytest.fixture
+def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr(compiled._config, "CACHE_DIR", "")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
+    return Path(shutil.copytree(PACKAGE, tmp_path / "radcal", ignore=shutil.ignore_patterns("__pycache__")))
+
+
+def run(package: Path) -> tuple[str, int]:
+    """Phase of a point, and how often its compiled function came from the disk, in a process of its own."""
+    environment = {**os.environ, "PYTHONPATH": str(package.parent)}
+    done = subprocess.run([sys.executable, "-c", PROGRAM], env=environment, capture_output=True, text=True, check=True)
+    phase, hits, file = done.stdout.strip().rsplit(" ", 2)
+    assert file == str(package / "radar" / "points.py")
+    return phase, int(hits)
+
+
+def test_a_changed_callee_in_another_file_is_compiled(package: Path) -> None:
+    """points._phases calls gaussian.philox: numba itself looks at points.py only."""
+    first, hits = run(package)
+    assert hits == 0
+    assert run(package) == (first, 1)
+    callee = package / "radar" / "gaussian.py"
+    callee.write_text(callee.read_text().replace("for _ in range(10):", "for _ in range(9):"))
+    other, hits = run(package)
+    assert other != first
+    assert hits == 0
+    # back again, and its machine code is still there
+    callee.write_text(callee.read_text().replace("for _ in range(9):", "for _ in range(10):"))
+    assert run(package) == (first, 1)
+
+
+def test_every_module_with_compiled_functions_is_found(package: Path) -> None:
+    found = {path.relative_to(package).as_posix() for path in sources(package)}
+    radar = ("compiled", "facets", "footprints", "gaussian", "image", "points", "reflectivity")
+    assert found >= {f"radar/{name}.py" for name in radar}
+    assert not found & {"config.py", "records.py"}  # what compiled functions do not see costs no compilation
+    before = cache_folder(package)
+    (package / "scene" / "further.py").write_text("from radcal.radar.compiled import njit\n")
+    assert package / "scene" / "further.py" in sources(package)
+    assert cache_folder(package) != before
+
+
+@pytest.mark.parametrize(
+    ("imported", "used"),
+    [
+        ("from radcal.scene.limits import MOST", "MOST"),
+        ("from radcal.scene.limits import MOST as most", "most"),
+        ("from radcal.scene import limits", "limits.MOST"),
+        ("import radcal.scene.limits as limits", "limits.MOST"),
+    ],
+)
+def test_constants_of_other_modules_are_sources_too(package: Path, imported: str, used: str) -> None:
+    (package / "scene" / "limits.py").write_text("MOST = 3\n")
+    (package / "scene" / "further.py").write_text(
+        f"from radcal.radar.compiled import njit\n{imported}\n\n\n@njit()\ndef f(x):\n    return min(x, {used})\n"
+    )
+    before = cache_folder(package)
+    assert package / "scene" / "limits.py" in sources(package)
+    (package / "scene" / "limits.py").write_text("MOST = 4\n")
+    assert cache_folder(package) != before
+
+
+def test_no_other_module_imports_numba() -> None:
+    """Its ``njit`` would keep machine code where nothing asks for the sources of what it calls."""
+    direct = [path.name for path in PACKAGE.rglob("*.py") if re.search(r"(import|from) numba", path.read_text())]
+    assert direct == ["compiled.py"]
+
+
+def test_folder_is_the_users_the_packages_or_below_home(
+    package: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name = Path(cache_folder(package) or "").name
+    assert cache_folder(package) == str(package / "__pycache__" / name)
+    # as in a site-packages that may not be written: a file stands where a folder would be made
+    shutil.rmtree(package / "__pycache__")
+    (package / "__pycache__").write_text("")
+    assert cache_folder(package) == str(tmp_path / "home" / "radcal" / name)
+    monkeypatch.setattr(compiled._config, "CACHE_DIR", str(tmp_path / "mine"))
+    assert cache_folder(package) == str(tmp_path / "mine" / name)
+    (tmp_path / "file").write_text("")
+    monkeypatch.setattr(compiled._config, "CACHE_DIR", str(tmp_path / "file"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    assert cache_folder(package) is None
+
+
+def test_another_processor_or_numba_has_another_folder(package: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folders = {cache_folder(package)}
+    monkeypatch.setattr(compiled.numba, "__version__", "0.0")
+    folders.add(cache_folder(package))
+    monkeypatch.setattr(compiled.binding, "get_host_cpu_name", lambda: "z80")
+    folders.add(cache_folder(package))
+    assert len(folders) == 3
+
+
+@pytest.mark.parametrize(("future", "kept"), [(4.5, 8), (9.5, 11)])
+def test_folders_of_other_hashes_do_not_pile_up(package: Path, future: float, kept: int) -> None:
+    """Eight are kept, and those that were used within a day."""
+    parent = package / "__pycache__"
+    for k in range(20):
+        other = parent / f"radcal-{k:020x}"
+        other.mkdir(parents=True)
+        (other / "code.nbc").write_text("")
+        os.utime(other, (time.time() - (k - future) * 24 * 3600,) * 2)
+    (parent / "radcal-notes").mkdir()
+    now = Path(cache_folder(package) or "")
+    others = [parent / f"radcal-{k:020x}" for k in range(kept)]
+    assert sorted(parent.iterdir()) == sorted([now, parent / "radcal-notes", *others])
