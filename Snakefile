@@ -26,6 +26,7 @@ from radcal.jobs import FAILURE, OWNER, PROGRESS, STARTED, Follower
 from radcal.lock import CaseLock
 from radcal.records import REPLACE
 from radcal.simulators.command import check_command
+from radcal.simulators.seed_width import with_seed_bits
 from radcal.stages import READS
 from radcal.slurm import cancel_leftovers, remember
 
@@ -37,7 +38,7 @@ if not workflow.configfiles:
 
 
 try:
-    CASE = configuration.load(workflow.configfiles, config)
+    CASE = with_seed_bits(configuration.load(workflow.configfiles, config), "results")
     FILES = configuration.input_files(CASE)
     check_command(CASE)
     check_reuse(CASE, "results")

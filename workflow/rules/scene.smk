@@ -40,6 +40,7 @@ rule geometry:
         runtime=minutes("geometry"),
     params:
         case=CASE.sections(*READS["geometry"]),
+        immaterial=sorted(CASE.simulator.not_told),
     message:
         "geometry of the pass"
     script:

@@ -9,4 +9,5 @@ from radcal.simulators.sources import make_simulator
 with logged(snakemake.log[0], snakemake.params.case):
     case = Case.of_sections(snakemake.params.case)
     simulator = make_simulator(case, read_geometry(snakemake.input.geometry), snakemake.input.geometry)
-    write_json(snakemake.output.identity, dict(simulator.identity))
+    # the width of seeds is no part of what the program is; it stands here for the next command
+    write_json(snakemake.output.identity, {**simulator.identity, "seed_bits": case.simulator.seed_bits})

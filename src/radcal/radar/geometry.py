@@ -5,9 +5,14 @@ Image coordinates: axis 0 is slant range (row 0 nearest), axis 1 is azimuth.
 
 from __future__ import annotations
 
+import contextlib
+import json
+from collections.abc import Container, Iterable
 from dataclasses import dataclass, field, fields
 from pathlib import Path
+from typing import Any
 
+import h5py
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_cdt, map_coordinates, maximum_filter, minimum_filter
@@ -523,7 +528,9 @@ def _per_area(radar: Radar, flat_incidence_deg: NDArray[np.float64]) -> NDArray[
     return np.asarray(of_sigma0(radar.radiometry, flat_incidence_deg) / area)
 
 
-def write_geometry(path: str | Path, geometry: Geometry, radar: Radar | None = None) -> None:
+def write_geometry(
+    path: str | Path, geometry: Geometry, radar: Radar | None = None, immaterial: Iterable[str] = ()
+) -> None:
     """Write a geometry to HDF5, atomically.
 
     Parameters
@@ -534,15 +541,18 @@ def write_geometry(path: str | Path, geometry: Geometry, radar: Radar | None = N
         What is written.
     radar : Radar, optional
         The pass, kept for the record: passes that differ in looks or noise only have the same geometry.
+    immaterial : iterable of str, optional
+        Keys of the pass that change no run either: another value there makes no other file.
 
     Raises
     ------
     ConfigError
         A finished calibration beside it rests on another pass.
     """
+    recorded = None if radar is None else _recorded_pass(Path(path), radar.model_dump_json(), set(immaterial))
     with write_hdf5(path, "geometry", protected=True) as file:
-        if radar is not None:
-            file.attrs["pass"] = radar.model_dump_json()
+        if recorded is not None:
+            file.attrs["pass"] = recorded
         file.attrs["shape"] = geometry.shape
         file["names"] = list(geometry.names)
         for item in fields(Geometry)[2:]:
@@ -550,6 +560,20 @@ def write_geometry(path: str | Path, geometry: Geometry, radar: Radar | None = N
             # HDF5 does not compress what is empty
             packed = {"compression": "gzip", "compression_opts": 1} if values.size else {}
             file.create_dataset(item.name, data=values, **packed)
+
+
+def _recorded_pass(path: Path, ours: str, immaterial: Container[str]) -> str:
+    """The pass as the file there has it, where that is the same but for what is immaterial; else as it is now."""
+
+    def material(text: str) -> dict[str, Any]:
+        return {key: value for key, value in json.loads(text).items() if key not in immaterial}
+
+    # a file that cannot be read is written anew
+    with contextlib.suppress(OSError, KeyError, ValueError), h5py.File(path, "r", locking=False) as file:
+        theirs = str(file.attrs["pass"])
+        if material(theirs) == material(ours):
+            return theirs
+    return ours
 
 
 def read_geometry(path: str | Path) -> Geometry:
