@@ -29,6 +29,7 @@ from radcal.lock import CaseLock
 from radcal.radar import SIMULATOR_VERSION
 from radcal.records import REPLACE
 from radcal.simulators.command import check_command
+from radcal.simulators.seed_width import with_seed_bits
 from radcal.stages import READS
 from radcal.slurm import cancel_leftovers, remember
 
@@ -41,7 +42,7 @@ if not workflow.configfiles:
 
 try:
     check_words(workflow.config_settings.config_args or ())
-    CASE = configuration.load(workflow.configfiles, config)
+    CASE = with_seed_bits(configuration.load(workflow.configfiles, config), "results")
     FILES = configuration.input_files(CASE)
     check_command(CASE)
     check_reuse(CASE, "results")

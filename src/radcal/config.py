@@ -97,11 +97,14 @@ __all__ = [
     "vrt_folders",
 ]
 
+_SEED_BITS = 31  # of external programs: a C int
+_ONLY_MASKS = frozenset({"looks", "nesz_db", "range_resolution_m", "azimuth_resolution_m"})
 Radiometry = Literal["sigma0_local", "sigma0_ref", "beta0", "gamma0"]
 
 
 _DEFAULT_LAW = "mangia"
 _DESIGN_SIZE = {"classes": 2, "likelihood": 2, "density": 16}  # runs; classes know of law and speckle without any
+_LARGEST_WHOLE = 2.0**53
 _LARGEST = 1000.0  # of any parameter: powers beyond 10^100 are a unit mix-up, and no single-precision image holds them
 _COARSEST = 1000.0  # pixels to a resolution cell: the impulse response is sampled that much further
 
@@ -304,6 +307,16 @@ class BuiltinSimulation(_Strict):
         """What a run takes at most, and far more than it does [s]."""
         return 900.0
 
+    @property
+    def seed_width(self) -> int:
+        """Bits of a run's seed."""
+        return 63
+
+    @property
+    def not_told(self) -> frozenset[str]:
+        """Keys of ``radar`` that change neither geometry nor a run."""
+        return frozenset()
+
 
 Knots = Annotated[list[Annotated[Real, Field(ge=0, le=90)]], Field(min_length=2)]
 
@@ -431,6 +444,7 @@ class InputFile(_Strict):
 
     file: FileName = Field("input.json", description="its name in the run's folder")
     format: Literal["json", "toml"] = "json"
+    radar: bool = Field(True, description="write the section radar into it: another looks or nesz_db is then a new run")
 
 
 class Template(_Strict):
@@ -510,6 +524,12 @@ class CommandSimulation(_Strict):
     deterministic: bool | None = Field(
         None, description="whether equal parameters and seed give equal images; found out by a second run if missing"
     )
+    seed_bits: Annotated[Integer, Field(ge=8, le=63)] | None = Field(
+        None, description="width of noise_seed; if missing that of the case's earlier runs, 31 (a C int) if none"
+    )
+    seedless: bool = Field(
+        False, description="the program takes no seed: it need not get one, and no rms is a fresh one"
+    )
     keep_images: bool = Field(False, description="keep the whole image in every run record")
     keep_folders: bool = Field(False, description="keep the folders of successful runs too")
 
@@ -530,6 +550,16 @@ class CommandSimulation(_Strict):
                 f"up to {self._waits_s / 86_400:.3g} days, expected at most {LONGEST_S / 86_400:g}"
             )
         return self
+
+    @property
+    def seed_width(self) -> int:
+        """Bits of a run's seed."""
+        return _SEED_BITS if self.seed_bits is None else self.seed_bits
+
+    @property
+    def not_told(self) -> frozenset[str]:
+        """Keys of ``radar`` that change neither geometry nor a run: masks and checks alone read them."""
+        return frozenset() if self.input is not None and self.input.radar else _ONLY_MASKS
 
     @model_validator(mode="after")
     def _names(self) -> Self:
@@ -569,6 +599,13 @@ class Material(_Strict):
     angles_deg: Knots | None = Field(None, description="incidence angles of a tabulated law's knots [deg]")
     names: list[str] | None = Field(None, description="of the parameters (law: external)")
     units: list[str] | None = Field(None, description="of the parameters (law: external)")
+    integer: (
+        Annotated[
+            Annotated[list[str], Tag("a list")] | Annotated[bool, Tag("yes or no")],
+            Discriminator(lambda value: "a list" if isinstance(value, list) else "yes or no"),
+        ]
+        | None
+    ) = Field(None, description="names of parameters that are whole numbers, or true for all (law: external)")
     parameters: list[Parameter] | None = Field(None, description="fixed parameters (calibrate: false)")
     bounds: list[tuple[Parameter, Parameter]] | None = Field(None, description="[lower, upper] of each parameter")
     start: (
@@ -589,6 +626,8 @@ class Material(_Strict):
             if self.parameters is None and d > 0:
                 raise ValueError(f"a material that is not calibrated needs parameters: {d} numbers {list(law.names)}")
             _check_parameters("parameters", self.parameters or [], law, self.law)
+            self._check_integers()
+            self.check_whole("parameters", self.parameters or [])
             return self
         if self.parameters is not None:
             raise ValueError("a calibrated material takes start and bounds, not parameters")
@@ -606,8 +645,10 @@ class Material(_Strict):
                 raise ValueError(f"bounds of {name} are [{low:g}, {high:g}], expected lower < upper")
             if law.has_curve and max(abs(low), abs(high)) > _LARGEST:
                 raise ValueError(f"bounds of {name} are [{low:g}, {high:g}], expected within +-{_LARGEST:g}")
+        self._check_integers()
         for values in zip(*self.box, strict=True):
             _check_parameters("bounds", values, law, self.law)
+            self.check_whole("bounds", values)
         if self.starts_with_another_law:
             return self
         if len(self.start_parameters) != d:
@@ -615,7 +656,58 @@ class Material(_Strict):
         for name, x, (low, high) in zip(law.names, self.start_parameters, self.box, strict=True):
             if not low <= x <= high:
                 raise ValueError(f"start of {name} is {x:g}, expected inside its bounds [{low:g}, {high:g}]")
+        self.check_whole("start", self.start_parameters)
         return self
+
+    def _check_integers(self) -> None:
+        """Refuse names of whole parameters that the law does not have."""
+        if self.integer and self.law != EXTERNAL:
+            raise ValueError(f"integer is for parameters of law: {EXTERNAL}, law is {self.law!r}")
+        for name in self.integer if isinstance(self.integer, list) else ():
+            if name not in self.parameter_names:
+                raise ValueError(f"integer: no parameter {name!r}{nearest(name, self.parameter_names)}")
+
+    def check_whole(self, key: str, values: Sequence[float]) -> None:
+        """Refuse values of whole parameters that are not whole.
+
+        Parameters
+        ----------
+        key : str
+            What the message calls them.
+        values : sequence of float, shape (d,)
+            One for each parameter.
+
+        Raises
+        ------
+        ValueError
+            One is not whole, or too large for a double to tell it from its neighbours.
+        """
+        for name, whole, x in zip(self.parameter_names, self.integers, values, strict=True):
+            if whole and (x != round(x) or abs(x) > _LARGEST_WHOLE):
+                raise ValueError(f"{key}: {name} is {x:g}, expected a whole number within +-2^53: it is integer")
+
+    @property
+    def integers(self) -> tuple[bool, ...]:
+        """Whether each parameter is a whole number."""
+        listed = self.integer if isinstance(self.integer, list) else self.parameter_names if self.integer else ()
+        return tuple(name in listed for name in self.parameter_names)
+
+    def handed(self, values: Sequence[float]) -> dict[str, float | int]:
+        """Parameters by name as an external program gets them: whole ones without a decimal point.
+
+        Parameters
+        ----------
+        values : sequence of float, shape (d,)
+            X.
+
+        Raises
+        ------
+        ValueError
+            One that is declared to be whole is not.
+        """
+        self.check_whole("X", values)
+        named = zip(self.parameter_names, self.integers, values, strict=True)
+        return {name: int(x) if whole else float(x) for name, whole, x in named}
 
     @property
     def unbound_law(self) -> Law:
@@ -646,7 +738,8 @@ class Material(_Strict):
             return list(self.start.parameters)
         if self.start is not None:
             return list(self.start)
-        return [0.5 * (low + high) for low, high in self.box]
+        middle = [0.5 * (low + high) for low, high in self.box]
+        return [float(math.ceil(x)) if whole else x for x, whole in zip(middle, self.integers, strict=True)]
 
     @property
     def starts_with_another_law(self) -> bool:
@@ -664,7 +757,7 @@ class Material(_Strict):
             return self
         # not checked again: bounds are the calibrated law's, and nothing of a reference run asks for them
         start = {"law": self.start.law, "angles_deg": self.start.angles_deg, "start": list(self.start.parameters)}
-        return self.model_copy(update={**start, "bounds": None, "names": None, "units": None})
+        return self.model_copy(update={**start, "bounds": None, "names": None, "units": None, "integer": None})
 
 
 class Synthetic(_Strict):
@@ -829,6 +922,11 @@ class Stop(_Strict):
     law_db: Annotated[Real, Field(gt=0, le=200)] = Field(
         0.05, description="change of a law over the incidence seen that counts as none [dB]; for objective: classes"
     )
+    at_sampling_error: bool = Field(
+        False,
+        description="stop below a third of the sampling error, too, after 5 runs without a better point; true for "
+        "simulator.kind: command without rms",
+    )
 
 
 _SYNTHETIC_MATERIALS: dict[str, dict[str, Any]] = {
@@ -854,6 +952,16 @@ _TAGS = {"scene": "source", "simulator": "kind", "measurement": "source"}
 
 def _default_materials() -> dict[str, Material]:
     return {name: Material.model_validate(value) for name, value in _SYNTHETIC_MATERIALS.items()}
+
+
+def _with_fitting_stop(data: dict[str, Any]) -> dict[str, Any]:
+    """Another's program, and no tolerance asked for: end where runs tell no more than the image does."""
+    stop, simulator = data.get("stop", {}), data.get("simulator")
+    # sections that come as models were fitted when they were made
+    if not isinstance(stop, dict) or "rms" in stop or "at_sampling_error" in stop:
+        return data
+    kind = simulator.get("kind") if isinstance(simulator, dict) else getattr(simulator, "kind", None)
+    return {**data, "stop": {**stop, "at_sampling_error": True}} if kind == "command" else data
 
 
 class Case(_Strict):
@@ -883,7 +991,10 @@ class Case(_Strict):
     @classmethod
     def _fitting_defaults(cls, data: object) -> object:
         """Take the density where its one class is asked for, and where nothing else can be had."""
-        if not isinstance(data, dict) or "objective" in data:
+        if not isinstance(data, dict):
+            return data
+        data = _with_fitting_stop(data)
+        if "objective" in data:
             return data
         target, materials = (data[key] if isinstance(data.get(key), dict) else {} for key in ("target", "materials"))
         alone = target.get("incidence_classes") in (1, "1") or target.get("normalisation") == "image"
@@ -923,6 +1034,7 @@ class Case(_Strict):
                     )
                 material = self.materials[name]
                 _check_parameters(f"measurement.synthetic.parameters.{name}", x, material.unbound_law, material.law)
+                material.check_whole(f"measurement.synthetic.parameters.{name}", x)
         for name in self.target.reference_materials or []:
             if name not in self.materials:
                 raise ValueError(f"target.reference_materials: no material {name!r}{nearest(name, self.materials)}")
@@ -943,11 +1055,24 @@ class Case(_Strict):
         self._check_objective()
         if self.design.reuse == self.case:
             raise ValueError(f"design.reuse is {self.case!r}, this case itself, expected an earlier one")
+        self._check_whole_box()
         if self.stop.max_runs < self.design_size:
             raise ValueError(
                 f"stop.max_runs is {self.stop.max_runs}, expected at least design.size ({self.design_size})"
             )
         return self
+
+    def _check_whole_box(self) -> None:
+        """Refuse a box of whole numbers that has no room for the design beside the reference run."""
+        materials = [self.materials[name] for name in self.calibrated]
+        if not all(all(material.integers) for material in materials):
+            return
+        points = math.prod(int(high - low) + 1 for material in materials for low, high in material.box)
+        if self.design_size >= points:
+            raise ValueError(
+                f"design.size is {self.design_size}, expected less than {points}: so many combinations of whole "
+                "parameters there are inside the bounds, and the reference run is one of them"
+            )
 
     def _check_objective(self) -> None:
         """Refuse what an objective has no use for, or cannot do."""
@@ -1267,7 +1392,7 @@ def _known_keys(location: Sequence[int | str]) -> list[str]:
     return sorted({name for model in models for name in model.model_fields})
 
 
-_ALTERNATIVES = ("a list", "a law", "one level", "a table")  # of pydantic's unions; people never wrote them
+_ALTERNATIVES = ("a list", "a law", "one level", "a table", "yes or no")  # of pydantic's unions
 
 
 def _sentence(error: ValidationError, origin: str) -> str:

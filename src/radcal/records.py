@@ -36,6 +36,7 @@ __all__ = [
     "REPLACE",
     "SCHEMAS",
     "inspect",
+    "inspect_file",
     "is_sealed",
     "kind_of",
     "provenance",

@@ -3,16 +3,45 @@
 from __future__ import annotations
 
 import hashlib
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-__all__ = ["derived_rng", "derived_seed"]
+if TYPE_CHECKING:
+    from radcal.config import Case
+
+__all__ = ["derived_rng", "derived_seed", "measurement_seed", "noise_seed"]
 
 
-def derived_seed(seed: int, *names: str | int) -> int:
-    """A 63-bit seed for the named use, independent of all other names."""
+def derived_seed(seed: int, *names: str | int, bits: int = 63) -> int:
+    """A seed for the named use, independent of all other names.
+
+    Parameters
+    ----------
+    seed : int
+        The case's.
+    *names : str or int
+        What it is for.
+    bits : int
+        Its width, 1 to 63: the seed is below ``2**bits``.
+
+    Returns
+    -------
+    int
+        The leading bits of one 63-bit number; 1 in place of 0, which many programs take for "from the clock".
+    """
     text = "/".join([str(seed), *map(str, names)])
-    return int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "big") >> 1
+    return int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "big") >> (64 - bits) or 1
+
+
+def noise_seed(case: Case, fresh: bool = False) -> int:
+    """Seed of speckle and thermal noise: one for all runs of a case, another for the final check."""
+    return derived_seed(case.seed, "runs", "fresh" if fresh else "common", bits=case.simulator.seed_width)
+
+
+def measurement_seed(case: Case, seed: int) -> int:
+    """Seed of a synthetic measurement's speckle and thermal noise."""
+    return derived_seed(seed, "measurement", "noise", bits=case.simulator.seed_width)
 
 
 def derived_rng(seed: int, *names: str | int) -> np.random.Generator:

@@ -7,6 +7,7 @@ asks the store first; a run that is there is never made again.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import logging
@@ -194,6 +195,10 @@ def _law_description(material: Material) -> dict[str, Any]:
         description["angles_deg"] = material.angles_deg
     if material.law == EXTERNAL:
         description["names"] = list(material.parameter_names)
+    if any(material.integers):
+        description["integer"] = [
+            name for name, x in zip(material.parameter_names, material.integers, strict=True) if x
+        ]
     return description
 
 
@@ -222,23 +227,46 @@ class Runner:
         self._geometry = geometry
         self._scene_identity = scene_identity
         self._radar: Radar = case.radar
+        self._not_told = case.simulator.not_told
+        self._fuller: dict[str, str] | None = None
         self._laws = {name: _law_description(material) for name, material in case.materials.items()}
         self._recorded = case.calibrated
         self._keep_images = case.simulator.keep_images
 
     def description(self, parameters: Parameters, noise_seed: int, repeat: bool = False) -> dict[str, Any]:
         """All that determines a run's numbers, as plain data."""
-        unknown = {"frequency_ghz"} if self._radar.frequency_ghz is None else None  # keys as before there was one
+        unknown = {"frequency_ghz"} if self._radar.frequency_ghz is None else set()  # keys as before there was one
         return {
             "simulator": dict(self._simulator.identity),
             "scene": self._scene_identity,
-            "pass": self._radar.model_dump(mode="json", exclude=unknown),
+            "pass": self._radar.model_dump(mode="json", exclude=unknown | self._not_told),
             "materials": {
                 name: {**law, "parameters": [float(x) for x in parameters[name]]} for name, law in self._laws.items()
             },
             "noise_seed": noise_seed,
             **({"repeat": True} if repeat else {}),
         }
+
+    def without_masks(self, description: Mapping[str, Any]) -> dict[str, Any]:
+        """A description without what this simulator is not told: records of earlier versions say it all the same."""
+        told = {key: value for key, value in description.get("pass", {}).items() if key not in self._not_told}
+        return {**description, "pass": told}
+
+    def _find(self, key: str, image: bool) -> Record | None:
+        """The record of a run, also where its own key still holds settings that the simulator is not told."""
+        found = self._store.get(key, self._recorded, image)
+        if found is not None or not self._not_told:
+            return found
+        if self._fuller is None:
+            self._fuller = {}
+            for path in sorted(self._store.folder.glob("[!.]*.h5")):
+                # whether it is whole is asked where it is taken
+                with contextlib.suppress(OSError, KeyError, ValueError), h5py.File(path, "r", locking=False) as file:
+                    theirs = json.loads(str(file.attrs["description"]))
+                    if theirs != (told := self.without_masks(theirs)):
+                        self._fuller[digest(told)] = path.stem
+        fuller = self._fuller.get(key)
+        return None if fuller is None else self._store.get(fuller, self._recorded, image)
 
     def take(self, other: RunStore, key: str) -> bool:
         """Copy a record from another store unless this one has it; False where it lacks pixels that are recorded."""
@@ -280,7 +308,7 @@ class Runner:
 
     def _found(self, key: str, image: bool) -> Record | None:
         """The record, unless the pixels that it holds are those of another version's geometry."""
-        record = self._store.get(key, self._recorded, image)
+        record = self._find(key, image)
         if record is not None and any(record.pixels_db[name].size != n for name, n in self._sizes.items()):
             return None
         return record

@@ -27,7 +27,8 @@ from radcal.config import Material, Radar, case_from
 from radcal.errors import ConfigError, SimulatorError
 from radcal.radar.geometry import Geometry
 from radcal.simulators import command as module
-from radcal.simulators.command import CommandPlan, CommandSimulator, check_command, toml_text
+from radcal.simulators.command import CommandPlan, CommandSimulator, check_command
+from radcal.simulators.toml import toml_text
 
 MATERIALS = {
     "dyke": {"calibrate": True, "law": "external", "names": ["mv", "s"], "bounds": [[0, 1], [0, 9]]},

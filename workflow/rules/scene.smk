@@ -46,6 +46,7 @@ rule geometry:
     params:
         **VERSION,
         case=CASE.sections(*READS["geometry"]),
+        immaterial=sorted(CASE.simulator.not_told),
     message:
         "geometry of the pass"
     script:

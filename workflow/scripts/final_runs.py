@@ -1,7 +1,7 @@
 """Every material's best parameters together, and once more with fresh random numbers."""
 
 from radcal.calibration.history import read_runs
-from radcal.calibration.steps import all_parameters, noise_seed
+from radcal.calibration.steps import all_parameters, noise_seed, not_fresh
 from radcal.config import Case
 from radcal.jobs import logged, progress
 from radcal.records import write_json
@@ -15,4 +15,6 @@ with logged(snakemake.log[0], snakemake.params.case):
     # the first is in the store already where one material is calibrated: nothing is run twice for its image
     records = [runner.run(parameters, noise_seed(case, fresh), image=fresh) for fresh in (False, True)]
     write_json(snakemake.output.final, [{"key": record.key, "parameters": parameters} for record in records])
-    progress("final runs: the calibrated laws together, and once more with fresh random numbers")
+    progress("final runs: the calibrated laws together, and once more with another seed")
+    if sentence := not_fresh(case, records):
+        progress(sentence)

@@ -8,5 +8,5 @@ from radcal.scene.model import read_scene
 with logged(snakemake.log[0], snakemake.params.case):
     case = Case.of_sections(snakemake.params.case)
     geometry = make_geometry(read_scene(snakemake.input.scene), case.radar)
-    write_geometry(snakemake.output.geometry, geometry, case.radar)
+    write_geometry(snakemake.output.geometry, geometry, case.radar, snakemake.params.immaterial)
     progress(f"geometry: image of {geometry.shape[0]} x {geometry.shape[1]} pixels")

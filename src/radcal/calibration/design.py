@@ -63,6 +63,27 @@ def _fill_strata(points: NDArray[np.float64], rng: np.random.Generator) -> NDArr
     return added
 
 
+def _points(case: Case, box: NDArray[np.float64]) -> NDArray[np.float64]:
+    """First points of the sequence in the box of all calibrated materials, shape (design size, d)."""
+    integer = np.concatenate([np.array(case.materials[name].integers, dtype=np.bool_) for name in case.calibrated])
+    low, high = box.T
+    size, drawn = case.design_size, case.design_size
+    while True:
+        rng = derived_rng(case.seed, "design", case.design.sampler)
+        unit = sample_unit(case.design.sampler, drawn, len(low), rng)
+        # as wide a share of the unit interval for each whole number, the ends included
+        whole = np.minimum(low + np.floor(unit * (high - low + 1.0)), high)
+        points = np.where(integer, whole, low + unit * (high - low))
+        if not integer.any():
+            return np.asarray(points)
+        start = np.concatenate([case.materials[name].start_parameters for name in case.calibrated])
+        _, first = np.unique(np.concatenate([start[None], points]), axis=0, return_index=True)
+        first = np.sort(first)[1:] - 1  # without the start, which is the reference run's
+        if len(first) >= size:
+            return np.asarray(points[first[:size]])
+        drawn *= 2
+
+
 def design_points(case: Case, reused: Sequence[Mapping[str, Sequence[float]]] = ()) -> list[dict[str, list[float]]]:
     """Parameters of every material for each run of the design.
 
@@ -80,12 +101,11 @@ def design_points(case: Case, reused: Sequence[Mapping[str, Sequence[float]]] = 
     -------
     list of dict
         One mapping of material to parameters per run: the first points of the sequence that are not among
-        the reused ones, as many as those leave to be made.
+        the reused ones, as many as those leave to be made. Where parameters are whole numbers, points that
+        come again, and the starting parameters, are passed over.
     """
     boxes = {name: np.array(case.materials[name].box, dtype=np.float64) for name in case.calibrated}
-    low, high = np.concatenate(list(boxes.values())).T
-    rng = derived_rng(case.seed, "design", case.design.sampler)
-    points = low + sample_unit(case.design.sampler, case.design_size, len(low), rng) * (high - low)
+    points = _points(case, np.concatenate(list(boxes.values())))
     ends = np.cumsum([len(box) for box in boxes.values()])
     columns = dict(zip(boxes, np.split(points, ends[:-1], axis=1), strict=True))
     fixed = {name: material.start_parameters for name, material in case.materials.items()}

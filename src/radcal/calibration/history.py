@@ -43,9 +43,10 @@ class Proposal:
     ----------
     parameters : list of float
         Proposed X.
-    mode : {'exploit', 'explore', 'ended'}
+    mode : {'exploit', 'explore', 'exhausted', 'ended'}
         Best predicted point; point that could be best at the surrogate's accuracy; the
-        verified best of a material that needs no further run.
+        verified best where every combination of whole parameters has been simulated, or of a
+        material that needs no further run.
     predicted_rms : float or None
         Density rms that the surrogate predicts at the proposal [1/dB].
     floor_rms : float or None
@@ -60,7 +61,7 @@ class Proposal:
     """
 
     parameters: list[float]
-    mode: Literal["exploit", "explore", "ended"]
+    mode: Literal["exploit", "explore", "exhausted", "ended"]
     predicted_rms: float | None = None
     floor_rms: float | None = None
     nsga2_rms: float | None = None
@@ -100,6 +101,8 @@ class Run:
         the material's own looks.
     looks, cost : mapping by material
         The effective looks that suit the run best, and half the sum of squared residuals there.
+    rms_sampling : mapping by material
+        For the reference run: density rms of a sample as large as the target's [1/dB].
     left, moved_db : mapping by material
         For infill: what the run's own correction would still take from the cost, and by how much the law
         would change on the way [dB] (:meth:`radcal.calibration.class_search.ClassSearch.left`).
@@ -117,6 +120,7 @@ class Run:
     repeat_db: float | None = None
     repeat_variance: Mapping[str, list[float]] = field(default_factory=dict)
     cumulants: Mapping[str, list[list[float]]] = field(default_factory=dict)
+    rms_sampling: Mapping[str, float] = field(default_factory=dict)
     looks: Mapping[str, float] = field(default_factory=dict)
     cost: Mapping[str, float] = field(default_factory=dict)
     left: Mapping[str, float] = field(default_factory=dict)
@@ -202,6 +206,10 @@ class History:
     def repeat_db(self) -> list[float]:
         """Largest difference of each repeated reference run's pixels from the first's [dB]."""
         return [run.repeat_db for run in self.runs if run.repeat_db is not None]
+
+    def rms_sampling(self, material: str) -> float:
+        """Density rms of a sample as large as the material's target [1/dB], 0 where it was not recorded."""
+        return max((run.rms_sampling.get(material, 0.0) for run in self.runs), default=0.0)
 
     def noise_variance(self, material: str) -> NDArray[np.float64] | None:
         """Variance of mean [dB2], log sd and skewness among runs of equal parameters, None where not measured."""

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal import skewnormal
 from radcal.calibration.history import Proposal
+from radcal.calibration.lattice import SAME, corners, elsewhere
 from radcal.calibration.surrogate import Surrogate, to_direct
 from radcal.config import Optimiser
 
@@ -23,7 +24,7 @@ _STARTS = 12
 _SCREENED = 1024
 _GRID = 200  # points on which the search compares densities; the score uses 1,000
 _STEP = 1e-5
-_SAME = 1e-7  # in the unit box: nearer than this is the same point
+_BRANCHES = 2  # roundings of whole parameters that are followed
 
 
 @contextmanager
@@ -149,7 +150,7 @@ class Search:
         """Bounded least squares from a point, the Jacobian from one batched call."""
         from scipy.optimize import least_squares
 
-        d = self.dimension
+        d = len(start)
 
         def fun(unit: NDArray[np.float64]) -> NDArray[np.float64]:
             return np.asarray(residuals(unit[None])[0])
@@ -170,6 +171,9 @@ class Search:
     def polish(self, start: NDArray[np.float64], favour: float = 0.0, radius: float = np.inf) -> NDArray[np.float64]:
         """Nearest point in theta from ``start``; where theta cannot be met, the smallest density rms.
 
+        Whole parameters are first searched like others, then rounded both ways and the others searched again:
+        branch and bound with one branching (Land and Doig 1960).
+
         Parameters
         ----------
         start : ndarray, shape (d,)
@@ -184,11 +188,44 @@ class Search:
         ndarray, shape (d,)
         """
         low, high = np.maximum(start - radius, 0.0), np.minimum(start + radius, 1.0)
-        unit = self._least_squares(lambda u: self.theta_residuals(u, favour), start, low, high)
+        integer = self._surrogate.integer
+        unit = self._polished(start, favour, low, high, np.ones_like(integer))
+        if not integer.any():
+            return unit
+        around = corners(self._surrogate, unit)
+        around = around[np.argsort(self.distance(around, favour), kind="stable")][:_BRANCHES]
+        found = [self._polished(corner, favour, low, high, ~integer) for corner in around]
+        return min(found, key=lambda u: (self.rms(u, favour)[0], self.distance(u, favour)[0]))
+
+    def _polished(
+        self,
+        start: NDArray[np.float64],
+        favour: float,
+        low: NDArray[np.float64],
+        high: NDArray[np.float64],
+        free: NDArray[np.bool_],
+    ) -> NDArray[np.float64]:
+        """The same in some of the parameters, the others kept."""
+        if not free.any():
+            return start
+
+        def whole(part: NDArray[np.float64]) -> NDArray[np.float64]:
+            full = np.repeat(start[None], len(part), axis=0)
+            full[:, free] = part
+            return np.asarray(full)
+
+        def theta(part: NDArray[np.float64]) -> NDArray[np.float64]:
+            return self.theta_residuals(whole(part), favour)
+
+        def density(part: NDArray[np.float64]) -> NDArray[np.float64]:
+            return np.asarray(self.density_residuals(whole(part), favour) / self._density.max())
+
+        part = self._least_squares(theta, start[free], low[free], high[free])
+        unit = np.asarray(whole(part[None])[0])
         if self.distance(unit, favour)[0] < 1e-14:
             return unit
         # the two costs weigh the parameters differently, which only matters where neither vanishes
-        other = self._least_squares(lambda u: self.density_residuals(u, favour) / self._density.max(), unit, low, high)
+        other = np.asarray(whole(self._least_squares(density, part, low[free], high[free])[None])[0])
         return other if self.rms(other, favour)[0] < self.rms(unit, favour)[0] else unit
 
     def minimum(self, starts: NDArray[np.float64], seed: int, favour: float = 0.0) -> tuple[NDArray[np.float64], float]:
@@ -212,6 +249,7 @@ class Search:
         from scipy.stats import qmc  # a second to import, which most jobs need not spend
 
         sobol = qmc.Sobol(self.dimension, scramble=True, rng=np.random.default_rng(seed)).random(_SCREENED)
+        sobol = self._surrogate.snapped(sobol)
         ranked = sobol[np.argsort(self.distance(sobol, favour), kind="stable")]
         best, best_rms = starts[0], float(self.rms(starts[:1], favour)[0])
         for start in np.concatenate([starts, ranked[: max(0, _STARTS - len(starts))]]):
@@ -246,6 +284,9 @@ def propose(
     minimum is the floor. A floor clearly below the best verified rms is explored; one that
     is not says that nothing nearer exists.
 
+    Parameters that are whole are whole in what is proposed, and a point that was simulated
+    is not proposed again while there are others.
+
     Parameters
     ----------
     surrogate : Surrogate
@@ -268,12 +309,27 @@ def propose(
     Proposal
     """
     search = Search(surrogate, target_dp)
-    objective = search.rms if config.objective == "rms" else search.distance
-    population = nsga2(objective, search.dimension, config, seed)
-    first = population[0]
+    cost = search.rms if config.objective == "rms" else search.distance
+    population = nsga2(lambda unit: cost(surrogate.snapped(unit)), search.dimension, config, seed)
+    first = surrogate.snapped(population[0])
     nsga2_rms = float(search.rms(first)[0])
 
+    best = np.asarray(best_unit, dtype=np.float64)
+    known = surrogate.unit(surrogate.parameters)
+
+    def fresh(unit: NDArray[np.float64]) -> bool:
+        return bool(np.abs(known - unit).max(axis=1).min() > SAME)
+
     def proposal(unit: NDArray[np.float64], mode: Any, floor_rms: float | None = None) -> Proposal:
+        if surrogate.integer.any() and not fresh(unit):
+            there = [float(v) for v in surrogate.scaled(best)]
+            if floor_rms is not None and floor_rms >= UNREACHABLE_SHARE * best_rms:
+                # nothing nearer exists, and the best is known: no run is spent on saying so
+                return Proposal(there, "exploit", best_rms, floor_rms, nsga2_rms)
+            others = elsewhere(surrogate, seed)
+            if not len(others):
+                return Proposal(there, "exhausted", best_rms, best_rms, nsga2_rms)
+            unit, mode = others[np.argmin(search.rms(others, FAVOUR))], "explore"
         return Proposal(
             parameters=[float(v) for v in surrogate.scaled(unit)],
             mode=mode,
@@ -284,12 +340,6 @@ def propose(
 
     if not config.polish:
         return proposal(first, "exploit")
-    known = surrogate.unit(surrogate.parameters)
-
-    def fresh(unit: NDArray[np.float64]) -> bool:
-        return bool(np.abs(known - unit).max(axis=1).min() > _SAME)
-
-    best = np.asarray(best_unit, dtype=np.float64)
     if failures % 2 == 1:
         unit = search.polish(best, radius=0.5 ** ((failures + 1) // 2 + 1))
         if search.rms(unit)[0] < 0.5 * best_rms and fresh(unit):

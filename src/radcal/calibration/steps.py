@@ -22,7 +22,7 @@ from radcal.calibration.stopping import decide
 from radcal.calibration.surrogate import OUTPUTS, Surrogate
 from radcal.config import Case, CommandSimulation, Optimiser, Stop
 from radcal.jobs import die_with_parent
-from radcal.seeds import derived_rng, derived_seed
+from radcal.seeds import derived_rng, derived_seed, noise_seed
 from radcal.store import Parameters, Record, Runner
 
 if TYPE_CHECKING:
@@ -32,6 +32,7 @@ __all__ = [
     "all_parameters",
     "design_line",
     "noise_seed",
+    "not_fresh",
     "progress_line",
     "propose_all",
     "reference_parameters",
@@ -46,11 +47,6 @@ logger = logging.getLogger(__name__)
 
 _Job = TypeVar("_Job")
 _Result = TypeVar("_Result")
-
-
-def noise_seed(case: Case, fresh: bool = False) -> int:
-    """Seed of speckle and thermal noise: one for all runs of a case, another for the final check."""
-    return derived_seed(case.seed, "runs", "fresh" if fresh else "common")
 
 
 def reference_parameters(case: Case) -> dict[str, list[float]]:
@@ -96,8 +92,8 @@ def score_reference(case: Case, records: Sequence[Record], targets: Targets) -> 
     Returns
     -------
     list of Run
-        As many as records; ``repeat_db`` [dB] is that of all but the first, ``repeat_variance``
-        that of those which differ from it.
+        As many as records; ``rms_sampling`` is the first's, ``repeat_db`` [dB] that of all others,
+        ``repeat_variance`` that of those which differ from the first.
     """
     start, others = reference_parameters(case), case.start_with_another_law
     searches = class_searches(case, targets)
@@ -105,6 +101,7 @@ def score_reference(case: Case, records: Sequence[Record], targets: Targets) -> 
         score("reference", k, record, start, targets, other_law=others, searches=searches)
         for k, record in enumerate(records)
     ]
+    runs[0] = replace(runs[0], rms_sampling={name: target.rms_sampling for name, target in targets.items()})
     for k, record in enumerate(records[1:], start=1):
         difference = records[0].largest_difference_db(record)
         runs[k] = replace(runs[k], repeat_db=difference)
@@ -149,6 +146,32 @@ def repeatability(case: Case, differences_db: Sequence[float]) -> str:
     return (
         "The simulator is not deterministic: the reference run repeated, with equal parameters and seed, differs by up "
         f"to {max(differences_db):.2g} dB in a pixel; {smooths}"
+    )
+
+
+def not_fresh(case: Case, final: Sequence[Record]) -> str:
+    """Say so where another seed gives the same pixels, bit for bit: the last run then checks nothing.
+
+    Parameters
+    ----------
+    case : Case
+        Section ``simulator`` is read.
+    final : sequence of two Record
+        The calibrated laws with common and with fresh random numbers.
+
+    Returns
+    -------
+    str
+        A sentence, empty where the random numbers of some material are fresh.
+    """
+    if final[0].largest_difference_db(final[1]) > 0:
+        return ""
+    if isinstance(case.simulator, CommandSimulation) and case.simulator.seedless:
+        return "The simulator takes no seed: no run has fresh random numbers, and no rms of any is given."
+    return (
+        "The final run with another seed gives the same pixels as the one that it repeats, bit for bit: the seed does "
+        "not reach the program's random numbers, or there are none (simulator.seedless: true says so). No rms with "
+        "fresh random numbers is given."
     )
 
 
@@ -230,6 +253,7 @@ def train_all(
                 case.surrogate.outputs,
                 noisy=_noisy(history, case),
                 noise_variance=history.noise_variance(name),
+                integer=case.materials[name].integers,
             ),
             last.get(name) if warm else None,
             case.surrogate.training == "warm",

@@ -15,6 +15,8 @@ from radcal.config import Stop
 __all__ = ["Decision", "Verdict", "decide"]
 
 _SETTLED = 0.05  # of half the sum of squares: the law is a third of its standard error from the minimum
+_OF_SAMPLING = 1.0 / 3.0  # of the sampling error: less adds no more than a ninth to the variance that sampling leaves
+_PATIENCE = 5  # runs without a better point there
 _PROMISE = 0.2  # relative difference of promised and verified rms that counts as kept
 Reason = Literal["rms", "settled", "unreachable", "stagnation", "max_runs"]
 
@@ -100,7 +102,7 @@ def _judge(history: History, name: str, stop: Stop) -> Verdict:
     """Walk a material through its runs until something ends it."""
     design = history.count("design")
     best = min(run.rms[name] for run in history.runs if run.kind != "infill" and name not in run.other_law)
-    idle = 0
+    idle, sampling = 0, history.rms_sampling(name)
     if best <= stop.rms:
         return Verdict("rms", f"{name}: rms {best:.2g} within the tolerance {stop.rms:.2g} before any infill.")
     for k, run in enumerate(history.infill, start=1):
@@ -121,6 +123,18 @@ def _judge(history: History, name: str, stop: Stop) -> Verdict:
                 f"{name}: rms {best:.2g} after {design + k} runs, above the tolerance {stop.rms:.2g}; a multi-start "
                 "search of the surrogate, two standard errors in favour, finds nothing below "
                 f"{proposal.floor_rms:.2g} inside the bounds: the target is out of reach there.",
+            )
+        if proposal.mode == "exhausted":
+            return Verdict(
+                "unreachable",
+                f"{name}: rms {best:.2g}, above the tolerance {stop.rms:.2g}: every combination of whole parameters "
+                "inside the bounds has been simulated.",
+            )
+        if stop.at_sampling_error and idle >= _PATIENCE and best < _OF_SAMPLING * sampling:
+            return Verdict(
+                "stagnation",
+                f"{name}: rms {best:.2g}, no better for {idle} runs and below a third of the sampling error "
+                f"{sampling:.2g}: the image's pixels tell no more. stop.rms asks for more.",
             )
         if idle >= stop.stagnation_runs:
             return Verdict(

@@ -188,6 +188,8 @@ class Surrogate:
         measured. The nugget is then taken at least so large that nugget times process variance is
         this: from few runs the likelihood alone cannot tell noise from a short length scale. Not
         used for direct outputs.
+    integer : array_like of bool, shape (d,), optional
+        Which parameters are whole numbers, between bounds that are whole.
 
     Raises
     ------
@@ -220,8 +222,10 @@ class Surrogate:
         outputs: Outputs = "centred",
         noisy: bool = False,
         noise_variance: ArrayLike | None = None,
+        integer: ArrayLike | None = None,
     ) -> None:
         self.bounds = np.asarray(bounds, dtype=np.float64)
+        self.integer = np.zeros(len(self.bounds), bool) if integer is None else np.asarray(integer, dtype=np.bool_)
         self.outputs: Outputs = outputs
         self.noisy = noisy
         known = noise_variance is not None and noisy and outputs == "centred"
@@ -243,9 +247,15 @@ class Surrogate:
         return np.asarray((np.asarray(parameters, dtype=np.float64) - low) / (high - low))
 
     def scaled(self, unit: ArrayLike) -> NDArray[np.float64]:
-        """Unit box to X, inside the bounds to the last bit."""
+        """Unit box to X, inside the bounds to the last bit, whole parameters rounded."""
         low, high = self.bounds.T
-        return np.asarray(np.clip(low + np.asarray(unit, dtype=np.float64) * (high - low), low, high))
+        x = np.clip(low + np.asarray(unit, dtype=np.float64) * (high - low), low, high)
+        return np.asarray(np.where(self.integer, np.round(x), x))
+
+    def snapped(self, unit: ArrayLike) -> NDArray[np.float64]:
+        """Points of the unit box that are simulated in place of these: whole parameters rounded."""
+        unit = np.asarray(unit, dtype=np.float64)
+        return np.where(self.integer, self.unit(self.scaled(unit)), unit) if self.integer.any() else unit
 
     def train(self, start: ArrayLike | None = None, retry: bool = True) -> Surrogate:
         """Optimise the length scales.
@@ -381,7 +391,7 @@ def write_surrogates(path: str | Path, surrogates: Mapping[str, Surrogate | Clas
                 continue
             group.attrs["outputs"] = surrogate.outputs
             group.attrs["status"] = surrogate.status
-            for key in ("bounds", "parameters", "dp", "theta", "nugget", "q2"):
+            for key in ("bounds", "integer", "parameters", "dp", "theta", "nugget", "q2"):
                 group[key] = getattr(surrogate, key)
 
 
@@ -405,5 +415,6 @@ def _rebuilt(group: Any) -> Surrogate | ClassRuns:
         group["parameters"][()],
         group["dp"][()],
         str(group.attrs["outputs"]),  # type: ignore[arg-type]
+        integer=group["integer"][()] if "integer" in group else None,
     )
     return surrogate.restore(group["theta"][()], group["nugget"][()], group["q2"][()], list(group.attrs["status"]))

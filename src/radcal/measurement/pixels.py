@@ -19,9 +19,10 @@ from radcal.measurement.model import Measurement
 if TYPE_CHECKING:
     from radcal.radar.geometry import Geometry
 
-__all__ = ["MINIMUM_PIXELS", "Eligible", "eligible_pixels", "noise_limited", "point_targets"]
+__all__ = ["IN_THE_NOISE", "MINIMUM_PIXELS", "Eligible", "eligible_pixels", "noise_limited", "point_targets"]
 
 MINIMUM_PIXELS = 50
+IN_THE_NOISE = "in the noise"  # a reason why pixels are left out
 _LEVEL_PX = 9  # window of the local level
 _GUARD_PX, _REACH_PX = 3, 10  # half-widths: pixels next to a point target, and those that it is compared with
 _FALSE_ALARMS = 1e-8
@@ -198,6 +199,15 @@ def eligible_pixels(
             f"materials.{name}: {left.size} usable pixels, expected at least {MINIMUM_PIXELS}; in "
             f"{measurement.source} it has {visible.size} visible pixels{f', left out are {why}' if why else ''} "
             f"(target.margin_px is {config.margin_px}"
-            f"{', and the registration has an uncertainty' if uncertainty_px is not None else ''})."
+            f"{', and the registration has an uncertainty' if uncertainty_px is not None else ''})"
+            f"{_above_noise(measurement.image_db.ravel()[visible]) if left_out.get(IN_THE_NOISE) else ''}."
         )
     return Eligible(left, left_out)
+
+
+def _above_noise(values_db: NDArray[np.float32]) -> str:
+    """What to do about pixels that are taken for noise."""
+    return (
+        f"; the image's own level there is {np.nanmedian(values_db):.3g} dB, which radar.nesz_db and target.snr_db "
+        "take for noise: set radar.nesz_db to what the image was made with, for one without noise far below that level"
+    )

@@ -21,12 +21,13 @@ from radcal.measurement.georeference import (
 )
 from radcal.measurement.looks import check_looks, estimate_looks
 from radcal.measurement.model import Measurement
-from radcal.measurement.pixels import eligible_pixels
+from radcal.measurement.pixels import IN_THE_NOISE, eligible_pixels, noise_limited
 from radcal.measurement.readers import ReadImage, image_of, read_image
 from radcal.radar.bands import LETTER_BANDS_GHZ, letter_band, within_band
 from radcal.radar.geometry import Geometry
+from radcal.radar.radiometry import noise_floor_db
 from radcal.scene.model import Scene
-from radcal.seeds import derived_rng, derived_seed
+from radcal.seeds import derived_rng, measurement_seed
 from radcal.simulators.protocol import Simulator
 
 __all__ = ["make_measurement", "smooth_warp"]
@@ -53,14 +54,18 @@ def make_measurement(case: Case, geometry: Geometry, simulator: Simulator, scene
     ------
     MeasurementError
         The file cannot be read, has another size, scale, polarisation or band, or leaves a
-        material without enough pixels.
+        material without enough pixels above the noise.
     """
     if isinstance(case.measurement, FileMeasurement):
         measurement = _from_file(case.measurement, case.radar, geometry, scene)
     else:
         measurement = _synthetic(case, case.measurement.synthetic, simulator)
+    flags = {}
+    if case.target.normalisation == "none":  # elsewhere the reference run says at which level the noise lies
+        noise_db = noise_floor_db(case.radar, geometry.flat_incidence_deg)
+        flags[IN_THE_NOISE] = noise_limited(measurement.image_db, noise_db, case.target.snr_db)
     for name in case.calibrated:
-        pixels = eligible_pixels(name, geometry, measurement, case.target).pixels
+        pixels = eligible_pixels(name, geometry, measurement, case.target, flags=flags).pixels
         try:
             skewnormal.fit(measurement.image_db.ravel()[pixels])
         except FitError as error:
@@ -92,7 +97,7 @@ def smooth_warp(shape: tuple[int, int], rms_px: float, rng: np.random.Generator)
 def _synthetic(case: Case, synthetic: Synthetic, simulator: Simulator) -> Measurement:
     hidden = {name: material.start_parameters for name, material in case.materials.items()}
     hidden.update({name: x for name, x in synthetic.parameters.items() if name in hidden})
-    image_db = simulator.run(hidden, derived_seed(synthetic.seed, "measurement", "noise"))
+    image_db = simulator.run(hidden, measurement_seed(case, synthetic.seed))
     field = None
     if synthetic.warp_px > 0:
         field = smooth_warp(

@@ -22,7 +22,7 @@ from radcal.measurement.levels import Levels, image_levels, offset_levels
 from radcal.measurement.looks import estimate_looks, local_looks
 from radcal.measurement.model import Measurement
 from radcal.measurement.patches import label_patches
-from radcal.measurement.pixels import eligible_pixels, noise_limited, point_targets
+from radcal.measurement.pixels import IN_THE_NOISE, eligible_pixels, noise_limited, point_targets
 from radcal.radar.radiometry import noise_floor_db
 from radcal.records import read_hdf5, write_hdf5
 from radcal.seeds import derived_rng
@@ -358,7 +358,7 @@ def make_targets(case: Case, geometry: Geometry, registered: Registered, referen
     levels = make_levels(case, geometry, registered, reference_db)
     level = 0.0 if config.normalisation == "none" else levels.offset_db
     noise_db = noise_floor_db(case.radar, geometry.flat_incidence_deg) + level
-    flags = {"in the noise": noise_limited(measurement.image_db, noise_db, config.snr_db)}
+    flags = {IN_THE_NOISE: noise_limited(measurement.image_db, noise_db, config.snr_db)}
     looks = estimate_looks(measurement.image_db, geometry.material, case.radar)
     if config.leave_out_point_targets:
         flags["point targets"] = point_targets(measurement.image_db, geometry.material, case.radar)

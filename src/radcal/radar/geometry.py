@@ -5,9 +5,14 @@ Image coordinates: axis 0 is slant range (row 0 nearest), axis 1 is azimuth.
 
 from __future__ import annotations
 
+import contextlib
+import json
+from collections.abc import Container, Iterable
 from dataclasses import dataclass, field, fields
 from pathlib import Path
+from typing import Any
 
+import h5py
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_cdt, map_coordinates, maximum_filter, minimum_filter
@@ -517,7 +522,9 @@ def _per_area(radar: Radar, flat_incidence_deg: NDArray[np.float64]) -> NDArray[
     return np.asarray(of_sigma0(radar.radiometry, flat_incidence_deg) / area)
 
 
-def write_geometry(path: str | Path, geometry: Geometry, radar: Radar | None = None) -> None:
+def write_geometry(
+    path: str | Path, geometry: Geometry, radar: Radar | None = None, immaterial: Iterable[str] = ()
+) -> None:
     """Write a geometry to HDF5, atomically.
 
     Parameters
@@ -528,6 +535,8 @@ def write_geometry(path: str | Path, geometry: Geometry, radar: Radar | None = N
         What is written.
     radar : Radar, optional
         The pass, kept for the record: passes that differ in looks or noise only have the same geometry.
+    immaterial : iterable of str, optional
+        Keys of the pass that change no run either: another value there makes no other file.
 
     Raises
     ------
@@ -535,7 +544,9 @@ def write_geometry(path: str | Path, geometry: Geometry, radar: Radar | None = N
         A finished calibration beside it rests on another pass. One of the same pass that another version of the
         simulator made is replaced.
     """
-    described = None if radar is None else radar.model_dump_json()
+    described = None
+    if radar is not None:
+        described = _recorded_pass(Path(path), radar.model_dump_json(), set(immaterial))
     with write_hdf5(path, "geometry", protected=not _outdated(path, described)) as file:
         if described is not None:
             file.attrs["pass"] = described
@@ -556,6 +567,20 @@ def _outdated(path: str | Path, described: str | None) -> bool:
             return bool(file.attrs.get("pass") == described and file.attrs.get("simulator") != SIMULATOR_VERSION)
     except StoreError:
         return False
+
+
+def _recorded_pass(path: Path, ours: str, immaterial: Container[str]) -> str:
+    """The pass as the file there has it, where that is the same but for what is immaterial; else as it is now."""
+
+    def material(text: str) -> dict[str, Any]:
+        return {key: value for key, value in json.loads(text).items() if key not in immaterial}
+
+    # a file that cannot be read is written anew
+    with contextlib.suppress(OSError, KeyError, ValueError), h5py.File(path, "r", locking=False) as file:
+        theirs = str(file.attrs["pass"])
+        if material(theirs) == material(ours):
+            return theirs
+    return ours
 
 
 def read_geometry(path: str | Path) -> Geometry:

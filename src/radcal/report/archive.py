@@ -13,7 +13,7 @@ Layout of the archive (schema 2); backscatter in dB, angles in degrees:
                                           ``reason``, ``sentence``, ``eligible``, ``at_boundary``,
                                           ``rms_sampling``, ``effective`` (independent pixels),
                                           ``left_out`` (JSON: visible pixels by reason), ``looks``
-                                          (among neighbours), ``textured``,
+                                          (among neighbours), ``textured``, ``fresh`` (another seed gives other pixels),
                                           ``fit_ks, fit_ks_p, fit_ad, fit_ad_p`` (pixels against
                                           their density), ``best`` (index into ``runs``)
 ``materials/<m>/parameters, dp, rms``     per run: X (n, d), (xi, omega, alpha) (n, 3), rms (n,)
@@ -82,7 +82,7 @@ from radcal.calibration.class_search import ClassSearch, class_searches
 from radcal.calibration.history import History
 from radcal.calibration.law_check import LawCheck, check_laws, texture_note
 from radcal.calibration.noise import noise_sentence
-from radcal.calibration.steps import repeatability
+from radcal.calibration.steps import not_fresh, repeatability
 from radcal.calibration.stopping import decide
 from radcal.config import Case, Stop
 from radcal.disclosure import disclosed
@@ -159,6 +159,7 @@ def write_archive(
     checks = check_laws(case, targets, history)
     looks = {name: checks[name].looks for name in searches}
     repeated += [note] if (note := texture_note(checks)) else []
+    repeated += [note] if (note := not_fresh(case, final)) else []
     calibrated_db, fresh_db = (_textured(final[k].pixels_db, searches, looks, fresh=k == 1) for k in range(2))
     start_db = _textured(reference.pixels_db, searches, history.runs[0].looks)
     final_scores = {"final": targets.score(calibrated_db), "fresh": targets.score(fresh_db)}
@@ -233,6 +234,7 @@ def write_archive(
             group.attrs["effective"] = target.effective
             group.attrs["looks"] = target.looks
             group.attrs["textured"] = targets.textured(name)
+            group.attrs["fresh"] = not np.array_equal(final[0].pixels_db[name], fresh.pixels_db[name])
             group.attrs["left_out"] = json.dumps(target.left_out)
             for key in ("ks", "ks_p", "ad", "ad_p"):
                 group.attrs[f"fit_{key}"] = getattr(target.goodness, key)

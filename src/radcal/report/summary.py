@@ -154,7 +154,8 @@ def _material(group: h5py.Group, counted: NDArray[np.bool_], tolerance: float) -
         "mse": float(rms[best] ** 2),
         "rms_start": float(rms[0]),
         "rms_final": skewnormal.density_rms(group["final_dp"][()], target),
-        "rms_fresh": skewnormal.density_rms(group["fresh_dp"][()], target),
+        # archives of earlier versions do not say, and were not asked
+        "rms_fresh": skewnormal.density_rms(group["fresh_dp"][()], target) if group.attrs.get("fresh", True) else None,
         "rms_sampling": float(group.attrs["rms_sampling"]),
         "effective_pixels": float(group.attrs["effective"]),
         "left_out": json.loads(group.attrs["left_out"]),
@@ -233,7 +234,9 @@ def summarise(archive: str | Path, seconds: Mapping[str, float] | None = None) -
     """
     with read_hdf5(archive, "calibration") as file:
         kinds = file["runs/kind"].asstr()[()]
-        runs = {kind: int(np.count_nonzero(kinds == kind)) for kind in ("reference", "design", "infill")}
+        # a proposal that was simulated before is no further run
+        made = np.isin(np.arange(kinds.size), np.unique(file["runs/key"].asstr()[()], return_index=True)[1])
+        runs = {kind: int(np.count_nonzero((kinds == kind) & made)) for kind in ("reference", "design", "infill")}
         runs["final"] = int(file.attrs["final_runs"])
         tolerance = float(file.attrs["tolerance"])
         reused = int(np.count_nonzero(kinds == "reused"))
@@ -244,7 +247,7 @@ def summarise(archive: str | Path, seconds: Mapping[str, float] | None = None) -
             "stop_reason": str(file.attrs["reason"]),
             "tolerance": tolerance,
             "runs": {**runs, "total": sum(runs.values()), "reused": reused},
-            "iterations": runs["infill"],
+            "iterations": int(np.count_nonzero(kinds == "infill")),
             "measurement": str(file.attrs["measurement"]),
             "looks": {"simulated": int(file.attrs["looks"]), "measured": float(file.attrs["measured_looks"])},
             "simulator": json.loads(str(file.attrs["simulator"])),

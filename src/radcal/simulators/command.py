@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,70 +21,35 @@ from radcal.arrays import read_array
 from radcal.config import (
     Case,
     CommandSimulation,
+    InputFile,
     Material,
-    Output,
     Radar,
-    RawType,
     executable_path,
     expand_path,
     files_below,
 )
 from radcal.errors import ConfigError, SimulatorError, StoreError
 from radcal.files import working_folder
-from radcal.images import ImageFile, Values, reading, to_db
-from radcal.simulators.placeholders import Marked, argument, template
+from radcal.images import ImageFile, reading, to_db
+from radcal.simulators.placeholders import SEED, Marked, Marker, argument, template
 from radcal.simulators.process import last_words, run_program
+from radcal.simulators.raw import read_raw
+from radcal.simulators.seed_width import check_seeds
+from radcal.simulators.toml import toml_text
 
 if TYPE_CHECKING:
     from radcal.radar.geometry import Geometry
 
-__all__ = ["CommandPlan", "CommandSimulator", "check_command", "toml_text"]
+__all__ = ["CommandPlan", "CommandSimulator", "check_command"]
 
 _VERSION_SECONDS = 60.0
 _HASH_CHUNK = 1 << 20
-_RAW_TYPES: tuple[str, ...] = get_args(RawType)
 
 logger = logging.getLogger(__name__)
 
 
 class _Failed(SimulatorError):
     """A run that another try may mend."""
-
-
-def toml_text(data: Mapping[str, Any]) -> str:
-    """Plain data as TOML 1.0: tables of text, numbers, truth values and lists of them.
-
-    Parameters
-    ----------
-    data : mapping
-        Values that are mappings become tables.
-
-    Returns
-    -------
-    str
-        None is left out, which TOML cannot write.
-
-    References
-    ----------
-    https://toml.io/en/v1.0.0: basic strings take JSON's escapes.
-    """
-
-    def value(item: Any) -> str:
-        if isinstance(item, list | tuple):
-            return f"[{', '.join(map(value, item))}]"
-        return json.dumps(item, ensure_ascii=False, allow_nan=False).replace("\x7f", "\\u007f")
-
-    def table(items: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[str]:
-        for key, item in items.items():
-            if item is not None and not isinstance(item, Mapping):
-                yield f"{value(key)} = {value(item)}"
-        for key, item in items.items():
-            if isinstance(item, Mapping):
-                inner = (*path, value(key))
-                yield f"\n[{'.'.join(inner)}]"
-                yield from table(item, inner)
-
-    return "\n".join(table(data, ())) + "\n"
 
 
 class CommandPlan:
@@ -112,9 +77,9 @@ class CommandPlan:
         parameters = {
             f"{name}.{key}": x
             for name, material in materials.items()
-            for key, x in zip(material.parameter_names, material.start_parameters, strict=True)
+            for key, x in material.handed(material.start_parameters).items()
         }
-        known: dict[str, float | int | str] = {**parameters, "noise_seed": 1}
+        known: dict[str, float | int | str] = {**parameters, SEED: 1}
         paths = dict.fromkeys(("output", "folder", "geometry", "python"), "")
         if config.input is not None:
             paths["input"] = ""
@@ -130,7 +95,7 @@ class CommandPlan:
             marked = template(text, item.delimiter, f"simulator.templates.{k}.template: {path}").checked(known)
             self.templates.append((marked, item.file))
         if config.input is None:
-            used = {name for marked in (*self.arguments, *(t for t, _ in self.templates)) for name in marked.names}
+            used = {name for marked in self._texts for name in marked.names}
             unused = [name for name in parameters if name not in used]
             if unused:
                 raise ConfigError(
@@ -138,6 +103,22 @@ class CommandPlan:
                     f"{f' (nor do {len(unused) - 1} more)' if len(unused) > 1 else ''}: put {{{unused[0]}}} into "
                     f"simulator.command, @{unused[0]}@ into a template, or set simulator.input."
                 )
+            if SEED not in used and not config.seedless:
+                raise ConfigError(
+                    f"simulator: {SEED} never reaches the program, so that every run has the same random numbers: put "
+                    f"{{{SEED}}} into simulator.command, @{SEED}@ into a template, or set simulator.input; for a "
+                    "program that takes no seed set simulator.seedless: true."
+                )
+
+    @property
+    def _texts(self) -> list[Marked]:
+        """All that is filled in."""
+        return [*self.arguments, *(marked for marked, _ in self.templates)]
+
+    @property
+    def seed_places(self) -> list[tuple[str, Marker]]:
+        """Where the program gets its seed, besides the input file."""
+        return [(marked.where, place) for marked in self._texts for place in marked.places(SEED)]
 
     def stage(self, folder: Path) -> None:
         """Put the files and links into a run's folder."""
@@ -167,11 +148,13 @@ def check_command(case: Case) -> None:
 
     Raises
     ------
-    ConfigError
-        As :class:`CommandPlan` does.
+    ConfigError, SimulatorError
+        As :class:`CommandPlan` and :func:`radcal.simulators.seed_width.check_seeds` do.
     """
     if isinstance(case.simulator, CommandSimulation):
-        CommandPlan(case.simulator, case.materials)
+        plan = CommandPlan(case.simulator, case.materials)
+        if case.simulator.input is None:
+            check_seeds(case, plan.seed_places)
 
 
 class CommandSimulator:
@@ -204,7 +187,7 @@ class CommandSimulator:
     ) -> None:
         self._plan = plan
         self._config = plan.config
-        self._names = {name: material.parameter_names for name, material in materials.items()}
+        self._materials = materials
         self._calibrated = [name for name, material in materials.items() if material.calibrate]
         self._radar = radar
         self._geometry = geometry
@@ -226,7 +209,7 @@ class CommandSimulator:
             "name": config.name or Path(config.command[0]).name,
             "version": config.version if config.version_command is None else self._version(config.version_command),
             "command": list(config.command),
-            "input": config.input.model_dump(mode="json") if config.input is not None else None,
+            "input": _plain(config.input),
             "templates": [item.model_dump(mode="json", exclude={"template"}) for item in config.templates],
             "environment": dict(config.environment),
             "output": config.output.model_dump(mode="json"),
@@ -297,12 +280,12 @@ class CommandSimulator:
         config = self._config
         output = folder / config.output.file
         values: dict[str, float | int | str] = {
-            f"{name}.{key}": float(x)
-            for name, keys in self._names.items()
-            for key, x in zip(keys, parameters[name], strict=True)
+            f"{name}.{key}": x
+            for name, material in self._materials.items()
+            for key, x in material.handed(parameters[name]).items()
         }
         values |= {
-            "noise_seed": noise_seed,
+            SEED: noise_seed,
             "output": str(output),
             "folder": str(folder),
             "geometry": str(self._geometry_path),
@@ -338,7 +321,7 @@ class CommandSimulator:
         file = ImageFile(path, config, "simulator.output", "file", SimulatorError, stored, turned=turn)
         if config.format == "raw":
             with reading(file, "raw numbers"):
-                values = _raw(file, config, config.shape or stored)
+                values = read_raw(file, config, config.shape or stored)
         else:
             values = read_array(file, config.format)
         image, _ = to_db(values, file)
@@ -357,13 +340,11 @@ class CommandSimulator:
     def _input_text(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> str:
         assert self._config.input is not None  # noqa: S101 - asked by the caller
         data = {
-            "noise_seed": noise_seed,
+            SEED: noise_seed,
             "output": self._config.output.file,
             "shape": list(self._geometry.shape),
-            "parameters": {
-                name: dict(zip(keys, map(float, parameters[name]), strict=True)) for name, keys in self._names.items()
-            },
-            "radar": self._radar.model_dump(mode="json"),
+            "parameters": {name: material.handed(parameters[name]) for name, material in self._materials.items()},
+            **({"radar": self._radar.model_dump(mode="json")} if self._config.input.radar else {}),
         }
         return toml_text(data) if self._config.input.format == "toml" else json.dumps(data, indent=1) + "\n"
 
@@ -393,21 +374,10 @@ class CommandSimulator:
             return printed
 
 
-def _raw(file: ImageFile, config: Output, shape: tuple[int, int]) -> Values:
-    dtype = np.dtype(str(config.dtype)).newbyteorder("<" if config.byte_order in (None, "little") else ">")
-    header = config.header_bytes or 0
-    expected = header + shape[0] * shape[1] * dtype.itemsize
-    found = file.path.stat().st_size
-    if found != expected:
-        pixels = shape[0] * shape[1]
-        others = [name for name in _RAW_TYPES if found == header + pixels * np.dtype(name).itemsize]
-        as_many = f": as many as of {' or '.join(others)}" if others else ""
-        raise file.refused(
-            f"{file.path} has {found} bytes, expected {expected} for {shape[0]} x {shape[1]} numbers of {config.dtype}"
-            f"{f' after a header of {header}' if header else ''}"
-            f"{as_many}"
-        )
-    return np.fromfile(file.path, dtype=dtype, offset=header).reshape(shape)
+def _plain(config: InputFile | None) -> dict[str, Any] | None:
+    """What of the input file is part of the identity: a key that came later only where it is set."""
+    later = {"radar"} if config is not None and config.radar else None
+    return None if config is None else config.model_dump(mode="json", exclude=later)
 
 
 def _sha256(path: Path) -> str:

@@ -3,7 +3,9 @@
 Arguments use braces, ``{dyke.X1}``; ``{{`` and ``}}`` stand for braces. Templates use markers
 between two delimiters, ``@dyke.X1@``, in the manner of PEST's template files (PEST++ users
 manual, section 2.3), where a format may follow a colon: ``@dyke.X1:14.6e@``. Without a format,
-numbers are written so that reading gives the same double again.
+numbers are written so that reading gives the same double again. A seed may be brought into a
+range first, ends included, ``@noise_seed:1..30000@``, before the format if there is one,
+``@noise_seed:1..30000:6d@``.
 """
 
 from __future__ import annotations
@@ -16,8 +18,10 @@ from dataclasses import dataclass
 from radcal.config import nearest
 from radcal.errors import ConfigError, SimulatorError
 
-__all__ = ["Marked", "Marker", "argument", "template"]
+__all__ = ["SEED", "Marked", "Marker", "argument", "template"]
 
+SEED = "noise_seed"
+_RANGE = re.compile(r"\s*(-?\d{1,19})\.\.(-?\d{1,19})\s*(?::(.*))?", re.DOTALL)
 _WIDTH = re.compile(r"(?:.?[<>=^])?[-+ ]?z?#?0?(\d+)")
 
 
@@ -31,13 +35,27 @@ class Marker:
         Such as ``dyke.X1`` or ``noise_seed``.
     spec : str
         Python's format specification, empty for full precision.
+    interval : (int, int) or None
+        Smallest and largest number that a seed is brought to: the smallest plus the seed modulo their count.
     """
 
     name: str
     spec: str = ""
+    interval: tuple[int, int] | None = None
+
+    @classmethod
+    def read(cls, name: str, spec: str) -> Marker:
+        """Read what stands before and after the first colon of a place."""
+        found = _RANGE.fullmatch(spec)
+        if found is None:
+            return cls(name, spec)
+        return cls(name, (found[3] or "").strip(), (int(found[1]), int(found[2])))
 
     def text(self, value: float | int | str, where: str) -> str:
         """Return the value's text, refusing one that is wider than its field."""
+        if self.interval is not None:
+            low, high = self.interval
+            value = low + int(value) % (high - low + 1)
         text = format(value, self.spec) if self.spec else value if isinstance(value, str) else repr(value)
         width = _WIDTH.match(self.spec)
         if width and len(text) > int(width[1]):
@@ -67,6 +85,10 @@ class Marked:
     def names(self) -> set[str]:
         """Names of all values that it takes."""
         return {part.name for part in self.parts if isinstance(part, Marker)}
+
+    def places(self, name: str) -> list[Marker]:
+        """All places for one value."""
+        return [part for part in self.parts if isinstance(part, Marker) and part.name == name]
 
     def filled(self, values: Mapping[str, float | int | str]) -> str:
         """Return the text with the values in their places.
@@ -98,6 +120,14 @@ class Marked:
                 continue
             if part.name not in known:
                 raise ConfigError(f"{self.where}: unknown placeholder {part.name!r}{nearest(part.name, known)}.")
+            if part.interval is not None:
+                low, high = part.interval
+                if part.name != SEED:
+                    raise ConfigError(
+                        f"{self.where}: {part.name}:{low}..{high} asks for a range, which only {SEED} is brought into."
+                    )
+                if not low < high:
+                    raise ConfigError(f"{self.where}: the range of {SEED} is {low}..{high}, expected lower < upper.")
             try:
                 format(known[part.name], part.spec)
             except ValueError as error:
@@ -127,7 +157,7 @@ def argument(text: str, where: str) -> Marked:
             if name is not None:
                 if conversion or not name.strip() or "{" in (spec or ""):
                     raise ValueError("expected {name} or {name:format}")
-                parts.append(Marker(name.strip(), spec or ""))
+                parts.append(Marker.read(name.strip(), spec or ""))
     except ValueError as error:
         raise ConfigError(f"{where} is {text!r}: {error}; write {{{{ and }}}} for braces.") from None
     return Marked(tuple(parts), where)
@@ -165,7 +195,7 @@ def template(text: str, delimiter: str, where: str) -> Marked:
             if k % 2 == 0:
                 parts.append(piece)
             elif name.strip():
-                parts.append(Marker(name.strip(), spec.strip()))
+                parts.append(Marker.read(name.strip(), spec.strip()))
             else:
                 raise ConfigError(f"{where}: line {number} has an empty marker {delimiter}{piece}{delimiter}.")
     found = Marked(tuple(parts), where)
