@@ -267,6 +267,10 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     (synthetic(warp_px=-1), ["measurement.synthetic.warp_px is -1"]),
     (synthetic(warp_px=float("nan")), ["measurement.synthetic.warp_px is nan"]),
     (synthetic(seed=-1), ["measurement.synthetic.seed is -1"]),
+    (
+        {"radar": {"azimuth_resolution_m": 1e4}},
+        ["radar: azimuth_resolution_m is 10000, expected at most 1000 times azimuth_spacing_m (2.5)"],
+    ),
     # the rest
     ({"simulator": {"kind": "emprise"}}, ["simulator.kind is 'emprise'", "'builtin'"]),
     ({"registration": {"method": "magic"}}, ["registration.method is 'magic'", "'none'"]),

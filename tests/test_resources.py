@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from rasterio.transform import from_origin
 
 from radcal.config import BuiltinScene, Radar, RasterScene, SlantRangeScene, case_from
-from radcal.errors import SceneError
+from radcal.errors import ConfigError, SceneError
 from radcal.radar.geometry import make_geometry
-from radcal.radar.size import ImageSize, image_size, refinement
+from radcal.radar.size import ImageSize, check_size, image_size, refinement
 from radcal.resources import memory_mb, runtime_minutes, values_of
 from radcal.scene.builtin import builtin_scene
 from radcal.scene.raster import raster_scene
@@ -147,3 +147,13 @@ def test_a_case_has_the_values_of_its_finest_array(rasters):
     fine = case(range_spacing_m=5.0, azimuth_spacing_m=2.5)
     assert values_of(fine)["image"] == 16 * 2400
     assert json.dumps(values_of(fine))
+
+
+def test_pixels_too_small_for_any_machine_are_refused_before_any_is_made(scene):
+    fine = Radar(altitude_m=20_000.0, range_spacing_m=0.003, azimuth_spacing_m=2.0)
+    facets = scene.material.size * refinement(scene.cell_m, fine) ** 2
+    with pytest.raises(ConfigError, match=rf"^radar\.range_spacing_m is 0\.003 and .*_m 2: .* {facets:,} facets and"):
+        make_geometry(scene, fine)
+    with pytest.raises(ConfigError, match=r"expected at most 1,000,000,000\.$"):
+        check_size(SceneSize(10**7, 5.0, 10**7), Radar(range_spacing_m=0.2, azimuth_spacing_m=0.2))
+    check_size(SceneSize(10**6, 5.0, 10**6), Radar(range_spacing_m=0.2, azimuth_spacing_m=0.2))

@@ -100,6 +100,7 @@ Radiometry = Literal["sigma0_local", "sigma0_ref", "beta0", "gamma0"]
 _DEFAULT_LAW = "mangia"
 _DESIGN_SIZE = {"classes": 2, "likelihood": 2, "density": 16}  # runs; classes know of law and speckle without any
 _LARGEST = 1000.0  # of any parameter: powers beyond 10^100 are a unit mix-up, and no single-precision image holds them
+_COARSEST = 1000.0  # pixels to a resolution cell: the impulse response is sampled that much further
 
 
 def _case_name(value: str) -> str:
@@ -263,6 +264,17 @@ class Radar(_Strict):
             if any(second <= first for first, second in itertools.pairwise(angles)):
                 raise ValueError(f"the incidence angles are {angles}, expected increasing angles")
         return table
+
+    @model_validator(mode="after")
+    def _sampled(self) -> Self:
+        for way in ("range", "azimuth"):
+            resolution, spacing = getattr(self, f"{way}_resolution_m"), getattr(self, f"{way}_spacing_m")
+            if resolution > _COARSEST * spacing:
+                raise ValueError(
+                    f"{way}_resolution_m is {resolution:g}, expected at most {_COARSEST:g} times {way}_spacing_m "
+                    f"({spacing:g})"
+                )
+        return self
 
     @model_validator(mode="after")
     def _one_band(self) -> Self:

@@ -27,9 +27,10 @@ from radcal.radar.facets import (
 from radcal.radar.footprints import Boxes, Spots, add_up, locate, raise_boxes, share_out, stand, to_boxes_and_spots
 from radcal.radar.points import Points, not_pure
 from radcal.radar.radiometry import of_sigma0
-from radcal.radar.size import refinement
+from radcal.radar.size import check_size, refinement
 from radcal.records import read_hdf5, write_hdf5
 from radcal.scene.model import Scene
+from radcal.scene.size import SceneSize
 
 __all__ = [
     "Geometry",
@@ -225,11 +226,14 @@ def make_geometry(scene: Scene, radar: Radar) -> Geometry:
 
     Raises
     ------
+    ConfigError
+        The image would be too large for any machine.
     SceneError
         The track does not clear the terrain or nothing is visible.
     """
     if scene.elevation_m is None:
         return _slant_range_geometry(scene, radar)
+    check_size(SceneSize(scene.material.size, scene.cell_m, scene.material.size), radar)
     return _terrain_geometry(scene, radar)
 
 

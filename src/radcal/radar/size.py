@@ -6,9 +6,12 @@ import math
 from dataclasses import dataclass
 
 from radcal.config import Radar
+from radcal.errors import ConfigError
 from radcal.scene.size import SceneSize
 
-__all__ = ["ImageSize", "image_size", "refinement"]
+__all__ = ["ImageSize", "check_size", "image_size", "refinement"]
+
+_LARGEST = 1_000_000_000  # facets or pixels: some 140 GB of geometry
 
 
 @dataclass(frozen=True)
@@ -62,3 +65,27 @@ def image_size(scene: SceneSize, radar: Radar) -> ImageSize:
     pixel_m2 = radar.range_spacing_m * radar.azimuth_spacing_m
     area_m2 = scene.cells * scene.cell_m**2 * math.cos(math.radians(radar.depression_deg))
     return ImageSize(scene.cells * refinement(scene.cell_m, radar) ** 2, math.ceil(area_m2 / pixel_m2))
+
+
+def check_size(scene: SceneSize, radar: Radar) -> None:
+    """Refuse pixels so small that no machine holds the image of the scene.
+
+    Parameters
+    ----------
+    scene : SceneSize
+        Size of the scene.
+    radar : Radar
+        Pixel spacings and depression angle.
+
+    Raises
+    ------
+    ConfigError
+        The image would have more than 1,000,000,000 facets or pixels.
+    """
+    size = image_size(scene, radar)
+    if max(size.facets, size.pixels) > _LARGEST:
+        raise ConfigError(
+            f"radar.range_spacing_m is {radar.range_spacing_m:g} and radar.azimuth_spacing_m "
+            f"{radar.azimuth_spacing_m:g}: the scene's image would have {size.facets:,} facets and {size.pixels:,} "
+            f"pixels, expected at most {_LARGEST:,}."
+        )

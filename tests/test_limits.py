@@ -1,0 +1,212 @@
+"""Every number of the configuration is bounded on both sides, and no number ends in anything but a sentence."""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+import re
+import types
+import typing
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any
+
+import pytest
+from annotated_types import Ge, Gt, Le, Lt
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from radcal.config import Case, case_from
+from radcal.errors import ConfigError
+from radcal.radar.size import image_size
+from radcal.resources import memory_mb, runtime_minutes
+from radcal.scene.size import SceneSize
+
+Limit = tuple[str, str, str]  # key, lower and upper limit as docs/limits.md has them
+PAGE = Path(__file__).parents[1] / "docs" / "limits.md"
+WILD = [0, -1, 1e308, -1e308, 1e-308, math.inf, math.nan, 2**63 - 1, 2**63, 2**64, 10**400, True, "1e3", "x", None, []]
+
+
+def said(limit: Any) -> str:
+    return f"{limit:,.0f}" if limit == round(limit) and abs(limit) < 1e13 else f"{limit:,}"
+
+
+def numbers(annotation: Any, metadata: list[Any], path: str) -> Iterator[tuple[str, str, str]]:
+    """Path and limits of every number that an annotation admits."""
+    origin = typing.get_origin(annotation)
+    if origin is Annotated:
+        inner, *more = typing.get_args(annotation)
+        flat = [m for item in more for m in (item.metadata if isinstance(item, FieldInfo) else [item])]
+        yield from numbers(inner, [*metadata, *flat], path)
+    elif isinstance(annotation, types.UnionType) or origin is typing.Union:
+        for part in typing.get_args(annotation):
+            yield from numbers(part, metadata, path)
+    elif origin in (list, dict, tuple):
+        for part in typing.get_args(annotation):
+            yield from numbers(part, [], f"{path}.*")
+    elif isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        for name, field in annotation.model_fields.items():
+            yield from numbers(field.annotation, field.metadata, f"{path}.{name}".lstrip("."))
+    elif annotation in (int, float):
+        found = {type(item): item for item in metadata}
+        low = said(found[Ge].ge) if Ge in found else f"above {said(found[Gt].gt)}" if Gt in found else "none"
+        high = said(found[Le].le) if Le in found else f"below {said(found[Lt].lt)}" if Lt in found else "none"
+        yield path, low, high
+
+
+FOUND = sorted(set(numbers(Case, [], "")))
+
+LAW = {"calibrate": True, "law": "tabulated", "angles_deg": [20, 40], "bounds": [[-30, 0]] * 2, "start": [-9.0, -8.0]}
+SECOND = {
+    "calibrate": True,
+    "law": "tabulated",
+    "angles_deg": [20, 50],
+    "bounds": [[-30, 0]] * 2,
+    "start": {"law": "tabulated", "angles_deg": [10, 60], "parameters": [-7.0, -6.0]},
+}
+CURVE = {"corner": [[0, 10.0], [90, 5.0]]}
+FIRST: dict[str, Any] = {
+    "seed": 3,
+    "scene": {
+        "source": "builtin", "seed": 1,
+        "objects": {"generate": {"trees": 5, "cars": 4, "buildings": 3, "seed": 2}},
+    },
+    "radar": {
+        "altitude_m": 5000, "depression_deg": 40, "band": "X", "frequency_ghz": 9.6, "range_resolution_m": 2,
+        "azimuth_resolution_m": 3, "range_spacing_m": 1.5, "azimuth_spacing_m": 2.5, "looks": 3, "nesz_db": -25,
+    },
+    "materials": {"a": LAW, "b": SECOND, "c": {"law": "constant_gamma", "parameters": [-10.0]}},
+    "measurement": {
+        "source": "synthetic",
+        "synthetic": {"parameters": {"a": [-9, -8], "b": [-7, -6]}, "seed": 2, "offset_db": 1.0, "warp_px": 2},
+    },
+    "registration": {"max_displacement_px": 10},
+    "target": {"pixels": 900, "margin_px": 2, "snr_db": 1.0, "incidence_classes": 4, "incidence_error_deg": 1.0},
+    "validation": {"rows": 20, "columns": 30, "means": 10},
+    "design": {"size": 4, "chunk": 3},
+    "surrogate": {"retrain_every": 6},
+    "optimiser": {"population": 50, "evaluations": 700},
+    "stop": {"rms": 1e-4, "max_runs": 150, "stagnation_runs": 15, "law_db": 0.1},
+}  # fmt: skip
+RASTERS = {
+    "source": "raster", "elevation": "a.tif", "materials": "b.tif", "names": "c.json", "cell_m": 2.0,
+    "bounds": [0, 1, 2000, 2001], "elevation_error_m": 0.5, "objects": {"path": "d.csv", "aspect": CURVE},
+}  # fmt: skip
+FLAT = {
+    "source": "slant_range", "labels": "a.tif", "names": "a.json", "near_incidence_deg": 20, "far_incidence_deg": 40,
+}  # fmt: skip
+PROGRAM = {
+    "kind": "command", "command": ["./sim"], "timeout_s": 60, "retries": 3, "retry_wait_s": 2.0,
+    "accept_exit_codes": [0, 1],
+    "output": {
+        "file": "a.raw", "scale": "db", "format": "raw", "dtype": "float32", "shape": [80, 90], "header_bytes": 8,
+    },
+}  # fmt: skip
+CASES: list[dict[str, Any]] = [
+    FIRST,
+    {"scene": RASTERS, "radar": {"nesz_db": [[20, -30], [50, -25]]}},
+    {
+        "scene": FLAT,
+        "materials": {"a": {"calibrate": True, "law": "external", "names": ["p"], "bounds": [[0, 9]], "start": [4]}},
+        "measurement": {"source": "file", "path": "a.tif", "scale": "db", "band": 2},
+        "simulator": PROGRAM,
+    },
+    {"simulator": PROGRAM | {"output": {"file": "a.tif", "scale": "db", "band": 2}}},
+]
+
+
+def places(data: Any, at: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:
+    """Where the numbers of plain data are."""
+    if isinstance(data, dict | list):
+        for key, value in data.items() if isinstance(data, dict) else enumerate(data):
+            yield from places(value, (*at, key))
+    elif isinstance(data, int | float) and not isinstance(data, bool):
+        yield at
+
+
+def general(place: tuple[str | int, ...]) -> str:
+    """The path of a number as its annotation has it."""
+    parts = ["*" if isinstance(part, int) else part for part in place]
+    for k, part in enumerate(parts[:-1]):
+        if part == "aspect" or (part == "materials" and k == 0) or (part == "parameters" and "synthetic" in parts[:k]):
+            parts[k + 1] = "*"
+    return ".".join(parts)
+
+
+def replaced(data: dict[str, Any], place: tuple[str | int, ...], value: Any) -> dict[str, Any]:
+    copied: Any = copy.deepcopy(data)
+    inner = copied
+    for part in place[:-1]:
+        inner = inner[part]
+    inner[place[-1]] = value
+    return dict(copied)
+
+
+def test_the_cases_hold_every_number_there_is() -> None:
+    assert {general(place) for case in CASES for place in places(case)} == {path for path, _, _ in FOUND}
+
+
+@pytest.mark.parametrize("case", CASES, ids=["all", "rasters", "program", "band"])
+def test_wild_numbers_are_taken_or_refused_in_a_sentence(case: dict[str, Any]) -> None:
+    assert case_from(case)
+    taken = refused = 0
+    for place in places(case):
+        for value in WILD:
+            try:
+                found = case_from(replaced(case, place, value), "mine.yaml")
+            except ConfigError as error:
+                refused += re.fullmatch(r"mine\.yaml: .{20,280}[^.]\.", str(error)) is not None
+                continue
+            taken += 1
+            # what is taken can be planned with, written down and read back
+            json.dumps(found.model_dump(mode="json"), allow_nan=False)
+            assert case_from(found.model_dump(mode="json")) == found
+            minutes = runtime_minutes("run", 10**8, 1000 * found.simulator.longest_run_s)
+            assert 0 < minutes < 2**31
+            size = image_size(SceneSize(10**8, 1000.0, 10**8), found.radar)
+            assert memory_mb("geometry", max(size.facets, size.pixels)) > 0
+            assert len(found.laws) == len(found.materials)
+    assert taken >= 10
+    assert taken + refused == len(WILD) * len(list(places(case)))
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        ({"seed": 2**63}, "seed is 9223372036854775808, expected less than or equal to 9223372036854775807."),
+        ({"seed": 10**70}, f"seed is 1{'0' * 56}..., expected less than or equal to 9223372036854775807."),
+        ({"seed": 1e308}, "seed is 1e+308, expected an integer of fewer digits."),
+        (
+            {"simulator": PROGRAM | {"timeout_s": 1e308}},
+            "simulator.timeout_s is 1e+308, expected less than or equal to 2592000.",
+        ),
+        (
+            {"simulator": PROGRAM | {"retry_wait_s": 1e300}},
+            "retry_wait_s is 1e+300, expected less than or equal to 86400.",
+        ),
+        (
+            {"simulator": PROGRAM | {"retry_wait_s": 3600, "retries": 20}},
+            "simulator: retry_wait_s is 3600 and retries 20: waits that double each time add up to 4.37e+04 days, "
+            "expected at most 30.",
+        ),
+    ],
+)
+def test_limits_are_said_as_they_are(data: dict[str, Any], said: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        case_from(data)
+    assert str(caught.value).endswith(said)
+
+
+def test_seeds_reach_to_their_limit() -> None:
+    assert case_from({"seed": 2**63 - 1}).seed == 2**63 - 1
+
+
+def documented() -> list[Limit]:
+    rows = [line.strip("| ").split(" | ") for line in PAGE.read_text().splitlines() if line.startswith("| `")]
+    return [(key.strip("`"), low, high) for key, low, high in rows]
+
+
+def test_every_number_has_both_limits_and_the_page_says_which() -> None:
+    assert [row for row in FOUND if "none" in row] == []
+    assert documented() == FOUND, "\n".join(f"| `{key}` | {low} | {high} |" for key, low, high in FOUND)
