@@ -126,6 +126,12 @@ def test_what_is_no_file_is_not_opened(tmp_path: Path) -> None:
             read_case_file(tmp_path / name)
 
 
+def test_a_file_that_cannot_be_read_says_why() -> None:
+    # as one without permission, which root would have: Linux refuses the first page of a process
+    with pytest.raises(ConfigError, match=r"^/proc/self/mem: cannot be read \(Input/output error\)\.$"):
+        read_case_file("/proc/self/mem")
+
+
 def test_values_of_the_command_line() -> None:
     assert read_value('{"rms": 1.0e-6}', "--config stop") == {"rms": 1e-6}
     assert read_value("", "--config stop") is None

@@ -70,6 +70,7 @@ def test_what_snakemake_would_answer_with_a_traceback_ends_in_a_sentence(clone: 
     [
         (["gone.yaml"], "gone.yaml: cannot be read (No such file or directory)."),
         (["config"], "config: cannot be read (a folder, expected a YAML file)."),
+        (["a\nb.yaml"], "a\\nb.yaml: cannot be read (No such file or directory)."),
         (["mine.yaml", "desing"], "there is no target 'desing' (did you mean 'design'?)."),
         (["mine.yaml", "other.yaml"], "there is no target 'other.yaml' (known: all, reference, design)."),
         (["mine.yaml", "--cores", "0"], "--cores is '0', expected a number from 1 on, or all."),

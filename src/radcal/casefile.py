@@ -78,7 +78,7 @@ def read_case_file(path: str | Path) -> dict[str, Any]:
         found = _parsed(_text(_content(Path(path))))
     except _Fault as fault:
         line = "" if fault.line is None else f", line {fault.line}"
-        raise ConfigError(f"{path}{line}: {fault}.") from None
+        raise ConfigError(f"{shown(str(path), 300)}{line}: {fault}.") from None
     if found is None:
         raise ConfigError(f"{path}: is empty, expected keys and values such as case: mine.")
     if not isinstance(found, Mapping):

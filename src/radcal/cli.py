@@ -54,7 +54,9 @@ def _radcal() -> None:
 
 @app.command("run", help=_RUN_HELP)
 def _run(
-    case: Annotated[Path, typer.Argument(metavar="CASE", help="The case's YAML file.", show_default=False)],
+    case: Annotated[
+        Path, typer.Argument(metavar="CASE", readable=False, help="The case's YAML file.", show_default=False)
+    ],
     targets: Annotated[
         list[str] | None,
         typer.Argument(
