@@ -34,7 +34,7 @@ def sentence(folder: Path, content: str | bytes) -> str:
         ("stop:\n  rms: 1\n  max_runs: 9\n  rms: 2\n", ", line 4: stop.rms stands here and in line 2, expected"),
         ('"stop": {}\nstop:\n  rms: 1\n', ", line 2: stop stands here and in line 1"),
         ("a:\n- b: 1\n- b: 1\n  c: {d: 0,\n    d: 0}\n", ", line 5: a.c.d stands here and in line 4"),
-        ("materials:\n  yes: {}\n  on: {}\n", ", line 3: materials.True stands here and in line 2"),
+        ("materials:\n  'on': {}\n  \"on\": {}\n", ", line 3: materials.on stands here and in line 2"),
         ("a: &a {b: 1}\nc:\n  <<: *a\n  <<: *a\n", ", line 4: c.<< stands here and in line 3"),
     ],
 )
@@ -97,6 +97,12 @@ def test_aliases_of_some_thousand_values_are_read(tmp_path: Path) -> None:
         ("a: " + "[" * 2000 + "]" * 2000 + "\n", ": not a case (sections or lists nested in one another hundreds"),
         ("a: 1\nb: \x07\n", ", line 2: not a YAML file (character U+0007 in it)."),
         ("? [1, 2]\n: 3\n", ", line 1: not a YAML file (a key is a list or a section, expected a name)."),
+        ("a:\n  no: {}\n", ", line 2: YAML reads the key no as False: put it in quotes."),
+        ("a: 1\n7: {}\n", ", line 2: YAML reads the key 7 as 7: put it in quotes."),
+        ("a: {1: 2, ~: 3}\n", ", line 1: YAML reads the key 1 as 1: put it in quotes."),
+        ("a: 1\nb: 1:30\n", ", line 2: YAML reads 1:30 as 90: expected digits without colons or zeros first."),
+        ("a: [7, -1:30.5]\n", ", line 1: YAML reads -1:30.5 as -90.5: expected digits without"),
+        ("a: 010\n", ", line 1: YAML reads 010 as 8: expected digits without colons or zeros first."),
         ("a: *nobody\n", ", line 1: not a YAML file (found undefined alias"),
         ("seed: 1\n".encode("utf-16"), ": is text in UTF-16, expected UTF-8: save it as UTF-8."),
         ("seed: 1\n".encode("utf-16-le"), ": is text in UTF-16, expected UTF-8: save it as UTF-8."),
@@ -118,6 +124,12 @@ def test_what_is_no_file_is_not_opened(tmp_path: Path) -> None:
     for name, why in [("pipe", "not a regular file"), ("gone", "No such file"), (".", "a folder"), ("a\0", "no name")]:
         with pytest.raises(ConfigError, match=rf"cannot be read \({why}"):
             read_case_file(tmp_path / name)
+
+
+def test_a_file_that_cannot_be_read_says_why() -> None:
+    # as one without permission, which root would have: Linux refuses the first page of a process
+    with pytest.raises(ConfigError, match=r"^/proc/self/mem: cannot be read \(Input/output error\)\.$"):
+        read_case_file("/proc/self/mem")
 
 
 def test_values_of_the_command_line() -> None:
@@ -151,3 +163,10 @@ def test_settings_given_twice_are_refused() -> None:
         check_words(["seed=1", "stop={rms: 1}", "seed=1"])
     with pytest.raises(ConfigError, match=r"^--set: stop\.rms is given twice"):
         check_words(["stop.rms=1", "stop={rms: 2}"], "--set")
+
+
+def test_numbers_are_those_that_people_write(tmp_path: Path) -> None:
+    found = read_case_file(
+        write(tmp_path, "a: [0, 0.5, -3, 1.0e-3, 1e-3, 0x1f, .inf, true, '010', 07:61, 1:30x, 0.0]\n")
+    )
+    assert found["a"] == [0, 0.5, -3, 1e-3, "1e-3", 31, float("inf"), True, "010", "07:61", "1:30x", 0.0]

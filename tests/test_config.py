@@ -271,6 +271,16 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
         {"radar": {"azimuth_resolution_m": 1e4}},
         ["radar: azimuth_resolution_m is 10000, expected at most 1000 times azimuth_spacing_m (2.5)"],
     ),
+    # other shapes than those expected
+    ({"radar": None}, ["some.yaml: radar is None, expected keys and values."]),
+    ({"radar": [{"looks": 4}]}, ["radar is [{'looks': 4}], expected keys and values."]),
+    ({"materials": {}}, ["materials is {}, expected at least 1 item, not 0."]),
+    ({"materials": ["dyke"]}, ["materials is ['dyke'], expected keys and values."]),
+    (dyke(bounds=[0, 1, 2, 3]), ["materials.dyke.bounds.0 is 0, expected a list (and 3 more)."]),
+    (dyke(bounds=[[0, 1, 2]] * 4), ["bounds.0 is [0, 1, 2], expected at most 2 items, not 3 (and 3 more)."]),
+    ({"\x1b[31mred\n": 1}, ["unknown key \\x1b[31mred\\n (known: "]),
+    ({"stop": {"[rms": 1}}, ["unknown key stop.[rms (did you mean 'rms'?)"]),
+    ({"seed": [0] * 9000}, ["seed is [" + "0, " * 18 + "0,..., expected a valid integer."]),
     # the rest
     ({"simulator": {"kind": "emprise"}}, ["simulator.kind is 'emprise'", "'builtin'"]),
     ({"registration": {"method": "magic"}}, ["registration.method is 'magic'", "'none'"]),
@@ -464,6 +474,15 @@ def test_paths_expand_variables_and_home(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.delenv("RADCAL_TEST")
     with pytest.raises(ConfigError, match=r"^key is '\$\{RADCAL_TEST\}/x' but .* RADCAL_TEST is not set: type export"):
         expand_path("${RADCAL_TEST}/x", "key")
+
+
+def test_names_that_no_file_has_end_in_a_sentence() -> None:
+    with pytest.raises(
+        ConfigError, match=r"^scene\.labels: the file a{197}\.\.\. cannot be read \(File name too long\)\.$"
+    ):
+        expand_path("a" * 5000, "scene.labels")
+    with pytest.raises(ConfigError, match=r"^scene\.labels: the file a\\nb\\x00\.tif does not exist\.$"):
+        expand_path("a\nb\0.tif", "scene.labels")
 
 
 def test_variables_are_expanded_when_the_file_is_read_not_before(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -150,9 +150,9 @@ def test_a_case_has_the_values_of_its_finest_array(rasters):
 
 
 def test_pixels_too_small_for_any_machine_are_refused_before_any_is_made(scene):
-    fine = Radar(altitude_m=20_000.0, range_spacing_m=0.001, azimuth_spacing_m=2.0)
+    fine = Radar(altitude_m=20_000.0, range_spacing_m=0.003, azimuth_spacing_m=2.0)
     facets = scene.material.size * refinement(scene.cell_m, fine) ** 2
-    with pytest.raises(ConfigError, match=rf"^radar\.range_spacing_m is 0\.001 and .*_m 2: .* {facets:,} facets and"):
+    with pytest.raises(ConfigError, match=rf"^radar\.range_spacing_m is 0\.003 and .*_m 2: .* {facets:,} facets and"):
         make_geometry(scene, fine)
     with pytest.raises(ConfigError, match=r"expected at most 1,000,000,000\.$"):
         check_size(SceneSize(10**7, 5.0, 10**7), Radar(range_spacing_m=0.2, azimuth_spacing_m=0.2))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -78,6 +79,19 @@ class Project:
         return subprocess.run(
             self.command(*arguments, cores=cores),
             cwd=self.folder,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            timeout=600,
+            check=False,
+        )
+
+    def radcal(self, *arguments: str) -> subprocess.CompletedProcess[str]:
+        """Run the command ``radcal run``, which no activated environment helps to find Python."""
+        return subprocess.run(
+            [str(Path(sys.executable).with_name("radcal")), "run", *arguments],
+            cwd=self.folder,
+            env={**os.environ, "PATH": "/usr/bin:/bin"},
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,

@@ -6,6 +6,7 @@ Nothing here knows what a key means; :mod:`radcal.config` does.
 from __future__ import annotations
 
 import codecs
+import re
 import stat
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -19,6 +20,7 @@ __all__ = ["check_words", "merged", "read_case_file", "read_value", "setting", "
 
 _LARGEST_BYTES = 200_000  # of a case file: some twenty times the longest that radcal ships
 _LARGEST_VALUES = 200_000  # once every alias is written out: no file of that size without aliases holds so many
+_OTHER_BASE = re.compile(r"[-+]?(0[0-7_]+|[0-9_]+(:[0-9_.]+)+)")  # octal, and base 60 as in hours and minutes
 _MERGE = "tag:yaml.org,2002:merge"
 
 
@@ -36,12 +38,17 @@ class _Loader(yaml.SafeLoader):
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
         try:
             value = super().construct_object(node, deep)
-            if isinstance(value, int):
-                str(value)  # which Python refuses for thousands of digits; written in hexadecimal they got here
-            return value
+            text = (
+                str(value) if isinstance(value, int | float) else ""
+            )  # refused for thousands of digits in hexadecimal
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
             text = shown(str(node.value)) if isinstance(node, yaml.ScalarNode) else "what stands there"
             raise _Fault(f"{text} is no value of the kind {node.tag.rpartition(':')[2]}", _line(node)) from None
+        if text and _OTHER_BASE.fullmatch(node.value):
+            raise _Fault(
+                f"YAML reads {node.value} as {text}: expected digits without colons or zeros first", _line(node)
+            )
+        return value
 
 
 def read_case_file(path: str | Path) -> dict[str, Any]:
@@ -71,7 +78,7 @@ def read_case_file(path: str | Path) -> dict[str, Any]:
         found = _parsed(_text(_content(Path(path))))
     except _Fault as fault:
         line = "" if fault.line is None else f", line {fault.line}"
-        raise ConfigError(f"{path}{line}: {fault}.") from None
+        raise ConfigError(f"{shown(str(path), 300)}{line}: {fault}.") from None
     if found is None:
         raise ConfigError(f"{path}: is empty, expected keys and values such as case: mine.")
     if not isinstance(found, Mapping):
@@ -267,7 +274,9 @@ def _names(loader: yaml.SafeLoader, node: yaml.MappingNode, above: str) -> list[
         if not isinstance(key_node, yaml.ScalarNode):
             raise _Fault("not a YAML file (a key is a list or a section, expected a name)", _line(key_node))
         key = key_node.value if key_node.tag == _MERGE else loader.construct_object(key_node)
-        name = f"{above}.{key}" if above else str(key)
+        if not isinstance(key, str):
+            raise _Fault(f"YAML reads the key {key_node.value or 'null'} as {key}: put it in quotes", _line(key_node))
+        name = f"{above}.{key}" if above else key
         if key in lines:
             raise _Fault(f"{shown(name)} stands here and in line {lines[key]}, expected each key once", _line(key_node))
         lines[key] = _line(key_node)

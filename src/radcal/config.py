@@ -1247,8 +1247,12 @@ def expand_path(text: str, key: str, folder: bool = False) -> Path:
             f"type export {missing[0]}=FOLDER first."
         )
     path = Path(os.path.expanduser(os.path.expandvars(text)))
-    if not path.exists():
-        raise ConfigError(f"{key}: the file {path} does not exist.")
+    try:
+        found = path.exists()
+    except OSError as error:  # a name too long for the file system
+        raise ConfigError(f"{key}: the file {shown(str(path), 200)} cannot be read ({error.strerror}).") from None
+    if not found:
+        raise ConfigError(f"{key}: the file {shown(str(path), 200)} does not exist.")
     if not path.is_file() and not (folder and path.is_dir()):
         raise ConfigError(f"{key}: {path} is not a file.")
     if not os.access(path, os.R_OK):
@@ -1395,6 +1399,11 @@ def _known_keys(location: Sequence[int | str]) -> list[str]:
 _ALTERNATIVES = ("a list", "a law", "one level", "a table", "yes or no")  # of pydantic's unions
 
 
+def _of_kind(match: re.Match[str]) -> str:
+    """What people write where pydantic asks for a kind of Python's."""
+    return {"dictionary": "keys and values", "tuple": "a list"}[match[1]]
+
+
 def _sentence(error: ValidationError, origin: str) -> str:
     """The first problem of a validation error in one sentence."""
     # a misspelt key that is required is both unknown and missing: what people wrote comes first
@@ -1404,7 +1413,9 @@ def _sentence(error: ValidationError, origin: str) -> str:
     found = first["input"]
     match first["type"]:
         case "extra_forbidden":
-            text = f"unknown key {key}{nearest(str(first['loc'][-1]), _known_keys(first['loc']))}"
+            *above, last = first["loc"]
+            key = f"{_key(above)}.{last}" if above else str(last)
+            text = f"unknown key {key}{nearest(str(last), _known_keys(first['loc']))}"
         case "missing":
             text = f"{key} is missing"
         case "value_error":
@@ -1415,7 +1426,9 @@ def _sentence(error: ValidationError, origin: str) -> str:
         case "int_parsing_size":
             text = f"{key} is {shown(repr(found))}, expected an integer of fewer digits"
         case _:
-            message = first["msg"].removeprefix("Input should be ")
+            message = first["msg"].removeprefix("Input should be ").replace(" after validation", "")
+            message = re.sub(r"^\w+ should have ", "", message)
+            message = re.sub("^a valid (dictionary|tuple).*", _of_kind, message)
             text = f"{key} is {shown(repr(found))}, expected {message}"
     # of several alternatives for one key none fits, which is one problem
     others = {_key(detail["loc"]) for detail in details[1:]} - {key}

@@ -64,6 +64,11 @@ def test_wrong_type_on_the_command_line(project):
     )
 
 
+def test_a_key_given_twice_on_the_command_line(project):
+    words = ("--config", 'stop={"rms": 1e-4}', 'stop={"rms": 1e-6}')
+    refused(project, "--config: stop.rms is given twice", arguments=("--configfile", "tiny.yaml", *words))
+
+
 def test_missing_measurement(project):
     project.write(measurement={"source": "file", "path": "nowhere.tif", "scale": "db"} | {"synthetic": None})
     text = (project.folder / "tiny.yaml").read_text().replace("  synthetic: null\n", "")
@@ -119,8 +124,8 @@ def test_a_broken_name_file(project):
 
 def test_an_image_of_another_place_costs_the_reference_run_and_no_other(project):
     image(project, np.random.default_rng(1).normal(10, 3, (ROWS, COLUMNS)))
-    done = project.run("--configfile", "tiny.yaml", "--config", 'registration={"method": "gefolki"}')
-    assert done.returncode != 0
+    done = project.radcal("tiny.yaml", "--cores", "2", "--set", "registration.method=gefolki")
+    assert done.returncode == 1
     assert "radcal: registration: image.tif has nothing in common with the simulated image" in done.stdout
     assert "Traceback" not in done.stdout
     assert len(project.records()) == 1

@@ -26,12 +26,13 @@ def test_a_second_snakemake_on_the_case_says_so(project):
 
 
 def test_a_damaged_record_is_set_aside_and_made_again(project):
-    assert project.run("design", "--configfile", "tiny.yaml").returncode == 0
+    done = project.radcal("tiny.yaml", "design", "--cores", "2")
+    assert done.returncode == 0, done.stdout
     before = project.records()
     victim = sorted(project.out().glob("runs/*.h5"))[3]
     content = victim.read_bytes()
     victim.write_bytes(content[: len(content) // 2])
-    done = project.run("design", "--forcerun", "reference_run", "design_chunk", "--configfile", "tiny.yaml")
+    done = project.radcal("tiny.yaml", "design", "--cores", "2", "--", "--forcerun", "reference_run", "design_chunk")
     assert done.returncode == 0, done.stdout
     after = project.records()
     assert after.keys() == before.keys()

@@ -1,0 +1,221 @@
+"""The command ``radcal``: checks a case before Snakemake reads it, then hands over to Snakemake.
+
+Snakemake loads a case file before the workflow's own code runs, and answers what it cannot read with a
+traceback. What needs more than a moment to import is imported by the command that needs it.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+
+import typer
+
+if TYPE_CHECKING:
+    from radcal.config import Case
+
+__all__ = ["app", "check_folder", "checked_case", "snakemake_command"]
+
+app = typer.Typer(
+    add_completion=False, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)  # fmt: skip
+
+_TARGETS = ("all", "reference", "design")  # that are meant to be typed; any other rule of the workflow will do, too
+_OURS = ("--conf", "-C")  # Snakemake's --configfile and --config, as it lets them be shortened
+_ELSEWHERE = ("--cores", "-c", "--jobs", "-j", "--profile", "--executor", "-e")  # who says these says what jobs take
+
+_RUN_HELP = """Check a case and calibrate it, in the folder of your clone.
+
+The case is checked first: what is wrong in it ends in one sentence. Then Snakemake runs the workflow, up to the
+TARGETS if any are named: reference (one run: is everything wired?), design (the initial runs), all (the default),
+any other rule of the workflow or a file below results/. Stop it at any time: the same command continues.
+
+\b
+Examples:
+  radcal run config/mine.yaml --dry-run             what would run
+  radcal run config/mine.yaml reference             one run
+  radcal run config/mine.yaml                       the whole calibration
+  radcal run config/mine.yaml --set stop.rms=1e-6   one key changed: goes on from there
+  radcal run config/mine.yaml -- --forcerun report  what follows -- is for Snakemake
+
+The exit status is Snakemake's: 0 when all is done.
+"""
+
+
+@app.callback()
+def _radcal() -> None:
+    """Calibrate the backscatter laws of a SAR simulator against a measured image."""
+
+
+@app.command("run", help=_RUN_HELP)
+def _run(
+    case: Annotated[
+        Path, typer.Argument(metavar="CASE", readable=False, help="The case's YAML file.", show_default=False)
+    ],
+    targets: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="TARGETS", help="Where to stop, and after -- options for Snakemake.", show_default=False
+        ),
+    ] = None,
+    cores: Annotated[
+        str | None, typer.Option("--cores", "-c", metavar="N", help="Cores to use; all of this machine if missing.")
+    ] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", "-n", help="Say what would run, and run nothing.")] = False,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="One key of the case, as stop.rms=1e-6; may be repeated."),
+    ] = None,
+) -> None:
+    from radcal.errors import RadcalError
+
+    words = targets or []
+    first = next((k for k, word in enumerate(words) if word.startswith("-")), len(words))
+    try:
+        check_folder(Path.cwd(), words[:first])
+        overrides = _overrides(settings or [])
+        command = snakemake_command(case, words[:first], words[first:], overrides, cores, dry_run)
+        checked_case(case, overrides)
+    except RadcalError as error:
+        typer.echo(f"radcal: {error}", err=True)
+        raise typer.Exit(1) from None
+    _become(command)
+
+
+def check_folder(folder: Path, targets: Iterable[str] = ()) -> None:
+    """Refuse a folder without the workflow, and targets that the workflow does not have.
+
+    Parameters
+    ----------
+    folder : path
+        Where Snakemake is to run.
+    targets : iterable of str
+        Names of rules, or files below ``results/``.
+
+    Raises
+    ------
+    ConfigError
+        The folder has no Snakefile of radcal's, or a target is neither.
+    """
+    from radcal.config import nearest
+    from radcal.errors import ConfigError
+
+    try:
+        pages = [(folder / "Snakefile").read_text(encoding="utf-8")]
+        pages += [path.read_text(encoding="utf-8") for path in (folder / "workflow/rules").glob("*.smk")]
+    except (OSError, UnicodeDecodeError):
+        pages = [""]
+    if '"""radcal' not in pages[0]:
+        raise ConfigError(
+            f"{folder} is not the folder of a clone of radcal, with Snakefile, workflow and config: go there with cd."
+        )
+    rules = set(re.findall(r"^(?:rule|checkpoint) (\w+):", "\n".join(pages), re.MULTILINE))
+    for target in targets:
+        if target not in rules and "/" not in target:
+            raise ConfigError(f"there is no target {target!r}{nearest(target, _TARGETS)}.")
+
+
+def checked_case(path: Path, overrides: dict[str, Any]) -> Case:
+    """A case whose file, keys, values and input files have been checked.
+
+    Parameters
+    ----------
+    path : path
+        The case file.
+    overrides : dict
+        Keys of the command line.
+
+    Raises
+    ------
+    ConfigError
+        One sentence about the first problem found.
+    """
+    from radcal.config import input_files, load
+
+    case = load([path], overrides)
+    input_files(case)
+    return case
+
+
+def snakemake_command(
+    case: Path,
+    targets: Sequence[str],
+    further: Sequence[str],
+    overrides: dict[str, Any],
+    cores: str | None,
+    dry_run: bool,
+) -> list[str]:
+    """The command that runs the workflow, as a list for the system.
+
+    Parameters
+    ----------
+    case : path
+        The case file.
+    targets : sequence of str
+        What to make; first, where no option takes them for its own.
+    further : sequence of str
+        Options handed on.
+    overrides : dict
+        Keys of the command line, section by section.
+    cores : str or None
+        A number, ``all``, or None: all, unless ``further`` says where jobs run.
+    dry_run : bool
+        Whether nothing is to be run.
+
+    Raises
+    ------
+    ConfigError
+        The number of cores is none, or an option would replace the case that is checked.
+    """
+    from radcal.errors import ConfigError
+
+    if cores is not None and cores != "all" and not re.fullmatch("0*[1-9][0-9]{0,5}", cores):
+        raise ConfigError(f"--cores is {cores!r}, expected a number from 1 on, or all.")
+    for word in further:
+        if word.startswith(_OURS):
+            raise ConfigError(
+                f"{word} after -- would replace the case that is checked: type --set KEY=VALUE before --."
+            )
+    if cores is None and not any(word.partition("=")[0] in _ELSEWHERE for word in further):
+        cores = "all"
+    # -P: Python adds no current folder, whose files might have names of libraries
+    command = [sys.executable, "-P", "-m", "snakemake", *targets, "--configfile", str(case)]
+    if overrides:
+        command += ["--config", *(f"{key}={_for_snakemake(value)}" for key, value in overrides.items())]
+    if cores is not None:
+        command += ["--cores", cores]
+    return [*command, *["--dry-run"] * dry_run, *further]
+
+
+def _overrides(words: Sequence[str]) -> dict[str, Any]:
+    """Settings of the command line, section by section."""
+    from radcal.casefile import check_words, merged, setting
+
+    check_words(words, "--set")
+    data: dict[str, Any] = {}
+    for word in words:
+        data = merged(data, setting(word, "--set"))
+    return data
+
+
+def _for_snakemake(value: Any) -> str:
+    """A value as Snakemake hands it on whole: as text, since it takes all leaves of a section for text.
+
+    Blanks at both ends, where it strips quotes.
+    """
+    import json
+
+    text = json.dumps(value, ensure_ascii=False, default=str)
+    return f" {json.dumps(text, ensure_ascii=False)} " if isinstance(value, dict | list) else text
+
+
+def _become(command: Sequence[str]) -> NoReturn:
+    """Replace this process: Ctrl-C, the exit status and the terminal are the other's own."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os.execv(command[0], list(command))  # noqa: S606 - a list of arguments, never a shell

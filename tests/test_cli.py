@@ -1,0 +1,150 @@
+"""The command radcal, up to where Snakemake takes over; tests/workflow goes on from there."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from snakemake.cli import parse_args, parse_config
+from typer.testing import CliRunner, Result
+
+from radcal.casefile import check_words
+from radcal.cli import app, snakemake_command
+from radcal.config import load
+from radcal.errors import ConfigError
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture
+def clone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """What a clone has that is looked at."""
+    for name in ("Snakefile", "workflow", "config", "profiles"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.yaml").write_text("case: mine\nstop: {rms: 0.1}\n")
+    return tmp_path
+
+
+def run(*arguments: str) -> Result:
+    return CliRunner().invoke(app, ["run", *arguments])
+
+
+def refused(*arguments: str) -> str:
+    done = run(*arguments)
+    assert done.exit_code == 1, done.output
+    assert done.stdout == ""
+    assert done.stderr.count("\n") == 1
+    assert done.stderr.startswith("radcal: ")
+    return done.stderr.removeprefix("radcal: ").rstrip("\n")
+
+
+BAD_FILES = {
+    "utf16.yaml": ("case: mine\n".encode("utf-16"), "utf16.yaml: is text in UTF-16, expected UTF-8: save it as UTF-8."),
+    "latin1.yaml": ("# é\n".encode("latin-1"), "latin1.yaml, line 1: not a text file in UTF-8 (byte 0xe9"),
+    "recursive.yaml": (b"stop: &a {rms: *a}\n", "recursive.yaml, line 1: the anchor that stop.rms refers to contains"),
+    "empty.yaml": (b"", "empty.yaml: is empty, expected keys and values such as case: mine."),
+    "tabbed.yaml": (b"stop:\n\trms: 1\n", "tabbed.yaml, line 2: not a YAML file (a tab, expected blanks"),
+    "two.yaml": (b"case: a\n---\ncase: b\n", "two.yaml, line 2: not a YAML file (a second document begins"),
+    "twice.yaml": (b"seed: 1\nseed: 2\n", "twice.yaml, line 2: seed stands here and in line 1, expected each key"),
+    # Snakemake would run the Python code in it
+    "code.yaml": (b"__use_yte__: true\n", "code.yaml: unknown key __use_yte__ "),
+    "files.yaml": (
+        b"measurement: {source: file, path: gone.tif, scale: db}\n",
+        "measurement.path: the file gone.tif does not exist.",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BAD_FILES)
+def test_what_snakemake_would_answer_with_a_traceback_ends_in_a_sentence(clone: Path, name: str) -> None:
+    content, said = BAD_FILES[name]
+    (clone / name).write_bytes(content)
+    assert refused(name).startswith(said)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["gone.yaml"], "gone.yaml: cannot be read (No such file or directory)."),
+        (["config"], "config: cannot be read (a folder, expected a YAML file)."),
+        (["a\nb.yaml"], "a\\nb.yaml: cannot be read (No such file or directory)."),
+        (["mine.yaml", "desing"], "there is no target 'desing' (did you mean 'design'?)."),
+        (["mine.yaml", "other.yaml"], "there is no target 'other.yaml' (known: all, reference, design)."),
+        (["mine.yaml", "--cores", "0"], "--cores is '0', expected a number from 1 on, or all."),
+        (["mine.yaml", "-c", "1.5"], "--cores is '1.5', expected a number from 1 on, or all."),
+        (["mine.yaml", "--set", "stop.rms"], "--set stop.rms: expected KEY=VALUE such as stop.rms=1e-6."),
+        (["mine.yaml", "--set", "stop.rsm=1"], "mine.yaml: unknown key stop.rsm (did you mean 'rms'?)."),
+        (["mine.yaml", "--set", "stop.rms=low"], "mine.yaml: stop.rms is 'low', expected a valid number"),
+        (["mine.yaml", "--set", "seed=1", "--set", "seed=2"], "--set: seed is given twice, expected once."),
+        (["mine.yaml", "--set", "stop.rms=[1"], "--set stop.rms=[1: not valid JSON or YAML ("),
+        (["mine.yaml", "--", "--config", "seed=3"], "--config after -- would replace the case that is checked: type"),
+        (["mine.yaml", "--", "-n", "--configfile=b.yaml"], "--configfile=b.yaml after -- would replace the case"),
+    ],
+)
+def test_wrong_commands_end_in_a_sentence(clone: Path, arguments: list[str], said: str) -> None:
+    assert refused(*arguments).startswith(said)
+
+
+def test_a_folder_without_the_workflow_is_refused(clone: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("elsewhere", "others"):
+        (clone / name).mkdir()
+    (clone / "others/Snakefile").write_text("rule all:\n    input: []\n")
+    for name in ("elsewhere", "others"):
+        monkeypatch.chdir(clone / name)
+        said = f"{clone / name} is not the folder of a clone of radcal, with Snakefile, workflow and config: go there"
+        assert refused("../mine.yaml").startswith(said)
+
+
+def parsed(*words: str, overrides: dict[str, object] | None = None, cores: str | None = None, further: str = ""):
+    """What Snakemake's own parser makes of the command."""
+    command = snakemake_command(Path("mine.yaml"), words, further.split(), overrides or {}, cores, dry_run=True)
+    assert command[:4] == [sys.executable, "-P", "-m", "snakemake"]
+    return parse_args(command[4:])[1]
+
+
+def test_targets_case_and_options_reach_snakemake_as_what_they_are(clone: Path) -> None:
+    found = parsed("design", "results/mine/scene.h5", overrides={"seed": 7}, cores="2", further="--forcerun report -p")
+    assert found.targets == ["design", "results/mine/scene.h5"]
+    assert [str(path) for path in found.configfile] == ["mine.yaml"]
+    assert (found.cores, found.dryrun, found.config) == (2, True, ["seed=7"])
+    assert (set(found.forcerun), found.printshellcmds) == ({"report"}, True)
+    assert parsed().targets in ([], set())
+
+
+def test_all_cores_are_used_unless_somebody_says_where_jobs_run(clone: Path) -> None:
+    assert parsed().cores >= 1
+    assert parsed(cores="3").cores == 3
+    assert parsed(further="--jobs 50").cores is None
+    assert parsed(further="--cores=5").cores == 5
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        {"stop": {"rms": 1e-6, "max_runs": 30}, "seed": 7, "objective": "density"},
+        {"validation": None, "radar": {"frequency_ghz": None, "band": "X"}, "replace": True, "case": "other"},
+        {"measurement": {"source": "file", "path": 'it\'s "ü" \U0001f4e1.tif', "scale": "db"}},
+    ],
+)
+def test_settings_arrive_as_they_were_meant(clone: Path, overrides: dict[str, object]) -> None:
+    words = parsed(overrides=overrides).config
+    check_words(words)
+    assert load(["mine.yaml"], parse_config(words)) == load(["mine.yaml"], overrides)
+
+
+def test_a_settings_numbers_are_those_of_a_case_file(clone: Path) -> None:
+    with pytest.raises(ConfigError, match=r"stop\.max_runs is 1, expected at least design\.size"):
+        load(["mine.yaml"], {"stop": {"max_runs": 1}})
+    assert "stop.max_runs is 1," in refused("mine.yaml", "--set", "stop.max_runs=1")
+
+
+def test_help_is_there_at_once() -> None:
+    code = "import sys, radcal.cli; print({'numpy', 'pydantic', 'yaml', 'snakemake', 'h5py'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "set()\n"
+    shown = CliRunner().invoke(app, ["run", "--help"])
+    assert shown.exit_code == 0
+    assert "  radcal run config/mine.yaml --set stop.rms=1e-6   one key changed" in shown.output
