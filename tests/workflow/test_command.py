@@ -79,7 +79,7 @@ def test_the_example_in_c(project):
     assert done.returncode == 0, done.stdout
     assert len(project.records("command_c")) == len(after) + 2
     # of an environment, names are recorded and values are not
-    written = [path for path in (*project.out("command_c").rglob("*"), *(project.folder / ".snakemake").rglob("*"))]
+    written = (*project.out("command_c").rglob("*"), *(project.folder / ".snakemake").rglob("*"))
     assert not [path for path in written if path.is_file() and b"s3cr3t" in path.read_bytes()]
     # what does not change the numbers makes no new run
     case.write_text(case.read_text().replace("  timeout_s: 60", "  timeout_s: 61"))
