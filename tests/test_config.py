@@ -510,6 +510,30 @@ def test_input_files_are_those_that_the_case_reads(tmp_path: Path) -> None:
     assert input_files(case_from(mapped(**files))) == {f"scene.{key}": Path(path) for key, path in files.items()}
 
 
+def test_what_a_raster_is_read_together_with_is_an_input_too(tmp_path: Path) -> None:
+    paths = {name: tmp_path / name for name in ("own/a.vrt", "own/a.prj", "other/tile.tif", "names.json")}
+    for path in paths.values():
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("")
+    source = '<SourceFilename relativeToVRT="1">../other/tile.tif</SourceFilename>'
+    paths["own/a.vrt"].write_text(
+        f"<VRTDataset><VRTRasterBand><SimpleSource>{source}</SimpleSource></VRTRasterBand></VRTDataset>"
+    )
+    keys = {"labels": str(paths["own/a.vrt"]), "names": str(paths["names.json"])}
+    case = case_from(flat(**keys, vrt_folders=[str(tmp_path / "other")]) | measured(path=str(paths["names.json"])))
+    assert input_files(case) == {
+        "scene.labels": paths["own/a.vrt"],
+        "scene.labels.0": paths["own/a.prj"],
+        "scene.labels.1": paths["other/tile.tif"],
+        "scene.names": paths["names.json"],
+        "measurement.path": paths["names.json"],
+    }
+    with pytest.raises(ConfigError, match=r"^scene\.labels: .*a\.vrt cannot be read as a raster \(a\.vrt names"):
+        input_files(case_from(flat(**keys) | measured(path=str(paths["names.json"]))))
+    with pytest.raises(ConfigError, match=r"scene\.vrt_folders\.0: the file .*gone does not exist"):
+        input_files(case_from(flat(**keys, vrt_folders=[str(tmp_path / "gone")]) | measured(path=str(tmp_path / "x"))))
+
+
 def test_sections_rebuild_a_case_without_the_rest() -> None:
     case = case_from(flat() | {"materials": FIXED, "measurement": {"source": "file", "path": "a.tif", "scale": "db"}})
     sections = case.sections("scene", "radar", "materials", "measurement")

@@ -35,6 +35,25 @@ def test_what_is_dated_in_the_future_is_dated_now_in_its_order(tmp_path: Path) -
     assert stamps[-1] <= time.time_ns()
 
 
+def test_files_behind_links_keep_their_dates(tmp_path: Path) -> None:
+    later = time.time_ns() + 60 * 10**9
+    mine = tmp_path / "mine"
+    results = tmp_path / "results" / "case"
+    for name in ("data/a.tif", "b.tif", "c.tif"):
+        (mine / name).parent.mkdir(parents=True, exist_ok=True)
+        (mine / name).write_text("")
+        os.utime(mine / name, ns=(later, later))
+    (results / "work").mkdir(parents=True)
+    (results / "work" / "data").symlink_to(mine / "data")
+    (results / "work" / "b.tif").symlink_to(mine / "b.tif")
+    os.link(mine / "c.tif", results / "work" / "c.tif")
+    (results / "own.json").write_text("")
+    os.utime(results / "own.json", ns=(later, later))
+    assert bring_back(results) == 1
+    assert (results / "own.json").stat().st_mtime_ns <= time.time_ns()
+    assert {path.stat().st_mtime_ns for path in mine.rglob("*.tif")} == {later}
+
+
 def test_the_first_difference_is_named_with_both_values() -> None:
     theirs = {"pass": {"looks": 4, "band": "X"}, "seed": 1}
     assert first_difference(theirs, {"pass": {"looks": 8, "band": "X"}, "seed": 2}) == "pass.looks is 4 there, 8 here"

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import time
 from pathlib import Path
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 from sealed import changed
 
 from radcal.errors import DamagedError, StoreError
-from radcal.records import inspect, provenance, read_hdf5, read_json, seal, write_hdf5, write_json
+from radcal.records import SCHEMAS, inspect, provenance, read_hdf5, read_json, seal, write_hdf5, write_json
 
 X = np.arange(3000, dtype=np.float32)
 
@@ -157,6 +158,25 @@ def test_a_damaged_file_is_no_reason_to_keep_it(tmp_path: Path) -> None:
     path.write_bytes(content)
     write(path)
     inspect(path, "scene")
+
+
+def test_a_sealed_file_that_leads_elsewhere_is_set_aside(tmp_path: Path) -> None:
+    for name, make in {
+        "link": lambda file: file.__setitem__("y", h5py.ExternalLink("other.h5", "/x")),
+        "storage": lambda file: file.create_dataset("y", (4,), "u1", external=[("/etc/hostname", 0, 4)]),
+    }.items():
+        path = write(tmp_path / f"{name}.h5")
+        with h5py.File(path, "r+") as file:
+            make(file)
+        seal(path)
+        with pytest.raises(DamagedError, match=r"is not what radcal wrote \('y' .* another file\); set aside"):
+            inspect(path, "scene")
+
+
+def test_the_schemas_in_the_documents_are_those_of_the_code() -> None:
+    page = (Path(__file__).parents[1] / "docs" / "records.md").read_text(encoding="utf-8")
+    told = dict(re.findall(r"^\| `[^`]+` \| (\w+) (\d+) \|", page, flags=re.MULTILINE))
+    assert {kind: int(number) for kind, number in told.items()} == dict(SCHEMAS)
 
 
 def test_seal_is_for_changes_on_purpose(tmp_path: Path) -> None:

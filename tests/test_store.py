@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import errno
 import fcntl
+import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -130,6 +131,29 @@ def test_key_of_a_run_is_that_of_earlier_versions(store: RunStore, geometry: Geo
     description = Runner(store, Counting(geometry.shape), geometry, "scene", case).description(X, 7)
     assert digest(description) == "785489fb591a27106056"
     assert "frequency_ghz" not in description["pass"]
+
+
+def test_values_of_the_environment_are_in_the_key_and_not_in_the_record(
+    store: RunStore, geometry: Geometry, case: Case
+) -> None:
+    class Secretive(Counting):
+        @property
+        def identity(self) -> Mapping[str, Any]:
+            return {"kind": "command", "environment": {"KEY": "s3cr3t", "EMPTY": ""}}
+
+    runner = Runner(store, Secretive(geometry.shape), geometry, "scene", case)
+    record = runner.run(X, 7)
+    # the key that such runs always had
+    assert record.key == digest(runner.description(X, 7)) == "982df8fa1fdab920ecb2"
+    assert b"s3cr3t" not in store.path(record.key).read_bytes()
+    described = store.description(record.key)["simulator"]
+    assert described["environment_sha256"]["KEY"] == hashlib.sha256(b"s3cr3t").hexdigest()
+    assert "environment" not in described
+    # records of before hold the values: found as they are, and told of without them
+    with changed(store.path(record.key)) as file:
+        file.attrs["description"] = json.dumps(runner.description(X, 7))
+    assert store.get(record.key, ["dyke"]) is not None
+    assert "s3cr3t" not in json.dumps(store.description(record.key))
 
 
 def test_key_knows_frequency_and_knots(store: RunStore, geometry: Geometry, build_case: Callable[..., Case]) -> None:

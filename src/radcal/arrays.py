@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
@@ -112,19 +112,36 @@ def _chosen(names: list[str], file: ImageFile) -> str:
 def _npy(file: ImageFile) -> Values:
     if file.options.dataset is not None:
         raise file.asked("dataset", f"{file.options.dataset!r}, {file.path} holds one array without a name.")
-    mapped = np.load(file.path, mmap_mode="r", allow_pickle=False)  # no more than its header
-    check_header(file, mapped.shape, mapped.dtype)
+    _check_magic(file, np.lib.format.MAGIC_PREFIX)
+    with file.path.open("rb") as content:
+        check_header(file, *_numpy_header(content))
     return np.asarray(np.load(file.path, allow_pickle=False))
 
 
+def _numpy_header(content: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    """Shape and type of a numpy array in an open file."""
+    read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+    version = np.lib.format.read_magic(content)
+    if version not in read:
+        raise ValueError(f"its format has version {version}, expected 1.0 or 2.0")
+    shape, _, dtype = read[version](content)
+    return shape, dtype
+
+
+def _check_magic(file: ImageFile, *starts: bytes) -> None:
+    """Refuse what numpy would take for a pickle."""
+    with file.path.open("rb") as content:
+        if not content.read(6).startswith(starts):
+            raise ValueError("it does not begin as one does")
+
+
 def _npz(file: ImageFile) -> Values:
+    _check_magic(file, b"PK\3\4")
     with np.load(file.path, allow_pickle=False) as archive:
         name = _chosen(list(archive.files), file)
         member = name if name in archive.zip.namelist() else f"{name}.npy"
         with archive.zip.open(member) as content:
-            read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
-            shape, _, dtype = read[np.lib.format.read_magic(content)](content)
-        check_header(file, shape, dtype)
+            check_header(file, *_numpy_header(content))
         return np.asarray(archive[name])
 
 

@@ -262,4 +262,6 @@ def reading(file: ImageFile, called: str) -> Iterator[None]:
             f"{file.path} cannot be read as {called} (it takes far more memory than {pixels:,} pixels do)."
         ) from None
     except Exception as error:  # what the libraries raise on damaged files has no common base
-        raise file.refused(f"{file.path} cannot be read as {called} ({' '.join(str(error).split())}).") from None
+        # rasterio's own words are "see the previous exception"
+        reason = " ".join(str(error.__cause__ or error).split())
+        raise file.refused(f"{file.path} cannot be read as {called} ({reason}).") from None

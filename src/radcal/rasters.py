@@ -179,7 +179,7 @@ def _check(path: Path) -> None:
         head = _head(path)
         if _looks_like_xml(head) or any(mark in head for mark in _MARKS):
             raise RasterRefused(
-                f"{path.name} holds XML, which is read as a mosaic only in a file whose name ends with .vrt"
+                f"{path.name} holds XML, which is read as a mosaic (VRT) only in a file whose name ends with .vrt"
             )
         _check_hdf5(path)
     for other in _beside(path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +13,14 @@ import rasterio
 from affine import Affine
 from pyproj import CRS, Transformer
 from rasterio.errors import NotGeoreferencedWarning
+from rasterio.windows import Window
 
 from radcal.config import FileMeasurement
 from radcal.errors import MeasurementError
 from radcal.measurement.georeference import (
     GeoreferencedImage,
     is_georeferenced,
+    places_on_ground,
     read_georeferenced,
     values_at_ground,
 )
@@ -166,6 +169,29 @@ def test_files_are_read_with_their_place(tmp_path: Path) -> None:
     np.testing.assert_array_equal(found, 2 * values_at_ground(image(*SAME), UTM, SCENE, ground_of()))
     with pytest.raises(MeasurementError, match="2 bands, expected one: .*measurement.band"):
         read_georeferenced(path, CONFIG)
+
+
+def test_of_a_large_image_the_scenes_part_is_read(tmp_path: Path) -> None:
+    crs, transform, shape = SAME
+    path = tmp_path / "large.tif"
+    large = transform @ Affine.translation(-30_000, -20_000)
+    with rasterio.open(
+        path, "w", driver="GTiff", count=1, height=60_000, width=70_000, dtype="float32", crs=crs, transform=large,
+        tiled=True, SPARSE_OK=True, compress="deflate",
+    ) as raster:  # fmt: skip
+        raster.write(image(*SAME).values.astype(np.float32), 1, window=Window(30_000, 20_000, shape[1], shape[0]))
+    with pytest.raises(MeasurementError, match=r"60000 x 70000 pixels, expected at most 1e\+08"):
+        read_georeferenced(path, CONFIG)
+    read = read_georeferenced(path, CONFIG, partial(places_on_ground, UTM, SCENE, ground_of()))
+    assert max(read.values.shape) < 250
+    np.testing.assert_array_equal(
+        values_at_ground(read, UTM, SCENE, ground_of()), values_at_ground(image(*SAME), UTM, SCENE, ground_of())
+    )
+    # of one that lies elsewhere nothing is read, and it is said
+    far = write(tmp_path / "far.tif", np.ones((9, 9)), crs=crs, transform=Affine.translation(1e5, 0) @ transform)
+    read = read_georeferenced(far, CONFIG, partial(places_on_ground, UTM, SCENE, ground_of()))
+    with pytest.raises(MeasurementError, match="covers no place"):
+        values_at_ground(read, UTM, SCENE, ground_of())
 
 
 def test_the_vertical_part_of_a_crs_does_not_matter(tmp_path: Path) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import warnings
+import zipfile
+import zlib
 
 import h5py
 import numpy as np
@@ -174,9 +176,121 @@ def test_numbers_that_contradict_the_scale_are_told(tmp_path, values, scale, wor
         read(tmp_path / "a.npy", scale)
 
 
+def test_a_few_impossible_levels_are_masked_and_counted_many_refused(tmp_path):
+    path = tmp_path / "a.npy"
+    values = np.tile(DB, (2, 1)).astype(np.float32)  # 2,400 pixels: two are 0.08 %
+    values[3, 4], values[7, 8] = 1e38, -1e38
+    np.save(path, values)
+    found = read_image(path, FileMeasurement(path=str(path), scale="db"))
+    assert np.isnan(found.image_db[[3, 7], [4, 8]]).all()
+    assert np.isfinite(found.image_db).sum() == values.size - 2
+    assert str(found.counts) == (
+        "2,400 pixels, 0 without data, 0 zero, 0 negative, 2 impossible (beyond +-200 dB): NaN in the image"
+    )
+    values[9, 9] = 201.0  # three are 0.13 %
+    np.save(path, values)
+    with pytest.raises(MeasurementError, match=r"1e\+38 dB and 3 of 2,400 values like it, expected within \+-200 dB"):
+        read(path, "db")
+    np.save(path, np.random.default_rng(5).normal(96, 47, (60, 50)))
+    with pytest.raises(MeasurementError, match=r"most likely measurement\.scale is not db"):
+        read(path, "db")
+
+
+@pytest.mark.parametrize("name", ["image.tif", "image.npy"])
+def test_a_dataset_is_not_asked_of_what_has_none(tmp_path, name):
+    WRITERS[name](tmp_path / name, POWER)
+    with pytest.raises(MeasurementError, match=rf"measurement\.dataset is 'hh', .*{name} (is a raster|holds one)"):
+        read(tmp_path / name, dataset="hh")
+
+
+def npy_header(shape, dtype="<f8"):
+    text = repr({"descr": dtype, "fortran_order": False, "shape": shape}).encode().ljust(117) + b"\n"
+    return b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text
+
+
+def huge(path, shape):
+    """Few bytes that tell of a large array."""
+    name = path.name
+    if name.endswith("tif"):
+        with rasterio.open(
+            path, "w", driver="GTiff", count=1, height=shape[0], width=shape[1], dtype="uint8", SPARSE_OK=True,
+            compress="deflate", tiled=True, blockxsize=4096, blockysize=4096,
+        ):  # fmt: skip
+            pass
+    elif name.endswith("npy"):
+        with path.open("wb") as file:
+            file.write(npy_header(shape))
+            file.truncate(200 + 8 * shape[0] * shape[1])  # a hole, which takes no room
+    elif name.endswith("npz"):
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("a.npy", npy_header(shape))
+    elif name.endswith("mat"):
+        savemat(path, {"a": np.zeros((2, 3))})
+        content = path.read_bytes()
+        size = np.array([2, 3], dtype="<i4").tobytes()
+        assert content.count(size) == 1
+        path.write_bytes(content.replace(size, np.array(shape, dtype="<i4").tobytes()))
+    else:
+        with h5py.File(path, "w") as file:
+            file.create_dataset("a", shape, "f8", chunks=(1000, 1000), compression="gzip")
+
+
+@pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
+@pytest.mark.parametrize("name", ["a.tif", "a.npy", "a.npz", "a.mat", "a.h5"])
+def test_sizes_are_compared_before_anything_is_read(tmp_path, name, monkeypatch):
+    """With a memory that would not hold the array: what is read first ends otherwise."""
+    monkeypatch.setattr("radcal.intake._SPARE_BYTES", 200 << 20)
+    huge(tmp_path / name, (40000, 30000))
+    config = FileMeasurement(path=name, scale="power")
+    with pytest.raises(MeasurementError, match="has 40000 x 30000 pixels, the scene's image 40 x 30: crop or resample"):
+        read_image(tmp_path / name, config, (40, 30))
+    with pytest.raises(MeasurementError, match="has 40000 x 30000 pixels, expected at most"):
+        read_image(tmp_path / name, config)
+
+
+def test_chunks_and_filters_of_hdf5_are_looked_at(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.create_dataset("a", (40, 30), "f4", chunks=(20000, 20000), maxshape=(None, None), compression="gzip")
+    with pytest.raises(MeasurementError, match=r"a\.h5 keeps 4,800 bytes in chunks of 1,600,000,000, expected none"):
+        read(tmp_path / "a.h5")
+    properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    properties.set_chunk((40, 30))
+    for _ in range(2):  # a bomb in a bomb
+        properties.set_deflate(9)
+    with h5py.File(tmp_path / "b.h5", "w") as file:
+        space = h5py.h5s.create_simple((40, 30))
+        h5py.h5d.create(file.id, b"a", h5py.h5t.IEEE_F32LE, space, properties)
+    with pytest.raises(MeasurementError, match=r"HDF5 filters \[1, 1\], expected those of the library itself"):
+        read(tmp_path / "b.h5")
+    with h5py.File(tmp_path / "c.h5", "w") as file:
+        file.create_dataset("a", data=POWER, chunks=(40, 30), compression="gzip", shuffle=True, fletcher32=True)
+    np.testing.assert_allclose(read(tmp_path / "c.h5"), DB, atol=1e-5)
+
+
+def test_numbers_that_lie_in_another_file_are_not_read(tmp_path):
+    (tmp_path / "numbers").write_bytes(POWER.tobytes())
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.create_dataset("a", (40, 30), "f8", external=[(str(tmp_path / "numbers"), 0, POWER.nbytes)])
+    with pytest.raises(MeasurementError, match=r"in .*a\.h5 'a' keeps its numbers in another file, which is not follo"):
+        read(tmp_path / "a.h5")
+
+
+def test_what_inflates_beyond_its_size_ends_in_a_sentence(tmp_path, monkeypatch):
+    """A deflate stream of 600 MB in a chunk of 4,800 bytes."""
+    monkeypatch.setattr("radcal.intake._SPARE_BYTES", 300 << 20)
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        data = file.create_dataset("a", (40, 30), "f4", chunks=(40, 30), compression="gzip")
+        data.id.write_direct_chunk((0, 0), zlib.compress(bytes(600 << 20), 1))
+    with pytest.raises(MeasurementError, match=r"a\.h5 cannot be read as HDF5"):
+        read_image(tmp_path / "a.h5", FileMeasurement(path="a.h5", scale="power"), (40, 30))
+
+
 def test_pickled_objects_are_never_loaded(tmp_path):
     np.save(tmp_path / "a.npy", np.array([{"a": 1}], dtype=object))
-    with pytest.raises(MeasurementError, match="cannot be read as a numpy array"):
+    with pytest.raises(MeasurementError, match=r"holds an array of shape \(1,\), expected an image"):
+        read(tmp_path / "a.npy")
+    np.save(tmp_path / "a.npy", np.full((2, 3), {"a": 1}, dtype=object))
+    with pytest.raises(MeasurementError, match="holds object, expected real numbers"):
         read(tmp_path / "a.npy")
 
 

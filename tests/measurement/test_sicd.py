@@ -318,6 +318,22 @@ def test_files_that_contradict_themselves(tmp_path, old, new, words):
         read(path)
 
 
+def test_a_document_type_is_refused(tmp_path):
+    """The library would parse it by its own defaults."""
+    path = write(tmp_path / "a.nitf", pixels_of("RE32F_IM32F"), radiometric={"SigmaZeroSFPoly": COEFFICIENTS})
+    content = path.read_bytes()
+    start, room = content.index(b"<SICD"), content.index(b"<CollectionInfo>") - content.index(b"<SICD")
+    kept = content[start : start + room].rstrip()
+    name, end = content.index(b"<CollectorName>"), content.index(b"</RadarMode>")
+    declared = b'<!DOCTYPE SICD [<!ENTITY e "1">]>'
+    changed = declared + content[start:name] + content[end + len(b"</RadarMode>") :]
+    changed = changed.replace(b"</SICD>", b"</SICD>" + b" " * (len(content) - start - len(changed)), 1)
+    assert kept.startswith(b"<SICD")
+    path.write_bytes(content[:start] + changed)
+    with pytest.raises(MeasurementError, match=r"cannot be read as SICD \(its XML declares a document type"):
+        read(path)
+
+
 def test_amplitude_table_of_another_size(tmp_path):
     path = write(tmp_path / "a.ntf", pixels_of("AMP8I_PHS8I"), pixel_type="AMP8I_PHS8I", table=AMPLITUDES)
     content = path.read_bytes()

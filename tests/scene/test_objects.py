@@ -147,6 +147,23 @@ def test_wrong_curves(curve: Any, says: str) -> None:
 # --- tables
 
 
+def test_tables_that_lead_elsewhere_or_tell_of_too_much(tmp_path: Path) -> None:
+    path = hdf5(tmp_path, x_m=[1.0], y_m=[2.0], rcs_dbsm=[3.0])
+    path.rename(tmp_path / "other.h5")
+    with h5py.File(path, "w") as file:
+        file["objects"] = h5py.ExternalLink("other.h5", "/objects")
+    with pytest.raises(SceneError, match=r"objects\.h5\) is not read: 'objects' is a link to another file"):
+        read_objects(path, MAP)
+    with h5py.File(path, "w") as file:
+        file.create_dataset("objects/x_m", (4_000_000_000,), "f8", chunks=(1000,))
+    with pytest.raises(SceneError, match="x_m has 4000000000 entries, expected at most 30000000"):
+        read_objects(path, MAP)
+    with h5py.File(path, "w") as file:
+        file["objects/x_m"] = np.zeros(3, dtype=[("a", "f4")])
+    with pytest.raises(SceneError, match="objects/x_m is no list of one number or text"):
+        read_objects(path, MAP)
+
+
 @pytest.mark.parametrize("write", [csv, hdf5])
 def test_a_table_is_read_as_it_is(write: Callable[..., Path], tmp_path: Path) -> None:
     found = read_objects(write(tmp_path), LOCAL)

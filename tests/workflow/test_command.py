@@ -74,10 +74,13 @@ def test_the_example_in_c(project):
     assert len(after) == len(before) + 2
     # and so it is with another setting
     case = project.folder / "examples/command_c/case.yaml"
-    case.write_text(case.read_text().replace("  timeout_s: 60", "  timeout_s: 60\n  environment: {LOOKS: 4}"))
+    case.write_text(case.read_text().replace("  timeout_s: 60", "  timeout_s: 60\n  environment: {LOOKS: s3cr3t}"))
     done = project.run("reference", "--configfile", "examples/command_c/case.yaml")
     assert done.returncode == 0, done.stdout
     assert len(project.records("command_c")) == len(after) + 2
+    # of an environment, names are recorded and values are not
+    written = (*project.out("command_c").rglob("*"), *(project.folder / ".snakemake").rglob("*"))
+    assert not [path for path in written if path.is_file() and b"s3cr3t" in path.read_bytes()]
     # what does not change the numbers makes no new run
     case.write_text(case.read_text().replace("  timeout_s: 60", "  timeout_s: 61"))
     done = project.run("reference", "--configfile", "examples/command_c/case.yaml")

@@ -213,6 +213,9 @@ def _geopackage(path: Path, layer: str | None, place: Place) -> pd.DataFrame:
             "JOIN gpkg_spatial_ref_sys s ON s.srs_id = g.srs_id WHERE g.table_name = ?",
             (name,),
         ).fetchone() or (0, "", 0, "")
+        kind = connection.execute("SELECT type FROM sqlite_master WHERE name = ?", (name,)).fetchone()
+        if kind != ("table",):  # a view can compute for ever
+            raise _error(path, f"layer {name!r} is a {kind[0] if kind else 'name without a table'}, expected a table.")
         quoted = name.replace('"', '""')
         # the name is one of the file's own tables, quoted as SQL asks
         table = pd.read_sql_query(f'SELECT * FROM "{quoted}"', connection)  # noqa: S608
