@@ -153,7 +153,8 @@ class WholeSurrogate(ExactSurrogate):
 
 def test_whole_parameters_are_proposed_whole_and_the_others_make_up_for_it():
     surrogate = WholeSurrogate()
-    # log sd 0.40 lies between the eighths 0.375 and 0.5, skewness 0.3 between 0.225 and 0.3375
+    # log sd 0.40 lies between the eighths 0.375 and 0.5, skewness 0.3 between 0.225 and 0.3375;
+    # of the four combinations this one has the nearest density
     search = Search(surrogate, dp_of(3.0, 0.40, 0.3))
     proposal = propose(surrogate, search.target_dp, QUICK, 1, surrogate.unit([0.5, 5, 5]), 0.2)
     x, n, m = proposal.parameters
