@@ -248,12 +248,12 @@ class Search:
         """
         from scipy.stats import qmc  # a second to import, which most jobs need not spend
 
+        listed = lattice(self._surrogate)
+        if listed is not None:  # no search where all points can be looked at
+            each = self.rms(listed, favour)
+            return listed[np.argmin(each)], float(each.min())
         sobol = qmc.Sobol(self.dimension, scramble=True, rng=np.random.default_rng(seed)).random(_SCREENED)
         sobol = self._surrogate.snapped(sobol)
-        listed = lattice(self._surrogate)
-        if listed is not None:
-            rms = self.rms(listed, favour)
-            return listed[np.argmin(rms)], float(rms.min())
         ranked = sobol[np.argsort(self.distance(sobol, favour), kind="stable")]
         best, best_rms = starts[0], float(self.rms(starts[:1], favour)[0])
         for start in np.concatenate([starts, ranked[: max(0, _STARTS - len(starts))]]):
