@@ -750,3 +750,63 @@ def test_an_external_law_has_no_classes() -> None:
     for changes in ({"objective": "classes"}, {"validation": {}}):
         with pytest.raises(ConfigError, match=r"materials\.soil\.law is external, whose curve only the simulator"):
             case_from(case | changes)
+
+
+def outside(materials: dict[str, Any], **sections: Any) -> dict[str, Any]:
+    """Plain data of a case of an external program."""
+    return {
+        "simulator": {"kind": "command", "command": ["sh"], "output": {"file": "i.npy", "scale": "db"}},
+        "materials": {"soil": {"calibrate": True, "law": "external", "names": ["a", "n"], **materials}},
+        "measurement": {"source": "file", "path": "m.tif", "scale": "db"},
+        **sections,
+    }
+
+
+WHOLE = {"bounds": [[0.5, 9], [1, 12]], "integer": ["n"]}
+
+
+def test_whole_parameters() -> None:
+    soil = case_from(outside(WHOLE)).materials["soil"]
+    assert soil.integers == (False, True)
+    # the middle of 1 to 12 is none: the next
+    assert soil.start_parameters == [4.75, 7.0]
+    assert soil.handed([2.5, 3.0]) == {"a": 2.5, "n": 3}
+    assert [type(x) for x in soil.handed([2.0, 3.0]).values()] == [float, int]
+    with pytest.raises(ValueError, match=r"^X: n is 3\.5, expected a whole number"):
+        soil.handed([2.5, 3.5])
+    assert case_from(outside({"bounds": [[0, 9], [1, 12]], "integer": True})).materials["soil"].integers == (True, True)
+    water = {"law": "external", "names": ["n"], "integer": True, "parameters": [3]}
+    data = outside(WHOLE)
+    data["materials"]["water"] = water
+    assert case_from(data).materials["water"].handed([3.0]) == {"n": 3}
+
+
+@pytest.mark.parametrize(
+    ("materials", "sections", "words"),
+    [
+        ({"bounds": [[0, 9], [1, 12.5]]}, {}, "bounds: n is 12.5, expected a whole number within +-2^53: it is int"),
+        ({"start": [1, 2.5]}, {}, "start: n is 2.5, expected a whole number"),
+        ({"bounds": [[0, 9], [1, 1e300]]}, {}, "bounds: n is 1e+300, expected a whole number within +-2^53"),
+        ({"integer": ["m"]}, {}, "integer: no parameter 'm'"),
+        ({"integer": 3}, {}, "materials.soil.integer is 3, expected a valid boolean"),
+        ({"bounds": [[0, 3], [1, 4]], "integer": True}, {},
+         "design.size is 16, expected less than 16: so many combinations of whole parameters"),
+        ({}, {"measurement": {"synthetic": {"parameters": {"soil": [1, 2.5]}}}},
+         "measurement.synthetic.parameters.soil: n is 2.5, expected a whole number"),
+        ({"law": "mangia", "names": None, "bounds": [[0, 1]] * 4}, {}, "integer is for parameters of law: external"),
+    ],
+)  # fmt: skip
+def test_what_is_not_whole_is_refused(materials: dict[str, Any], sections: dict[str, Any], words: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        case_from(outside({**WHOLE, **materials}, **sections))
+    assert words in str(caught.value)
+
+
+def test_another_program_ends_at_the_sampling_error_unless_a_tolerance_is_asked_for() -> None:
+    assert case_from(outside(WHOLE)).stop.at_sampling_error
+    assert case_from(outside(WHOLE, stop={"max_runs": 30})).stop.at_sampling_error
+    assert not case_from(outside(WHOLE, stop={"rms": 1e-5})).stop.at_sampling_error
+    assert not case_from(outside(WHOLE, stop={"at_sampling_error": False})).stop.at_sampling_error
+    assert not case_from({}).stop.at_sampling_error
+    for name in ("paper", "paper_small"):
+        assert not load([Path(__file__).parents[1] / f"config/{name}.yaml"]).stop.at_sampling_error

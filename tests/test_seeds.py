@@ -27,3 +27,17 @@ def test_different_names_and_seeds_give_different_streams() -> None:
 
 def test_equal_names_give_equal_streams() -> None:
     np.testing.assert_array_equal(derived_rng(3, "x", 4).random(5), derived_rng(3, "x", 4).random(5))
+
+
+@given(seed=st.integers(0, 2**63 - 1), bits=st.integers(8, 63))
+def test_narrow_seeds_are_the_leading_bits_and_never_zero(seed: int, bits: int) -> None:
+    wide, narrow = derived_seed(seed, "x"), derived_seed(seed, "x", bits=bits)
+    assert 1 <= narrow < 2**bits
+    assert narrow == max(wide >> (63 - bits), 1)
+
+
+def test_zero_is_no_seed() -> None:
+    # leading bits that are all zero: many programs take that for "from the clock"
+    zeros = [seed for seed in range(2000) if derived_seed(seed, "x") >> 55 == 0]
+    assert zeros
+    assert all(derived_seed(seed, "x", bits=8) == 1 for seed in zeros)

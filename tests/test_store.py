@@ -419,3 +419,70 @@ def test_a_record_keeps_what_an_earlier_one_held(store: RunStore) -> None:
     record = store.get("k", ["a", "b"], image=True)
     assert record is not None
     np.testing.assert_array_equal(record.pixels_db["a"], [0, 0])
+
+
+def outside(build_case: Callable[..., Case], radar: dict[str, Any], **simulator: Any) -> Case:
+    """A case of an external program."""
+    law = {"calibrate": True, "law": "external", "names": ["a", "n"], "bounds": [[0, 50], [0, 50]]}
+    return build_case(
+        simulator={"kind": "command", "command": ["sh"], "output": {"file": "i.npy", "scale": "db"}, **simulator},
+        materials={"dyke": law, "grass": {"law": "external"}},
+        measurement={"synthetic": {"parameters": {"dyke": [9, 12]}}},
+        radar={"altitude_m": 1000.0, **radar},
+    )
+
+
+OUTSIDE = {"dyke": [6.1, 14.0], "grass": []}
+
+
+def test_what_a_program_is_not_told_is_no_part_of_its_runs(
+    store: RunStore, simulator: Counting, geometry: Geometry, build_case: Callable[..., Case]
+) -> None:
+    def run(radar: dict[str, Any], **options: Any) -> Record:
+        return Runner(store, simulator, geometry, "scene", outside(build_case, radar, **options)).run(OUTSIDE, 7)
+
+    first = run({"nesz_db": -20.0})
+    for radar in ({"nesz_db": -60.0}, {"looks": 1}, {"range_resolution_m": 3.0, "azimuth_resolution_m": 9.0}):
+        assert run(radar).key == first.key
+    assert simulator.calls == 1
+    # what the image's grid, its masks of materials or the program's input file may depend on
+    told: dict[str, Any] = {"input": {}}
+    others = [run({"altitude_m": 1001.0}), run({"radiometry": "beta0"}), run({}, **told), run({"looks": 1}, **told)]
+    assert len({first.key, *(record.key for record in others)}) == 5
+    assert simulator.calls == 5
+    # an input file without the pass tells nothing either
+    assert run({"looks": 1}, input={"radar": False}).key == run({}, input={"radar": False}).key
+
+
+def test_runs_of_external_programs_of_earlier_versions_are_found(
+    store: RunStore, simulator: Counting, geometry: Geometry, build_case: Callable[..., Case]
+) -> None:
+    case = outside(build_case, {"nesz_db": -33.0})
+    runner = Runner(store, simulator, geometry, "scene", case)
+    # as it was: the whole pass, whatever the program is told
+    full = {**runner.description(OUTSIDE, 7), "pass": case.radar.model_dump(mode="json", exclude={"frequency_ghz"})}
+    values = np.linspace(0.0, 1.0, geometry.pixels("dyke").size, dtype=np.float32)
+    store.put(Record(digest(full), {"dyke": values}, None, 1.5), full)
+    assert digest(full) != digest(runner.description(OUTSIDE, 7))
+    # with the settings of that time, and with others that concern masks alone
+    for radar in ({"nesz_db": -33.0}, {"nesz_db": -40.0, "looks": 2}):
+        found = Runner(store, simulator, geometry, "scene", outside(build_case, radar)).run(OUTSIDE, 7)
+        assert found.key == digest(full)
+        np.testing.assert_array_equal(found.pixels_db["dyke"], values)
+    assert simulator.calls == 0
+    Runner(store, simulator, geometry, "scene", outside(build_case, {"altitude_m": 900.0})).run(OUTSIDE, 7)
+    assert simulator.calls == 1
+
+
+def test_key_knows_which_parameters_are_whole(
+    store: RunStore, geometry: Geometry, build_case: Callable[..., Case]
+) -> None:
+    case = outside(build_case, {})
+    whole = case.materials["dyke"].model_copy(update={"integer": ["n"]})
+    other = case.model_copy(update={"materials": {**case.materials, "dyke": whole}})
+    plain, counted = (
+        Runner(store, Counting(geometry.shape), geometry, "scene", item).description(OUTSIDE, 7)
+        for item in (case, other)
+    )
+    assert counted["materials"]["dyke"].pop("integer") == ["n"]
+    assert counted == plain

@@ -257,13 +257,17 @@ class Radar(_Strict):
     azimuth_resolution_m: Length = Field(3.5, description="-3 dB width in azimuth [m]")
     range_spacing_m: Length = Field(1.5, description="pixel spacing in slant range [m]")
     azimuth_spacing_m: Length = Field(2.5, description="pixel spacing in azimuth [m]")
-    looks: Annotated[Integer, Field(ge=1, le=64)] = Field(4, description="independent looks averaged in power")
+    looks: Annotated[Integer, Field(ge=1, le=64)] = Field(
+        4, description="independent looks averaged in power; of external simulators: what masks and notes assume"
+    )
     nesz_db: Annotated[
         Annotated[Decibels, Tag("one level")]
         | Annotated[list[tuple[Annotated[Real, Field(ge=0, lt=90)], Decibels]], Field(min_length=2), Tag("a table")],
         Discriminator(lambda value: "a table" if isinstance(value, list) else "one level"),
     ] = Field(
-        -20.0, description="noise-equivalent sigma0 [dB], or a table of [incidence on flat ground in degrees, dB]"
+        -20.0,
+        description="noise-equivalent sigma0 [dB], or a table of [incidence on flat ground in degrees, dB]; far below "
+        "the image for external simulators without noise",
     )
     radiometry: Radiometry = Field(
         "sigma0_local", description="what a pixel holds: sigma0_local (no area term), sigma0_ref, beta0 or gamma0"
@@ -465,7 +469,7 @@ RawType = Literal[
 class Output(_Strict):
     """The image that the program writes."""
 
-    file: FileName = Field(description="its name in the run's folder")
+    file: FileName = Field(description="its name in the run's folder; a folder before it is made")
     scale: Literal["db", "power", "amplitude", "complex"] = Field(description="what its numbers are")
     format: Literal["npy", "npz", "mat", "hdf5", "raster", "raw"] | None = Field(
         None, description="what the file is; as its ending says if missing"

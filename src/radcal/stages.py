@@ -45,7 +45,7 @@ _RUNS: Mapping[str, str] = {
     "replace": "none",
     "seed": "all: the design and the speckle are others",
     "scene": "all, where the scene differs",
-    "radar": "all",
+    "radar": "all; none for `looks`, `nesz_db` and resolutions where an external program is not told them",
     "simulator": "none for `keep_images`; all where what the simulator is known by differs (its program, its files)",
     "materials": "those whose parameters are others: a new start is a new reference run, new bounds are a new design; "
     "all for a new law or another material's parameters",

@@ -97,3 +97,37 @@ def test_points_do_not_share_memory(build_case: Callable[..., Case]) -> None:
     points = design_points(two_materials(build_case, "sobol", 2))
     points[0]["grass"][0] = -99.0
     assert points[1]["grass"][0] == 10.0
+
+
+def whole(build_case: Callable[..., Case], size: int, bounds: list[list[float]], **keys: object) -> Case:
+    names = ["n", "m", "x"][: len(bounds)]
+    simulator = {"kind": "command", "command": ["sh"], "output": {"file": "i.npy", "scale": "db"}}
+    dyke = {"calibrate": True, "law": "external", "names": names, "bounds": bounds, **keys}
+    return build_case(
+        simulator=simulator,
+        materials={"dyke": dyke, "grass": {"law": "external"}},
+        measurement={"source": "file", "path": "m.tif", "scale": "db"},
+        design={"size": size},
+    )
+
+
+@pytest.mark.parametrize("sampler", SAMPLERS)
+def test_whole_parameters_are_whole_and_come_once(build_case: Callable[..., Case], sampler: str) -> None:
+    def points(size: int) -> list[tuple[float, ...]]:
+        case = whole(build_case, size, [[2, 6], [-1, 2]], integer=True, start=[3, 0])
+        case = case.model_copy(update={"design": case.design.model_copy(update={"sampler": sampler})})
+        return [tuple(x["dyke"]) for x in design_points(case)]
+
+    # 5 x 4 combinations, of which the reference run has one
+    every = points(19)
+    assert len(set(every)) == 19
+    assert set(every) == {(float(n), float(m)) for n in range(2, 7) for m in range(-1, 3)} - {(3.0, 0.0)}
+    assert points(7) == every[:7]
+
+
+def test_whole_numbers_have_equal_shares_ends_included(build_case: Callable[..., Case]) -> None:
+    case = whole(build_case, 64, [[1, 4], [0, 1]], integer=["n"])
+    n, x = np.array([run["dyke"] for run in design_points(case)]).T
+    # rounding would give the ends half of what the others have
+    assert [np.count_nonzero(n == k) for k in (1, 2, 3, 4)] == [16, 16, 16, 16]
+    assert len(np.unique(x)) == 64

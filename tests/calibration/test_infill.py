@@ -126,3 +126,65 @@ def test_rms_agrees_with_the_definition():
     unit = np.array([[0.31, 0.5, 0.2]])
     found = Search(ExactSurrogate(), target).rms(unit)[0]
     assert found == pytest.approx(skewnormal.density_rms(dp_of(3.1, 0.5, 0.18), target), rel=0.01)
+
+
+class WholeSurrogate(ExactSurrogate):
+    """The same with X of 1 to 9 in the last two parameters, whole numbers."""
+
+    bounds = np.array([[0.0, 1.0], [1.0, 9.0], [1.0, 9.0]])
+
+    def __init__(self, known=((0.5, 5.0, 5.0),), first=(0.0, 1.0), **changes):
+        super().__init__(known=known, **changes)
+        self.bounds = np.array([first, *self.bounds[1:]], dtype=float)
+        self.integer = np.array([first != (0.0, 1.0), True, True])
+
+    def unit(self, x):
+        low, high = self.bounds.T
+        return (np.asarray(x, dtype=float) - low) / (high - low)
+
+    def scaled(self, unit):
+        low, high = self.bounds.T
+        x = low + np.asarray(unit) * (high - low)
+        return np.where(self.integer, np.round(x), x)
+
+    def snapped(self, unit):
+        return self.unit(self.scaled(unit))
+
+
+def test_whole_parameters_are_proposed_whole_and_the_others_make_up_for_it():
+    surrogate = WholeSurrogate()
+    # log sd 0.40 lies between the eighths 0.375 and 0.5, skewness 0.3 between 0.225 and 0.3375;
+    # of the four combinations this one has the nearest density
+    search = Search(surrogate, dp_of(3.0, 0.40, 0.3))
+    proposal = propose(surrogate, search.target_dp, QUICK, 1, surrogate.unit([0.5, 5, 5]), 0.2)
+    x, n, m = proposal.parameters
+    assert (n, m) == (4.0, 3.0)
+    # predicted for what is simulated, not for what was rounded
+    assert proposal.predicted_rms == pytest.approx(search.rms(surrogate.unit([x, n, m]))[0])
+    assert all(search.rms(surrogate.unit([x + step, n, m]))[0] > proposal.predicted_rms for step in (-2e-3, 2e-3))
+    every = [search.rms(surrogate.unit([x, a, b]))[0] for a in range(1, 10) for b in range(1, 10)]
+    assert min(every) == pytest.approx(proposal.predicted_rms)
+
+
+def test_a_known_point_gives_way_to_another_or_to_an_end():
+    every = [[float(a), float(n), float(m)] for a in (0, 1, 2) for n in range(1, 10) for m in range(1, 10)]
+    target = dp_of(5.1, 0.40, 0.3)
+    exact = WholeSurrogate(first=(0.0, 2.0))
+    rms = Search(exact, target).rms(exact.unit(every))
+    best, best_rms = every[np.argmin(rms)], rms.min()
+    left = [[0.0, 7.0, 1.0], [2.0, 9.0, 9.0]]
+
+    def proposal(known, error):
+        surrogate = WholeSurrogate(known, (0.0, 2.0), error=error)
+        return propose(surrogate, target, QUICK, 1, surrogate.unit(best), best_rms)
+
+    # all others may be better as far as the surrogate knows: one of those left
+    found = proposal([x for x in every if x not in left], 0.3)
+    assert found.mode == "explore"
+    assert found.parameters in left
+    found = proposal(every, 0.3)
+    assert (found.mode, found.parameters) == ("exhausted", best)
+    # the surrogate is sure that none is better: the best itself says so, which costs no run
+    found = proposal([x for x in every if x not in left], 1e-9)
+    assert (found.mode, found.parameters, found.predicted_rms) == ("exploit", best, best_rms)
+    assert found.floor_rms == pytest.approx(best_rms)

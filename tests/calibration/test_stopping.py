@@ -138,3 +138,30 @@ def test_a_law_settles_when_all_runs_promise_no_better_and_are_right():
     assert reason(of_law([5.0, 4.98], [4.0, 4.97])) == "settled"
     assert reason(of_law([5.0, 4.80], [4.0, 4.97])) is None, "better than promised: go on"
     assert reason(of_law([5.0, 4.98], [4.0, 4.50])) is None, "the promise was not kept"
+
+
+def outside(infill, sampling=0.3, **stop):
+    """A history whose reference run says the sampling error."""
+    runs = history(infill).runs
+    runs = [replace(runs[0], rms_sampling={"dyke": sampling}), *runs[1:]]
+    return decide(History(runs), ["dyke"], Stop(**{"at_sampling_error": True, **stop})).materials["dyke"]
+
+
+def test_another_program_ends_where_the_image_tells_no_more():
+    below = [0.099, *[0.2] * 5]
+    verdict = outside(below)
+    assert verdict.reason == "stagnation"
+    assert "no better for 5 runs and below a third of the sampling error 0.3" in verdict.sentence
+    assert outside(below[:-1]).reason is None, "four runs without a better one"
+    assert outside([0.101, *[0.2] * 5]).reason is None, "above a third"
+    assert outside([0.099, 0.2, 0.2, 0.098, 0.2, 0.2]).reason is None, "a better one in between"
+    assert outside(below, at_sampling_error=False).reason is None
+    assert outside(below, sampling=0.0).reason is None, "where it was not recorded"
+
+
+def test_all_whole_numbers_simulated_is_out_of_reach():
+    runs = history([0.2]).runs
+    last = run("infill", 1, {"dyke": 0.2}, mode="exhausted", floor=0.2)
+    verdict = decide(History([*runs, last]), ["dyke"], Stop()).materials["dyke"]
+    assert verdict.reason == "unreachable"
+    assert "every combination of whole parameters" in verdict.sentence

@@ -395,3 +395,16 @@ def test_the_right_scale_says_the_looks(
     assert re.search(r"speckle of a.tif is that of [34]\.?\d* looks .*radar.looks is 4\.$", note)
     other = build_case(measurement=file, radar={"looks": 8})
     assert "densities will be narrower" in make_measurement(other, geometry, NoSimulator()).notes[1]
+
+
+def test_an_image_below_the_noise_floor_is_told_before_any_run(read: Read, image_db: np.ndarray) -> None:
+    dark = image_db - 15.0  # at -27 dB
+    with pytest.raises(
+        MeasurementError,
+        match=r"^materials\.dyke: 0 usable pixels.* in the noise.* the image's own level there is -2[67]\.?\d* dB, "
+        r"which radar\.nesz_db and target\.snr_db take for noise: set radar\.nesz_db to ",
+    ):
+        read(dark)
+    read(dark, radar={"altitude_m": 1000.0, "nesz_db": -60.0})
+    # at which level the noise lies in an image of unknown level, the reference run says
+    read(dark, target={"normalisation": "offset"})

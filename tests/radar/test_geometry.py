@@ -390,3 +390,17 @@ def test_slant_range_scene_has_one_facet_per_labelled_pixel() -> None:
     np.testing.assert_array_equal(geometry.visible, labels > 0)
     np.testing.assert_allclose(geometry.incidence_deg, [[20, 20, np.nan], [50, 50, 50]], atol=1e-3)
     assert geometry.pixels("a").tolist() == [0, 1, 5]
+
+
+def test_what_is_immaterial_of_a_pass_makes_no_other_file(tmp_path: Path, geometry: Geometry, radar: Radar) -> None:
+    path = tmp_path / "geometry.h5"
+    write_geometry(path, geometry, radar)
+    first = path.read_bytes()
+    quiet = radar.model_copy(update={"nesz_db": -60.0})
+    # beside a finished calibration another pass is refused, but not what changes no run
+    (tmp_path / "calibration.h5").touch()
+    write_geometry(path, geometry, quiet, ["nesz_db"])
+    assert path.read_bytes() == first
+    for other, immaterial in ((quiet, []), (radar.model_copy(update={"altitude_m": 999.0}), ["nesz_db"])):
+        with pytest.raises(ConfigError, match="finished calibration of another geometry"):
+            write_geometry(path, geometry, other, immaterial)

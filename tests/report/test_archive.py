@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import h5py
 import numpy as np
 import pandas as pd
 import pytest
 
+from radcal.calibration.history import History
 from radcal.errors import StoreError
 from radcal.report.archive import write_archive, write_table
+from radcal.report.html import write_report
 from radcal.report.law_records import read_law
 from radcal.report.summary import summarise
 
@@ -123,3 +126,58 @@ def test_table_round_trips(made, tmp_path):
         assert rows[["X1", "X2", "X3", "X4"]].astype(float).to_numpy().tolist() == [
             run.parameters[name] for run in made.history.runs
         ]
+
+
+def test_numbers_that_another_seed_leaves_as_they_are_are_not_called_fresh(made, tmp_path):
+    def told(second):
+        path = tmp_path / f"{len(list(tmp_path.iterdir()))}.h5"
+        write_archive(
+            path,
+            case=made.case,
+            stop=made.stop,
+            history=made.history,
+            scene=made.scene,
+            geometry=made.geometry,
+            registered=made.registered,
+            targets=made.targets,
+            runs=made.path.parent / "runs",
+            final=(made.final[0], second),
+        )
+        write_report(tmp_path / "page.html", path, [])
+        summary = summarise(path)
+        notes = [note for note in summary["notes"] if "the seed does not reach" in note]
+        return summary["materials"], len(notes), (tmp_path / "page.html").read_text()
+
+    materials, notes, page = told(made.final[1])
+    assert all(item["rms_fresh"] > 0 for item in materials.values())
+    assert (notes, "another seed gives the same pixels" in page) == (0, False)
+    same = replace(made.final[0], key="another")
+    materials, notes, page = told(same)
+    assert [item["rms_fresh"] for item in materials.values()] == [None, None]
+    assert notes == 1
+    assert "There is none for dyke and stem beans" in page
+    # one material may have random numbers of its own
+    pixels = {**same.pixels_db, "dyke": same.pixels_db["dyke"] + np.float32(0.1)}
+    materials, notes, page = told(replace(same, pixels_db=pixels))
+    assert (materials["dyke"]["rms_fresh"] > 0, materials["stem beans"]["rms_fresh"], notes) == (True, None, 0)
+    assert "There is none for stem beans" in page
+
+
+def test_a_proposal_that_was_simulated_before_is_no_further_run(made, tmp_path):
+    *runs, last = made.history.runs
+    path = tmp_path / "again.h5"
+    write_archive(
+        path,
+        case=made.case,
+        stop=made.stop,
+        history=History([*runs, replace(last, key=runs[-1].key)]),
+        scene=made.scene,
+        geometry=made.geometry,
+        registered=made.registered,
+        targets=made.targets,
+        runs=made.path.parent / "runs",
+        final=made.final,
+    )
+    before, after = summarise(made.path), summarise(path)
+    assert (before["runs"]["infill"], after["runs"]["infill"]) == (2, 1)
+    assert before["iterations"] == after["iterations"] == 2

@@ -404,7 +404,10 @@ def test_identity_tells_all_that_may_change_the_image(make: Make, tmp_path: Path
     assert len(set(texts)) == len(texts)
     assert make(version_command=["{python}", "-c", "print('v 2', 7)"]).identity["version"] == "v 2 7"
     same = {"timeout_s": 5, "retries": 2, "retry_wait_s": 9, "accept_exit_codes": [0, 1], "keep_folders": True}
+    same |= {"seed_bits": 16, "seedless": True}
     assert json.dumps(make(**same, deterministic=False).identity, sort_keys=True) == texts[0]
+    # as in every version: a new key would be another simulator, and all runs new
+    assert make().identity["input"] == {"file": "input.json", "format": "json"}
     assert folders(tmp_path) == []
 
 
@@ -469,3 +472,35 @@ def test_the_default_case_has_no_command_to_check() -> None:
 def test_materials_without_parameters_need_none(radar: Radar, geometry: Geometry) -> None:
     water = Material(law="external")
     assert (water.parameter_names, water.start_parameters) == ((), [])
+
+
+def test_whole_parameters_are_handed_over_without_a_decimal_point(
+    tmp_path: Path, radar: Radar, geometry: Geometry
+) -> None:
+    (tmp_path / "t.tpl").write_text("@dyke.mv@ @dyke.s@|@dyke.s:4d@ @noise_seed:1..9@")
+    (tmp_path / "sim.py").write_text(WORKING + "json.dump(sys.argv[2:], open('arguments.json', 'w'))\n")
+    data = {
+        "simulator": {
+            "kind": "command",
+            "command": ["{python}", "-S", "-E", "sim.py", "{input}", "{dyke.s}", "{noise_seed:0..6}"],
+            "input": {"radar": False},
+            "templates": [{"template": str(tmp_path / "t.tpl"), "file": "t.inp"}],
+            "files": [str(tmp_path / "sim.py")],
+            "output": {"file": "image.raw", "format": "raw", "dtype": "float32", "scale": "db"},
+            "keep_folders": True,
+        },
+        "materials": {"dyke": MATERIALS["dyke"] | {"integer": ["s"]}, "grass": MATERIALS["grass"]},
+        "measurement": SYNTHETIC,
+    }
+    case = case_from(data)
+    plan = CommandPlan(case.simulator, case.materials)
+    CommandSimulator(plan, case.materials, radar, geometry, "geometry.h5", tmp_path / "work").run(
+        {**X, "dyke": [0.1, 3.0]}, 30
+    )
+    (folder,) = (tmp_path / "work").iterdir()
+    assert (folder / "t.inp").read_text() == "0.1 3|   3 4"
+    assert json.loads((folder / "arguments.json").read_text()) == ["3", "2"]
+    written = json.loads((folder / "input.json").read_text())
+    assert written["parameters"]["dyke"] == {"mv": 0.1, "s": 3}
+    assert isinstance(written["parameters"]["dyke"]["s"], int)
+    assert "radar" not in written

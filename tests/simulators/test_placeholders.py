@@ -67,3 +67,34 @@ def test_wrong_arguments_are_refused(text, words):
 def test_wrong_templates_are_refused(text, words):
     with pytest.raises(ConfigError, match=words):
         template(text, "@", "key").checked({"dyke.X1": 1.0})
+
+
+@given(st.integers(0, 2**63 - 1), st.integers(-100, 100), st.integers(1, 40_000))
+def test_a_seed_is_brought_into_a_range_ends_included(seed, low, width):
+    text = (
+        template(f"@noise_seed:{low}..{low + width}@", "@", "key")
+        .checked({"noise_seed": 1})
+        .filled({"noise_seed": seed})
+    )
+    assert int(text) == low + seed % (width + 1)
+    assert low <= int(text) <= low + width
+
+
+def test_a_range_may_have_a_format():
+    values = {"noise_seed": 30_001}
+    assert argument("{noise_seed:1..30000:8d}|", "key").checked(values).filled(values) == "       2|"
+    assert argument("{noise_seed: 1..30000 : 08d }|", "key").checked(values).filled(values) == "00000002|"
+    assert template("@noise_seed:0..6@", "@", "key").filled({"noise_seed": 7}) == "0"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("{dyke.X1:1..9}", r"^key: dyke\.X1:1\.\.9 asks for a range, which only noise_seed is brought into\.$"),
+        ("{noise_seed:9..1}", r"^key: the range of noise_seed is 9\.\.1, expected lower < upper\.$"),
+        ("{noise_seed:1...9}", r"noise_seed cannot be written as '1\.\.\.9'"),
+    ],
+)
+def test_wrong_ranges_are_refused(text, words):
+    with pytest.raises(ConfigError, match=words):
+        argument(text, "key").checked({"dyke.X1": 1.0, "noise_seed": 1})

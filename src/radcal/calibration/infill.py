@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal import skewnormal
 from radcal.calibration.history import Proposal
-from radcal.calibration.lattice import SAME, corners, elsewhere
+from radcal.calibration.lattice import SAME, corners, elsewhere, lattice
 from radcal.calibration.surrogate import Surrogate, to_direct
 from radcal.config import Optimiser
 
@@ -24,7 +24,7 @@ _STARTS = 12
 _SCREENED = 1024
 _GRID = 200  # points on which the search compares densities; the score uses 1,000
 _STEP = 1e-5
-_BRANCHES = 2  # roundings of whole parameters that are followed
+_BRANCHES = 4  # roundings of whole parameters that are followed
 
 
 @contextmanager
@@ -248,6 +248,10 @@ class Search:
         """
         from scipy.stats import qmc  # a second to import, which most jobs need not spend
 
+        listed = lattice(self._surrogate)
+        if listed is not None:  # no search where all points can be looked at
+            each = self.rms(listed, favour)
+            return listed[np.argmin(each)], float(each.min())
         sobol = qmc.Sobol(self.dimension, scramble=True, rng=np.random.default_rng(seed)).random(_SCREENED)
         sobol = self._surrogate.snapped(sobol)
         ranked = sobol[np.argsort(self.distance(sobol, favour), kind="stable")]

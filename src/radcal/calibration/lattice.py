@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from radcal.calibration.surrogate import Surrogate
 
-__all__ = ["SAME", "corners", "elsewhere"]
+__all__ = ["SAME", "corners", "elsewhere", "lattice"]
 
 SAME = 1e-7  # in the unit box: nearer than this is the same point
 
@@ -51,6 +51,15 @@ def corners(surrogate: Surrogate, unit: NDArray[np.float64]) -> NDArray[np.float
     return np.asarray(np.unique(points, axis=0))
 
 
+def lattice(surrogate: Surrogate) -> NDArray[np.float64] | None:
+    """All points of a box of whole parameters alone, shape (n, d); None of any other, or one of too many points."""
+    low, high = surrogate.bounds.T
+    if not surrogate.integer.all() or np.prod(high - low + 1.0) > _MOST_LISTED:
+        return None
+    axes = [np.arange(a, b + 1.0) for a, b in surrogate.bounds]
+    return surrogate.unit(np.array(list(product(*axes))))
+
+
 def elsewhere(surrogate: Surrogate, seed: int) -> NDArray[np.float64]:
     """Points to choose from where the best one has been simulated already.
 
@@ -69,12 +78,9 @@ def elsewhere(surrogate: Surrogate, seed: int) -> NDArray[np.float64]:
     """
     from scipy.stats import qmc  # a second to import, which most jobs need not spend
 
-    low, high = surrogate.bounds.T
-    if surrogate.integer.all() and np.prod(high - low + 1.0) <= _MOST_LISTED:
-        axes = [np.arange(a, b + 1.0) for a, b in surrogate.bounds]
-        points = surrogate.unit(np.array(list(product(*axes))))
-    else:
-        sobol = qmc.Sobol(len(low), scramble=True, rng=np.random.default_rng(seed)).random(_SAMPLE)
+    points = lattice(surrogate)
+    if points is None:
+        sobol = qmc.Sobol(len(surrogate.bounds), scramble=True, rng=np.random.default_rng(seed)).random(_SAMPLE)
         points = np.unique(surrogate.snapped(sobol), axis=0)
     known = surrogate.unit(surrogate.parameters)
     return np.asarray(points[np.abs(known[None] - points[:, None]).max(axis=2).min(axis=1) > SAME])

@@ -1,0 +1,116 @@
+"""A case keeps the width of its seeds, and a program's seeds tell its runs apart."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import pytest
+
+from radcal.config import Case, case_from
+from radcal.errors import ConfigError, SimulatorError
+from radcal.records import provenance, write_json
+from radcal.seeds import derived_seed, measurement_seed, noise_seed
+from radcal.simulators.command import check_command
+from radcal.simulators.seed_width import with_seed_bits
+
+MATERIALS = {"dyke": {"calibrate": True, "law": "external", "names": ["a", "n"], "bounds": [[0, 9], [0, 9]]}}
+Build = Callable[..., Case]
+
+
+def case_of(words: list[str], sections: dict[str, Any] | None = None, **simulator: Any) -> Case:
+    return case_from(
+        {
+            "case": "mine",
+            "materials": MATERIALS,
+            "measurement": {"source": "file", "path": "m.tif", "scale": "db"},
+            "simulator": {
+                "kind": "command",
+                "command": ["sh", "{dyke.a}", "{dyke.n}", *words],
+                "output": {"file": "i.npy", "scale": "db"},
+                **simulator,
+            },
+            **(sections or {}),
+        }
+    )
+
+
+def put_run(folder: Path, key: str, seed: int, kind: str = "command") -> None:
+    (folder / "runs").mkdir(parents=True, exist_ok=True)
+    with h5py.File(folder / f"runs/{key}.h5", "w") as file:
+        file.attrs["description"] = json.dumps({"simulator": {"kind": kind}, "noise_seed": seed})
+
+
+def test_a_new_case_has_seeds_that_a_c_int_holds(tmp_path: Path) -> None:
+    case = with_seed_bits(case_of(["{noise_seed}"]), tmp_path)
+    assert case.simulator.seed_width == 31
+    seeds = [noise_seed(case), noise_seed(case, fresh=True), measurement_seed(case, 2)]
+    assert len({seed for seed in seeds if 0 < seed < 2**31}) == 3
+    assert noise_seed(case_from({})) == derived_seed(1, "runs", "common")  # radcal's own has 63
+
+
+def test_a_case_keeps_the_seeds_of_its_runs(tmp_path: Path) -> None:
+    case = case_of(["{noise_seed}"])
+    old = derived_seed(case.seed, "runs", "common")
+    # radcal's own runs of a case that was another's say nothing
+    put_run(tmp_path / "mine", "a", old, "builtin")
+    assert with_seed_bits(case, tmp_path).simulator.seed_width == 31
+    put_run(tmp_path / "mine", "b", old)
+    assert noise_seed(with_seed_bits(case, tmp_path)) == old
+    # what simulator.json records goes before runs of both widths; the configuration before either
+    with provenance("mine"):
+        write_json(tmp_path / "mine/simulator.json", {"kind": "command", "seed_bits": 40})
+    assert with_seed_bits(case, tmp_path).simulator.seed_width == 40
+    assert with_seed_bits(case_of(["{noise_seed}"], seed_bits=16), tmp_path).simulator.seed_width == 16
+    # a damaged one says nothing, and stays for salvage to find
+    text = (tmp_path / "mine/simulator.json").read_text()
+    (tmp_path / "mine/simulator.json").write_text(text.replace("40", "41"))
+    assert with_seed_bits(case, tmp_path).simulator.seed_width == 63
+    assert (tmp_path / "mine/simulator.json").exists()
+
+
+def test_runs_of_an_earlier_case_bring_their_width(tmp_path: Path) -> None:
+    put_run(tmp_path / "earlier", "b", 2**62)
+    case = case_of(["{noise_seed}"], {"design": {"reuse": "earlier"}})
+    assert with_seed_bits(case, tmp_path).simulator.seed_width == 63
+    assert with_seed_bits(case_of(["{noise_seed}"]), tmp_path).simulator.seed_width == 31
+
+
+def test_a_program_without_its_seed_is_refused_unless_it_takes_none() -> None:
+    with pytest.raises(ConfigError, match=r"^simulator: noise_seed never reaches the program, .*seedless: true\.$"):
+        check_command(case_of([]))
+    check_command(case_of([], seedless=True))
+    check_command(case_of(["{noise_seed}"]))
+    check_command(case_of([], input={}))
+
+
+def test_seeds_that_a_range_makes_equal_are_refused(tmp_path: Path) -> None:
+    def found(seed: int, word: str) -> list[int]:
+        case = case_of([], {"seed": seed})
+        low, high = map(int, word.split(".."))
+        return [low + noise_seed(case, fresh) % (high - low + 1) for fresh in (False, True)]
+
+    alike = next(seed for seed in range(100) if len(set(found(seed, "5..7"))) == 1)
+    apart = next(seed for seed in range(100) if len(set(found(seed, "5..7"))) == 2)
+    check_command(case_of(["{noise_seed:5..7}"], {"seed": apart}))
+    number = found(alike, "5..7")[0]
+    with pytest.raises(
+        ConfigError,
+        match=rf"^simulator\.command\.3: noise_seed is {number} for the runs of the calibration as for the final run "
+        rf"with fresh random numbers: change seed \(it is {alike}\), or widen the range\.$",
+    ):
+        check_command(case_of(["{noise_seed:5..7}"], {"seed": alike}))
+    # another place tells them apart
+    check_command(case_of(["{noise_seed:5..7}", "{noise_seed}"], {"seed": alike}))
+    synthetic = {"source": "synthetic", "synthetic": {"parameters": {"dyke": [1, 2]}}}
+    with pytest.raises(ConfigError, match="the synthetic measurement"):
+        check_command(case_of(["{noise_seed:5..6}"], {"seed": apart, "measurement": synthetic}))
+
+
+def test_a_seed_wider_than_its_field_is_found_before_a_run() -> None:
+    with pytest.raises(SimulatorError, match=r"noise_seed = \d{7,10} written as 4d .* wider than its field"):
+        check_command(case_of(["{noise_seed:4d}"]))
+    check_command(case_of(["{noise_seed:1..9999:4d}"]))
