@@ -44,8 +44,9 @@ _START = Prior(spread_px=3.0, length_px=256.0)  # smooth, so that the first step
 _STEPS_COARSEST = 4
 _STEPS = 2
 _STEPS_MATCHED = 4
+_MISFIT = 1.2  # actual by posterior standard error: local correlations are themselves found by the fit
 _NOISE_CELLS = 2  # side of the blocks whose pulls scatter independently [cells]
-_NOISE = 2.0  # pulls of neighbouring blocks are alike, and the cost curves less than its gradients say
+_NOISE = 1.5  # pulls of neighbouring blocks are alike, and the cost curves less than its gradients say
 
 
 def rank_transform(image_db: NDArray[np.float32], radius: int = _RANK_RADIUS) -> NDArray[np.float32]:
@@ -155,6 +156,10 @@ class Flow:
     displacement_px: NDArray[np.float64]
     posterior: Posterior
 
+    def standard_error_px(self) -> NDArray[np.float64]:
+        """Standard error of the displacement's length [pixels], shape (rows, columns)."""
+        return _MISFIT * self.posterior.standard_error_px()
+
 
 def pyramid(fixed_db: NDArray[np.float32], moving_db: NDArray[np.float32]) -> list[Level]:
     """Ranks of two images at all scales, the finest first.
@@ -164,7 +169,7 @@ def pyramid(fixed_db: NDArray[np.float32], moving_db: NDArray[np.float32]) -> li
     fixed_db, moving_db : ndarray, shape (rows, columns)
         Backscatter [dB], NaN where there is none.
     """
-    levels = []
+    levels: list[Level] = []
     while True:
         ranks = (rank_transform(image) for image in (fixed_db, moving_db))
         there = (np.isfinite(image).astype(np.float32) for image in (fixed_db, moving_db))
@@ -244,6 +249,14 @@ def _matched(level: Level, field: NDArray[np.float64]) -> Level:
     return replace(level, fixed=one, moving=two)
 
 
+def _restricted(levels: list[Level], keep: NDArray[np.bool_]) -> list[Level]:
+    """The same with the pixels of the fixed image alone that count."""
+    kept = [keep.astype(np.float32)]
+    for _ in levels[1:]:
+        kept.append(_halved(kept[-1]))
+    return [replace(level, weight=level.weight * part) for level, part in zip(levels, kept, strict=True)]
+
+
 def find_flow(
     levels: list[Level],
     keep: NDArray[np.bool_] | None = None,
@@ -267,11 +280,8 @@ def find_flow(
     origin = np.zeros((2, *lattice.size))
     if start is not None:
         origin += np.asarray(start, dtype=np.float64)[:, None, None]
-    kept = None if keep is None else keep.astype(np.float32)
-    levels = list(levels)
-    for n, level in enumerate(levels if kept is not None else []):
-        kept = kept if n == 0 else _halved(kept)
-        levels[n] = replace(level, weight=level.weight * kept)
+    if keep is not None:
+        levels = _restricted(levels, keep)
     with threadpool_limits(1):  # sums in one order
         return _found(lattice, levels, origin, prior)
 

@@ -140,10 +140,11 @@ def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: Re
             measurement,
             ranks,
             config.method,
-            f"the registration did not raise the {found}: {source} was left as it lies.",
+            f"the registration did not raise the correlation of {source} with the simulated image ({found}): "
+            "the image was left as it lies.",
         )
     # another method than the one that the posterior is of: its distance counts too
-    variance = np.square(flow.posterior.standard_error_px()) + np.square(field - both).sum(axis=0)
+    variance = np.square(flow.standard_error_px()) + np.square(field - both).sum(axis=0)
     uncertainty = np.sqrt(variance)
     typical = float(np.sqrt(np.mean(np.square(field).sum(axis=0))))
     return Registered(

@@ -25,6 +25,8 @@ _MOST_CONTROLS = 64  # along the longer side: what the factorisations of large i
 _ORDER = 3  # of the prior's precision: as wide as the splines' overlap, so that it costs nothing
 _DRAWS = 64
 _RATIO = 1.5  # between neighbours of the grid on which the prior is chosen
+# its ridge: what data say best is the field's power at high frequencies, spread / length^2
+_WAYS = ((0, 0), (1, 0), (-1, 0), (1, 1), (-1, -1), (2, 1), (-2, -1))
 _SPREADS_PX = (0.03, 100.0)
 _SHORTEST = 0.7  # correlation length, in spacings of the control points
 _LONGEST = 2.0  # in sides of the image
@@ -41,7 +43,8 @@ class Prior:
     spread_px : float
         Standard deviation of each component [pixels].
     length_px : float
-        Distance at which a smooth field's autocorrelation has fallen to 1/e [pixels].
+        1/e correlation length of the Gaussian-filtered noise that has the same spectrum at low
+        frequencies [pixels]. A field's own is some 0.7 of it, for high frequencies fall off less steeply.
     """
 
     spread_px: float
@@ -209,7 +212,7 @@ class Data:
 
         here = _nearest(near, lows, highs)
         while True:
-            around = [(here[0] + a, here[1] + b) for a, b in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))]
+            around = [(here[0] + a, here[1] + b) for a, b in _WAYS]
             found = [(posterior.evidence, place) for place in around if (posterior := at(place)) is not None]
             best = max(found, default=(0.0, here))[1]
             if best == here:
@@ -251,7 +254,7 @@ class Posterior:
 
     def coefficients(self) -> NDArray[np.float64]:
         """The mean [pixels], shape (2, control rows, control columns)."""
-        return self._unordered(self.mean[None])[0]
+        return np.asarray(self._unordered(self.mean[None])[0])
 
     def standard_error_px(self) -> NDArray[np.float64]:
         """Standard error of the displacement's length [pixels], shape (rows, columns), from 64 draws."""
@@ -260,6 +263,6 @@ class Posterior:
         return self.lattice.length(self._unordered(np.asarray(draws).T))
 
     def _unordered(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-        out = np.empty_like(vectors)
+        out: NDArray[np.float64] = np.empty_like(vectors)
         out[:, self.lattice.order] = vectors
         return out.reshape(-1, 2, *self.lattice.size)
