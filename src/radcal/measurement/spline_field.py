@@ -8,6 +8,7 @@ the posterior's spread is the field's standard error.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, reduce
 
@@ -198,26 +199,28 @@ class Data:
         """The posterior of most evidence, uphill on a grid of priors from one near it."""
         lows = _SPREADS_PX[0], _SHORTEST * self.lattice.spacing_px
         highs = _SPREADS_PX[1], _LONGEST * max(self.lattice.shape)
-        known: dict[tuple[int, int], Posterior | None] = {}
+        known: dict[tuple[int, int], float] = {}
+        best: Posterior | None = None  # alone: factors are large
 
-        def at(place: tuple[int, int]) -> Posterior | None:
+        def evidence(place: tuple[int, int]) -> float:
+            nonlocal best
             if place not in known:
+                known[place] = -np.inf
                 values = [_RATIO**n for n in place]
-                inside = all(low <= v <= high for low, v, high in zip(lows, values, highs, strict=True))
-                try:
-                    known[place] = self.given(Prior(*values)) if inside else None
-                except LinAlgError:
-                    known[place] = None
+                if all(low <= v <= high for low, v, high in zip(lows, values, highs, strict=True)):
+                    with suppress(LinAlgError):
+                        posterior = self.given(Prior(*values))
+                        known[place] = posterior.evidence
+                        best = posterior if best is None or posterior.evidence > best.evidence else best
             return known[place]
 
         here = _nearest(near, lows, highs)
         while True:
-            around = [(here[0] + a, here[1] + b) for a, b in _WAYS]
-            found = [(posterior.evidence, place) for place in around if (posterior := at(place)) is not None]
-            best = max(found, default=(0.0, here))[1]
-            if best == here:
-                return known[here] or self.given(near)
-            here = best
+            # the first of equals is where one stands
+            there = max(((here[0] + a, here[1] + b) for a, b in _WAYS), key=evidence)
+            if there == here:
+                return best or self.given(near)
+            here = there
 
 
 def _nearest(prior: Prior, lows: tuple[float, float], highs: tuple[float, float]) -> tuple[int, int]:
