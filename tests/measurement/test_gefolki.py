@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.stats import rankdata
+from threadpoolctl import threadpool_limits
 
 from radcal.measurement.displacement import invert
-from radcal.measurement.gefolki import gefolki, local_correlation, rank_transform
+from radcal.measurement.gefolki import find_flow, gefolki, local_correlation, pyramid, rank_transform
+from radcal.measurement.spline_field import Prior
 
 SHAPE = (240, 260)
 
@@ -51,9 +53,34 @@ def test_a_smooth_field_is_found_under_independent_speckle(length):
     assert error(gefolki(fixed, moving), field) < 0.35 < 0.5 * error(np.zeros_like(field), field)
 
 
+def test_the_field_is_as_smooth_as_the_images_say():
+    priors = {}
+    for sigma, most in ((25.0, 0.75), (90.0, 0.3)):
+        field = smooth_field(6, 5.0, sigma)
+        fixed, moving = pair(field)
+        flow = find_flow(pyramid(fixed, moving))
+        priors[sigma] = flow.posterior.prior
+        assert error(flow.displacement_px, field) < most
+        # neither does as well with a field 4 times as stiff or as soft
+        for times in (0.25, 4.0):
+            other = Prior(priors[sigma].spread_px, times * priors[sigma].length_px)
+            assert error(find_flow(pyramid(fixed, moving), prior=other).displacement_px, field) > 1.1 * error(
+                flow.displacement_px, field
+            )
+    assert priors[90.0].length_px > 2.0 * priors[25.0].length_px
+
+
 def test_two_images_in_place_stay_there():
     fixed, moving = pair(np.zeros((2, *SHAPE)))
-    assert np.hypot(*gefolki(fixed, moving)).mean() < 0.2
+    assert np.hypot(*gefolki(fixed, moving)).mean() < 0.12
+
+
+def test_threads_change_nothing():
+    fixed, moving = pair(smooth_field(3, 4.0))
+    with threadpool_limits(1):
+        alone = gefolki(fixed, moving)
+    with threadpool_limits(2):
+        np.testing.assert_array_equal(gefolki(fixed, moving), alone)
 
 
 def test_contrast_turned_over_is_registered_alike():

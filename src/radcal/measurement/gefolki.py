@@ -1,49 +1,52 @@
-"""Dense registration of two radar images: GeFolki with a regularised field.
+"""Dense registration of two radar images: GeFolki with a field whose stiffness is chosen from the data.
 
 From the papers: the rank transform instead of intensities, local inversion of contrast, a
-pyramid of scales, and Gauss-Newton steps on windows that shrink (Plyer, Colin-Koeniguer and
-Weissgerber, "A new coregistration algorithm for recent applications on urban SAR images",
-IEEE GRSL 12 (2015); Brigot et al., "Adaptation and evaluation of an optical flow method
-applied to coregistration of forest remote sensing images", IEEE JSTARS 9 (2016)).
+pyramid of scales, and Gauss-Newton steps (Plyer, Colin-Koeniguer and Weissgerber, "A new
+coregistration algorithm for recent applications on urban SAR images", IEEE GRSL 12 (2015);
+Brigot et al., "Adaptation and evaluation of an optical flow method applied to coregistration
+of forest remote sensing images", IEEE JSTARS 9 (2016)).
 
-Two things differ. Where the papers solve for each pixel in a window, here a cubic B-spline
-field is found for the whole image with a penalty on its bending (Rueckert et al., IEEE TMI 18
-(1999), eq. 8), stiff at first and then less so, in place of the decreasing radii. In speckle
-most of a window's gradient is noise, which holds a windowed flow back; the penalty is set
-against the data's own noise instead. And where the papers choose between contrast and its
-inverse, each place counts with the likelihood of its local correlation, of either sign:
-homogeneous ground, where both images hold nothing but speckle, then adds no noise. The last
-steps weigh spatial frequencies in the same way (``benchmarks/registration.py`` has the figures).
+Two things differ. Where the papers solve for each pixel in windows that shrink, here one field
+is found for the whole image, a Gaussian process whose size and correlation length are those under
+which the images are most probable (:mod:`radcal.measurement.spline_field`). In speckle most of a
+window's gradient is noise: how far to average depends on how smooth the displacement is, and only
+the images know. And where the papers choose between contrast and its inverse, each place counts
+with the likelihood of its local correlation, of either sign: homogeneous ground, where both images
+hold nothing but speckle, then adds no noise. The last steps weigh spatial frequencies in the same
+way (``benchmarks/registration.py`` has the figures).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, sparse
 from scipy.ndimage import gaussian_filter, map_coordinates, uniform_filter
-from scipy.sparse.linalg import spsolve
+from threadpoolctl import threadpool_limits
 
-__all__ = ["gefolki", "local_correlation", "rank_transform"]
+from radcal.measurement.spline_field import CELL_PX, Data, Lattice, Posterior, Prior
+
+__all__ = ["Flow", "Level", "find_flow", "gefolki", "local_correlation", "pyramid", "rank_transform"]
 
 # chosen on the even seeds of benchmarks/registration.py
 _RANK_RADIUS = 16
 _BLUR_PX = 0.7
-_SPACING_PX = 48.0
-_BENDING = 8.0
-_BENDING_MATCHED = 5.0
 _SPECTRUM_SMOOTHING = 12 / 512  # of the power spectra [cycles per pixel]
 _COHERENCE = 0.95  # counted at most
-_STIFFNESS = (4.0, 1.0, 1.0, 1.0)  # of successive Gauss-Newton steps, times _BENDING
 _COARSEST_PX = 96
 _LEVELS = 4
-_CELL_PX = 8
 _WINDOW_PX = 33
 _HIGHEST = 0.8  # local correlation counted at most
 _SHARED = 0.2  # and at least, where the curvature of the cost is concerned
+_START = Prior(spread_px=3.0, length_px=256.0)  # smooth, so that the first steps go the right way
+_STEPS_COARSEST = 4
+_STEPS = 2
+_STEPS_MATCHED = 4
+_MISFIT = 1.2  # actual by posterior standard error: local correlations are themselves found by the fit
+_NOISE_CELLS = 2  # side of the blocks whose pulls scatter independently [cells]
+_NOISE = 1.5  # pulls of neighbouring blocks are alike, and the cost curves less than its gradients say
 
 
 def rank_transform(image_db: NDArray[np.float32], radius: int = _RANK_RADIUS) -> NDArray[np.float32]:
@@ -106,91 +109,83 @@ def local_correlation(
     return np.where(norm > 1e-6, both[0] / np.maximum(norm, 1e-6), 0.0).astype(np.float32)
 
 
-def _basis(points: NDArray[np.float64], spacing: float, length: float) -> sparse.csr_array:
-    """Cubic B-splines at points, shape (points, control points)."""
-    x = points / spacing
-    first = np.floor(x).astype(int)
-    t = x - first
-    weights = np.stack([(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, -3 * t**3 + 3 * t**2 + 3 * t + 1, t**3], axis=1) / 6
-    rows = np.repeat(np.arange(points.size), 4)
-    columns = (first[:, None] + np.arange(4)).ravel()
-    shape = (points.size, int(np.floor(length / spacing)) + 4)
-    return sparse.csr_array((weights.ravel(), (rows, columns)), shape=shape)
+def _cell_sums(values: NDArray[np.float64], size: int = CELL_PX) -> NDArray[np.float64]:
+    """Sums over squares of an image, shape (rows, columns) to fewer of them."""
+    for axis in (0, 1):
+        values = np.add.reduceat(values, np.arange(0, values.shape[axis], size), axis=axis)
+    return values
 
 
 @dataclass(frozen=True)
-class _Lattice:
-    """A B-spline field over an image, the same at every scale of the pyramid.
+class Level:
+    """Ranks of two images at one scale.
 
-    Coefficients have shape (2, control rows, control columns) and are in pixels of the full image.
+    Attributes
+    ----------
+    scale : int
+        Pixels of the full image along one of this.
+    fixed, moving : ndarray of float32, shape (rows, columns)
+        Rank transforms.
+    weight, there : ndarray of float32, shape (rows, columns)
+        1 where the fixed, the moving image has a value.
     """
 
-    shape: tuple[int, int]
+    scale: int
+    fixed: NDArray[np.float32]
+    moving: NDArray[np.float32]
+    weight: NDArray[np.float32]
+    there: NDArray[np.float32]
 
-    def _axes(self, step: float, scale: int) -> tuple[sparse.csr_array, sparse.csr_array]:
-        """Bases at the centres of ``step`` pixels of an image smaller by ``scale``."""
-        bases = []
-        for length in self.shape:
-            n = int(np.ceil(length // scale / step))
-            bases.append(_basis(np.minimum((np.arange(n) + 0.5) * step * scale, length), _SPACING_PX, length))
-        return bases[0], bases[1]
-
-    def field(self, coefficients: NDArray[np.float64], scale: int = 1) -> NDArray[np.float64]:
-        """Displacement [pixels of the image smaller by ``scale``], shape (2, rows, columns)."""
-        rows, columns = self._axes(1.0, scale)
-        return np.stack([rows @ (part @ columns.T.toarray()) for part in coefficients]) / scale
-
-    def cells(self, scale: int) -> sparse.csr_array:
-        """Basis at the centres of cells, shape (cells, control points)."""
-        return sparse.csr_array(sparse.kron(*self._axes(_CELL_PX, scale), format="csr"))
-
-    @cached_property
-    def size(self) -> tuple[int, int]:
-        rows, columns = self._axes(1.0, 1)
-        return rows.shape[1], columns.shape[1]
-
-    @cached_property
-    def bending(self) -> sparse.csr_array:
-        """Sum of squared second differences of both components, as a matrix."""
-        rows, columns = self.size
-
-        def difference(n: int, order: int) -> sparse.csr_array:
-            matrix = sparse.eye_array(n, format="csr")
-            for _ in range(order):
-                matrix = matrix[1:] - matrix[:-1]
-            return matrix
-
-        parts = sparse.vstack(
-            [
-                sparse.kron(difference(rows, 2), sparse.eye_array(columns)),
-                sparse.kron(sparse.eye_array(rows), difference(columns, 2)),
-                np.sqrt(2.0) * sparse.kron(difference(rows, 1), difference(columns, 1)),
-            ]
-        )
-        one = parts.T @ parts
-        # a displacement of no bending at all is held by a hair, where there is no data
-        return sparse.csr_array(sparse.block_diag([one, one]) + 1e-6 * sparse.eye_array(2 * rows * columns))
+    def mirrored(self, along: slice, across: slice) -> Level:
+        """The same with the moving image turned over."""
+        return replace(self, moving=self.moving[along, across], there=self.there[along, across])
 
 
-def _cell_sums(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Sums over cells of an image, shape (rows, columns) to (cells,)."""
-    for axis in (0, 1):
-        values = np.add.reduceat(values, np.arange(0, values.shape[axis], _CELL_PX), axis=axis)
-    return values.ravel()
+@dataclass(frozen=True)
+class Flow:
+    """A displacement field and how far to trust it.
+
+    Attributes
+    ----------
+    displacement_px : ndarray, shape (2, rows, columns)
+        d with fixed(x) like moving(x + d(x)) [pixels].
+    posterior : Posterior
+        Where it comes from.
+    """
+
+    displacement_px: NDArray[np.float64]
+    posterior: Posterior
+
+    def standard_error_px(self) -> NDArray[np.float64]:
+        """Standard error of the displacement's length [pixels], shape (rows, columns)."""
+        return _MISFIT * self.posterior.standard_error_px()
 
 
-def _step(
-    fixed: NDArray[np.float32],
-    moving: NDArray[np.float32],
-    weight: NDArray[np.float32],
-    there: NDArray[np.float32],
-    field: NDArray[np.float64],
-) -> list[NDArray[np.float64]]:
+def pyramid(fixed_db: NDArray[np.float32], moving_db: NDArray[np.float32]) -> list[Level]:
+    """Ranks of two images at all scales, the finest first.
+
+    Parameters
+    ----------
+    fixed_db, moving_db : ndarray, shape (rows, columns)
+        Backscatter [dB], NaN where there is none.
+    """
+    levels: list[Level] = []
+    while True:
+        ranks = (rank_transform(image) for image in (fixed_db, moving_db))
+        there = (np.isfinite(image).astype(np.float32) for image in (fixed_db, moving_db))
+        levels.append(Level(2 ** len(levels), *ranks, *there))
+        if len(levels) == _LEVELS or min(fixed_db.shape) < 2 * _COARSEST_PX:
+            return levels
+        fixed_db, moving_db = _halved(fixed_db), _halved(moving_db)
+
+
+def _step(level: Level, field: NDArray[np.float64]) -> list[NDArray[np.float64]]:
     """Gauss-Newton normal equations by cell: three of the matrix, two of the right-hand side."""
+    fixed = level.fixed
     at = np.indices(fixed.shape, dtype=np.float64) + field
-    moved = map_coordinates(moving, at, order=1, mode="nearest")
-    seen = map_coordinates(there, at, order=1, mode="constant", cval=0.0)
-    weight = np.where(seen > 0.99, weight, 0.0)
+    moved = map_coordinates(level.moving, at, order=1, mode="nearest")
+    seen = map_coordinates(level.there, at, order=1, mode="constant", cval=0.0)
+    weight = np.where(seen > 0.99, level.weight, 0.0)
     # likelihood of two images that share local structure of correlation r: what is noise in both counts
     # for nothing, and a negative r, contrast turned over, pulls the other way
     r = np.clip(local_correlation(fixed, moved), -_HIGHEST, _HIGHEST)
@@ -203,22 +198,42 @@ def _step(
     # the part r of both images' gradients is shared, the rest is noise that curves nothing
     curved = weight * np.maximum(r, _SHARED)
     products = (curved * along**2, curved * along * across, curved * across**2, along * difference, across * difference)
-    return [_cell_sums(product.astype(np.float64)) / max(noise, 1e-12) for product in products]
+    # in pixels of the full image a step is larger by the scale, a gradient smaller
+    units = (noise * level.scale**power + 1e-12 for power in (2, 2, 2, 1, 1))
+    return [_cell_sums(product.astype(np.float64)) / unit for product, unit in zip(products, units, strict=True)]
 
 
-def _matched(
-    fixed: NDArray[np.float32], moving: NDArray[np.float32], field: NDArray[np.float64]
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _data(lattice: Lattice, level: Level, coefficients: NDArray[np.float64], start: NDArray[np.float64]) -> Data:
+    """What the images say of the coefficients, less the start, near some.
+
+    The noise is what the pulls scatter by from block to block (White, Econometrica 50 (1982), eq. 3.2).
+    """
+    cells = lattice.cells(level.scale)
+    parts = _step(level, lattice.field(coefficients, level.scale))
+    pulls, curves = (
+        sum(np.square(_cell_sums(b, _NOISE_CELLS)).sum() for b in parts[3:]),
+        parts[0].sum() + parts[2].sum(),
+    )
+    noise = max(_NOISE * float(pulls) / max(float(curves), 1e-12), 1e-12)
+    a00, a01, a11, b0, b1 = (part.ravel() / noise for part in parts)
+    h00, h01, h11 = (cells.T @ (cells * a[:, None]) for a in (a00, a01, a11))
+    matrix = sparse.csr_array(sparse.block_array([[h00, h01], [h01, h11]]))
+    pull = np.concatenate([cells.T @ b0, cells.T @ b1]) + matrix @ (coefficients - start).ravel()
+    return Data(lattice, lattice.bands(matrix), pull[lattice.order])
+
+
+def _matched(level: Level, field: NDArray[np.float64]) -> Level:
     """Both images filtered so that each spatial frequency counts by its coherence.
 
     The maximum-likelihood weighting of Knapp and Carter, "The generalized correlation method
     for estimation of time delay", IEEE TASSP 24 (1976), eq. 39, with spectra of the images as
     registered so far.
     """
+    fixed, moving = level.fixed, level.moving
     at = np.indices(fixed.shape, dtype=np.float64) + field
     moved = map_coordinates(moving, at, order=1, mode="nearest")
     moved = np.where(local_correlation(fixed, moved) < 0.0, -moved, moved)
-    taper = np.outer(np.hanning(fixed.shape[0]), np.hanning(fixed.shape[1]))
+    taper = np.outer(np.hanning(fixed.shape[0]), np.hanning(fixed.shape[1])).astype(np.float32)
     one, two = (fft.fft2(image * taper) for image in (fixed, moved))
     sigma = [_SPECTRUM_SMOOTHING * n for n in fixed.shape]
     spectra = ((one * two.conj()).real, np.abs(one) ** 2, np.abs(two) ** 2)
@@ -227,32 +242,72 @@ def _matched(
     coherence = np.clip(cross / power, 0.0, _COHERENCE)
     response = np.sqrt(coherence / (1.0 - coherence**2) / power)
     if not response.any():
-        return fixed, moving
-    # the scale is free: it keeps the fixed image's power, against which the bending was chosen
+        return level
+    # the scale is free: it keeps the fixed image's power
     response *= np.sqrt(power.mean() / (response**2 * power).mean())
     one, two = (fft.ifft2(fft.fft2(image) * response).real.astype(np.float32) for image in (fixed, moving))
-    return one, two
+    return replace(level, fixed=one, moving=two)
 
 
-def _fitted(
-    lattice: _Lattice,
-    coefficients: NDArray[np.float64],
-    scale: int,
-    images: tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]],
-    bending: list[float],
-) -> NDArray[np.float64]:
-    """Coefficients after one Gauss-Newton step for each bending penalty."""
-    cells = lattice.cells(scale)
-    for weight in bending:
-        parts = _step(*images, lattice.field(coefficients, scale))
-        # in pixels of the full image a step is larger by the scale, a gradient smaller
-        a00, a01, a11, b0, b1 = (part / scale**power for part, power in zip(parts, (2, 2, 2, 1, 1), strict=True))
-        h00, h01, h11 = (cells.T @ (cells * a[:, None]) for a in (a00, a01, a11))
-        penalty = weight * lattice.bending
-        matrix = sparse.block_array([[h00, h01], [h01, h11]]) + penalty
-        right = np.concatenate([cells.T @ b0, cells.T @ b1]) - penalty @ coefficients.ravel()
-        coefficients = coefficients + spsolve(matrix.tocsc(), right).reshape(coefficients.shape)
-    return coefficients
+def _restricted(levels: list[Level], keep: NDArray[np.bool_]) -> list[Level]:
+    """The same with the pixels of the fixed image alone that count."""
+    kept = [keep.astype(np.float32)]
+    for _ in levels[1:]:
+        kept.append(_halved(kept[-1]))
+    return [replace(level, weight=level.weight * part) for level, part in zip(levels, kept, strict=True)]
+
+
+def find_flow(
+    levels: list[Level],
+    keep: NDArray[np.bool_] | None = None,
+    start: NDArray[np.float64] | None = None,
+    prior: Prior | None = None,
+) -> Flow:
+    """Displacement field between two images.
+
+    Parameters
+    ----------
+    levels : list of Level
+        From :func:`pyramid`.
+    keep : ndarray of bool, shape (rows, columns), optional
+        Pixels of the fixed image that count.
+    start : ndarray, shape (2,), optional
+        Shift to start from [pixels].
+    prior : Prior, optional
+        Size and smoothness of the field, chosen from the images if missing.
+    """
+    lattice = Lattice((levels[0].fixed.shape[0], levels[0].fixed.shape[1]))
+    origin = np.zeros((2, *lattice.size))
+    if start is not None:
+        origin += np.asarray(start, dtype=np.float64)[:, None, None]
+    if keep is not None:
+        levels = _restricted(levels, keep)
+    with threadpool_limits(1):  # sums in one order
+        return _found(lattice, levels, origin, prior)
+
+
+def _found(lattice: Lattice, levels: list[Level], origin: NDArray[np.float64], prior: Prior | None) -> Flow:
+    """The field from coarse to fine; smooth at first, then as smooth as the images say."""
+    coefficients, near = origin, prior or _START
+
+    def step(level: Level, choose: bool) -> Posterior:
+        data = _data(lattice, level, coefficients, origin)
+        return data.best(near) if choose and prior is None else data.given(near)
+
+    coarse = levels[1:] or levels
+    for level in reversed(coarse):
+        fixed, moving = (gaussian_filter(image, _BLUR_PX) for image in (level.fixed, level.moving))
+        blurred = replace(level, fixed=fixed, moving=moving)
+        steps = _STEPS_COARSEST if level is coarse[-1] else _STEPS
+        for n in range(steps):
+            posterior = step(blurred, choose=n == steps - 1)
+            coefficients, near = origin + posterior.coefficients(), posterior.prior
+    for n in range(_STEPS_MATCHED):
+        if n % 2 == 0:
+            matched = _matched(levels[0], lattice.field(coefficients))
+        posterior = step(matched, choose=n % 2 == 0)
+        coefficients, near = origin + posterior.coefficients(), posterior.prior
+    return Flow(lattice.field(coefficients), posterior)
 
 
 def gefolki(
@@ -277,22 +332,4 @@ def gefolki(
     ndarray, shape (2, rows, columns)
         d with fixed(x) like moving(x + d(x)) [pixels].
     """
-    lattice = _Lattice((fixed_db.shape[0], fixed_db.shape[1]))
-    coefficients = np.zeros((2, *lattice.size))
-    if start is not None:
-        coefficients += np.asarray(start, dtype=np.float64)[:, None, None]
-    kept = np.ones(fixed_db.shape, dtype=np.float32) if keep is None else keep.astype(np.float32)
-    pyramid = [(fixed_db, moving_db, kept)]
-    while len(pyramid) < _LEVELS and min(pyramid[-1][0].shape) >= 2 * _COARSEST_PX:
-        fixed_db, moving_db, kept = pyramid[-1]
-        pyramid.append((_halved(fixed_db), _halved(moving_db), _halved(kept)))
-    for level in reversed(range(len(pyramid))):
-        fixed_db, moving_db, kept = pyramid[level]
-        fixed, moving = (gaussian_filter(rank_transform(image), _BLUR_PX) for image in (fixed_db, moving_db))
-        weight = np.where(np.isfinite(fixed_db), kept, 0.0).astype(np.float32)
-        there = np.isfinite(moving_db).astype(np.float32)
-        bending = [_BENDING * stiffness for stiffness in _STIFFNESS]
-        coefficients = _fitted(lattice, coefficients, 2**level, (fixed, moving, weight, there), bending)
-    fixed, moving = _matched(rank_transform(fixed_db), rank_transform(moving_db), lattice.field(coefficients))
-    bending = [_BENDING_MATCHED] * len(_STIFFNESS)
-    return lattice.field(_fitted(lattice, coefficients, 1, (fixed, moving, weight, there), bending))
+    return find_flow(pyramid(fixed_db, moving_db), keep, start).displacement_px

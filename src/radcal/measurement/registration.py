@@ -7,26 +7,23 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter
 
 from radcal.config import Registration as RegistrationConfig
 from radcal.errors import MeasurementError
 from radcal.measurement.displacement import warp
-from radcal.measurement.gefolki import gefolki, local_correlation, rank_transform
+from radcal.measurement.gefolki import Level, find_flow, local_correlation, pyramid, rank_transform
 from radcal.measurement.model import Measurement, get_measurement, put_measurement
+from radcal.measurement.spline_field import Prior
 from radcal.records import read_hdf5, write_hdf5
 
 __all__ = ["Registered", "read_registered", "register", "write_registered"]
 
 _SIGNIFICANT = 4.0  # standard errors
 _SMALLEST_PX = 64
-_SMOOTHING_PX = 65  # of the uncertainty
+_LEAST_GAIN = 0.001  # of the held-out correlation: the last digit that the sentence shows
 _SIGN_WINDOW_PX = 65
 _FITS = 3.0  # times the correlation as it came: it came mirrored
 _MIRRORED = 1.5  # times the correlation of mirrored images, which have nothing but chance in common
-# what the bending penalty smooths away is the same in both halves: on real images of known displacement
-# the error is 1.5 to 2 times what their difference says
-_PENALISED = 2.0
 
 
 @dataclass(frozen=True)
@@ -67,9 +64,11 @@ class Registered:
 def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: RegistrationConfig) -> Registered:
     """Register a measured image onto a simulated one.
 
-    The field is found three times: on all pixels, and on each colour of a chequerboard. The
-    two halves give the standard error, and how well each predicts the other's squares says
-    whether the images have anything in common; so does a comparison with mirrored images.
+    The field is found three times: on all pixels, and, as smooth as there, on each colour of a
+    chequerboard. How well each colour predicts the other's squares says whether the images have
+    anything in common, as does a comparison with mirrored images, and whether moving the image
+    makes it any better: the correlation on squares not used must rise by its standard error, and
+    by 0.001. The standard error of the field is that of its posterior.
 
     Parameters
     ----------
@@ -83,8 +82,8 @@ def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: Re
     Returns
     -------
     Registered
-        The image as it lies, and why, where registration made it worse or moved it further
-        than ``max_displacement_px``.
+        The image as it lies, and why, where registration did not raise the correlation or moved
+        it further than ``max_displacement_px``.
 
     Raises
     ------
@@ -93,27 +92,32 @@ def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: Re
     """
     moving_db, source = measurement.image_db, measurement.source
     nothing = np.zeros((2, *fixed_db.shape))
-    ranks = rank_transform(fixed_db), rank_transform(moving_db)
     if config.method == "none":
+        ranks = rank_transform(fixed_db), rank_transform(moving_db)
         return _kept(measurement, ranks, "none", "not registered: the image is taken as it lies.")
     if min(fixed_db.shape) < _SMALLEST_PX:
         raise MeasurementError(
             f"registration.method is {config.method}, the image has {fixed_db.shape[0]} x {fixed_db.shape[1]} pixels, "
             f"expected at least {_SMALLEST_PX} in both directions: set registration.method: none."
         )
+    levels = pyramid(fixed_db, moving_db)
+    ranks = levels[0].fixed, levels[0].moving
     start = _global_shift(*ranks) if config.global_shift else None
     squares = _chequerboard((fixed_db.shape[0], fixed_db.shape[1]))
-    halves = [gefolki(fixed_db, moving_db, keep=keep, start=start) for keep in (squares, ~squares)]
-    both = gefolki(fixed_db, moving_db, start=start)
+    flow = find_flow(levels, start=start)
+    both, prior = flow.displacement_px, flow.posterior.prior
+    halves = [find_flow(levels, keep, start, prior).displacement_px for keep in (squares, ~squares)]
     field = both if config.method == "gefolki" else _ilk(*ranks, start)
 
     before = _held_out(ranks, (nothing, nothing), squares)
     after = _held_out(ranks, (halves[0], halves[1]), squares)
     found = f"correlation {before.mean():.3f} before and {after.mean():.3f} after, on squares not used to find it"
     furthest = float(np.hypot(*field).max())
+    gain = after - before
+    raised = gain.mean() >= max(_standard_error(gain), _LEAST_GAIN)
     # what is left as it lies must have something in common as it lies
-    z = _z(after if furthest <= config.max_displacement_px else before)
-    mirrored = _mirrored(fixed_db, moving_db)
+    z = _z(after if raised and furthest <= config.max_displacement_px else before)
+    mirrored = _mirrored(levels, prior)
     if z < _SIGNIFICANT or _common(ranks, both) < _MIRRORED * max(mirrored.values()):
         best = max(mirrored, key=lambda name: mirrored[name])
         fits = mirrored[best] > _FITS * _common(ranks, both)
@@ -131,17 +135,16 @@ def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: Re
             f"the registration would move {source} by up to {furthest:.1f} pixels, more than "
             f"registration.max_displacement_px = {config.max_displacement_px:g}: the image was left as it lies.",
         )
-    if _z(after - before) < -2.0:
+    if not raised:
         return _kept(
             measurement,
             ranks,
             config.method,
-            f"the registration made it worse ({found}): the image was left as it lies.",
+            f"the registration did not raise the correlation of {source} with the simulated image ({found}): "
+            "the image was left as it lies.",
         )
-    # the halves' difference has twice the full field's standard error in each direction
-    variance = _PENALISED**2 * uniform_filter(((halves[0] - halves[1]) ** 2).sum(axis=0) / 4.0, _SMOOTHING_PX)
-    # another method than the one that halves were made with: its distance counts too
-    variance += ((field - both) ** 2).sum(axis=0)
+    # another method than the one that the posterior is of: its distance counts too
+    variance = np.square(flow.standard_error_px()) + np.square(field - both).sum(axis=0)
     uncertainty = np.sqrt(variance)
     typical = float(np.sqrt(np.mean(np.square(field).sum(axis=0))))
     return Registered(
@@ -219,15 +222,18 @@ def _common(ranks: tuple[NDArray[np.float32], NDArray[np.float32]], field: NDArr
     return float(np.abs(local_correlation(ranks[0], moved, _SIGN_WINDOW_PX)).mean())
 
 
-def _mirrored(fixed_db: NDArray[np.float32], moving_db: NDArray[np.float32]) -> dict[str, float]:
+def _mirrored(levels: list[Level], prior: Prior) -> dict[str, float]:
     """How well the moving image registers when it is mirrored: by chance, unless it came mirrored."""
-    images = {
-        "mirrored in slant range.": moving_db[::-1],
-        "mirrored in azimuth.": moving_db[:, ::-1],
-        "turned by 180 degrees.": moving_db[::-1, ::-1],
-    }
-    fixed = rank_transform(fixed_db)
-    return {name: _common((fixed, rank_transform(image)), gefolki(fixed_db, image)) for name, image in images.items()}
+    as_it_is, turned = slice(None), slice(None, None, -1)
+    found = {}
+    for name, (along, across) in {
+        "mirrored in slant range.": (turned, as_it_is),
+        "mirrored in azimuth.": (as_it_is, turned),
+        "turned by 180 degrees.": (turned, turned),
+    }.items():
+        images = [level.mirrored(along, across) for level in levels]
+        found[name] = _common((images[0].fixed, images[0].moving), find_flow(images, prior=prior).displacement_px)
+    return found
 
 
 def _global_shift(fixed: NDArray[np.float32], moving: NDArray[np.float32]) -> NDArray[np.float64]:

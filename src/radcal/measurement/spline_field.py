@@ -1,0 +1,271 @@
+"""Displacement fields of cubic B-splines, their prior, and what data say of both.
+
+A field is a Gaussian process with a standard deviation and a correlation length of its own; data are a
+quadratic log-likelihood. Standard deviation and length are those under which the data are most
+probable, their evidence (MacKay, "Bayesian interpolation", Neural Computation 4 (1992), section 4), and
+the posterior's spread is the field's standard error.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property, reduce
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
+from scipy.linalg.lapack import dtbtrs
+
+__all__ = ["CELL_PX", "Data", "Lattice", "Posterior", "Prior"]
+
+CELL_PX = 8
+_SPACING_PX = 24.0
+_MOST_CONTROLS = 64  # along the longer side: what the factorisations of large images cost is bounded
+_ORDER = 3  # of the prior's precision: as wide as the splines' overlap, so that it costs nothing
+_DRAWS = 64
+_RATIO = 1.5  # between neighbours of the grid on which the prior is chosen
+# its ridge: what data say best is the field's power at high frequencies, spread / length^2
+_WAYS = ((0, 0), (1, 0), (-1, 0), (1, 1), (-1, -1), (2, 1), (-2, -1))
+_SPREADS_PX = (0.03, 100.0)
+_SHORTEST = 0.7  # correlation length, in spacings of the control points
+_LONGEST = 2.0  # in sides of the image
+
+Bands = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is known of a displacement field before the images are seen.
+
+    Attributes
+    ----------
+    spread_px : float
+        Standard deviation of each component [pixels].
+    length_px : float
+        1/e correlation length of the Gaussian-filtered noise that has the same spectrum at low
+        frequencies [pixels]. A field's own is some 0.7 of it, for high frequencies fall off less steeply.
+    """
+
+    spread_px: float
+    length_px: float
+
+
+def _basis(points: NDArray[np.float64], spacing: float, length: float) -> sparse.csr_array:
+    """Cubic B-splines at points, shape (points, control points)."""
+    x = points / spacing
+    first = np.floor(x).astype(int)
+    t = x - first
+    weights = np.stack([(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, -3 * t**3 + 3 * t**2 + 3 * t + 1, t**3], axis=1) / 6
+    rows = np.repeat(np.arange(points.size), 4)
+    columns = (first[:, None] + np.arange(4)).ravel()
+    shape = (points.size, int(np.floor(length / spacing)) + 4)
+    return sparse.csr_array((weights.ravel(), (rows, columns)), shape=shape)
+
+
+def _laplacian(n: int) -> sparse.csr_array:
+    """Squared differences of neighbours along a line, as a matrix."""
+    one = sparse.eye_array(n, format="csr")
+    difference = one[1:] - one[:-1]
+    return sparse.csr_array(difference.T @ difference)
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """Control points of a B-spline field over an image, the same at every scale of its pyramid.
+
+    Coefficients have shape (2, control rows, control columns) and are in pixels of the full image.
+    """
+
+    shape: tuple[int, int]
+
+    @cached_property
+    def spacing_px(self) -> float:
+        """Distance of neighbouring control points [pixels]."""
+        return max(_SPACING_PX, max(self.shape) / _MOST_CONTROLS)
+
+    def _axes(self, step: float, scale: int) -> tuple[sparse.csr_array, sparse.csr_array]:
+        """Bases at the centres of ``step`` pixels of an image smaller by ``scale``."""
+        bases = []
+        for length in self.shape:
+            n = int(np.ceil(length // scale / step))
+            points = np.minimum((np.arange(n) + 0.5) * step * scale, length)
+            bases.append(_basis(points, self.spacing_px, length))
+        return bases[0], bases[1]
+
+    def field(self, coefficients: NDArray[np.float64], scale: int = 1) -> NDArray[np.float64]:
+        """Displacement [pixels of the image smaller by ``scale``], shape (2, rows, columns)."""
+        rows, columns = self._axes(1.0, scale)
+        return np.stack([rows @ (part @ columns.T.toarray()) for part in coefficients]) / scale
+
+    def length(self, draws: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Root mean square length of fields, shape (draws, 2, control rows, control columns), per pixel."""
+        rows, columns = (axis.toarray() for axis in self._axes(CELL_PX, 1))
+        squares = np.square(rows @ draws @ columns.T).sum(axis=1).mean(axis=0)
+        wide = np.sqrt(squares).repeat(CELL_PX, axis=0).repeat(CELL_PX, axis=1)
+        return np.asarray(wide[: self.shape[0], : self.shape[1]])
+
+    def cells(self, scale: int) -> sparse.csr_array:
+        """Basis at the centres of cells, shape (cells, control points)."""
+        return sparse.csr_array(sparse.kron(*self._axes(CELL_PX, scale), format="csr"))
+
+    @cached_property
+    def size(self) -> tuple[int, int]:
+        """Number of control points along rows and columns."""
+        rows, columns = self._axes(1.0, 1)
+        return rows.shape[1], columns.shape[1]
+
+    @cached_property
+    def order(self) -> NDArray[np.int64]:
+        """Coefficients in the order in which matrices have the narrowest band."""
+        axes = (1, 2, 0) if self.size[0] >= self.size[1] else (2, 1, 0)
+        return np.arange(2 * self.size[0] * self.size[1]).reshape(2, *self.size).transpose(axes).ravel()
+
+    def bands(self, matrix: sparse.csr_array) -> Bands:
+        """Upper diagonals of a symmetric matrix of all coefficients, as LAPACK stores them."""
+        width = 2 * (_ORDER * min(self.size) + _ORDER) + 1
+        place = np.empty_like(self.order)
+        place[self.order] = np.arange(self.order.size)
+        entries = matrix.tocoo()
+        row, column = place[entries.row], place[entries.col]
+        upper = row <= column
+        bands = np.zeros((width + 1, self.order.size))
+        np.add.at(bands, (width + row[upper] - column[upper], column[upper]), entries.data[upper])
+        return bands
+
+    @cached_property
+    def _roughness(self) -> tuple[NDArray[np.float64], list[Bands]]:
+        """Eigenvalues of the lattice's Laplacian, and the bands of its powers."""
+        rows, columns = self.size
+        laplacian = sparse.csr_array(
+            sparse.kron(_laplacian(rows), sparse.eye_array(columns))
+            + sparse.kron(sparse.eye_array(rows), _laplacian(columns))
+        )
+        powers = [sparse.eye_array(rows * columns, format="csr")]
+        for _ in range(_ORDER):
+            powers.append(powers[-1] @ laplacian)
+        along, across = (2.0 - 2.0 * np.cos(np.pi * np.arange(n) / n) for n in self.size)
+        return np.add.outer(along, across).ravel(), [self.bands(sparse.block_diag([p, p])) for p in powers]
+
+    def precision(self, prior: Prior) -> tuple[Bands, float]:
+        """Bands of the prior's precision, and its log-determinant.
+
+        The spectral density is that of a Matern field of smoothness 2, (1 + (k l / 2)^2 / 3)^-3 at the
+        angular frequency k [1 / pixel], the third-order neighbour of the Gaussian exp(-(k l / 2)^2)
+        (Lindgren, Rue and Lindstroem, J. R. Statist. Soc. B 73 (2011), eq. 2).
+        """
+        roughness, powers = self._roughness
+        bend = (0.5 * prior.length_px / self.spacing_px) ** 2 / _ORDER
+        level = float(np.mean((1.0 + roughness * bend) ** -_ORDER)) / prior.spread_px**2
+        binomial = (1.0, 3.0, 3.0, 1.0)
+        bands = reduce(np.add, (level * c * bend**n * p for n, (c, p) in enumerate(zip(binomial, powers, strict=True))))
+        return bands, 2.0 * float(np.sum(_ORDER * np.log1p(roughness * bend) + np.log(level)))
+
+
+@dataclass(frozen=True)
+class Data:
+    """A log-likelihood of the coefficients x (less a start) of a field: -x H x / 2 + g x.
+
+    Attributes
+    ----------
+    lattice : Lattice
+        The control points.
+    curvature : ndarray
+        Bands of H [1 / pixel^2].
+    pull : ndarray, shape (2 * control points,)
+        g [1 / pixel], in the order of the bands.
+    """
+
+    lattice: Lattice
+    curvature: Bands
+    pull: NDArray[np.float64]
+
+    def given(self, prior: Prior) -> Posterior:
+        """What data and prior say together.
+
+        Raises
+        ------
+        scipy.linalg.LinAlgError
+            The prior is so vague, or so stiff, that numbers do not hold both.
+        """
+        precision, log_determinant = self.lattice.precision(prior)
+        factor = cholesky_banded(self.curvature + precision, overwrite_ab=True, check_finite=False)
+        mean = cho_solve_banded((factor, False), self.pull, check_finite=False)
+        evidence = 0.5 * log_determinant - float(np.log(factor[-1]).sum()) + 0.5 * float(self.pull @ mean)
+        return Posterior(self.lattice, prior, mean, factor, evidence)
+
+    def best(self, near: Prior) -> Posterior:
+        """The posterior of most evidence, uphill on a grid of priors from one near it."""
+        lows = _SPREADS_PX[0], _SHORTEST * self.lattice.spacing_px
+        highs = _SPREADS_PX[1], _LONGEST * max(self.lattice.shape)
+        known: dict[tuple[int, int], float] = {}
+        best: Posterior | None = None  # alone: factors are large
+
+        def evidence(place: tuple[int, int]) -> float:
+            nonlocal best
+            if place not in known:
+                known[place] = -np.inf
+                values = [_RATIO**n for n in place]
+                if all(low <= v <= high for low, v, high in zip(lows, values, highs, strict=True)):
+                    with suppress(LinAlgError):
+                        posterior = self.given(Prior(*values))
+                        known[place] = posterior.evidence
+                        best = posterior if best is None or posterior.evidence > best.evidence else best
+            return known[place]
+
+        here = _nearest(near, lows, highs)
+        while True:
+            # the first of equals is where one stands
+            there = max(((here[0] + a, here[1] + b) for a, b in _WAYS), key=evidence)
+            if there == here:
+                return best or self.given(near)
+            here = there
+
+
+def _nearest(prior: Prior, lows: tuple[float, float], highs: tuple[float, float]) -> tuple[int, int]:
+    """Place of a prior on the grid."""
+    values = np.clip((prior.spread_px, prior.length_px), lows, highs)
+    floors, ceilings = (np.log(limit) / np.log(_RATIO) for limit in (lows, highs))
+    places = np.clip(np.round(np.log(values) / np.log(_RATIO)), np.ceil(floors), np.floor(ceilings))
+    return int(places[0]), int(places[1])
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """A Gaussian distribution of the coefficients of a field.
+
+    Attributes
+    ----------
+    lattice : Lattice
+        The control points.
+    prior : Prior
+        What it was found with.
+    mean : ndarray, shape (2 * control points,)
+        Most probable coefficients [pixels], in the order of the bands.
+    factor : ndarray
+        Bands of the Cholesky factor of its precision.
+    evidence : float
+        Log-probability of the data under the prior, but for a constant.
+    """
+
+    lattice: Lattice
+    prior: Prior
+    mean: NDArray[np.float64]
+    factor: Bands
+    evidence: float
+
+    def coefficients(self) -> NDArray[np.float64]:
+        """The mean [pixels], shape (2, control rows, control columns)."""
+        return np.asarray(self._unordered(self.mean[None])[0])
+
+    def standard_error_px(self) -> NDArray[np.float64]:
+        """Standard error of the displacement's length [pixels], shape (rows, columns), from 64 draws."""
+        normal = np.random.default_rng(0).standard_normal((self.mean.size, _DRAWS))
+        draws, _ = dtbtrs(self.factor, normal, uplo="U")
+        return self.lattice.length(self._unordered(np.asarray(draws).T))
+
+    def _unordered(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+        out: NDArray[np.float64] = np.empty_like(vectors)
+        out[:, self.lattice.order] = vectors
+        return out.reshape(-1, 2, *self.lattice.size)
