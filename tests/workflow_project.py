@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import sys
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -67,6 +67,8 @@ class Project:
     """A folder with the workflow in it."""
 
     folder: Path
+    # what `run` starts Snakemake with; tests/workflow has a quicker one
+    interpreter: list[str] = field(default_factory=lambda: [sys.executable])
 
     def write(self, name: str = "tiny.yaml", **changes: Any) -> str:
         (self.folder / name).write_text(yaml.safe_dump(tiny_case(**changes)))
@@ -77,7 +79,7 @@ class Project:
 
     def run(self, *arguments: str, cores: int = 2) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
-            self.command(*arguments, cores=cores),
+            [*self.interpreter, *self.command(*arguments, cores=cores)[1:]],
             cwd=self.folder,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,

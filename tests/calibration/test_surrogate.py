@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import pickle
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -198,3 +200,16 @@ def test_a_smaller_measured_noise_changes_nothing() -> None:
     direct = Surrogate([[0, 1], [0, 1]], x, dp, "direct", noisy=True, noise_variance=[1.0, 1.0, 1.0])
     assert not exact.noise_variance.any()
     assert not direct.noise_variance.any()
+
+
+def test_kriging_is_smts_and_is_imported_without_matplotlib():
+    code = (
+        "import sys\n"
+        "from radcal.calibration.surrogate import _krg\n"
+        "model, _ = _krg({})\n"
+        "print('matplotlib' in sys.modules)\n"
+        "from smt.surrogate_models import KPLS, KRG\n"
+        "print(isinstance(model, KRG), issubclass(KPLS, KRG))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "True", "False"]

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import io
+import sys
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
+from importlib import import_module
+from importlib.util import find_spec, module_from_spec
 from pathlib import Path
 from typing import Any, Literal
 
@@ -37,13 +41,31 @@ _RETRIES: tuple[dict[str, Any], ...] = (
 )
 
 
+@cache
+def _krg_class() -> Any:
+    """Kriging class of smt, imported without smt's other surrogates.
+
+    The package itself imports every surrogate, and with one of them matplotlib, a third of the whole. While the
+    module of kriging is imported, an empty package stands in its place.
+    """
+    name = "smt.surrogate_models"
+    if name in sys.modules:
+        return import_module(name).KRG
+    spec = find_spec(name)
+    if spec is None:
+        raise ImportError(f"No module named {name!r}", name=name)
+    sys.modules[name] = module_from_spec(spec)
+    try:
+        return import_module(f"{name}.krg").KRG
+    finally:
+        del sys.modules[name]
+
+
 def _krg(options: Mapping[str, Any]) -> tuple[Any, list[Any]]:
     """Return an smt KRG that keeps what its optimiser reports, and that list."""
-    from smt.surrogate_models import KRG  # imports scikit-learn: seconds that only training and search spend
-
     statuses: list[Any] = []
 
-    class Watched(KRG):  # type: ignore[misc]
+    class Watched(_krg_class()):  # type: ignore[misc]
         def _create_optimizer(self) -> Any:
             optimizer = super()._create_optimizer()
             inner = optimizer._minimize

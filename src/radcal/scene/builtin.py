@@ -12,10 +12,8 @@ from __future__ import annotations
 from typing import Any, cast
 
 import numpy as np
-from matplotlib.cbook import get_sample_data
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates
-from scipy.spatial import cKDTree
 
 from radcal.files import digest
 from radcal.scene.model import Scene
@@ -49,6 +47,8 @@ _CHANNEL_M = (12.0, 72.0)  # distance of the channel's banks from the foot of th
 
 def _terrain(east_m: NDArray[np.float64], north_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """SRTM elevation [m] at coordinates of the cut, by cubic splines."""
+    from matplotlib.cbook import get_sample_data  # here, because scenes of other sources need no matplotlib
+
     archive = cast(Any, get_sample_data("jacksboro_fault_dem.npz"))  # already opened by matplotlib, without pickles
     with archive:
         srtm = archive["elevation"].astype(np.float64)
@@ -80,6 +80,8 @@ def _correlated(rng: np.random.Generator, shape: tuple[int, int], length_m: floa
 
 def _parcels(rng: np.random.Generator, east_m: NDArray[np.float64], north_m: NDArray[np.float64]) -> NDArray[np.int64]:
     """Fields as Voronoi cells of a jittered grid: 0 grass, 1 crops, 2 bare soil."""
+    from scipy.spatial import cKDTree
+
     step = 220.0
     grid = np.arange(step / 2 - 2 * step, _SIDE_M + 2 * step, step)
     seeds = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)

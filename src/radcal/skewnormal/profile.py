@@ -66,13 +66,15 @@ def likelihood_ratio(sample: ArrayLike, skewness: float) -> float:
 
 def _critical(effective: float, v: float, level: float) -> float:
     """Value that the likelihood ratio of the true skewness exceeds with probability 1 - level."""
-    from scipy.stats import chi2
+    from scipy.special import gammaincinv
 
     skewness = MAX_SKEWNESS * abs(math.tanh(v))
     column = int(np.clip(np.searchsorted(_SKEWNESSES, skewness) - 1, 0, _SKEWNESSES.size - 2))
     share = (skewness - _SKEWNESSES[column]) / (_SKEWNESSES[column + 1] - _SKEWNESSES[column])
     ratios = (1.0 - share) * _RATIOS[:, column] + share * _RATIOS[:, column + 1]
-    return float(chi2.ppf(level, 1) * max(np.interp(math.log(effective), np.log(_SIZES), ratios), _LEAST_RATIO))
+    return float(
+        2.0 * gammaincinv(0.5, level) * max(np.interp(math.log(effective), np.log(_SIZES), ratios), _LEAST_RATIO)
+    )
 
 
 def intervals(
@@ -124,7 +126,7 @@ def intervals(
     Cox and Hinkley, "Theoretical Statistics" (1974), sections 7.2 and 9.3 (intervals as the
     values that tests accept, likelihood ratio). Azzalini and Capitanio 2014, section 3.1.
     """
-    from scipy.stats import norm, t
+    from scipy.special import ndtri, stdtrit
 
     if not 0.0 < level < 1.0:
         raise ValueError(f"expected a level between 0 and 1, found {level:g}")
@@ -133,11 +135,11 @@ def intervals(
         found = fit(sample)
     size = max(float(effective or y.size), 8.0)
     if size >= _WALD_SIZE and abs(found.cp[2]) <= _WALD_SKEWNESS:
-        half = norm.ppf(0.5 + 0.5 * level) * np.sqrt(np.diagonal(covariance(sample, found, size)))
+        half = ndtri(0.5 + 0.5 * level) * np.sqrt(np.diagonal(covariance(sample, found, size)))
         if np.isfinite(half).all():
             return found.cp[:, None] + np.outer(half, [-1.0, 1.0])
     profile = _Profile(y, size, (found.cp - [centre, 0.0, 0.0]) / [scale, scale, 1.0])
-    student = float(t.ppf(0.5 + 0.5 * level, size - 3.0) ** 2)
+    student = float(stdtrit(size - 3.0, 0.5 + 0.5 * level) ** 2)
     mean = [centre + scale * profile.bound(0, side, lambda _: student) for side in (-1.0, 1.0)]
     sd = [scale * math.exp(profile.bound(1, side, lambda _: student)) for side in (-1.0, 1.0)]
     v = [profile.bound(2, side, lambda v: _critical(size, v, level)) for side in (-1.0, 1.0)]
