@@ -7,13 +7,12 @@ import sys
 import time
 from collections.abc import Iterable
 from pathlib import Path
-from typing import NoReturn
 
 from radcal.config import Case
 from radcal.errors import RadcalError, StoreError
 from radcal.files import sweep_scripts, unwritable
 from radcal.jobs import CASE, FAILURE, OWNER, PROGRESS, STARTED, Follower
-from radcal.lock import CaseLock
+from radcal.lock import CaseLock, leave
 from radcal.records import REPLACE
 from radcal.salvage import files_of, salvage
 from radcal.slurm import cancel_leftovers, remember
@@ -100,7 +99,7 @@ class Session:
             sentences = salvage(self.folder, self._case, self._patterns)
         except OSError as error:
             path, why = error.filename or self.folder, error.strerror or error
-            _leave(f"{path} cannot be read ({why}); results are there, so make it readable.")
+            leave(f"{path} cannot be read ({why}); results are there, so make it readable.")
         for sentence in sentences:
             _say(sentence)
 
@@ -116,12 +115,12 @@ class Session:
         """
         self._lock.acquire()
         if refusal := self._refusal():
-            _leave(refusal)
+            leave(refusal)
         try:
             if cancelled := cancel_leftovers(self._slurm):
                 _say(f"{cancelled} jobs of an earlier snakemake cancelled; finished runs are kept.")
         except RadcalError as error:
-            _leave(str(error))
+            leave(str(error))
         sweep_scripts(_SNAKEMAKE / "scripts", self.folder)
         self._failure.unlink(missing_ok=True)
         self._started = True
@@ -166,9 +165,3 @@ class Session:
 def _say(sentence: str) -> None:
     sys.stderr.write(f"radcal: {sentence}\n")
     sys.stderr.flush()
-
-
-def _leave(sentence: str) -> NoReturn:
-    """End the process at once: no job has started, and Snakemake would add a traceback."""
-    _say(sentence)
-    os._exit(1)
