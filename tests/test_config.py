@@ -186,6 +186,7 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     (dyke(start=[1, 2, 3, "x"]), ["materials.dyke.start.3 is 'x'"]),
     # top level
     ({"case": "a b"}, ["case", "'a b'", "a letter"]),
+    ({"case": "a" * 101}, ["case", "has 101 letters", "at most 100"]),
     ({"case": "../up"}, ["case", "'../up'"]),
     ({"case": "1st"}, ["case", "'1st'"]),
     ({"case": ""}, ["case", "''"]),

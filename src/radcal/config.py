@@ -105,6 +105,7 @@ Radiometry = Literal["sigma0_local", "sigma0_ref", "beta0", "gamma0"]
 _DEFAULT_LAW = "mangia"
 _DESIGN_SIZE = {"classes": 2, "likelihood": 2, "density": 16}  # runs; classes know of law and speckle without any
 _LARGEST_WHOLE = 2.0**53
+_LONGEST_NAME = 100  # file systems take 255 bytes, and files named after a case add theirs
 _LARGEST = 1000.0  # of any parameter: powers beyond 10^100 are a unit mix-up, and no single-precision image holds them
 _COARSEST = 1000.0  # pixels to a resolution cell: the impulse response is sampled that much further
 
@@ -112,6 +113,8 @@ _COARSEST = 1000.0  # pixels to a resolution cell: the impulse response is sampl
 def _case_name(value: str) -> str:
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", value):
         raise ValueError(f"is {value!r}, expected a letter followed by letters, digits, _ or -")
+    if len(value) > _LONGEST_NAME:
+        raise ValueError(f"has {len(value)} letters, expected at most {_LONGEST_NAME}: a folder bears this name")
     return value
 
 

@@ -17,7 +17,17 @@ from typing import Any
 
 from radcal.errors import StoreError
 
-__all__ = ["alive", "atomic", "bring_back", "digest", "first_difference", "sweep", "working_folder"]
+__all__ = [
+    "alive",
+    "atomic",
+    "bring_back",
+    "digest",
+    "first_difference",
+    "sweep",
+    "sweep_scripts",
+    "unwritable",
+    "working_folder",
+]
 
 _PARTIAL = ".partial-"
 
@@ -96,9 +106,48 @@ def sweep(folder: str | Path) -> int:
             if partial.is_dir() and not partial.is_symlink():
                 shutil.rmtree(partial, ignore_errors=True)
             else:
-                partial.unlink(missing_ok=True)
+                with contextlib.suppress(OSError):  # somebody else's, in a folder that is not ours to write
+                    partial.unlink()
             removed += 1
     return removed
+
+
+def sweep_scripts(folder: str | Path, case_folder: str | Path) -> int:
+    """Remove the copies of scripts that a killed Snakemake has left of a case's jobs; return how many.
+
+    Parameters
+    ----------
+    folder : path
+        ``.snakemake/scripts``. Jobs of another case may be at work with theirs, which stay.
+    case_folder : path
+        ``results/<case>``, which nobody else works on. A copy names the logs of its job there.
+    """
+    mark = f"{Path(case_folder).as_posix()}/logs/".encode()
+    removed = 0
+    for script in Path(folder).glob("tmp*.py"):
+        with contextlib.suppress(OSError):
+            if mark in script.read_bytes():
+                script.unlink()
+                removed += 1
+    return removed
+
+
+def unwritable(folder: str | Path, besides: str = "external") -> Path | None:
+    """First folder, of one and all below it, in which this process may not make files; None where it may in all.
+
+    Parameters
+    ----------
+    folder : path
+        ``results/<case>``.
+    besides : str
+        Name of a folder directly below it that is not looked at.
+    """
+    for path, folders, _ in os.walk(folder):
+        if not os.access(path, os.W_OK | os.X_OK):
+            return Path(path)
+        if Path(path) == Path(folder) and besides in folders:
+            folders.remove(besides)
+    return None
 
 
 def bring_back(folder: str | Path) -> int:

@@ -17,6 +17,7 @@ from typing import Any, NoReturn
 from radcal.errors import RadcalError
 from radcal.files import alive
 from radcal.records import provenance
+from radcal.terminal import guard
 
 __all__ = [
     "CASE",
@@ -66,6 +67,7 @@ def logged(path: str | Path, config: Mapping[str, Any] | None = None) -> Iterato
     config : mapping, optional
         Sections of the configuration that the job depends on, for the files that it writes.
     """
+    guard()
     if OWNER in os.environ:
         die_with_parent()
         if not alive(int(os.environ[OWNER])):  # it ended before that was asked for
@@ -103,8 +105,7 @@ def _fail(sentence: str) -> NoReturn:
         with suppress(OSError):  # a full disk, which the sentence may be about
             Path(os.environ[FAILURE]).write_text(sentence + "\n", encoding="utf-8")
     if PROGRESS in os.environ:
-        with suppress(OSError):
-            _say(sentence)
+        _say(sentence)
     sys.exit(sentence)
 
 
@@ -123,8 +124,8 @@ def progress(line: str) -> None:
 def _say(text: str) -> None:
     """Write a line for people, where they will see it."""
     if PROGRESS in os.environ:
-        # in one piece: lines of several jobs meet in the file
-        with Path(os.environ[PROGRESS]).open("ab", buffering=0) as file:
+        # in one piece: lines of several jobs meet in the file; what it cannot take, on a full disk, fails no job
+        with suppress(OSError), Path(os.environ[PROGRESS]).open("ab", buffering=0) as file:
             file.write(f"{text}\n".encode())
     else:
         sys.stderr.write(f"{text}\n")

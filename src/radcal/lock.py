@@ -15,7 +15,7 @@ from typing import NoReturn, TextIO
 from radcal.errors import StoreError
 from radcal.files import alive, sweep
 
-__all__ = ["CaseLock", "claimed"]
+__all__ = ["CaseLock", "claimed", "leave"]
 
 logger = logging.getLogger(__name__)
 
@@ -39,7 +39,7 @@ class CaseLock:
             self._folder.mkdir(parents=True, exist_ok=True)
             file = (self._folder / ".lock").open("a+", encoding="ascii")
         except OSError as error:
-            _leave(f"{self._folder} cannot be written ({error.strerror}); results go there, so make it writable.")
+            leave(f"{self._folder} cannot be written ({error.strerror}); results go there, so make it writable.")
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -49,7 +49,7 @@ class CaseLock:
             if not process.isdigit() or host != socket.gethostname() or alive(int(process)):
                 file.close()
                 place = f" on {host}" if host and host != socket.gethostname() else ""
-                _leave(
+                leave(
                     f"another snakemake (process {process}{place}) is working on {self._folder}; wait for it, or stop "
                     "it and type the same command again."
                 )
@@ -109,7 +109,7 @@ def claimed(folder: str | Path, key: str) -> Iterator[None]:
         yield
 
 
-def _leave(sentence: str) -> NoReturn:
+def leave(sentence: str) -> NoReturn:
     """End the process at once: Snakemake would wrap an exception in its own words, and no job has started."""
     sys.stderr.write(f"radcal: {sentence}\n")
     sys.stderr.flush()

@@ -266,7 +266,7 @@ def _unreachable(path: Path, error: OSError) -> StoreError:
     return StoreError(f"{path}: cannot be read ({reason}); nothing was changed.")
 
 
-def set_aside(path: Path, reason: str, number: int | None = None) -> DamagedError:
+def set_aside(path: Path, reason: str, number: int | None = None, aside: Path | None = None) -> DamagedError:
     """Rename a file to ``*.damaged`` and return the error that says so.
 
     Parameters
@@ -277,8 +277,12 @@ def set_aside(path: Path, reason: str, number: int | None = None) -> DamagedErro
         What is wrong with it.
     number : int, optional
         Its inode: if another file has taken its place since, that one stays.
+    aside : path, optional
+        The new name, if it is another one.
     """
-    aside = path.with_suffix(".damaged")
+    first = aside = aside or path.with_suffix(".damaged")
+    while aside.exists() and (aside.is_dir() or path.is_dir()):  # only a file takes the place of a file
+        aside = first.with_name(f"{first.name}-{int(aside.name.rpartition('-')[2]) + 1 if aside != first else 2}")
     try:
         if number is None or path.stat().st_ino == number:
             path.replace(aside)
@@ -296,6 +300,8 @@ def set_aside(path: Path, reason: str, number: int | None = None) -> DamagedErro
 
 def inspect_file(path: Path, kind: str | None, most_bytes: int | None = None) -> None:
     """Raise what is wrong with a file, without touching it."""
+    if not path.is_file() and path.exists():
+        raise _Fault("is a folder or a device, expected a file")
     with path.open("rb") as handle:
         size = os.fstat(handle.fileno()).st_size
         whole = most_bytes is None or size <= most_bytes
@@ -307,7 +313,7 @@ def inspect_file(path: Path, kind: str | None, most_bytes: int | None = None) ->
         return
     try:
         with h5py.File(path, "r", locking=False) as file:
-            found = {name: file.attrs.get(name) for name in ("kind", "schema", "case")}
+            found = {name: file.attrs.get(name) for name in ("kind", "schema", "case", "hash")}
             outside = elsewhere(file)
     except (OSError, RuntimeError, KeyError, ValueError) as error:
         if isinstance(error, OSError) and error.errno is not None:
@@ -329,6 +335,8 @@ def inspect_file(path: Path, kind: str | None, most_bytes: int | None = None) ->
     # a run is what its key says, whichever case made it
     if kind != "run":
         _check_case(found["case"])
+    elif found["hash"] != path.stem:
+        raise _Fault(f"holds the run {found['hash']}, expected {path.stem}")
 
 
 def _check_case(found: Any) -> None:
@@ -374,6 +382,8 @@ def is_sealed(path: str | Path) -> bool:
     OSError
         It cannot be reached.
     """
+    if not Path(path).is_file() and Path(path).exists():
+        return True  # no file at all: that is for whoever inspects it to say
     with Path(path).open("rb") as handle:
         return handle.read(len(_SIGNATURE)) != _SIGNATURE
 

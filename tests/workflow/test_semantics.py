@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -10,6 +11,7 @@ import subprocess
 import time
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 import yaml
@@ -35,6 +37,8 @@ MESSAGES = {
     "final runs": "final_runs",
     "archive of all runs": "archive",
 }
+# of no rule's outputs: the treasure, and how long jobs took
+NOT_MADE = ("runs/", "benchmarks/")
 # planned only once the scores of the design are known
 LOOP = {"train", "propose", "verify"}
 # one other value of every section that the tiny case's rules read
@@ -95,7 +99,9 @@ def test_commands_of_snakemake_behave(finished):
     changed = ended(finished, "-n", *CASE, "--config", "target={pixels: 300}")
     assert "target" in changed
     assert finished.listing() == listing, "a dry run changed something"
-    assert "results/tiny/summary.json" in ended(finished, "--summary", *CASE)
+    # what a finished case holds is what the rules make, runs and times aside: what is missing of it is made again
+    made = set(re.findall(r"(?m)^results/tiny/(\S+)\t", ended(finished, "--summary", *CASE)))
+    assert made == {re.sub("^figures/.*", "figures", name) for name in listing if not name.startswith(NOT_MADE)}
     ended(finished, "--report", "snakemake.html", *CASE)
     assert (finished.folder / "snakemake.html").stat().st_size > 10_000
     assert finished.listing() == listing
@@ -113,6 +119,51 @@ def test_commands_of_snakemake_behave(finished):
     ended(finished, "all", *CASE, cores=1)
     assert contents(finished) == before
     assert finished.summary()["materials"] == summary["materials"]
+
+
+def content(path: Path) -> object:
+    """What a file holds, when it was made and how long that took aside."""
+    if path.suffix == ".h5":
+        with h5py.File(path) as file:
+            return file.attrs["content"]
+    if path.name == "summary.json":
+        return {
+            key: value for key, value in json.loads(path.read_text()).items() if key not in ("sha256", "wall_seconds")
+        }
+    return path.read_bytes()
+
+
+def test_whatever_is_missing_comes_back_and_no_run_is_repeated(finished):
+    out, records = finished.out(), finished.records()
+    names = [name for name in finished.listing() if not name.startswith(NOT_MADE) and ".snakemake" not in name]
+    before = {name: content(out / name) for name in names}
+    # these alone bring back all that they rest on: without them the others must come back by themselves
+    noticed = {"summary.json", "scores.json", *(name for name in names if name.endswith("/verified.json"))}
+    (out / "iterations/7").mkdir()
+    leftover = shutil.copy(out / "iterations/0/proposal.json", out / "iterations/7")
+    for name in ["iterations/2/surrogate.h5", "stop.json"]:
+        (out / name).rename(out / "aside")
+        planned = ended(finished, "-n", "--quiet", "host", *CASE)
+        assert f"Missing output files: results/tiny/{name}" in planned
+        assert not (out / name).exists(), "a dry run changed something"
+        (out / "aside").rename(out / name)
+    for name in before.keys() - noticed:
+        (out / name).unlink()
+    shutil.rmtree(out / "figures")
+    ended(finished, *CASE)
+    assert {name: content(out / name) for name in before} == before
+    assert finished.records() == records
+    # what is no part of the answer stays as it is
+    assert [path.name for path in Path(leftover).parent.iterdir()] == ["proposal.json"]
+    # damage that Snakemake does not see: one figure gone, a table that was changed, an index gone
+    (out / "figures/law_field.png").unlink()
+    (out / "runs.csv").write_text("changed\n")
+    said = ended(finished, *CASE)
+    assert "radcal: results/tiny/figures/law_field.png is missing, and made again." in said
+    assert "radcal: results/tiny/runs.csv: is damaged or was changed" in said
+    assert {name: content(out / name) for name in before} == before
+    assert (out / "runs.csv.damaged").read_text() == "changed\n"
+    assert finished.records() == records
 
 
 def test_surrogate_optimiser_and_levels_repeat_no_run(finished):

@@ -41,6 +41,7 @@ rule archive:
     output:
         archive=f"{OUT}/calibration.h5",
         table=f"{OUT}/runs.csv",
+        checksum=f"{OUT}/table.json",
     log:
         f"{OUT}/logs/archive.log",
     benchmark:
@@ -67,6 +68,7 @@ rule report:
         page=report(
             f"{OUT}/report.html", category="Report", caption="../report/report.rst"
         ),
+        checksums=f"{OUT}/report.json",
     log:
         f"{OUT}/logs/report.log",
     benchmark:

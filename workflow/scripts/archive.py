@@ -3,6 +3,7 @@
 from radcal.calibration.history import indexed, read_runs
 from radcal.config import Case, Stop
 from radcal.jobs import logged
+from radcal.listing import write_listing
 from radcal.measurement.registration import read_registered
 from radcal.measurement.target import read_targets
 from radcal.radar.geometry import read_geometry
@@ -28,3 +29,4 @@ with logged(snakemake.log[0], snakemake.params.case):
         final=final,
     )
     write_table(snakemake.output.table, snakemake.output.archive)
+    write_listing(snakemake.output.checksum, [snakemake.output.table])

@@ -1,10 +1,13 @@
 """Draw the figures and write the report, from the archive alone."""
 
 from radcal.jobs import logged, progress
+from radcal.listing import write_listing
 from radcal.report.figures import write_figures
 from radcal.report.html import write_report
 
 with logged(snakemake.log[0]):
     figures = write_figures(snakemake.input.archive, snakemake.output.figures)
     write_report(snakemake.output.page, snakemake.input.archive, figures)
+    pictures = [path for figure in figures for path in (figure.png, figure.pdf)]
+    write_listing(snakemake.output.checksums, [snakemake.output.page, *pictures])
     progress(f"report: {snakemake.output.page}")

@@ -1,0 +1,153 @@
+"""The terminal: lines for people, which may have nobody left to read them.
+
+Whoever types ``snakemake ... | head -1`` closes the pipe after one line. Without a guard the next line that a job
+prints fails the job, and one that Snakemake prints in a callback leaves its scheduler waiting for ever.
+"""
+
+from __future__ import annotations
+
+import atexit
+import errno
+import logging
+import os
+import re
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, TextIO
+
+__all__ = ["Guarded", "Messages", "guard"]
+
+
+class Guarded:
+    """A text stream whose reader may be gone: what cannot be written is dropped.
+
+    Parameters
+    ----------
+    stream : text stream
+        Standard output or error.
+    """
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        atexit.register(self._end)
+
+    def write(self, text: str) -> int:
+        """Write what can be written, and return how long the text is."""
+        self._try(lambda: self._stream.write(text))
+        return len(text)
+
+    def flush(self) -> None:
+        """Flush what can be flushed."""
+        self._try(self._stream.flush)
+
+    def _try(self, act: Callable[[], object]) -> None:
+        try:
+            act()
+        except OSError as error:
+            # a disk that is full may have room again
+            if error.errno != errno.ENOSPC:
+                self._mute()
+        except ValueError:  # closed
+            pass
+
+    def _mute(self) -> None:
+        """Send this and every later line, of this process and of those that it starts, to nobody."""
+        with suppress(OSError, ValueError):
+            nobody = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nobody, self._stream.fileno())
+            os.close(nobody)
+
+    def _end(self) -> None:
+        """Keep Python from ending with a status of its own because its last flush fails."""
+        try:
+            self._stream.flush()
+        except (OSError, ValueError):
+            self._mute()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+def guard(logger: logging.Logger | None = None) -> None:
+    """Let no line for people fail what prints it: standard streams that are closed, full or without a reader.
+
+    Parameters
+    ----------
+    logger : logging.Logger, optional
+        Its handlers that write to a standard stream are guarded too.
+    """
+    for number in (0, 1, 2):
+        try:
+            os.fstat(number)
+        except OSError:
+            # or the next file that is opened takes its number, and is printed into
+            nobody = os.open(os.devnull, os.O_RDWR)
+            if nobody != number:
+                os.dup2(nobody, number)
+                os.close(nobody)
+            os.set_inheritable(number, True)
+    streams: dict[int, Guarded] = {}
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            stream = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 - for as long as the process lives
+        if not isinstance(stream, Guarded):
+            setattr(sys, name, streams.setdefault(id(stream), Guarded(stream)))
+    for handler in logger.handlers if logger is not None else ():
+        if isinstance(handler, logging.StreamHandler):
+            if handler.stream is None:
+                handler.setStream(sys.stderr)
+            elif id(handler.stream) in streams:
+                handler.setStream(streams[id(handler.stream)])
+
+
+# what Snakemake says between any two lines of progress
+_ROUTINE = ("Select jobs to", "Execute ", "DAG of jobs will be", "Updating checkpoint")
+# what it adds to a failure that a job has explained in its own sentence
+_AFTERMATH = (
+    *("RuleException", "Shutting down", "Exiting because", "WorkflowError"),
+    *("Cannot restore", "Restored previous version", "Removing output files of failed job"),
+)
+_INTERRUPTED = "Terminating processes on user request"
+_PROTECTED = "ProtectedOutputException"
+
+
+class Messages:
+    """A filter of Snakemake's log that leaves one line per finished run, and one sentence per failure.
+
+    Parameters
+    ----------
+    explained : callable
+        Whether a job has ended with a sentence of its own.
+
+    Attributes
+    ----------
+    interrupted : bool
+        Whether Ctrl-C was typed.
+    """
+
+    def __init__(self, explained: Callable[[], bool]) -> None:
+        self._explained = explained
+        self.interrupted = False
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Whether a record is shown; one that is no sentence becomes one."""
+        text = str(record.msg)
+        if text.startswith(_INTERRUPTED):
+            self.interrupted = True
+            return False
+        if text.startswith(_PROTECTED):
+            record.msg = f"radcal: {_protected(text)}"
+            return True
+        explained = text.startswith(_AFTERMATH) and (self.interrupted or self._explained())
+        return not (text.startswith(_ROUTINE) or explained)
+
+
+def _protected(text: str) -> str:
+    """Snakemake's word on write-protected outputs as a sentence."""
+    files = re.findall(r"(?m)^\s+(results/\S+)$", text)
+    return (
+        f"{files[0] if files else 'a result'} is write-protected, and is to be made again: make it writable "
+        "(chmod u+w), or give the case another name (case: ...)."
+    )
