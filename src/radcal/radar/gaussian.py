@@ -76,14 +76,12 @@ def gaussian_row(n: Any, place: Any, stream: Any, look: Any, seed: Any, words: A
     real, imaginary : ndarray of float32
         Filled.
     """
-    k0, k1 = seed
-    zero = np.uint32(0)
     for i in range(n):
-        a, b, _, _ = philox(place[i], stream[i], look, zero, k0, k1)
+        a, b, _, _ = philox(place[i], stream[i], look, np.uint32(0), seed[0], seed[1])
         words[0, i] = a
         words[1, i] = b
-    # all 32 bits, centred between their neighbours: single precision has them where they count, near 0, which is
-    # where the largest powers come from (33 ln 2 = 22.9 at most); near 1 it would round to 1, which has no power
+    # all 32 bits, centred between neighbours: near 0, where the largest powers come from (33 ln 2 = 22.9 at most),
+    # single precision has them; near 1 it would round to 1, which has no power
     for i in range(n):
         real[i] = min((_F(words[0, i]) + _HALF) * _TWO32, _BELOW_ONE)
     bits = real.view(np.int32)

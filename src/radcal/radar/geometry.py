@@ -420,23 +420,9 @@ def _pixels(
 ) -> Geometry:  # fmt: skip
     """Distribute the facets over the pixels that they reach into."""
     rows, columns = shape
-    near_row = ((lines.near_m - (near - base)) / radar.range_spacing_m).astype(np.float32)
-    far_row = ((lines.far_m - (near - base)) / radar.range_spacing_m).astype(np.float32)
     per_column = radar.azimuth_spacing_m / step  # lines
-    counts = np.zeros(rows * columns, dtype=np.uint16)
-    layover, shadow = np.zeros((2, rows, columns), dtype=np.bool_)
-    count_facets(near_row, far_row, lines.state, per_column, rows, columns, counts, layover, shadow)
-    for line, nearest, furthest in lines.hidden:
-        from_row, to_row = ((slant - (near - base)) / radar.range_spacing_m for slant in (nearest, furthest))
-        shade(line, from_row, to_row, per_column, shadow)
+    near_row, far_row, layover, shadow, counts = _counted(lines, radar, near - base, per_column, shape)
     total = int(counts.sum(dtype=np.int64))
-    if total == 0:
-        raise SceneError("no part of the scene is visible to the radar.")
-    if total >= 2**31:
-        raise SceneError(
-            f"the image would hold {total:,} parts of facets, more than {2**31:,}: use a coarser pixel spacing or a "
-            "smaller scene."
-        )
     start = np.zeros(rows * columns + 1, dtype=np.int32)
     np.cumsum(counts, out=start[1:])
     facet_material = np.empty(total, dtype=np.uint8)
@@ -457,8 +443,7 @@ def _pixels(
     pure = np.zeros(rows * columns, dtype=np.uint8)
     mean_incidence = np.full(rows * columns, np.nan, dtype=np.float32)
     ground = np.full((2, rows * columns), np.nan, dtype=np.float32)
-    # weights to what the pixel holds: of objects one over the reference area, of the ground with sigma0_local one
-    # over a whole pixel's share, which is its width in lines
+    # of sigma0_local, a pixel's width in lines, too
     of_ground = np.full(rows, 1.0 / per_column, dtype=np.float32) if local else per_area
     order_facets(
         start, columns, facet_material, incidence, weight, place, of_ground, per_area, objects, cells, pure,
@@ -494,6 +479,34 @@ def _pixels(
         point_amplitude=points.amplitude,
         point_number=points.number,
     )
+
+
+def _counted(
+    lines: Lines, radar: Radar, near_m: float, per_column: float, shape: tuple[int, int]
+) -> tuple[NDArray[Any], ...]:
+    """First and last row of every facet, the masks of layover and shadow, and the parts of facets in every pixel."""
+    rows, columns = shape
+    to_rows = (near_m, radar.range_spacing_m)
+    near_row, far_row = (_rows(slant, *to_rows) for slant in (lines.near_m, lines.far_m))
+    counts = np.zeros(rows * columns, dtype=np.uint16)
+    layover, shadow = np.zeros((2, rows, columns), dtype=np.bool_)
+    count_facets(near_row, far_row, lines.state, per_column, rows, columns, counts, layover, shadow)
+    for line, nearest, furthest in lines.hidden:
+        shade(line, _rows(nearest, *to_rows), _rows(furthest, *to_rows), per_column, shadow)
+    total = int(counts.sum(dtype=np.int64))
+    if total == 0:
+        raise SceneError("no part of the scene is visible to the radar.")
+    if total >= 2**31:
+        raise SceneError(
+            f"the image would hold {total:,} parts of facets, more than {2**31:,}: use a coarser pixel spacing or a "
+            "smaller scene."
+        )
+    return near_row, far_row, layover, shadow, counts
+
+
+def _rows(slant_m: NDArray[np.float32], near_m: float, spacing_m: float) -> NDArray[np.float32]:
+    """Slant ranges in rows of the image, from the near edge of the first."""
+    return ((slant_m - near_m) / spacing_m).astype(np.float32)
 
 
 def _points(spots: Spots, radar: Radar, near: float, step: float) -> Points:
