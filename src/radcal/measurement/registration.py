@@ -67,7 +67,8 @@ def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: Re
     The field is found three times: on all pixels, and, as smooth as there, on each colour of a
     chequerboard. How well each colour predicts the other's squares says whether the images have
     anything in common, as does a comparison with mirrored images, and whether moving the image
-    makes it any better: the correlation on squares not used must rise by 0.001. The standard error of the field is that of its posterior.
+    makes it any better: the correlation on squares not used must rise by 0.001. The standard error
+    of the field is that of its posterior.
 
     Parameters
     ----------
