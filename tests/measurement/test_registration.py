@@ -63,6 +63,7 @@ def test_the_uncertainty_is_that_of_the_error():
     errors, said = [], []
     for seed in range(4):
         found = register(FIXED, measured(field(4.0, seed), 20 + seed), GEFOLKI)
+        assert found.applied
         errors.append(np.hypot(*(found.displacement_px - field(4.0, seed)))[15:-15, 15:-15])
         said.append(found.uncertainty_px[15:-15, 15:-15])
     ratio = np.sqrt(np.mean(np.square(said)) / np.mean(np.square(errors)))

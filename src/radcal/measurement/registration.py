@@ -67,8 +67,8 @@ def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: Re
     The field is found three times: on all pixels, and, as smooth as there, on each colour of a
     chequerboard. How well each colour predicts the other's squares says whether the images have
     anything in common, as does a comparison with mirrored images, and whether moving the image
-    makes it any better: the correlation on squares not used must rise by its standard error, and
-    by 0.001. The standard error of the field is that of its posterior.
+    makes it any better: the correlation on squares not used must rise by 0.001. The standard error
+    of the field is that of its posterior.
 
     Parameters
     ----------
@@ -113,8 +113,7 @@ def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: Re
     after = _held_out(ranks, (halves[0], halves[1]), squares)
     found = f"correlation {before.mean():.3f} before and {after.mean():.3f} after, on squares not used to find it"
     furthest = float(np.hypot(*field).max())
-    gain = after - before
-    raised = gain.mean() >= max(_standard_error(gain), _LEAST_GAIN)
+    raised = float((after - before).mean()) >= _LEAST_GAIN
     # what is left as it lies must have something in common as it lies
     z = _z(after if raised and furthest <= config.max_displacement_px else before)
     mirrored = _mirrored(levels, prior)
