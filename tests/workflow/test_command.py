@@ -14,8 +14,10 @@ import yaml
 from workflow_project import COLUMNS, ROOT, ROWS, Project
 
 from radcal.calibration.design import design_points
-from radcal.config import load
+from radcal.config import input_files, load
+from radcal.errors import ConfigError
 from radcal.records import read_json
+from radcal.simulators.command import check_command
 
 
 def example(project: Project, name: str) -> str:
@@ -220,21 +222,23 @@ def folders(project: Project) -> list[str]:
     return [path.name for path in work.iterdir()] if work.exists() else []
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"command": ["./no-sim", "{input}"]}, "radcal: simulator.command: the file no-sim does not exist."),
+def test_wrong_settings_are_refused_before_anything_runs(project, monkeypatch):
+    for changes, words in (
         ({"command": ["{python}", "sim.py", "{input}", "{field.b}"]}, "unknown placeholder 'field.b'"),
         ({"input": None, "command": ["{python}", "sim.py"]}, "the parameter field.a never reaches the program"),
-    ],
-    ids=["missing executable", "unknown placeholder", "unused parameter"],
-)
-def test_wrong_settings_are_refused_before_anything_runs(project, changes, words):
-    flawed(project, "", **changes)
+        ({"command": ["./no-sim", "{input}"]}, "simulator.command: the file no-sim does not exist."),
+    ):
+        flawed(project, "", **changes)
+        with monkeypatch.context() as patch, pytest.raises(ConfigError) as raised:
+            patch.chdir(project.folder)
+            case = load(["tiny.yaml"])
+            input_files(case)
+            check_command(case)
+        assert words in str(raised.value)
+    # and so does the workflow, in one sentence: the last of them
     done = project.run("--configfile", "tiny.yaml", "--dry-run")
     assert done.returncode != 0
-    (said,) = sentences(done.stdout)
-    assert words in said
+    assert sentences(done.stdout) == [f"radcal: {raised.value}"]
     assert not project.out().exists()
 
 

@@ -18,6 +18,7 @@ import yaml
 from workflow_project import COLUMNS, ROOT, ROWS, Project, make_project, tiny_case, write_raster
 
 from radcal.calibration.history import read_runs
+from radcal.config import case_from
 from radcal.stages import READS, reruns_table
 
 CASE = ("--configfile", "tiny.yaml")
@@ -78,19 +79,34 @@ def test_the_table_in_the_documents_is_that_of_the_code():
     assert set(CHANGES) | {"case", "replace"} == {key for sections in READS.values() for key in sections} | {"replace"}
 
 
-def test_a_changed_section_makes_again_what_the_table_says(finished):
+def test_each_rule_takes_the_sections_that_the_table_says():
+    """A job's ``params`` are its own rule's sections: what the table says is what Snakemake compares."""
+    text = "\n".join(path.read_text() for path in sorted((ROOT / "workflow" / "rules").glob("*.smk")))
+    rules = dict(re.findall(r"(?ms)^(?:rule|checkpoint) (\w+):\n(.*?)(?=^\S|\Z)", text))
+    taken = {rule: re.findall(r"CASE\.sections\((.*)\)", body) for rule, body in rules.items()}
+    assert {rule: found for rule, found in taken.items() if found} == {rule: [f'*READS["{rule}"]'] for rule in READS}
+
+
+@pytest.mark.parametrize("section", CHANGES)
+def test_a_changed_section_changes_what_those_rules_take(section):
+    old, new = case_from(tiny_case()), case_from(tiny_case(**{section: CHANGES[section]}))
+    changed = {rule for rule, sections in READS.items() if old.sections(*sections) != new.sections(*sections)}
+    assert changed == {rule for rule, sections in READS.items() if section in sections}
+
+
+@pytest.mark.parametrize("section", ["target", "optimiser"])
+def test_a_changed_section_makes_again_what_the_table_says(finished, section):
     """A dry run plans every rule that reads the section, and starts at no other."""
-    for section, value in CHANGES.items():
-        finished.write("changed.yaml", **{section: value})
-        planned = ended(finished, "-n", "--quiet", "host", "--configfile", "changed.yaml")
-        rules = set(re.findall(r"(?m)^(\w+) +\d+$", planned))
-        jobs = re.findall(
-            r"^(?:Local job|Job|Checkpoint)[^:]*: (.+)\nReason: Params have changed", planned, flags=re.MULTILINE
-        )
-        expected = {rule for rule, sections in READS.items() if section in sections} & set(MESSAGES.values())
-        assert jobs, planned
-        assert {MESSAGES.get(job, job) for job in jobs} <= expected, section
-        assert expected - rules <= (LOOP if "scores" in rules else set()), section
+    finished.write("changed.yaml", **{section: CHANGES[section]})
+    planned = ended(finished, "-n", "--quiet", "host", "--configfile", "changed.yaml")
+    rules = set(re.findall(r"(?m)^(\w+) +\d+$", planned))
+    jobs = re.findall(
+        r"^(?:Local job|Job|Checkpoint)[^:]*: (.+)\nReason: Params have changed", planned, flags=re.MULTILINE
+    )
+    expected = {rule for rule, sections in READS.items() if section in sections} & set(MESSAGES.values())
+    assert jobs, planned
+    assert {MESSAGES.get(job, job) for job in jobs} <= expected
+    assert expected - rules <= (LOOP if "scores" in rules else set())
 
 
 def test_commands_of_snakemake_behave(finished):

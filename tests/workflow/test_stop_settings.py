@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from radcal.calibration.history import read_runs
+from radcal.calibration.stopping import decide
+from radcal.config import Stop
+
 
 @pytest.fixture
 def history(finished):
@@ -45,17 +49,28 @@ def test_stop_settings_in_turn(history, finished):
     assert added <= 1  # the final check of another best point, where there is one
     assert fewer["runs"]["design"] + fewer["runs"]["infill"] == 13
 
-    # maximum up: on again
-    more, added = history(rms=1e-9, max_runs=tighter["iterations"] + 12 + 1)
-    assert more["iterations"] == tighter["iterations"] + 1
-    assert added >= 1
+    # what the rules walk by, over the runs as they stand: the maximum up, it goes on again
+    made = tighter["iterations"]
+    assert walk(finished, made, rms=1e-9, max_runs=13) == (1, "max_runs")
+    assert walk(finished, made, rms=1e-9, max_runs=made + 12) == (made, "max_runs")
+    assert walk(finished, made, rms=1e-9, max_runs=made + 12 + 1) == (made, None)
+    assert walk(finished, made, rms=1e-3) == (first["iterations"], "rms")
+    # stagnation ends no later with a patience of one than with more, which goes on
+    stuck, reason = walk(finished, made, rms=1e-12, stagnation_runs=1)
+    assert stuck <= made
+    assert reason in ("stagnation", None)
+    assert walk(finished, made, rms=1e-12, stagnation_runs=50) == (made, None)
 
-    # stagnation: ends at once with a patience of one, goes on with more
-    stuck, added = history(rms=1e-12, max_runs=more["iterations"] + 12 + 2, stagnation_runs=1)
-    patient, _ = history(rms=1e-12, max_runs=more["iterations"] + 12 + 2, stagnation_runs=50)
-    assert stuck["stop_reason"] in ("stagnation", "max_runs")
-    assert patient["iterations"] == more["iterations"] + 2
-    assert patient["iterations"] >= stuck["iterations"]
+
+def walk(project, made, **stop):
+    """Iterations that count under these settings, and how they end: None where another is to be made."""
+    files = [project.out() / "scores.json"]
+    files += [project.out() / f"iterations/{k}/verified.json" for k in range(made)]
+    for k in range(made + 1):
+        decision = decide(read_runs(files[: k + 1]), ["field"], Stop(**stop))
+        if decision.ended:
+            return k, decision.reason
+    return made, None
 
 
 def test_the_command_line_overrides_a_single_key(finished):
