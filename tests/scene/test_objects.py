@@ -357,7 +357,7 @@ def test_a_configured_scene_has_its_objects(tmp_path: Path) -> None:
         ({"generate": {}}, "scene.objects.generate: has no object, expected a number of trees"),
         ({"generate": {"trees": -1}}, "scene.objects.generate.trees is -1"),
         ({"generate": {"trees": 1}, "aspect": {"a": CURVE}}, "aspect is for a table"),
-        ({"path": "a.csv", "aspect": {"a": [[0, 1], [90, 500]]}}, "aspect.a has a cross-section of 500"),
+        ({"path": "a.csv", "aspect": {"a": [[0, 1], [90, 90]]}}, "aspect.a has a cross-section of 90"),
         ({"pth": "a.csv"}, "unknown key scene.objects.pth (did you mean 'path'?)"),
     ],
 )

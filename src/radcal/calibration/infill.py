@@ -71,7 +71,10 @@ def nsga2(objective: Any, dimension: int, config: Optimiser, seed: int, objectiv
         def evaluate_all(self, jobs: Any, **_: Any) -> Any:
             jobs = list(jobs)
             points = np.array([job.solution.variables[:] for job in jobs], dtype=np.float64)
-            for job, value in zip(jobs, objective(points), strict=True):
+            state = random.getstate()
+            values = objective(points)
+            random.setstate(state)  # libraries draw as they are imported, which must not move Platypus' numbers
+            for job, value in zip(jobs, values, strict=True):
                 job.solution.objectives[:] = [float(part) for part in np.atleast_1d(value)]
                 job.solution.constraint_violation = 0.0
                 job.solution.feasible = True
