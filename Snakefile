@@ -86,6 +86,8 @@ localrules:
 rule all:
     default_target: True
     input:
+        # also where a dry run cannot see how many iterations there will be
+        f"{OUT}/summary.json",
         # not the last file alone: what is missing before it would stay missing, and a finished loop whose
         # tolerance is tightened would be found complete
         results,
