@@ -10,11 +10,11 @@ from radcal.config.design import Design
 from radcal.config.inputs import executable_path, expand_path, files_below, input_files, vrt_folders
 from radcal.config.loading import case_from, load
 from radcal.config.materials import Material, Start
-from radcal.config.measurement import FileMeasurement, Measurement, Synthetic, SyntheticMeasurement
+from radcal.config.measurement import FileMeasurement, MeasurementConfig, Synthetic, SyntheticMeasurement
 from radcal.config.optimiser import Optimiser
 from radcal.config.radar import Radar
-from radcal.config.registration import Registration
-from radcal.config.scene import BuiltinScene, RasterScene, Scene, SceneObjects, SlantRangeScene
+from radcal.config.registration import RegistrationConfig
+from radcal.config.scene import BuiltinScene, RasterScene, SceneConfig, SceneObjects, SlantRangeScene
 from radcal.config.sentences import nearest
 from radcal.config.simulator import (
     BuiltinSimulation,
@@ -22,12 +22,12 @@ from radcal.config.simulator import (
     InputFile,
     Output,
     RawType,
-    Simulator,
+    SimulatorConfig,
     Template,
 )
 from radcal.config.stop import Stop
-from radcal.config.surrogate import Surrogate
-from radcal.config.target import Target
+from radcal.config.surrogate import SurrogateConfig
+from radcal.config.target import TargetConfig
 from radcal.config.validation import Validation
 from radcal.config.writing import default_yaml
 
@@ -40,23 +40,23 @@ __all__ = [
     "FileMeasurement",
     "InputFile",
     "Material",
-    "Measurement",
+    "MeasurementConfig",
     "Optimiser",
     "Output",
     "Radar",
     "RasterScene",
     "RawType",
-    "Registration",
-    "Scene",
+    "RegistrationConfig",
+    "SceneConfig",
     "SceneObjects",
-    "Simulator",
+    "SimulatorConfig",
     "SlantRangeScene",
     "Start",
     "Stop",
-    "Surrogate",
+    "SurrogateConfig",
     "Synthetic",
     "SyntheticMeasurement",
-    "Target",
+    "TargetConfig",
     "Template",
     "Validation",
     "case_from",

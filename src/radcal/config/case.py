@@ -13,17 +13,17 @@ from pydantic import Field, TypeAdapter, ValidationInfo, field_validator, model_
 from radcal.config.design import Design
 from radcal.config.limits import Seed
 from radcal.config.materials import DEFAULT_LAW, Material, check_parameters, default_materials
-from radcal.config.measurement import FileMeasurement, Measurement, Synthetic, SyntheticMeasurement
+from radcal.config.measurement import FileMeasurement, MeasurementConfig, Synthetic, SyntheticMeasurement
 from radcal.config.optimiser import Optimiser
 from radcal.config.radar import Radar
-from radcal.config.registration import Registration
-from radcal.config.scene import BuiltinScene, Scene
+from radcal.config.registration import RegistrationConfig
+from radcal.config.scene import BuiltinScene, SceneConfig
 from radcal.config.sections import TAGS, CaseName, Section
 from radcal.config.sentences import nearest
-from radcal.config.simulator import BuiltinSimulation, CommandSimulation, Simulator
+from radcal.config.simulator import BuiltinSimulation, CommandSimulation, SimulatorConfig
 from radcal.config.stop import Stop
-from radcal.config.surrogate import Surrogate
-from radcal.config.target import Target
+from radcal.config.surrogate import SurrogateConfig
+from radcal.config.target import TargetConfig
 from radcal.config.validation import Validation
 from radcal.disclosure import Undisclosed
 from radcal.radar.bands import same_label
@@ -50,20 +50,20 @@ class Case(Section):
     case: CaseName = Field("dyke", description="names the folder below results/")
     replace: bool = Field(False, description="let results of another scene or pass in that folder be replaced")
     seed: Seed = Field(1, description="every random draw not named elsewhere derives from it")
-    scene: Scene = BuiltinScene()
+    scene: SceneConfig = BuiltinScene()
     radar: Radar = Radar()
-    simulator: Simulator = BuiltinSimulation()
+    simulator: SimulatorConfig = BuiltinSimulation()
     materials: dict[str, Material] = Field(default_factory=default_materials, min_length=1)
-    measurement: Measurement = SyntheticMeasurement()
-    registration: Registration = Registration()
+    measurement: MeasurementConfig = SyntheticMeasurement()
+    registration: RegistrationConfig = RegistrationConfig()
     objective: Literal["classes", "density", "likelihood"] = Field(
         "classes",
         description="classes or likelihood (the law, by classes of incidence: docs/right_law.md), density (histogram)",
     )
-    target: Target = Target()
+    target: TargetConfig = TargetConfig()
     validation: Validation | None = Field(None, description="ground kept out to check the laws: {rows, means, keep}")
     design: Design = Design()
-    surrogate: Surrogate = Surrogate()
+    surrogate: SurrogateConfig = SurrogateConfig()
     optimiser: Optimiser = Optimiser()
     stop: Stop = Stop()
 

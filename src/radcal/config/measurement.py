@@ -10,7 +10,7 @@ from radcal.config.limits import Count, Decibels, Parameter, Real, Seed
 from radcal.config.radar import Radiometry
 from radcal.config.sections import Section
 
-__all__ = ["FileMeasurement", "Measurement", "Synthetic", "SyntheticMeasurement"]
+__all__ = ["FileMeasurement", "MeasurementConfig", "Synthetic", "SyntheticMeasurement"]
 
 
 class Synthetic(Section):
@@ -58,4 +58,4 @@ class FileMeasurement(Section):
     radiometry: Radiometry = Field("sigma0_local", description="what its pixels hold; that of radar.radiometry")
 
 
-Measurement = Annotated[SyntheticMeasurement | FileMeasurement, Field(discriminator="source")]
+MeasurementConfig = Annotated[SyntheticMeasurement | FileMeasurement, Field(discriminator="source")]

@@ -9,10 +9,10 @@ from pydantic import Field
 from radcal.config.limits import Real
 from radcal.config.sections import Section
 
-__all__ = ["Registration"]
+__all__ = ["RegistrationConfig"]
 
 
-class Registration(Section):
+class RegistrationConfig(Section):
     """How the measured image is brought onto the simulated one."""
 
     method: Literal["gefolki", "ilk", "none"] = Field(

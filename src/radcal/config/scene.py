@@ -10,7 +10,7 @@ from radcal.config.limits import Coordinate, Decibels, Integer, Length, Real, Se
 from radcal.config.sections import Section
 from radcal.scene.objects import check_curve
 
-__all__ = ["BuiltinScene", "GeneratedObjects", "RasterScene", "Scene", "SceneObjects", "SlantRangeScene"]
+__all__ = ["BuiltinScene", "GeneratedObjects", "RasterScene", "SceneConfig", "SceneObjects", "SlantRangeScene"]
 
 
 class GeneratedObjects(Section):
@@ -126,4 +126,4 @@ class RasterScene(Section):
         return self
 
 
-Scene = Annotated[BuiltinScene | SlantRangeScene | RasterScene, Field(discriminator="source")]
+SceneConfig = Annotated[BuiltinScene | SlantRangeScene | RasterScene, Field(discriminator="source")]

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from radcal.config.limits import LONGEST_S, Count, Integer, RetryWait, Timeout
 from radcal.config.sections import Section
 
-__all__ = ["BuiltinSimulation", "CommandSimulation", "InputFile", "Output", "RawType", "Simulator", "Template"]
+__all__ = ["BuiltinSimulation", "CommandSimulation", "InputFile", "Output", "RawType", "SimulatorConfig", "Template"]
 
 _SEED_BITS = 31  # of external programs: a C int
 _ONLY_MASKS = frozenset({"looks", "nesz_db", "range_resolution_m", "azimuth_resolution_m"})
@@ -236,4 +236,4 @@ class CommandSimulation(Section):
         return self
 
 
-Simulator = Annotated[BuiltinSimulation | CommandSimulation, Field(discriminator="kind")]
+SimulatorConfig = Annotated[BuiltinSimulation | CommandSimulation, Field(discriminator="kind")]

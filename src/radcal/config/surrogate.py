@@ -9,10 +9,10 @@ from pydantic import Field
 from radcal.config.limits import Count
 from radcal.config.sections import Section
 
-__all__ = ["Surrogate"]
+__all__ = ["SurrogateConfig"]
 
 
-class Surrogate(Section):
+class SurrogateConfig(Section):
     """What the kriging learns and how it is trained."""
 
     outputs: Literal["centred", "direct"] = Field(

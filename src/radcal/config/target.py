@@ -9,10 +9,10 @@ from pydantic import BeforeValidator, Field
 from radcal.config.limits import ALL_PIXELS, Decibels, Integer, Real
 from radcal.config.sections import Section
 
-__all__ = ["Target"]
+__all__ = ["TargetConfig"]
 
 
-class Target(Section):
+class TargetConfig(Section):
     """Which pixels of a material make its target density."""
 
     pixels: Annotated[
