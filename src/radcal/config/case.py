@@ -50,11 +50,15 @@ class Case(Section):
     case: CaseName = Field("dyke", description="names the folder below results/")
     replace: bool = Field(False, description="let results of another scene or pass in that folder be replaced")
     seed: Seed = Field(1, description="every random draw not named elsewhere derives from it")
-    scene: SceneConfig = BuiltinScene()
+    scene: SceneConfig = Field(BuiltinScene(), description="where elevation, materials and objects come from")
     radar: Radar = Radar()
-    simulator: SimulatorConfig = BuiltinSimulation()
-    materials: dict[str, Material] = Field(default_factory=default_materials, min_length=1)
-    measurement: MeasurementConfig = SyntheticMeasurement()
+    simulator: SimulatorConfig = Field(BuiltinSimulation(), description="radcal's own simulator or any other program")
+    materials: dict[str, Material] = Field(
+        default_factory=default_materials, min_length=1, description="surface materials by name"
+    )
+    measurement: MeasurementConfig = Field(
+        SyntheticMeasurement(), description="the measured image in a file, or a synthetic one"
+    )
     registration: RegistrationConfig = RegistrationConfig()
     objective: Literal["classes", "density", "likelihood"] = Field(
         "classes",

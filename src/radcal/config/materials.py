@@ -113,8 +113,8 @@ class Start(Section):
 class Material(Section):
     """A surface material: its law, and either fixed parameters or a box to search."""
 
-    calibrate: bool = False
-    law: str = DEFAULT_LAW
+    calibrate: bool = Field(False, description="whether its parameters are searched")
+    law: str = Field(DEFAULT_LAW, description="backscatter law (docs/laws.md)")
     angles_deg: Knots | None = Field(None, description="incidence angles of a tabulated law's knots [deg]")
     names: list[str] | None = Field(None, description="of the parameters (law: external)")
     units: list[str] | None = Field(None, description="of the parameters (law: external)")

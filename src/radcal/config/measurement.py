@@ -11,6 +11,7 @@ from radcal.config.radar import Radiometry
 from radcal.config.sections import Section
 
 __all__ = ["FileMeasurement", "MeasurementConfig", "Synthetic", "SyntheticMeasurement"]
+_SOURCE = "synthetic or file: each with keys of its own"
 
 
 class Synthetic(Section):
@@ -34,14 +35,14 @@ class Synthetic(Section):
 class SyntheticMeasurement(Section):
     """A measurement made by the simulator from hidden parameters."""
 
-    source: Literal["synthetic"] = "synthetic"
-    synthetic: Synthetic = Synthetic()
+    source: Literal["synthetic"] = Field("synthetic", description=_SOURCE)
+    synthetic: Synthetic = Field(Synthetic(), description="hidden truth, speckle, level and warp")
 
 
 class FileMeasurement(Section):
     """A measured image in a file, on the scene's image grid."""
 
-    source: Literal["file"] = "file"
+    source: Literal["file"] = Field("file", description=_SOURCE)
     path: str = Field(
         description="SICD, GeoTIFF or other raster, npy, npz, mat, HDF5; ${RADCAL_DATA} and the like are expanded"
     )

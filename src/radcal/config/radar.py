@@ -30,7 +30,7 @@ class Radar(Section):
     )
     band: str = Field("X", description="label of the carrier's band")
     frequency_ghz: Frequency | None = Field(None, description="carrier frequency [GHz], for laws that depend on it")
-    polarisation: Literal["HH", "HV", "VH", "VV"] = "HH"
+    polarisation: Literal["HH", "HV", "VH", "VV"] = Field("HH", description="transmitted and received")
     range_resolution_m: Length = Field(2.0, description="-3 dB width in slant range [m]")
     azimuth_resolution_m: Length = Field(3.5, description="-3 dB width in azimuth [m]")
     range_spacing_m: Length = Field(1.5, description="pixel spacing in slant range [m]")

@@ -11,15 +11,16 @@ from radcal.config.sections import Section
 from radcal.scene.objects import check_curve
 
 __all__ = ["BuiltinScene", "GeneratedObjects", "RasterScene", "SceneConfig", "SceneObjects", "SlantRangeScene"]
+_SOURCE = "builtin, slant_range or raster: each with keys of its own"
 
 
 class GeneratedObjects(Section):
     """Made-up objects, scattered evenly."""
 
-    trees: Annotated[Integer, Field(ge=0, le=10_000_000)] = 0
-    cars: Annotated[Integer, Field(ge=0, le=10_000_000)] = 0
-    buildings: Annotated[Integer, Field(ge=0, le=10_000_000)] = 0
-    seed: Seed = 1
+    trees: Annotated[Integer, Field(ge=0, le=10_000_000)] = Field(0, description="number of trees")
+    cars: Annotated[Integer, Field(ge=0, le=10_000_000)] = Field(0, description="number of cars")
+    buildings: Annotated[Integer, Field(ge=0, le=10_000_000)] = Field(0, description="number of buildings")
+    seed: Seed = Field(1, description="seed of their places and sizes")
 
     @model_validator(mode="after")
     def _some(self) -> Self:
@@ -57,7 +58,7 @@ class SceneObjects(Section):
 class BuiltinScene(Section):
     """Four square kilometres of real SRTM terrain with seven materials and a dyke."""
 
-    source: Literal["builtin"] = "builtin"
+    source: Literal["builtin"] = Field("builtin", description=_SOURCE)
     seed: Seed = Field(1, description="seed of the fields' layout and of the fine roughness")
     objects: SceneObjects | None = Field(None, description="what stands on the ground")
 
@@ -65,7 +66,7 @@ class BuiltinScene(Section):
 class SlantRangeScene(Section):
     """A label raster in slant range over flat ground: rows are range, columns are azimuth."""
 
-    source: Literal["slant_range"] = "slant_range"
+    source: Literal["slant_range"] = Field("slant_range", description=_SOURCE)
     labels: str = Field(description="GeoTIFF of material ids, 0 = no material")
     names: str = Field(description="JSON file: material id -> name")
     near_incidence_deg: Annotated[Real, Field(gt=0, lt=90)] = Field(
@@ -92,7 +93,7 @@ class SlantRangeScene(Section):
 class RasterScene(Section):
     """Elevation and materials from georeferenced rasters, resampled to one grid."""
 
-    source: Literal["raster"] = "raster"
+    source: Literal["raster"] = Field("raster", description=_SOURCE)
     elevation: str = Field(description="GeoTIFF or other raster of heights [m]")
     materials: str = Field(description="raster of material ids in any CRS, 0 = no material")
     names: str = Field(description="JSON file: material id -> name")

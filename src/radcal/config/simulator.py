@@ -12,6 +12,7 @@ from radcal.config.sections import Section
 
 __all__ = ["BuiltinSimulation", "CommandSimulation", "InputFile", "Output", "RawType", "SimulatorConfig", "Template"]
 
+_KIND = "builtin (radcal's own) or command (any other program)"
 _SEED_BITS = 31  # of external programs: a C int
 _ONLY_MASKS = frozenset({"looks", "nesz_db", "range_resolution_m", "azimuth_resolution_m"})
 
@@ -19,7 +20,7 @@ _ONLY_MASKS = frozenset({"looks", "nesz_db", "range_resolution_m", "azimuth_reso
 class BuiltinSimulation(Section):
     """radcal's own simulator."""
 
-    kind: Literal["builtin"] = Field("builtin", description="builtin (radcal's own) or command (any other program)")
+    kind: Literal["builtin"] = Field("builtin", description=_KIND)
     keep_images: bool = Field(False, description="keep the whole image in every run record")
 
     @property
@@ -81,8 +82,12 @@ def _number_as_text(value: object) -> object:
     return str(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
-Argument = Annotated[str, BeforeValidator(_braced), AfterValidator(_without_null)]
-Variable = Annotated[str, BeforeValidator(_number_as_text), AfterValidator(_without_null)]
+Argument = Annotated[
+    str, BeforeValidator(_braced, json_schema_input_type=str | dict[str, None]), AfterValidator(_without_null)
+]
+Variable = Annotated[
+    str, BeforeValidator(_number_as_text, json_schema_input_type=str | float), AfterValidator(_without_null)
+]
 Words = Annotated[list[Argument], Field(min_length=1), BeforeValidator(_listed)]
 FileName = Annotated[str, AfterValidator(_inside)]
 
@@ -91,7 +96,7 @@ class InputFile(Section):
     """A file with all that the program needs to know of a run."""
 
     file: FileName = Field("input.json", description="its name in the run's folder")
-    format: Literal["json", "toml"] = "json"
+    format: Literal["json", "toml"] = Field("json", description="what the file is written in")
     radar: bool = Field(True, description="write the section radar into it: another looks or nesz_db is then a new run")
 
 
@@ -146,12 +151,12 @@ class Output(Section):
 class CommandSimulation(Section):
     """Any other program, called once for each run in a folder of its own."""
 
-    kind: Literal["command"] = "command"
+    kind: Literal["command"] = Field("command", description=_KIND)
     command: Words = Field(
         description="program and arguments; no shell reads them. {input}, {output}, {folder}, {geometry}, {python}, "
         "{noise_seed} and {material.parameter} are filled in"
     )
-    output: Output
+    output: Output = Field(description="the image that the program writes")
     name: str | None = Field(None, description="of the simulator; the program's file name if missing")
     version: str | None = Field(None, description="of the simulator, if version_command does not tell it")
     version_command: Words | None = Field(None, description="program and arguments that print the version")

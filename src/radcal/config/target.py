@@ -16,7 +16,12 @@ class TargetConfig(Section):
     """Which pixels of a material make its target density."""
 
     pixels: Annotated[
-        Integer, Field(ge=50, le=ALL_PIXELS), BeforeValidator(lambda value: ALL_PIXELS if value == "all" else value)
+        Integer,
+        Field(ge=50, le=ALL_PIXELS),
+        BeforeValidator(
+            lambda value: ALL_PIXELS if value == "all" else value,
+            json_schema_input_type=Annotated[int, Field(ge=50, le=ALL_PIXELS)] | Literal["all"],
+        ),
     ] = Field(1000, description="pixels drawn without replacement, or all")
     margin_px: Annotated[Integer, Field(ge=0, le=100)] = Field(
         1, description="pixels this near to another material are left out"

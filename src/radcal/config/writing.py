@@ -9,6 +9,7 @@ from radcal.config.case import Case
 __all__ = ["default_yaml"]
 
 _HEADER = """\
+# yaml-language-server: $schema=schema.json
 # The default case. Every key below is a default: a case of your own needs only the keys that differ.
 # Written by: python -m radcal.config > config/config.yaml
 """
