@@ -16,7 +16,7 @@ from radcal import config as configuration
 from radcal.calibration.history import read_runs
 from radcal.calibration.reuse import check_reuse
 from radcal.calibration.stopping import decide
-from radcal.casefile import check_words
+from radcal.config.casefile import check_words
 from radcal.errors import RadcalError
 from radcal.radar import SIMULATOR_VERSION
 from radcal.session import Session

@@ -34,7 +34,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 from skimage.registration import optical_flow_ilk, optical_flow_tvl1
 from threadpoolctl import threadpool_limits
 
-from radcal.config import Registration
+from radcal.config import RegistrationConfig
 from radcal.measurement.displacement import invert
 from radcal.measurement.gefolki import find_flow, pyramid, rank_transform
 from radcal.measurement.model import Measurement
@@ -126,7 +126,7 @@ def methods() -> dict[str, Method | None]:
 def whole(fixed: Image, moving: Image) -> float:
     """Time of all that the workflow does [s]."""
     start = time.perf_counter()
-    print("\n" + register(fixed, Measurement(moving, "HV"), Registration()).verdict)
+    print("\n" + register(fixed, Measurement(moving, "HV"), RegistrationConfig()).verdict)
     return time.perf_counter() - start
 
 

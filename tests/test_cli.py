@@ -10,9 +10,9 @@ import pytest
 from snakemake.cli import parse_args, parse_config
 from typer.testing import CliRunner, Result
 
-from radcal.casefile import check_words
 from radcal.cli import app, snakemake_command
 from radcal.config import load
+from radcal.config.casefile import check_words
 from radcal.errors import ConfigError
 
 ROOT = Path(__file__).parents[1]

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from radcal.config import Radar
-from radcal.config import Target as TargetConfig
+from radcal.config import Radar, TargetConfig
 from radcal.errors import MeasurementError
 from radcal.measurement.model import Measurement
 from radcal.measurement.pixels import eligible_pixels, noise_limited, point_targets

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from radcal.config import Registration
+from radcal.config import RegistrationConfig
 from radcal.errors import MeasurementError
 from radcal.measurement.displacement import invert
 from radcal.measurement.model import Measurement
 from radcal.measurement.registration import read_registered, register, write_registered
 
 SHAPE = (200, 230)
-GEFOLKI = Registration()
+GEFOLKI = RegistrationConfig()
 
 
 def ground(seed=1):
@@ -84,21 +84,21 @@ def test_an_image_in_its_place_is_left_there():
 
 
 def test_registration_raises_the_correlation(registered):
-    as_it_lies = register(FIXED, measured(field(4.0)), Registration(method="none"))
+    as_it_lies = register(FIXED, measured(field(4.0)), RegistrationConfig(method="none"))
     assert not as_it_lies.applied
     assert registered.correlation.mean() > as_it_lies.correlation.mean()
 
 
 def test_none_takes_the_image_as_it_lies():
     measurement = measured(field(4.0))
-    found = register(FIXED, measurement, Registration(method="none"))
+    found = register(FIXED, measurement, RegistrationConfig(method="none"))
     assert found.measurement is measurement
     assert not found.displacement_px.any()
     assert not found.uncertainty_px.any()
 
 
 def test_ilk_is_an_alternative_with_a_wider_uncertainty(registered):
-    found = register(FIXED, measured(field(4.0)), Registration(method="ilk"))
+    found = register(FIXED, measured(field(4.0)), RegistrationConfig(method="ilk"))
     assert found.applied
     assert np.hypot(*(found.displacement_px - field(4.0)))[15:-15, 15:-15].mean() < 0.8
     assert np.median(found.uncertainty_px) > np.median(registered.uncertainty_px)
@@ -107,13 +107,13 @@ def test_ilk_is_an_alternative_with_a_wider_uncertainty(registered):
 def test_a_large_shift_is_found_by_phase_correlation_first():
     shift = np.array([31.0, -22.0])
     moving = Measurement(np.roll(speckled(ground(), 12), shift.astype(int), axis=(0, 1)), "shifted.tif")
-    found = register(FIXED, moving, Registration(global_shift=True, max_displacement_px=60))
+    found = register(FIXED, moving, RegistrationConfig(global_shift=True, max_displacement_px=60))
     inside = found.displacement_px[:, 60:-60, 60:-60].mean(axis=(1, 2))
     np.testing.assert_allclose(inside, shift, atol=0.5)
 
 
 def test_a_registration_that_moves_too_far_is_not_used():
-    found = register(FIXED, measured(field(6.0)), Registration(max_displacement_px=2.0))
+    found = register(FIXED, measured(field(6.0)), RegistrationConfig(max_displacement_px=2.0))
     assert not found.applied
     assert "max_displacement_px = 2" in found.verdict
     np.testing.assert_array_equal(found.measurement.image_db, measured(field(6.0)).image_db)

@@ -8,7 +8,7 @@ from scipy import stats
 from scipy.ndimage import uniform_filter
 
 from radcal import skewnormal
-from radcal.config import Target as TargetConfig
+from radcal.config import TargetConfig
 from radcal.errors import FitError, MeasurementError
 from radcal.measurement.levels import Levels
 from radcal.measurement.model import Measurement

@@ -12,7 +12,7 @@ import pytest
 
 from radcal import skewnormal
 from radcal.calibration.history import History, Proposal, Run
-from radcal.config import Case, Registration, Stop, case_from
+from radcal.config import Case, RegistrationConfig, Stop, case_from
 from radcal.measurement.goodness import Goodness
 from radcal.measurement.model import Measurement
 from radcal.measurement.registration import Registered, register
@@ -183,7 +183,7 @@ def make_archive(
                 )
             )
     history = History(runs)
-    registered = register(measured, measurement, Registration(method="none"))
+    registered = register(measured, measurement, RegistrationConfig(method="none"))
     if moved:
         field = np.full((2, *shape), 1.5, dtype=np.float32)
         registered = replace(

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, uniform_filter
 
-from radcal.config import Radar
-from radcal.config import Target as TargetConfig
+from radcal.config import Radar, TargetConfig
 from radcal.errors import MeasurementError
 from radcal.measurement.looks import looks_of_log_variance
 from radcal.measurement.model import Measurement
@@ -158,7 +157,7 @@ def eligible_pixels(
         Material masks, layover, shadow.
     measurement : Measurement
         Registered image.
-    config : Target
+    config : TargetConfig
         Margin to other materials.
     uncertainty_px : ndarray, shape (rows, columns), optional
         Standard error of the registration [pixels], 0 where there was none: two of them, and

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.config import Registration as RegistrationConfig
+from radcal.config import RegistrationConfig
 from radcal.errors import MeasurementError
 from radcal.measurement.displacement import warp
 from radcal.measurement.gefolki import Level, find_flow, local_correlation, pyramid, rank_transform
@@ -76,7 +76,7 @@ def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: Re
         Simulated image [dB].
     measurement : Measurement
         Measured image of the same size.
-    config : Registration
+    config : RegistrationConfig
         Method and limits.
 
     Returns

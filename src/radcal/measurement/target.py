@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal import skewnormal
-from radcal.config import Case, Radar, Validation
-from radcal.config import Target as TargetConfig
+from radcal.config import Case, Radar, TargetConfig, Validation
 from radcal.errors import MeasurementError
 from radcal.measurement.class_target import ClassTarget, put_classes, take_classes
 from radcal.measurement.goodness import Goodness, effective_sample_size, goodness_of_fit

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from radcal.config import BuiltinScene, RasterScene, Scene, SlantRangeScene, expand_path, vrt_folders
+from radcal.config import BuiltinScene, RasterScene, SceneConfig, SlantRangeScene, expand_path, vrt_folders
 
 __all__ = ["SceneSize", "scene_size"]
 
@@ -28,12 +28,12 @@ class SceneSize:
     resampled: int
 
 
-def scene_size(config: Scene) -> SceneSize:
+def scene_size(config: SceneConfig) -> SceneSize:
     """Size of the configured scene.
 
     Parameters
     ----------
-    config : Scene
+    config : SceneConfig
         Section ``scene``.
 
     Raises

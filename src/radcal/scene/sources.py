@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from radcal.config import BuiltinScene, RasterScene, SceneObjects, expand_path
-from radcal.config import Scene as SceneConfig
+from radcal.config import BuiltinScene, RasterScene, SceneConfig, SceneObjects, expand_path
 from radcal.files import digest
 from radcal.scene.builtin import builtin_scene
 from radcal.scene.model import Scene

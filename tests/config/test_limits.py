@@ -24,7 +24,7 @@ from radcal.resources import memory_mb, runtime_minutes
 from radcal.scene.size import SceneSize
 
 Limit = tuple[str, str, str]  # key, lower and upper limit as docs/limits.md has them
-PAGE = Path(__file__).parents[1] / "docs" / "limits.md"
+PAGE = Path(__file__).parents[2] / "docs" / "limits.md"
 WILD = [0, -1, 1e308, -1e308, 1e-308, math.inf, math.nan, 2**63 - 1, 2**63, 2**64, 10**400, True, "1e3", "x", None, []]
 
 

@@ -1,6 +1,6 @@
 """Case files and values of the command line as text: one YAML document, each key once, safe to expand.
 
-Nothing here knows what a key means; :mod:`radcal.config` does.
+Nothing here knows what a key means; the models of :mod:`radcal.config` do.
 """
 
 from __future__ import annotations
@@ -14,9 +14,10 @@ from typing import Any
 
 import yaml
 
+from radcal.config.sentences import shown
 from radcal.errors import ConfigError
 
-__all__ = ["check_words", "merged", "read_case_file", "read_value", "setting", "shown"]
+__all__ = ["check_words", "merged", "read_case_file", "read_value", "setting"]
 
 _LARGEST_BYTES = 200_000  # of a case file: some twenty times the longest that radcal ships
 _LARGEST_VALUES = 200_000  # once every alias is written out: no file of that size without aliases holds so many
@@ -139,12 +140,6 @@ def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
         below = both.get(key)
         both[key] = merged(below, value) if isinstance(value, Mapping) and isinstance(below, Mapping) else value
     return both
-
-
-def shown(text: str, most: int = 60) -> str:
-    """A text as a sentence may quote it: cut after so many characters, and nothing in it moves a terminal."""
-    safe = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text[:most])
-    return safe if len(text) <= most else f"{safe[: most - 3]}..."
 
 
 def check_words(words: Sequence[str], origin: str = "--config") -> None:

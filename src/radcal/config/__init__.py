@@ -1,0 +1,71 @@
+"""The typed configuration of a case: the only place that interprets configuration.
+
+A case is one YAML file. Missing keys take the defaults of the models, a module a section, and the
+defaults are the default case: ``config/config.yaml`` is written from them
+(``python -m radcal.config``). Unknown keys are refused. All models are frozen.
+"""
+
+from radcal.config.case import Case
+from radcal.config.design import Design
+from radcal.config.inputs import executable_path, expand_path, files_below, input_files, vrt_folders
+from radcal.config.loading import case_from, load
+from radcal.config.materials import Material, Start
+from radcal.config.measurement import FileMeasurement, MeasurementConfig, Synthetic, SyntheticMeasurement
+from radcal.config.optimiser import Optimiser
+from radcal.config.radar import Radar
+from radcal.config.registration import RegistrationConfig
+from radcal.config.scene import BuiltinScene, RasterScene, SceneConfig, SceneObjects, SlantRangeScene
+from radcal.config.sentences import nearest
+from radcal.config.simulator import (
+    BuiltinSimulation,
+    CommandSimulation,
+    InputFile,
+    Output,
+    RawType,
+    SimulatorConfig,
+    Template,
+)
+from radcal.config.stop import Stop
+from radcal.config.surrogate import SurrogateConfig
+from radcal.config.target import TargetConfig
+from radcal.config.validation import Validation
+from radcal.config.writing import default_yaml
+
+__all__ = [
+    "BuiltinScene",
+    "BuiltinSimulation",
+    "Case",
+    "CommandSimulation",
+    "Design",
+    "FileMeasurement",
+    "InputFile",
+    "Material",
+    "MeasurementConfig",
+    "Optimiser",
+    "Output",
+    "Radar",
+    "RasterScene",
+    "RawType",
+    "RegistrationConfig",
+    "SceneConfig",
+    "SceneObjects",
+    "SimulatorConfig",
+    "SlantRangeScene",
+    "Start",
+    "Stop",
+    "SurrogateConfig",
+    "Synthetic",
+    "SyntheticMeasurement",
+    "TargetConfig",
+    "Template",
+    "Validation",
+    "case_from",
+    "default_yaml",
+    "executable_path",
+    "expand_path",
+    "files_below",
+    "input_files",
+    "load",
+    "nearest",
+    "vrt_folders",
+]

@@ -1,0 +1,307 @@
+"""The whole case: its sections, and the checks of one section against another."""
+
+from __future__ import annotations
+
+import math
+import re
+import typing
+from collections.abc import Mapping
+from typing import Any, Literal, Self
+
+from pydantic import Field, TypeAdapter, ValidationInfo, field_validator, model_validator
+
+from radcal.config.design import Design
+from radcal.config.limits import Seed
+from radcal.config.materials import DEFAULT_LAW, Material, check_parameters, default_materials
+from radcal.config.measurement import FileMeasurement, MeasurementConfig, Synthetic, SyntheticMeasurement
+from radcal.config.optimiser import Optimiser
+from radcal.config.radar import Radar
+from radcal.config.registration import RegistrationConfig
+from radcal.config.scene import BuiltinScene, SceneConfig
+from radcal.config.sections import TAGS, CaseName, Section
+from radcal.config.sentences import nearest
+from radcal.config.simulator import BuiltinSimulation, CommandSimulation, SimulatorConfig
+from radcal.config.stop import Stop
+from radcal.config.surrogate import SurrogateConfig
+from radcal.config.target import TargetConfig
+from radcal.config.validation import Validation
+from radcal.disclosure import Undisclosed
+from radcal.radar.bands import same_label
+from radcal.radar.laws import EXTERNAL, LAWS, Law, law_for
+
+__all__ = ["Case"]
+
+_DESIGN_SIZE = {"classes": 2, "likelihood": 2, "density": 16}  # runs; classes know of law and speckle without any
+
+
+def _with_fitting_stop(data: dict[str, Any]) -> dict[str, Any]:
+    """Another's program, and no tolerance asked for: end where runs tell no more than the image does."""
+    stop, simulator = data.get("stop", {}), data.get("simulator")
+    # sections that come as models were fitted when they were made
+    if not isinstance(stop, dict) or "rms" in stop or "at_sampling_error" in stop:
+        return data
+    kind = simulator.get("kind") if isinstance(simulator, dict) else getattr(simulator, "kind", None)
+    return {**data, "stop": {**stop, "at_sampling_error": True}} if kind == "command" else data
+
+
+class Case(Section):
+    """Everything radcal needs to know about one calibration."""
+
+    case: CaseName = Field("dyke", description="names the folder below results/")
+    replace: bool = Field(False, description="let results of another scene or pass in that folder be replaced")
+    seed: Seed = Field(1, description="every random draw not named elsewhere derives from it")
+    scene: SceneConfig = Field(BuiltinScene(), description="where elevation, materials and objects come from")
+    radar: Radar = Radar()
+    simulator: SimulatorConfig = Field(BuiltinSimulation(), description="radcal's own simulator or any other program")
+    materials: dict[str, Material] = Field(
+        default_factory=default_materials, min_length=1, description="surface materials by name"
+    )
+    measurement: MeasurementConfig = Field(
+        SyntheticMeasurement(), description="the measured image in a file, or a synthetic one"
+    )
+    registration: RegistrationConfig = RegistrationConfig()
+    objective: Literal["classes", "density", "likelihood"] = Field(
+        "classes",
+        description="classes or likelihood (the law, by classes of incidence: docs/right_law.md), density (histogram)",
+    )
+    target: TargetConfig = TargetConfig()
+    validation: Validation | None = Field(None, description="ground kept out to check the laws: {rows, means, keep}")
+    design: Design = Design()
+    surrogate: SurrogateConfig = SurrogateConfig()
+    optimiser: Optimiser = Optimiser()
+    stop: Stop = Stop()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _fitting_defaults(cls, data: object) -> object:
+        """Take the density where its one class is asked for, and where nothing else can be had."""
+        if not isinstance(data, dict):
+            return data
+        data = _with_fitting_stop(data)
+        if "objective" in data:
+            return data
+        target, materials = (data[key] if isinstance(data.get(key), dict) else {} for key in ("target", "materials"))
+        alone = target.get("incidence_classes") in (1, "1") or target.get("normalisation") == "image"
+        outside = any(
+            isinstance(item, dict) and item.get("calibrate") and item.get("law") == EXTERNAL
+            for item in materials.values()
+        )
+        return {**data, "objective": "density"} if alone or outside else data
+
+    @field_validator("scene", "simulator", "measurement", mode="before")
+    @classmethod
+    def _default_tag(cls, value: object, info: ValidationInfo) -> object:
+        if isinstance(value, dict) and info.field_name is not None:
+            tag = TAGS[info.field_name]
+            if tag not in value:
+                return {tag: getattr(cls.model_fields[info.field_name].default, tag), **value}
+        return value
+
+    @field_validator("materials")
+    @classmethod
+    def _material_names(cls, value: dict[str, Material]) -> dict[str, Material]:
+        for name in value:
+            if not re.fullmatch(r"[A-Za-z0-9]([A-Za-z0-9_ -]*[A-Za-z0-9_-])?", name):
+                raise ValueError(f"name {name!r} is not made of letters, digits, blanks, _ and -")
+        return value
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if not self.calibrated:
+            raise ValueError("materials: none is marked calibrate: true, expected at least one")
+        # the default truth is the default case's: where nobody wrote one, materials keep their start
+        if isinstance(self.measurement, SyntheticMeasurement) and self.measurement.synthetic.is_written:
+            for name, x in self.measurement.synthetic.parameters.items():
+                if name not in self.materials:
+                    raise ValueError(
+                        f"measurement.synthetic.parameters.{name}: no such material{nearest(name, self.materials)}"
+                    )
+                material = self.materials[name]
+                check_parameters(f"measurement.synthetic.parameters.{name}", x, material.unbound_law, material.law)
+                material.check_whole(f"measurement.synthetic.parameters.{name}", x)
+        for name in self.target.reference_materials or []:
+            if name not in self.materials:
+                raise ValueError(f"target.reference_materials: no material {name!r}{nearest(name, self.materials)}")
+            if self.materials[name].calibrate:
+                raise ValueError(
+                    f"target.reference_materials: {name!r} is calibrated, expected a material with fixed parameters"
+                )
+        if self.target.normalisation == "offset" and not self.reference_materials:
+            raise ValueError(
+                "target.normalisation is offset, expected at least one material with fixed parameters "
+                "(calibrate: false) to say the level, found none"
+            )
+        if isinstance(self.measurement, SyntheticMeasurement):
+            self._check_truth(self.measurement.synthetic)
+        self._check_laws()
+        if isinstance(self.measurement, FileMeasurement):
+            self._check_pass(self.measurement)
+        self._check_objective()
+        if self.design.reuse == self.case:
+            raise ValueError(f"design.reuse is {self.case!r}, this case itself, expected an earlier one")
+        self._check_whole_box()
+        if self.stop.max_runs < self.design_size:
+            raise ValueError(
+                f"stop.max_runs is {self.stop.max_runs}, expected at least design.size ({self.design_size})"
+            )
+        return self
+
+    def _check_whole_box(self) -> None:
+        """Refuse a box of whole numbers that has no room for the design beside the reference run."""
+        materials = [self.materials[name] for name in self.calibrated]
+        if not all(all(material.integers) for material in materials):
+            return
+        points = math.prod(int(high - low) + 1 for material in materials for low, high in material.box)
+        if self.design_size >= points:
+            raise ValueError(
+                f"design.size is {self.design_size}, expected less than {points}: so many combinations of whole "
+                "parameters there are inside the bounds, and the reference run is one of them"
+            )
+
+    def _check_objective(self) -> None:
+        """Refuse what an objective has no use for, or cannot do."""
+        if self.objective == "density" and self.target.incidence_classes not in (1, "auto"):
+            raise ValueError(
+                f"target.incidence_classes is {self.target.incidence_classes}, which objective: density has no use "
+                "for, expected objective: classes"
+            )
+        if self.target.normalisation == "image" and self.validation is not None:
+            raise ValueError(
+                "validation is asked for and target.normalisation is image, whose values are no longer dB: errors of "
+                "block means would have no unit, expected normalisation none or offset"
+            )
+        if self.objective != "density" and self.target.normalisation == "image":
+            raise ValueError(
+                f"objective is {self.objective} and target.normalisation is image, whose values are no longer dB: "
+                "looks and priors have no meaning there, expected normalisation none or offset"
+            )
+        if self.objective != "density" or self.validation is not None:
+            key = "validation is asked for" if self.objective == "density" else f"objective is {self.objective}"
+            for name in self.calibrated:
+                if self.materials[name].law == EXTERNAL:
+                    raise ValueError(
+                        f"{key} and materials.{name}.law is {EXTERNAL}, whose curve only the simulator knows, "
+                        "expected objective: density without validation"
+                    )
+
+    def _check_truth(self, synthetic: Synthetic) -> None:
+        """Refuse a synthetic measurement without a truth in the law that is calibrated."""
+        for name, material in self.materials.items():
+            key = f"measurement.synthetic.parameters.{name}"
+            if name in synthetic.parameters and (synthetic.is_written or material.law == DEFAULT_LAW):
+                continue
+            if name in synthetic.parameters:
+                raise ValueError(
+                    f"{key} is missing: its default is for law {DEFAULT_LAW!r}, materials.{name}.law is "
+                    f"{material.law!r}"
+                )
+            if material.starts_with_another_law:
+                raise ValueError(
+                    f"{key} is missing: the hidden truth is of law {material.law!r}, and materials.{name}.start is of "
+                    "another law"
+                )
+
+    def _check_laws(self) -> None:
+        """Refuse laws that the simulator does not know, or that depend on what the radar does not say."""
+        command = isinstance(self.simulator, CommandSimulation)
+        for name, material in self.materials.items():
+            if material.law == EXTERNAL and not command:
+                raise ValueError(
+                    f"materials.{name}.law is {EXTERNAL}, which only simulator.kind: command can simulate, "
+                    f"expected one of {sorted(LAWS)}"
+                )
+            if material.starts_with_another_law and command:
+                raise ValueError(
+                    f"materials.{name}.start is of law {material.at_start.law!r}, which simulator.kind: command would "
+                    f"not be told: expected a list of {len(material.parameter_names)} numbers for law "
+                    f"{material.law!r}"
+                )
+            for key, seen in ((name, material), (f"{name}.start", material.at_start)):
+                if "frequency_ghz" in seen.unbound_law.needs and self.radar.frequency_ghz is None:
+                    raise ValueError(
+                        f"radar.frequency_ghz is missing: law {seen.law!r} of materials.{key} depends on it"
+                    )
+
+    def _check_pass(self, measurement: FileMeasurement) -> None:
+        """Refuse an image that is declared to be of another pass than the radar's."""
+        if measurement.radiometry != self.radar.radiometry:
+            raise ValueError(
+                f"measurement.radiometry is {measurement.radiometry}, radar.radiometry is {self.radar.radiometry}: set "
+                "radar.radiometry to the measurement's, the simulation is made in it"
+            )
+        if measurement.polarisation not in (None, self.radar.polarisation):
+            raise ValueError(
+                f"measurement.polarisation is {measurement.polarisation}, radar.polarisation is "
+                f"{self.radar.polarisation}: polarisations are never mixed, set both to the image's"
+            )
+        if measurement.carrier_band is not None and not same_label(measurement.carrier_band, self.radar.band):
+            raise ValueError(
+                f"measurement.carrier_band is {measurement.carrier_band!r}, radar.band is {self.radar.band!r}: "
+                "bands are never mixed, set both to the image's"
+            )
+
+    @property
+    def calibrated(self) -> list[str]:
+        """Names of the materials to calibrate, in the order of the file."""
+        return [name for name, material in self.materials.items() if material.calibrate]
+
+    @property
+    def design_size(self) -> int:
+        """Runs of the design."""
+        return _DESIGN_SIZE[self.objective] if self.design.size == "auto" else self.design.size
+
+    @property
+    def laws(self) -> dict[str, Law]:
+        """Every material's law for this pass, ready to be evaluated unless it is external."""
+        return {
+            name: law_for(
+                material.law,
+                frequency_ghz=self.radar.frequency_ghz,
+                polarisation=self.radar.polarisation,
+                angles_deg=material.angles_deg,
+                names=material.names,
+                units=material.units,
+            )
+            for name, material in self.materials.items()
+        }
+
+    @property
+    def at_start(self) -> Case:
+        """The case as the reference run sees it: materials have the law of their start."""
+        return self.model_copy(
+            update={"materials": {name: material.at_start for name, material in self.materials.items()}}
+        )
+
+    @property
+    def start_with_another_law(self) -> list[str]:
+        """Names of the calibrated materials whose reference run is made with another law."""
+        return [name for name, material in self.materials.items() if material.starts_with_another_law]
+
+    @property
+    def reference_materials(self) -> list[str]:
+        """Names of the materials that say the measured image's level."""
+        if self.target.reference_materials is not None:
+            return list(self.target.reference_materials)
+        return [name for name, material in self.materials.items() if not material.calibrate]
+
+    def sections(self, *names: str) -> dict[str, Any]:
+        """Return the named sections as plain data, for a rule's ``params``."""
+        sections = self.model_dump(mode="json", include=set(names))
+        if environment := sections.get("simulator", {}).get("environment"):
+            sections["simulator"]["environment"] = Undisclosed(environment)
+        return sections
+
+    @classmethod
+    def of_sections(cls, sections: Mapping[str, Any]) -> Case:
+        """Rebuild a case from :meth:`sections`; reading any other section is an AttributeError.
+
+        A job thus cannot depend on a key that its rule does not declare.
+        """
+        checked = {
+            name: TypeAdapter[Any](typing.cast(Any, cls.model_fields[name].annotation)).validate_python(value)
+            for name, value in sections.items()
+        }
+        case = cls.model_construct(**checked)
+        for name in cls.model_fields.keys() - checked.keys():
+            del case.__dict__[name]
+        return case

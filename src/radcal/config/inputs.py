@@ -1,0 +1,162 @@
+"""Files and programs that a case names: found, and refused in one sentence where they are missing."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+from radcal.config.case import Case
+from radcal.config.measurement import FileMeasurement
+from radcal.config.scene import BuiltinScene, RasterScene, SlantRangeScene
+from radcal.config.sentences import shown
+from radcal.config.simulator import CommandSimulation
+from radcal.errors import ConfigError
+from radcal.rasters import RasterRefused, raster_files
+
+__all__ = ["executable_path", "expand_path", "files_below", "input_files", "vrt_folders"]
+
+
+def expand_path(text: str, key: str, folder: bool = False) -> Path:
+    """Expand ``~`` and ``${VARIABLES}`` of a configured path.
+
+    Parameters
+    ----------
+    text : str
+        The path as written.
+    key : str
+        The configuration key, for the message.
+    folder : bool
+        Whether a folder will do, too.
+
+    Raises
+    ------
+    ConfigError
+        A variable is not set, or no such file exists.
+    """
+    missing = [name for name in re.findall(r"\$\{(\w+)\}", text) if name not in os.environ]
+    if missing:
+        raise ConfigError(
+            f"{key} is {text!r} but the environment variable {missing[0]} is not set: "
+            f"type export {missing[0]}=FOLDER first."
+        )
+    path = Path(os.path.expanduser(os.path.expandvars(text)))
+    try:
+        found = path.exists()
+    except OSError as error:  # a name too long for the file system
+        raise ConfigError(f"{key}: the file {shown(str(path), 200)} cannot be read ({error.strerror}).") from None
+    if not found:
+        raise ConfigError(f"{key}: the file {shown(str(path), 200)} does not exist.")
+    if not path.is_file() and not (folder and path.is_dir()):
+        raise ConfigError(f"{key}: {path} is not a file.")
+    if not os.access(path, os.R_OK):
+        raise ConfigError(f"{key}: no permission to read {path}.")
+    return path
+
+
+def executable_path(word: str, key: str, environment: Mapping[str, str]) -> Path:
+    """The program that the first word of a command names.
+
+    Parameters
+    ----------
+    word : str
+        ``{python}``, the interpreter that runs radcal; a path, with a slash; or a name on the
+        PATH.
+    key : str
+        The configuration key, for the message.
+    environment : mapping
+        Configured environment variables.
+
+    Raises
+    ------
+    ConfigError
+        There is no such program.
+    """
+    if word == "{python}":
+        return Path(sys.executable)
+    if not word.strip():
+        raise ConfigError(f"{key}: its first word is empty, expected a program.")
+    if "/" not in word:
+        found = shutil.which(word, path=environment.get("PATH"))
+        if found is None:
+            raise ConfigError(
+                f"{key}: no program {word!r} on the PATH; write a path, such as ./{word}, for a program elsewhere."
+            )
+        return Path(found).absolute()
+    path = expand_path(word, key)
+    if not os.access(path, os.X_OK):
+        raise ConfigError(f"{key}: {path} is not executable: type chmod +x {path}.")
+    return path.absolute()
+
+
+def files_below(path: Path) -> list[Path]:
+    """The file itself, or all files below a folder, in order."""
+    return sorted(item for item in path.rglob("*") if item.is_file()) if path.is_dir() else [path]
+
+
+def input_files(case: Case) -> dict[str, Path]:
+    """Existing files that the case reads, by configuration key.
+
+    Raises
+    ------
+    ConfigError
+        A file is missing.
+    """
+    files: dict[str, Path] = {}
+    rasters: tuple[str, ...] = ()
+    if isinstance(case.scene, SlantRangeScene):
+        rasters = ("labels",)
+    elif isinstance(case.scene, RasterScene):
+        rasters = ("elevation", "materials")
+    if isinstance(case.scene, SlantRangeScene | RasterScene):
+        for key in rasters:
+            files |= _raster_inputs(case.scene, key, f"scene.{key}")
+        files["scene.names"] = expand_path(case.scene.names, "scene.names")
+    if isinstance(case.scene, BuiltinScene | RasterScene) and case.scene.objects and case.scene.objects.path:
+        files["scene.objects.path"] = expand_path(case.scene.objects.path, "scene.objects.path")
+    if isinstance(case.measurement, FileMeasurement):
+        files |= _raster_inputs(case.measurement, "path", "measurement.path")
+    if isinstance(case.simulator, CommandSimulation):
+        files |= _simulator_files(case.simulator)
+    return files
+
+
+def vrt_folders(config: SlantRangeScene | RasterScene | FileMeasurement) -> tuple[Path, ...]:
+    """Folders in which sources of a VRT may lie besides its own.
+
+    Raises
+    ------
+    ConfigError
+        One of them is missing.
+    """
+    section = "measurement" if isinstance(config, FileMeasurement) else "scene"
+    return tuple(
+        expand_path(text, f"{section}.vrt_folders.{k}", folder=True) for k, text in enumerate(config.vrt_folders or ())
+    )
+
+
+def _raster_inputs(config: SlantRangeScene | RasterScene | FileMeasurement, name: str, key: str) -> dict[str, Path]:
+    """A file that may be a raster, and all that it is read together with."""
+    path = expand_path(getattr(config, name), key)
+    try:
+        others = raster_files(path, vrt_folders(config))
+    except RasterRefused as error:
+        raise ConfigError(f"{key}: {path} cannot be read as a raster ({error}).") from None
+    return {key: path} | {f"{key}.{k}": other for k, other in enumerate(others)}
+
+
+def _simulator_files(config: CommandSimulation) -> dict[str, Path]:
+    files = {}
+    if config.command[0] != "{python}":
+        files["simulator.command"] = executable_path(config.command[0], "simulator.command", config.environment)
+    for k, item in enumerate(config.templates):
+        files[f"simulator.templates.{k}"] = expand_path(item.template, f"simulator.templates.{k}.template")
+    for k, text in enumerate(config.files):
+        files[f"simulator.files.{k}"] = expand_path(text, f"simulator.files.{k}")
+    for k, text in enumerate(config.links):
+        for n, path in enumerate(files_below(expand_path(text, f"simulator.links.{k}", folder=True))):
+            files[f"simulator.links.{k}.{n}"] = path
+    return files

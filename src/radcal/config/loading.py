@@ -1,0 +1,65 @@
+"""Cases from files, the command line and plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from radcal.config.case import Case
+from radcal.config.sentences import sentence
+from radcal.errors import ConfigError
+
+__all__ = ["case_from", "load"]
+
+
+def _parsed(overrides: Mapping[str, Any]) -> dict[str, Any]:
+    """Sections that came from the command line as text, as data."""
+    from radcal.config.casefile import read_value
+
+    parsed = dict(overrides)
+    for key, value in overrides.items():
+        if isinstance(value, str) and key in Case.model_fields.keys() - {"case", "seed"}:
+            parsed[key] = read_value(value, f"--config {key}")
+    return parsed
+
+
+def case_from(data: Mapping[str, Any], origin: str = "configuration") -> Case:
+    """Check plain data and return the typed case.
+
+    Raises
+    ------
+    ConfigError
+        One sentence about the first problem found.
+    """
+    try:
+        return Case.model_validate(dict(data))
+    except ValidationError as error:
+        raise ConfigError(sentence(error, origin, Case)) from None
+
+
+def load(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None) -> Case:
+    """Read configuration files and command-line overrides into one typed case.
+
+    Parameters
+    ----------
+    files : sequence of path
+        YAML files, later ones win.
+    overrides : mapping, optional
+        What ``snakemake --config`` gave, or Snakemake's merged configuration; nested
+        values may be text.
+
+    Raises
+    ------
+    ConfigError
+        A file is missing, empty or not YAML, a key stands in it twice, or a value is refused.
+    """
+    from radcal.config.casefile import merged, read_case_file  # with PyYAML, which jobs have no use for
+
+    data: dict[str, Any] = {}
+    for file in files:
+        data = merged(data, read_case_file(file))
+    data = merged(data, _parsed(overrides or {}))
+    return case_from(data, ", ".join(str(f) for f in files) or "configuration")

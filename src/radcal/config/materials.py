@@ -1,0 +1,307 @@
+"""Section ``materials``: laws, and what of them is calibrated."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+from collections.abc import Sequence
+from typing import Annotated, Any, Self
+
+from pydantic import Discriminator, Field, Tag, model_validator
+
+from radcal.config.limits import Parameter, Real
+from radcal.config.sections import Section
+from radcal.config.sentences import nearest
+from radcal.radar.laws import EXTERNAL, LAWS, Law, external_law
+
+__all__ = ["DEFAULT_LAW", "Material", "Start", "check_parameters", "default_materials"]
+
+DEFAULT_LAW = "mangia"
+_LARGEST_WHOLE = 2.0**53
+_LARGEST = 1000.0  # of any parameter: powers beyond 10^100 are a unit mix-up, and no single-precision image holds them
+
+Knots = Annotated[list[Annotated[Real, Field(ge=0, le=90)]], Field(min_length=2)]
+
+
+def _law_of(
+    name: str,
+    angles_deg: Sequence[float] | None,
+    names: Sequence[str] | None = None,
+    units: Sequence[str] | None = None,
+) -> Law:
+    """The law that a material names, its knots bound: names and units of its parameters are known."""
+    if name not in LAWS and name != EXTERNAL:
+        raise ValueError(f"law is {name!r}, expected one of {[*sorted(LAWS), EXTERNAL]}")
+    if name != EXTERNAL and (names is not None or units is not None):
+        raise ValueError(f"law {name!r} names its own parameters: names and units are for law: {EXTERNAL}")
+    if name == EXTERNAL or "angles_deg" not in LAWS[name].needs:
+        if angles_deg is not None:
+            raise ValueError(f"angles_deg is given, law {name!r} has no knots")
+    elif angles_deg is None:
+        raise ValueError(f"angles_deg is missing, law {name!r} needs the incidence angles of its knots [deg]")
+    elif any(second <= first for first, second in itertools.pairwise(angles_deg)):
+        raise ValueError(f"angles_deg is {angles_deg}, expected increasing angles")
+    if name == EXTERNAL:
+        _check_names(names or (), units)
+        return external_law(names or (), units)
+    return LAWS[name].bound(angles_deg=angles_deg)
+
+
+def _check_names(names: Sequence[str], units: Sequence[str] | None) -> None:
+    """Refuse names of an external law's parameters that a program could not be told."""
+    for name in names:
+        if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
+            raise ValueError(f"names: {name!r} is not a letter followed by letters, digits and _")
+    if len(set(names)) != len(names):
+        raise ValueError(f"names are {list(names)}, expected each once")
+    if units is not None and len(units) != len(names):
+        raise ValueError(f"units has {len(units)} entries, names {len(names)}")
+
+
+def _takes(law: Law, name: str) -> str:
+    """How many parameters a law takes, in words."""
+    # those of an external law stand in the case itself, and may be what is wrong
+    named = "" if law.has_curve else f" (names: {', '.join(law.names) or 'none'})"
+    return f"law {name!r} takes {len(law.names)}{named}"
+
+
+def check_parameters(key: str, values: Sequence[float], law: Law, name: str) -> None:
+    """Refuse parameters of the wrong number, or that the law has no value for.
+
+    Parameters
+    ----------
+    key : str
+        What the message calls them.
+    values : sequence of float, shape (d,)
+        Parameters, each in its law's unit.
+    law : Law
+        The law with names and limits of its parameters.
+    name : str
+        Name of the law.
+
+    Raises
+    ------
+    ValueError
+        There are more or fewer than the law takes, or one lies outside the law's limits.
+    """
+    if len(values) != len(law.names):
+        raise ValueError(f"{key} has {len(values)} numbers, {_takes(law, name)}")
+    # what is large for a parameter of somebody else's, only they could say
+    largest = _LARGEST if law.has_curve else math.inf
+    limits = law.limits or ((-largest, largest),) * len(law.names)
+    for parameter, x, (low, high) in zip(law.names, values, limits, strict=True):
+        if not low <= x <= high:
+            raise ValueError(f"{key}: {parameter} of law {name!r} is {x:g}, expected {low:g} to {high:g}")
+
+
+class Start(Section):
+    """A start with another law than the one that is calibrated: the reference run is made with it."""
+
+    law: str = Field(description="law of the reference run")
+    angles_deg: Knots | None = Field(None, description="knots of a tabulated law [deg]")
+    parameters: list[Parameter] = Field(description="its parameters")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.law == EXTERNAL:
+            raise ValueError(f"law is {EXTERNAL!r}, which is no law to start with, expected one of {sorted(LAWS)}")
+        check_parameters("parameters", self.parameters, _law_of(self.law, self.angles_deg), self.law)
+        return self
+
+
+class Material(Section):
+    """A surface material: its law, and either fixed parameters or a box to search."""
+
+    calibrate: bool = Field(False, description="whether its parameters are searched")
+    law: str = Field(DEFAULT_LAW, description="backscatter law (docs/laws.md)")
+    angles_deg: Knots | None = Field(None, description="incidence angles of a tabulated law's knots [deg]")
+    names: list[str] | None = Field(None, description="of the parameters (law: external)")
+    units: list[str] | None = Field(None, description="of the parameters (law: external)")
+    integer: (
+        Annotated[
+            Annotated[list[str], Tag("a list")] | Annotated[bool, Tag("yes or no")],
+            Discriminator(lambda value: "a list" if isinstance(value, list) else "yes or no"),
+        ]
+        | None
+    ) = Field(None, description="names of parameters that are whole numbers, or true for all (law: external)")
+    parameters: list[Parameter] | None = Field(None, description="fixed parameters (calibrate: false)")
+    bounds: list[tuple[Parameter, Parameter]] | None = Field(None, description="[lower, upper] of each parameter")
+    start: (
+        Annotated[
+            Annotated[list[Parameter], Tag("a list")] | Annotated[Start, Tag("a law")],
+            Discriminator(lambda value: "a law" if isinstance(value, dict | Start) else "a list"),
+        ]
+        | None
+    ) = Field(
+        None, description="starting parameters, or {law, parameters}; the middle of the bounds if missing"
+    )  # fmt: skip
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        law = self.unbound_law
+        d = len(law.names)
+        if not self.calibrate:
+            if self.parameters is None and d > 0:
+                raise ValueError(f"a material that is not calibrated needs parameters: {d} numbers {list(law.names)}")
+            check_parameters("parameters", self.parameters or [], law, self.law)
+            self._check_integers()
+            self.check_whole("parameters", self.parameters or [])
+            return self
+        if self.parameters is not None:
+            raise ValueError("a calibrated material takes start and bounds, not parameters")
+        if self.law == EXTERNAL and (d == 0 or self.bounds is None):
+            raise ValueError("a calibrated material of law external needs names and bounds of its parameters")
+        if self.bounds is None and law.bounds is None:
+            raise ValueError(
+                f"bounds is missing, law {self.law!r} has no default: expected [lower, upper] for each of "
+                f"{', '.join(law.names)}"
+            )
+        if len(self.box) != d:
+            raise ValueError(f"bounds has {len(self.box)} intervals, {_takes(law, self.law)}")
+        for name, (low, high) in zip(law.names, self.box, strict=True):
+            if not low < high:
+                raise ValueError(f"bounds of {name} are [{low:g}, {high:g}], expected lower < upper")
+            if law.has_curve and max(abs(low), abs(high)) > _LARGEST:
+                raise ValueError(f"bounds of {name} are [{low:g}, {high:g}], expected within +-{_LARGEST:g}")
+        self._check_integers()
+        for values in zip(*self.box, strict=True):
+            check_parameters("bounds", values, law, self.law)
+            self.check_whole("bounds", values)
+        if self.starts_with_another_law:
+            return self
+        if len(self.start_parameters) != d:
+            raise ValueError(f"start has {len(self.start_parameters)} numbers, {_takes(law, self.law)}")
+        for name, x, (low, high) in zip(law.names, self.start_parameters, self.box, strict=True):
+            if not low <= x <= high:
+                raise ValueError(f"start of {name} is {x:g}, expected inside its bounds [{low:g}, {high:g}]")
+        self.check_whole("start", self.start_parameters)
+        return self
+
+    def _check_integers(self) -> None:
+        """Refuse names of whole parameters that the law does not have."""
+        if self.integer and self.law != EXTERNAL:
+            raise ValueError(f"integer is for parameters of law: {EXTERNAL}, law is {self.law!r}")
+        for name in self.integer if isinstance(self.integer, list) else ():
+            if name not in self.parameter_names:
+                raise ValueError(f"integer: no parameter {name!r}{nearest(name, self.parameter_names)}")
+
+    def check_whole(self, key: str, values: Sequence[float]) -> None:
+        """Refuse values of whole parameters that are not whole.
+
+        Parameters
+        ----------
+        key : str
+            What the message calls them.
+        values : sequence of float, shape (d,)
+            One for each parameter.
+
+        Raises
+        ------
+        ValueError
+            One is not whole, or too large for a double to tell it from its neighbours.
+        """
+        for name, whole, x in zip(self.parameter_names, self.integers, values, strict=True):
+            if whole and (x != round(x) or abs(x) > _LARGEST_WHOLE):
+                raise ValueError(f"{key}: {name} is {x:g}, expected a whole number within +-2^53: it is integer")
+
+    @property
+    def integers(self) -> tuple[bool, ...]:
+        """Whether each parameter is a whole number."""
+        listed = self.integer if isinstance(self.integer, list) else self.parameter_names if self.integer else ()
+        return tuple(name in listed for name in self.parameter_names)
+
+    def handed(self, values: Sequence[float]) -> dict[str, float | int]:
+        """Parameters by name as an external program gets them: whole ones without a decimal point.
+
+        Parameters
+        ----------
+        values : sequence of float, shape (d,)
+            X.
+
+        Raises
+        ------
+        ValueError
+            One that is declared to be whole is not.
+        """
+        self.check_whole("X", values)
+        named = zip(self.parameter_names, self.integers, values, strict=True)
+        return {name: int(x) if whole else float(x) for name, whole, x in named}
+
+    @property
+    def unbound_law(self) -> Law:
+        """The law with names and units of its parameters, before the pass is known."""
+        return _law_of(self.law, self.angles_deg, self.names, self.units)
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Name of each parameter."""
+        return self.unbound_law.names
+
+    @property
+    def parameter_units(self) -> tuple[str, ...]:
+        """Unit of each parameter, empty where it has none."""
+        return self.unbound_law.units
+
+    @property
+    def box(self) -> list[tuple[float, float]]:
+        """Bounds of each parameter, the law's own where none are configured."""
+        return list(self.bounds if self.bounds is not None else self.unbound_law.bounds or ())
+
+    @property
+    def start_parameters(self) -> list[float]:
+        """Parameters of the reference run; of the start's law, if it names one."""
+        if not self.calibrate:
+            return list(self.parameters or [])
+        if isinstance(self.start, Start):
+            return list(self.start.parameters)
+        if self.start is not None:
+            return list(self.start)
+        middle = [0.5 * (low + high) for low, high in self.box]
+        return [float(math.ceil(x)) if whole else x for x, whole in zip(middle, self.integers, strict=True)]
+
+    @property
+    def starts_with_another_law(self) -> bool:
+        """Whether the reference run is made with another law than the one that is calibrated."""
+        return (
+            self.calibrate
+            and isinstance(self.start, Start)
+            and (self.start.law, self.start.angles_deg) != (self.law, self.angles_deg)
+        )
+
+    @property
+    def at_start(self) -> Material:
+        """The material as the reference run sees it: of the start's law."""
+        if not (self.starts_with_another_law and isinstance(self.start, Start)):
+            return self
+        # not checked again: bounds are the calibrated law's, and nothing of a reference run asks for them
+        start = {"law": self.start.law, "angles_deg": self.start.angles_deg, "start": list(self.start.parameters)}
+        return self.model_copy(update={**start, "bounds": None, "names": None, "units": None, "integer": None})
+
+
+_SYNTHETIC_MATERIALS: dict[str, dict[str, Any]] = {
+    "dyke": {
+        "calibrate": True,
+        "law": "mangia",
+        "bounds": [[0, 50], [0, 50], [0, 50], [0, 50]],
+        # bare soil of Oh et al. 1992 (docs/laws.md), at the level of this case's other laws: 30 dB up
+        "start": [0.0, 13.07, 12.17, 0.09],
+    },
+    "water": {"parameters": [2.0, 3.0, 22.0, 6.0]},
+    "grass": {"parameters": [10.0, 14.0, 6.0, 4.0]},
+    "forest": {"parameters": [20.0, 9.0, 2.0, 2.0]},
+    "crops": {"parameters": [12.0, 16.0, 5.0, 4.0]},
+    "bare_soil": {"parameters": [6.0, 15.0, 14.0, 5.0]},
+    "road": {"parameters": [2.0, 10.0, 18.0, 8.0]},
+}
+
+
+def default_materials() -> dict[str, Material]:
+    """Materials of the default case.
+
+    Returns
+    -------
+    dict
+        Name to material: the dyke is calibrated, six others have fixed parameters.
+    """
+    return {name: Material.model_validate(value) for name, value in _SYNTHETIC_MATERIALS.items()}

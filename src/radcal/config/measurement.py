@@ -1,0 +1,62 @@
+"""Section ``measurement``: the measured image, or a synthetic one."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from radcal.config.limits import Count, Decibels, Parameter, Real, Seed
+from radcal.config.radar import Radiometry
+from radcal.config.sections import Section
+
+__all__ = ["FileMeasurement", "MeasurementConfig", "Synthetic", "SyntheticMeasurement"]
+_SOURCE = "synthetic or file: each with keys of its own"
+
+
+class Synthetic(Section):
+    """The hidden truth of a synthetic measurement."""
+
+    parameters: dict[str, list[Parameter]] = Field(
+        default_factory=lambda: {"dyke": [6.1, 14.2, 21.5, 3.3]},
+        description="hidden parameters by material; others keep theirs",
+    )
+
+    @property
+    def is_written(self) -> bool:
+        """Whether the parameters were configured rather than left to their default."""
+        return "parameters" in self.model_fields_set
+
+    seed: Seed = Field(2, description="seed of the measurement's speckle, noise and warp")
+    offset_db: Decibels = Field(0.0, description="level offset of the measurement [dB]")
+    warp_px: Annotated[Real, Field(ge=0, le=50)] = Field(2.0, description="rms misregistration [pixels]")
+
+
+class SyntheticMeasurement(Section):
+    """A measurement made by the simulator from hidden parameters."""
+
+    source: Literal["synthetic"] = Field("synthetic", description=_SOURCE)
+    synthetic: Synthetic = Field(Synthetic(), description="hidden truth, speckle, level and warp")
+
+
+class FileMeasurement(Section):
+    """A measured image in a file, on the scene's image grid."""
+
+    source: Literal["file"] = Field("file", description=_SOURCE)
+    path: str = Field(
+        description="SICD, GeoTIFF or other raster, npy, npz, mat, HDF5; ${RADCAL_DATA} and the like are expanded"
+    )
+    scale: Literal["db", "power", "amplitude", "complex"] = Field(description="what the file's numbers are")
+    band: Count | None = Field(None, description="band of a raster, from 1; needed where it has several")
+    dataset: str | None = Field(None, description="name in npz, mat or HDF5; needed where they hold several")
+    polarisation: Literal["HH", "HV", "VH", "VV"] | None = Field(
+        None, description="transmitted and received; checked against radar.polarisation"
+    )
+    carrier_band: str | None = Field(None, description="label of the carrier's band; checked against radar.band")
+    vrt_folders: list[str] | None = Field(
+        None, description="folders in which sources of a VRT may lie, besides the VRT's own"
+    )
+    radiometry: Radiometry = Field("sigma0_local", description="what its pixels hold; that of radar.radiometry")
+
+
+MeasurementConfig = Annotated[SyntheticMeasurement | FileMeasurement, Field(discriminator="source")]

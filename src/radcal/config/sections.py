@@ -1,0 +1,32 @@
+"""What every section of the configuration is made of."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated
+
+from pydantic import AfterValidator, BaseModel, ConfigDict
+
+__all__ = ["TAGS", "CaseName", "Section"]
+
+_LONGEST_NAME = 100  # file systems take 255 bytes, and files named after a case add theirs
+
+# sections of several kinds, and the key that says which
+TAGS = {"scene": "source", "simulator": "kind", "measurement": "source"}
+
+
+def _case_name(value: str) -> str:
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", value):
+        raise ValueError(f"is {value!r}, expected a letter followed by letters, digits, _ or -")
+    if len(value) > _LONGEST_NAME:
+        raise ValueError(f"has {len(value)} letters, expected at most {_LONGEST_NAME}: a folder bears this name")
+    return value
+
+
+CaseName = Annotated[str, AfterValidator(_case_name)]
+
+
+class Section(BaseModel):
+    """A frozen section of the configuration that refuses unknown keys."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)

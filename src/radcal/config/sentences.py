@@ -1,0 +1,115 @@
+"""Sentences about wrong values: a text as it may be quoted, the nearest key, and what pydantic found."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import types
+import typing
+from collections.abc import Iterable, Mapping, Sequence
+
+from pydantic import BaseModel, ValidationError
+
+from radcal.config.sections import TAGS
+
+__all__ = ["nearest", "sentence", "shown"]
+
+
+def shown(text: str, most: int = 60) -> str:
+    """A text as a sentence may quote it: cut after so many characters, and nothing in it moves a terminal."""
+    safe = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text[:most])
+    return safe if len(text) <= most else f"{safe[: most - 3]}..."
+
+
+def nearest(key: str, known: Iterable[str]) -> str:
+    """Hint at what may have been meant by a key that is not known, in brackets."""
+    found = difflib.get_close_matches(key, list(known), n=1, cutoff=0.5)
+    return f" (did you mean {found[0]!r}?)" if found else f" (known: {', '.join(known)})"
+
+
+def _models_in(annotation: object) -> list[type[BaseModel]]:
+    """Configuration models that an annotation admits."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    if isinstance(annotation, types.UnionType) or typing.get_origin(annotation) is not None:
+        return [model for part in typing.get_args(annotation) for model in _models_in(part)]
+    return []
+
+
+def _tags(model: type[BaseModel]) -> list[object]:
+    return [model.model_fields[key].default for key in TAGS.values() if key in model.model_fields]
+
+
+def _known_keys(location: Sequence[int | str], root: type[BaseModel]) -> list[str]:
+    """Keys allowed beside the last element of an error's location."""
+    models = [root]
+    for part in location[:-1]:
+        if len(models) > 1:  # a union: this part is its tag, not a key
+            models = [model for model in models if part in _tags(model)]
+        else:
+            field = models[0].model_fields.get(str(part))
+            models = (_models_in(field.annotation) if field else []) or models
+    return sorted({name for model in models for name in model.model_fields})
+
+
+_ALTERNATIVES = ("a list", "a law", "one level", "a table", "yes or no")  # of pydantic's unions
+
+
+def _of_kind(match: re.Match[str]) -> str:
+    """What people write where pydantic asks for a kind of Python's."""
+    return {"dictionary": "keys and values", "tuple": "a list"}[match[1]]
+
+
+def sentence(error: ValidationError, origin: str, root: type[BaseModel]) -> str:
+    """The first problem of a validation error in one sentence.
+
+    Parameters
+    ----------
+    error : ValidationError
+        What pydantic found.
+    origin : str
+        Where the data come from, such as the name of a case file.
+    root : type of model
+        The model that was asked for: its keys are those that a misspelt one is compared with.
+    """
+    # a misspelt key that is required is both unknown and missing: what people wrote comes first
+    details = sorted(error.errors(), key=lambda detail: detail["type"] != "extra_forbidden")
+    first = details[0]
+    key = _key(first["loc"])
+    found = first["input"]
+    match first["type"]:
+        case "extra_forbidden":
+            *above, last = first["loc"]
+            key = f"{_key(above)}.{last}" if above else str(last)
+            text = f"unknown key {key}{nearest(str(last), _known_keys(first['loc'], root))}"
+        case "missing":
+            text = f"{key} is missing"
+        case "value_error":
+            text = f"{key}: {first['msg'].removeprefix('Value error, ')}"
+        case "union_tag_invalid" | "union_tag_not_found":
+            tag = TAGS[key]
+            text = f"{key}.{tag} is {_shown(found, tag)}, expected {first.get('ctx', {}).get('expected_tags', '')}"
+        case "int_parsing_size":
+            text = f"{key} is {shown(repr(found))}, expected an integer of fewer digits"
+        case _:
+            message = first["msg"].removeprefix("Input should be ").replace(" after validation", "")
+            message = re.sub(r"^\w+ should have ", "", message)
+            message = re.sub("^a valid (dictionary|tuple).*", _of_kind, message)
+            text = f"{key} is {shown(repr(found))}, expected {message}"
+    # of several alternatives for one key none fits, which is one problem
+    others = {_key(detail["loc"]) for detail in details[1:]} - {key}
+    more = f" (and {len(others)} more)" if others else ""
+    return f"{origin}: {shown(text, 600)}{more}."
+
+
+def _key(place: Sequence[int | str]) -> str:
+    """Where an error is, as people write it: without the tags that pydantic puts there."""
+    location = list(place)
+    if location and location[0] in TAGS and len(location) > 1:
+        location.pop(1)
+    location = [part for part in location if part not in _ALTERNATIVES and "[" not in str(part)]
+    return ".".join(str(part) for part in location) or "the configuration"
+
+
+def _shown(found: object, key: str) -> str:
+    return repr(found.get(key)) if isinstance(found, Mapping) else repr(found)

@@ -1,0 +1,53 @@
+"""The default case as commented YAML."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel
+
+from radcal.config.case import Case
+
+__all__ = ["default_yaml"]
+
+_HEADER = """\
+# yaml-language-server: $schema=schema.json
+# The default case. Every key below is a default: a case of your own needs only the keys that differ.
+# Written by: python -m radcal.config > config/config.yaml
+"""
+
+
+def default_yaml() -> str:
+    """Return the default case as commented YAML, the text of ``config/config.yaml``."""
+    return _HEADER + "\n" + "\n".join(_lines(Case())) + "\n"
+
+
+def _lines(section: BaseModel, indent: str = "") -> list[str]:
+    """One line per key with its description; nested sections indented."""
+    lines = []
+    for name, field in type(section).model_fields.items():
+        value = getattr(section, name)
+        if value is None:
+            continue
+        nested = value if isinstance(value, dict) else {}
+        if isinstance(value, BaseModel):
+            lines += [f"{indent}{name}:", *_lines(value, indent + "  ")]
+        elif any(isinstance(item, BaseModel) for item in nested.values()):
+            lines.append(f"{indent}{name}:")
+            for key, item in nested.items():
+                lines += [f"{indent}  {key}:", *_lines(item, indent + "    ")]
+        else:
+            comment = f"  # {field.description}" if field.description else ""
+            lines.append(f"{indent}{name}: {_inline(value)}{comment}")
+    return lines
+
+
+def _inline(value: object) -> str:
+    """A plain value in YAML on one line; YAML 1.1 would read 1e-05 as text."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key}: {_inline(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_inline(item) for item in value) + "]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float) and "e" in repr(value):
+        return f"{value:.1e}"
+    return f"{value:g}" if isinstance(value, float) and value == round(value) and abs(value) < 1e6 else str(value)

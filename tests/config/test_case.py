@@ -1,0 +1,378 @@
+"""The whole case: its defaults, wrong values, and one section against another."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+import yaml
+from config_samples import (
+    COMMAND,
+    FIXED,
+    GAMMA,
+    NO_TRUTH,
+    OH,
+    SOIL,
+    TABLE,
+    X,
+    dyke,
+    flat,
+    mapped,
+    measured,
+    message,
+    synthetic,
+    truth,
+)
+from pydantic import ValidationError
+
+from radcal.config import (
+    BuiltinScene,
+    Case,
+    FileMeasurement,
+    RasterScene,
+    SlantRangeScene,
+    SyntheticMeasurement,
+    case_from,
+)
+from radcal.errors import ConfigError
+
+
+def test_defaults_are_a_valid_case() -> None:
+    case = Case()
+    assert case == case_from({})
+    assert case == case_from(case.model_dump(mode="json"))
+    assert case.case == "dyke"
+    assert case.calibrated == ["dyke"]
+    assert len(case.materials) == 7
+    assert isinstance(case.scene, BuiltinScene)
+    assert isinstance(case.measurement, SyntheticMeasurement)
+    assert case.measurement.synthetic.parameters == {"dyke": [6.1, 14.2, 21.5, 3.3]}
+    assert case.materials["dyke"].box == [(0.0, 50.0)] * 4
+    assert (case.stop.rms, case.stop.max_runs, case.stop.stagnation_runs) == (1e-5, 200, 20)
+    assert (case.objective, case.design.sampler, case.design_size) == ("classes", "sobol", 2)
+    # the published method is one key away
+    assert case_from({"objective": "density"}).design_size == 16
+    assert case_from({"objective": "density", "design": {"size": 20}}).design_size == 20
+
+
+BAD: list[tuple[dict[str, Any], list[str]]] = [
+    # laws
+    (truth([-1, -2], GAMMA), ["measurement.synthetic.parameters.dyke has 2 numbers, law 'constant_gamma' takes 1"]),
+    (dyke(**GAMMA), ["measurement.synthetic.parameters.dyke is missing", "'mangia'", "is 'constant_gamma'"]),
+    (truth([-1], {"law": "constant_gamma"}), ["materials.dyke: bounds is missing", "no default", "gamma"]),
+    (truth(X + X[:2], {"law": "ulaby_dobson"}), ["materials.dyke: bounds is missing", "P1, P2, P3, P4, P5, P6"]),
+    (dyke(law="ulaby_dobson", bounds=[[0, 1]] * 2 + [[0, 101]] + [[0, 1]] * 3), ["P3", "is 101", "-100 to 100"]),
+    ({"materials": {"dyke": {"law": "ulaby_dobson"}}}, ["materials.dyke", "6 numbers", "'P6'"]),
+    (dyke(law="tabulated", bounds=[[-30, 0]] * 3), ["materials.dyke: angles_deg is missing", "'tabulated'"]),
+    (dyke(**{**TABLE, "angles_deg": [20, 20, 60]}), ["materials.dyke: angles_deg is [20.0, 20.0, 60.0]", "increasing"]),
+    (dyke(**{**TABLE, "angles_deg": [20]}), ["materials.dyke.angles_deg is [20]", "at least 2"]),
+    (dyke(**{**TABLE, "angles_deg": [20, 40, 91]}), ["materials.dyke.angles_deg.2 is 91"]),
+    (dyke(**{**TABLE, "bounds": [[-30, 0]] * 2}), ["materials.dyke: bounds has 2 intervals, law 'tabulated' takes 3"]),
+    (dyke(angles_deg=[20, 40]), ["materials.dyke: angles_deg is given, law 'mangia' has no knots"]),
+    (truth([8, 1, 1], OH), ["radar.frequency_ghz is missing: law 'oh1992' of materials.dyke depends on it"]),
+    (truth([8, 1, 0], OH, frequency_ghz=9.6), ["rms_height of law 'oh1992' is 0, expected 0.01 to 100"]),
+    (truth([8, 1, 1], {**OH, "bounds": [[5, 9], [-1, 1], [1, 2]]}, frequency_ghz=9.6), ["bounds", "permittivity_imag"]),
+    ({"radar": {"frequency_ghz": 5.4}}, ["radar: frequency_ghz is 5.4, which is not in band 'X'"]),
+    ({"radar": {"frequency_ghz": -1}}, ["radar.frequency_ghz is -1"]),
+    # starts of another law
+    (dyke(start={"law": "constant_gamma"}), ["materials.dyke.start.parameters is missing"]),
+    (dyke(start={"law": "constant_gamma", "parameters": [1, 2]}), ["materials.dyke.start", "2 numbers", "takes 1"]),
+    (dyke(start={"law": "gamma", "parameters": [1]}), ["materials.dyke.start: law is 'gamma', expected one of"]),
+    (dyke(start={"low": "mangia", "parameters": X}), ["materials.dyke.start.low", "did you mean 'law'?"]),
+    (dyke(start={"law": "mangia", "parameters": [60, 1, 1, 1]}), ["materials.dyke", "X1 is 60", "inside its bounds"]),
+    (
+        {**dyke(start={"law": "oh1992", "parameters": [8, 1, 1]}), **synthetic(parameters={"dyke": X})},
+        ["radar.frequency_ghz is missing", "materials.dyke.start depends"],
+    ),
+    (
+        {**dyke(start={"law": "constant_gamma", "parameters": [-9]}), **synthetic(parameters={})},
+        ["measurement.synthetic.parameters.dyke is missing", "materials.dyke.start is of another law"],
+    ),
+    (dyke(start=5), ["materials.dyke.start is 5"]),
+    (dyke(start=[1, 2, 3, "x"]), ["materials.dyke.start.3 is 'x'"]),
+    # top level
+    ({"case": "a b"}, ["case", "'a b'", "a letter"]),
+    ({"case": "a" * 101}, ["case", "has 101 letters", "at most 100"]),
+    ({"case": "../up"}, ["case", "'../up'"]),
+    ({"case": "1st"}, ["case", "'1st'"]),
+    ({"case": ""}, ["case", "''"]),
+    ({"case": 3}, ["case is 3"]),
+    ({"case": "new\n"}, ["case"]),
+    ({"seed": -1}, ["seed is -1"]),
+    ({"seed": 1.5}, ["seed is 1.5"]),
+    ({"seed": "one"}, ["seed is 'one'"]),
+    ({"seed": None}, ["seed is None"]),
+    ({"seed": 2**63}, ["seed is 9223372036854775808"]),
+    ({1: 2}, ["1"]),
+    ({"radar": None}, ["radar is None"]),
+    ({"stop": [1, 2]}, ["stop is [1, 2]"]),
+    ({"scene": "builtin"}, ["scene is 'builtin'"]),
+    # radar
+    ({"radar": {"altitude_m": 0}}, ["radar.altitude_m is 0", "greater than or equal to 1"]),
+    ({"radar": {"altitude_m": "high"}}, ["radar.altitude_m is 'high'"]),
+    ({"radar": {"altitude_m": float("nan")}}, ["radar.altitude_m is nan"]),
+    ({"radar": {"altitude_m": float("inf")}}, ["radar.altitude_m is inf"]),
+    ({"radar": {"depression_deg": 90}}, ["radar.depression_deg is 90", "less than 85"]),
+    ({"radar": {"depression_deg": 5}}, ["radar.depression_deg is 5"]),
+    ({"radar": {"look_side": "up"}}, ["radar.look_side is 'up'", "'right' or 'left'"]),
+    ({"radar": {"polarisation": "hh"}}, ["radar.polarisation is 'hh'", "'HH'"]),
+    ({"radar": {"range_spacing_m": -1.5}}, ["radar.range_spacing_m is -1.5"]),
+    ({"radar": {"looks": 0}}, ["radar.looks is 0"]),
+    ({"radar": {"looks": 2.5}}, ["radar.looks is 2.5"]),
+    ({"radar": {"nesz_db": float("-inf")}}, ["radar.nesz_db is -inf"]),
+    ({"radar": {"nesz_db": [[30, -20]]}}, ["radar.nesz_db is [[30, -20]]", "at least 2"]),
+    ({"radar": {"nesz_db": [[30, -20], [20, -18]]}}, ["radar.nesz_db", "[30.0, 20.0], expected increasing angles"]),
+    ({"radar": {"nesz_db": [[30, -20], [95, -18]]}}, ["radar.nesz_db.1.0 is 95", "less than 90"]),
+    ({"radar": {"nesz_db": [[30, -20], [40]]}}, ["radar.nesz_db.1.1 is missing"]),
+    ({"radar": {"radiometry": "beta"}}, ["radar.radiometry is 'beta'", "'sigma0_local'"]),
+    # scene
+    ({"scene": {"source": "buitlin"}}, ["scene.source is 'buitlin'", "'builtin'", "'slant_range'"]),
+    ({"scene": {"source": "builtin", "seed": -4}}, ["scene.seed is -4"]),
+    (flat(near_incidence_deg=0), ["scene.near_incidence_deg is 0"]),
+    (flat(far_incidence_deg=90), ["scene.far_incidence_deg is 90"]),
+    (flat(near_incidence_deg=50), ["scene", "near_incidence_deg (50)", "far_incidence_deg (40)"]),
+    (flat(labels=7), ["scene.labels is 7"]),
+    ({"scene": {"source": "slant_range"}}, ["scene.labels is missing"]),
+    ({"scene": {"source": "raster"}}, ["scene.elevation is missing"]),
+    (mapped(cell_m=0), ["scene.cell_m is 0", "greater than or equal to 0.001"]),
+    (mapped(crs=32631), ["scene.crs is 32631"]),
+    (mapped(bounds=[0, 1, 2]), ["scene.bounds.3 is missing"]),
+    (mapped(bounds=[0, 2, 1, 1]), ["scene", "bounds are [0, 2, 1, 1]", "south < north"]),
+    (mapped(bounds=[0, 0, 1, float("nan")]), ["scene.bounds.3 is nan"]),
+    # materials
+    ({"materials": {}}, ["materials"]),
+    ({"materials": None}, ["materials is None"]),
+    ({"materials": {"dyke": None}}, ["materials.dyke is None"]),
+    ({"materials": {"a/b": {"calibrate": True}}}, ["materials", "'a/b'"]),
+    ({"materials": {"grass": {"parameters": X}}}, ["materials", "calibrate: true"]),
+    ({"materials": {"grass": {}}}, ["materials.grass", "needs parameters", "X1"]),
+    ({"materials": {"grass": {"parameters": [1, 2]}}}, ["materials.grass", "2 numbers", "takes 4"]),
+    (dyke(law="mangy"), ["materials.dyke", "'mangy'", "mangia"]),
+    (dyke(calibrate="maybe"), ["materials.dyke.calibrate is 'maybe'"]),
+    (dyke(parameters=X), ["materials.dyke", "start and bounds, not parameters"]),
+    (dyke(bounds=[[0, 1]] * 3), ["materials.dyke", "3 intervals", "takes 4"]),
+    (dyke(bounds=[[0, 1]] * 5), ["materials.dyke", "5 intervals", "takes 4"]),
+    (dyke(bounds=[[0, 1]] * 3 + [[2, 1]]), ["materials.dyke", "X4", "[2, 1]", "lower < upper"]),
+    (dyke(bounds=[[0, 1]] * 3 + [[1, 1]]), ["materials.dyke", "X4", "[1, 1]"]),
+    (dyke(bounds=[[0, 1, 2]] * 4), ["materials.dyke.bounds.0", "[0, 1, 2]"]),
+    (dyke(bounds=[[0, float("nan")]] * 4), ["materials.dyke.bounds.0.1 is nan"]),
+    (dyke(bounds="wide"), ["materials.dyke.bounds is 'wide'"]),
+    (dyke(start=[1, 2, 3]), ["materials.dyke", "start has 3 numbers", "takes 4"]),
+    (dyke(start=[1, 2, 3, 51]), ["materials.dyke", "start of X4 is 51", "[0, 50]"]),
+    # measurement
+    ({"measurement": {"source": "satellite"}}, ["measurement.source is 'satellite'", "'file'", "'synthetic'"]),
+    (measured(scale="dB"), ["measurement.scale is 'dB'", "'db', 'power', 'amplitude' or 'complex'"]),
+    (measured(scale=None), ["measurement.scale is None"]),
+    ({"measurement": {"source": "file", "path": "a.tif"}}, ["measurement.scale is missing"]),
+    ({"measurement": {"source": "file", "scale": "db"}}, ["measurement.path is missing"]),
+    (measured(polarisation="HH "), ["measurement.polarisation is 'HH '", "'HH', 'HV', 'VH' or 'VV'"]),
+    (measured(polarisation="HV"), ["measurement.polarisation is HV, radar.polarisation is HH", "never mixed"]),
+    (measured(carrier_band="C"), ["measurement.carrier_band is 'C', radar.band is 'X'", "never mixed"]),
+    (synthetic(parameters={"dyke": [1, 2]}), ["measurement.synthetic.parameters.dyke", "2 numbers", "takes 4"]),
+    (synthetic(parameters={"dyke": [1, 2, 3, "x"]}), ["measurement.synthetic.parameters.dyke.3 is 'x'"]),
+    (synthetic(offset_db=float("nan")), ["measurement.synthetic.offset_db is nan"]),
+    (synthetic(warp_px=-1), ["measurement.synthetic.warp_px is -1"]),
+    (synthetic(warp_px=float("nan")), ["measurement.synthetic.warp_px is nan"]),
+    (synthetic(seed=-1), ["measurement.synthetic.seed is -1"]),
+    (
+        {"radar": {"azimuth_resolution_m": 1e4}},
+        ["radar: azimuth_resolution_m is 10000, expected at most 1000 times azimuth_spacing_m (2.5)"],
+    ),
+    # other shapes than those expected
+    ({"radar": None}, ["some.yaml: radar is None, expected keys and values."]),
+    ({"radar": [{"looks": 4}]}, ["radar is [{'looks': 4}], expected keys and values."]),
+    ({"materials": {}}, ["materials is {}, expected at least 1 item, not 0."]),
+    ({"materials": ["dyke"]}, ["materials is ['dyke'], expected keys and values."]),
+    (dyke(bounds=[0, 1, 2, 3]), ["materials.dyke.bounds.0 is 0, expected a list (and 3 more)."]),
+    (dyke(bounds=[[0, 1, 2]] * 4), ["bounds.0 is [0, 1, 2], expected at most 2 items, not 3 (and 3 more)."]),
+    ({"\x1b[31mred\n": 1}, ["unknown key \\x1b[31mred\\n (known: "]),
+    ({"stop": {"[rms": 1}}, ["unknown key stop.[rms (did you mean 'rms'?)"]),
+    ({"seed": [0] * 9000}, ["seed is [" + "0, " * 18 + "0,..., expected a valid integer."]),
+    # the rest
+    ({"simulator": {"kind": "emprise"}}, ["simulator.kind is 'emprise'", "'builtin'"]),
+    ({"registration": {"method": "magic"}}, ["registration.method is 'magic'", "'none'"]),
+    ({"target": {"pixels": 49}}, ["target.pixels is 49", "50"]),
+    ({"target": {"margin_px": -1}}, ["target.margin_px is -1"]),
+    ({"design": {"sampler": "halton"}}, ["design.sampler is 'halton'", "'sobol'", "'latin_hypercube'"]),
+    ({"design": {"size": 0}}, ["design.size is 0"]),
+    ({"design": {"chunk": 0}}, ["design.chunk is 0"]),
+    ({"surrogate": {"training": "hot"}}, ["surrogate.training is 'hot'", "'warm'"]),
+    ({"surrogate": {"retrain_every": 0}}, ["surrogate.retrain_every is 0"]),
+    ({"optimiser": {"population": 3}}, ["optimiser.population is 3", "4"]),
+    ({"optimiser": {"evaluations": 0}}, ["optimiser.evaluations is 0"]),
+    ({"stop": {"rms": 0}}, ["stop.rms is 0"]),
+    ({"stop": {"rms": float("nan")}}, ["stop.rms is nan"]),
+    ({"objective": "density", "stop": {"max_runs": 15}}, ["stop.max_runs is 15", "design.size (16)"]),
+    ({"stop": {"stagnation_runs": 0}}, ["stop.stagnation_runs is 0"]),
+]
+
+
+@pytest.mark.parametrize(("data", "words"), BAD, ids=lambda value: None if isinstance(value, list) else str(value)[:60])
+def test_bad_values_are_refused_in_a_sentence(data: dict[str, Any], words: list[str]) -> None:
+    text = message(data)
+    for word in words:
+        assert word in text, text
+
+
+@pytest.mark.parametrize(
+    ("data", "key"),
+    [
+        ({"seed": True}, "seed"),
+        ({"radar": {"looks": True}}, "radar.looks"),
+        ({"radar": {"frequency_ghz": True}}, "radar.frequency_ghz"),
+        ({"target": {"pixels": True}}, "target.pixels"),
+        ({"stop": {"stagnation_runs": True}}, "stop.stagnation_runs"),
+        (dyke(bounds=[[True, 50.0], *[[0.0, 50.0]] * 3]), "materials.dyke.bounds.0.0"),
+        (dyke(start=[True, 10.0, 10.0, 10.0]), "materials.dyke.start.0"),
+        (synthetic(parameters={"dyke": [*X[:3], True]}), "measurement.synthetic.parameters.dyke.3"),
+    ],
+)
+def test_yes_and_no_are_no_numbers(data: dict[str, Any], key: str) -> None:
+    assert message(data) == f"some.yaml: {key} is True, expected a number."
+
+
+def test_each_union_member_is_read() -> None:
+    assert case_from(flat()).scene == SlantRangeScene(
+        source="slant_range", labels="a.tif", names="a.json", near_incidence_deg=20, far_incidence_deg=40
+    )
+    assert case_from(mapped(bounds=[0, 1, 2, 3])).scene == RasterScene(
+        source="raster", elevation="a.tif", materials="b.tif", names="a.json", bounds=(0, 1, 2, 3)
+    )
+    assert case_from(measured()).measurement == FileMeasurement(source="file", path="a.tif", scale="db")
+
+
+def test_measurement_of_the_same_pass() -> None:
+    declared = case_from(
+        {"radar": {"polarisation": "VV", "band": "L"}} | measured(polarisation="VV", carrier_band="l-band")
+    )
+    assert isinstance(declared.measurement, FileMeasurement)
+    assert (declared.measurement.polarisation, declared.measurement.carrier_band) == ("VV", "l-band")
+    assert case_from(measured(band=2)).measurement == FileMeasurement(path="a.tif", scale="db", band=2)
+
+
+def test_calibrated_materials_keep_the_order_of_the_file() -> None:
+    names = ["water", "dyke", "asphalt"]
+    case = case_from({"materials": {name: {"calibrate": True} for name in names}})
+    assert case.calibrated == names
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [(("seed",), 2), (("stop", "rms"), 1e-3), (("radar", "looks"), 1), (("scene", "seed"), 4), (("nothing",), 1)],
+)
+def test_configuration_is_frozen(path: tuple[str, ...], value: object) -> None:
+    section: Any = Case()
+    for name in path[:-1]:
+        section = getattr(section, name)
+    with pytest.raises(ValidationError):
+        setattr(section, path[-1], value)
+
+
+def test_sections_rebuild_a_case_without_the_rest() -> None:
+    case = case_from(flat() | {"materials": FIXED, "measurement": {"source": "file", "path": "a.tif", "scale": "db"}})
+    sections = case.sections("scene", "radar", "materials", "measurement")
+    assert yaml.safe_load(yaml.safe_dump(sections)) == sections  # plain data
+    part = Case.of_sections(sections)
+    assert (part.scene, part.radar, part.materials) == (case.scene, case.radar, case.materials)
+    assert part.measurement == case.measurement
+    assert part.calibrated == ["dyke"]
+    for name in ("stop", "target", "seed", "design"):
+        with pytest.raises(AttributeError):
+            getattr(part, name)
+
+
+def test_the_default_truth_does_not_bind_other_materials() -> None:
+    case = case_from({"materials": {"grass": {"calibrate": True}}})
+    assert case.calibrated == ["grass"]
+    with pytest.raises(ConfigError, match="no such material"):
+        written = {"synthetic": {"parameters": {"dyke": [1, 2, 3, 4]}}}
+        case_from({"materials": {"grass": {"calibrate": True}}, "measurement": written})
+
+
+def test_a_start_of_another_law_is_only_the_reference_runs() -> None:
+    start = {"law": "tabulated", "angles_deg": [20, 50], "parameters": [-3.0, -9.0]}
+    case = case_from({**dyke(start=start), **synthetic(parameters={"dyke": X})})
+    assert case == case_from(case.model_dump(mode="json"))
+    assert case == case_from(yaml.safe_load(yaml.safe_dump(case.model_dump(mode="json"))))
+    assert case.start_with_another_law == ["dyke"]
+    assert case.materials["dyke"].start_parameters == [-3.0, -9.0]
+    assert case.laws["dyke"].names == ("X1", "X2", "X3", "X4")
+    reference = case.at_start
+    assert reference.materials["dyke"].law == "tabulated"
+    assert reference.materials["dyke"].start_parameters == [-3.0, -9.0]
+    assert reference.laws["dyke"].valid_deg == (20.0, 50.0)
+    assert reference.calibrated == ["dyke"]
+    assert reference.at_start == reference
+
+
+def test_start_by_law_survives_a_rules_params() -> None:
+    case = case_from(
+        {**dyke(start={"law": "constant_gamma", "parameters": [-9.0]}), **synthetic(parameters={"dyke": X})}
+    )
+    again = Case.of_sections(case.sections("materials", "radar"))
+    assert again.start_with_another_law == ["dyke"]
+    assert again.at_start.laws["dyke"].names == ("gamma",)
+
+
+def test_laws_know_the_pass() -> None:
+    case = case_from(truth([8, 1, 1], OH, frequency_ghz=5.4, band="C", polarisation="VV"))
+    higher = case_from(truth([8, 1, 1], OH, frequency_ghz=9.6, polarisation="HH"))
+    assert float(case.laws["dyke"](0.6, [8, 1, 1])) != float(higher.laws["dyke"](0.6, [8, 1, 1]))
+
+
+def test_a_measurement_of_another_radiometry_is_refused() -> None:
+    file = {"source": "file", "path": "a.tif", "scale": "power", "radiometry": "gamma0"}
+    with pytest.raises(ConfigError, match=r"measurement\.radiometry is gamma0, radar\.radiometry is sigma0_local: set"):
+        case_from({"measurement": file})
+    assert case_from({"measurement": file, "radar": {"radiometry": "gamma0"}}).radar.radiometry == "gamma0"
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"objective": "entropy"}, r"objective is 'entropy', expected 'classes', 'density' or 'likelihood'"),
+        (
+            {"objective": "density", "target": {"incidence_classes": 4}},
+            r"target\.incidence_classes is 4, .* expected objective: classes",
+        ),
+        (
+            {"objective": "classes", "target": {"normalisation": "image"}},
+            r"target\.normalisation is image, .* expected normalisation none or offset",
+        ),
+        (
+            {"validation": {}, "target": {"normalisation": "image"}},
+            r"validation is asked for and target\.normalisation is image, .* expected normalisation none or offset",
+        ),
+        ({"validation": {"rows": 20, "means": 3}}, r"means is 3, expected a divisor of rows \(20\)"),
+        ({"validation": {"keep": "all"}}, r"validation\.keep is 'all', expected 'even', 'odd' or 'both'"),
+        ({"validation": {"row": 20}}, r"unknown key validation\.row \(did you mean 'rows'"),
+        (
+            {"target": {"incidence_classes": 0}},
+            r"target\.incidence_classes is 0, expected greater than or equal to 1\.",
+        ),
+        ({"design": {"size": "many"}}, r"design\.size is 'many', expected"),
+        ({"target": {"looks": 3}}, r"target\.looks is 3, expected 'free' or 'nominal'"),
+        ({"target": {"incidence_error_deg": -1}}, r"target\.incidence_error_deg is -1, expected"),
+    ],
+)
+def test_wrong_objectives_end_in_a_sentence(changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(ConfigError, match=words) as caught:
+        case_from(changes)
+    assert "\n" not in str(caught.value)
+
+
+def test_where_there_can_be_no_classes_the_density_is_minimised() -> None:
+    assert case_from({"target": {"incidence_classes": 1}}).objective == "density"
+    assert case_from({"target": {"normalisation": "image"}}).objective == "density"
+    external = {"simulator": COMMAND, "materials": {"soil": SOIL}, "measurement": NO_TRUTH}
+    assert case_from(external).objective == "density"
+    assert case_from({"target": {"incidence_classes": 5}}).objective == "classes"
+
+
+def test_an_external_law_has_no_classes() -> None:
+    soil = {"calibrate": True, "law": "external", "names": ["a"], "bounds": [[0, 1]], "start": [0.5]}
+    case = {"simulator": COMMAND, "materials": {"soil": soil}, "measurement": NO_TRUTH}
+    case_from(case)
+    for changes in ({"objective": "classes"}, {"validation": {}}):
+        with pytest.raises(ConfigError, match=r"materials\.soil\.law is external, whose curve only the simulator"):
+            case_from(case | changes)

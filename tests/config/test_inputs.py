@@ -1,0 +1,84 @@
+"""Files that a case names."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from config_samples import flat, mapped, measured
+
+from radcal.config import Case, FileMeasurement, case_from, expand_path, input_files
+from radcal.errors import ConfigError
+
+
+def test_paths_expand_variables_and_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "a b.tif").write_text("")
+    monkeypatch.setenv("RADCAL_TEST", str(tmp_path))
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert expand_path("${RADCAL_TEST}/a b.tif", "key") == tmp_path / "a b.tif"
+    assert expand_path("~/a b.tif", "key") == tmp_path / "a b.tif"
+    with pytest.raises(ConfigError, match=r"^key: the file .*/b\.tif does not exist\.$"):
+        expand_path("${RADCAL_TEST}/b.tif", "key")
+    with pytest.raises(ConfigError, match="is not a file"):
+        expand_path(str(tmp_path), "key")  # a folder
+    monkeypatch.delenv("RADCAL_TEST")
+    with pytest.raises(ConfigError, match=r"^key is '\$\{RADCAL_TEST\}/x' but .* RADCAL_TEST is not set: type export"):
+        expand_path("${RADCAL_TEST}/x", "key")
+
+
+def test_names_that_no_file_has_end_in_a_sentence() -> None:
+    with pytest.raises(
+        ConfigError, match=r"^scene\.labels: the file a{197}\.\.\. cannot be read \(File name too long\)\.$"
+    ):
+        expand_path("a" * 5000, "scene.labels")
+    with pytest.raises(ConfigError, match=r"^scene\.labels: the file a\\nb\\x00\.tif does not exist\.$"):
+        expand_path("a\nb\0.tif", "scene.labels")
+
+
+def test_variables_are_expanded_when_the_file_is_read_not_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("RADCAL_TEST", raising=False)
+    case = case_from(measured(path="${RADCAL_TEST}/a.tif"))
+    assert isinstance(case.measurement, FileMeasurement)
+    assert case.measurement.path == "${RADCAL_TEST}/a.tif"
+    with pytest.raises(ConfigError, match=r"measurement\.path .* RADCAL_TEST"):
+        input_files(case)
+
+
+def test_input_files_are_those_that_the_case_reads(tmp_path: Path) -> None:
+    assert input_files(Case()) == {}
+    paths = {name: tmp_path / name for name in ("labels.tif", "names.json", "image.tif")}
+    for path in paths.values():
+        path.write_text("")
+    labels, names, image = (str(path) for path in paths.values())
+    case = case_from(flat(labels=labels, names=names) | measured(path=image))
+    assert input_files(case) == {
+        "scene.labels": paths["labels.tif"],
+        "scene.names": paths["names.json"],
+        "measurement.path": paths["image.tif"],
+    }
+    files = {"elevation": image, "materials": labels, "names": names}
+    assert input_files(case_from(mapped(**files))) == {f"scene.{key}": Path(path) for key, path in files.items()}
+
+
+def test_what_a_raster_is_read_together_with_is_an_input_too(tmp_path: Path) -> None:
+    paths = {name: tmp_path / name for name in ("own/a.vrt", "own/a.prj", "other/tile.tif", "names.json")}
+    for path in paths.values():
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("")
+    source = '<SourceFilename relativeToVRT="1">../other/tile.tif</SourceFilename>'
+    paths["own/a.vrt"].write_text(
+        f"<VRTDataset><VRTRasterBand><SimpleSource>{source}</SimpleSource></VRTRasterBand></VRTDataset>"
+    )
+    keys = {"labels": str(paths["own/a.vrt"]), "names": str(paths["names.json"])}
+    case = case_from(flat(**keys, vrt_folders=[str(tmp_path / "other")]) | measured(path=str(paths["names.json"])))
+    assert input_files(case) == {
+        "scene.labels": paths["own/a.vrt"],
+        "scene.labels.0": paths["own/a.prj"],
+        "scene.labels.1": paths["other/tile.tif"],
+        "scene.names": paths["names.json"],
+        "measurement.path": paths["names.json"],
+    }
+    with pytest.raises(ConfigError, match=r"^scene\.labels: .*a\.vrt cannot be read as a raster \(a\.vrt names"):
+        input_files(case_from(flat(**keys) | measured(path=str(paths["names.json"]))))
+    with pytest.raises(ConfigError, match=r"scene\.vrt_folders\.0: the file .*gone does not exist"):
+        input_files(case_from(flat(**keys, vrt_folders=[str(tmp_path / "gone")]) | measured(path=str(tmp_path / "x"))))

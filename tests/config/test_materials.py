@@ -1,0 +1,108 @@
+"""Section materials: laws, bounds, starts and whole parameters."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from config_samples import COMMAND, FIXED, NO_TRUTH, SOIL, TABLE, WHOLE, X, dyke, message, outside, synthetic
+
+from radcal.config import Case, case_from
+from radcal.errors import ConfigError
+
+
+def test_start_is_the_middle_of_the_bounds_unless_given() -> None:
+    bounds = [[-50, 0], [0, 20], [0, 1], [2, 4]]
+    assert case_from(dyke(bounds=bounds)).materials["dyke"].start_parameters == [-25, 10, 0.5, 3]
+    given = case_from(dyke(bounds=bounds, start=[-1, 1, 1, 2])).materials["dyke"]
+    assert given.start_parameters == [-1, 1, 1, 2]
+    assert case_from({"materials": FIXED}).materials["grass"].start_parameters == X
+
+
+def test_bounds_of_absurd_size_are_refused() -> None:
+    with pytest.raises(ConfigError, match=r"bounds of X1 are \[0, 1e\+30\], expected within"):
+        case_from({"materials": {"dyke": {"calibrate": True, "bounds": [[0, 1e30]] * 4}}})
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        ({"materials": {"road": {"parameters": [1001, 0, 0, 0]}}}, "materials.road: parameters: X1 of law 'mangia' is"),
+        (synthetic(parameters={"dyke": [0, -1e30, 0, 0]}), "parameters.dyke: X2 of law 'mangia' is -1e+30, expected"),
+        (dyke(start={"law": "constant_gamma", "parameters": [2000]}), "gamma of law 'constant_gamma' is 2000,"),
+    ],
+)
+def test_parameters_of_absurd_size_are_refused(data: dict[str, Any], words: str) -> None:
+    text = message(data)
+    assert words in text
+    assert "expected -1000 to 1000" in text
+
+
+@pytest.mark.parametrize("start", [X, {"law": "mangia", "parameters": X}])
+def test_a_start_of_the_same_law_is_a_start(start: object) -> None:
+    case = case_from(dyke(start=start))
+    assert case.start_with_another_law == []
+    assert case.materials["dyke"].start_parameters == X
+    assert case.at_start == case
+
+
+def test_parameters_of_an_external_law() -> None:
+    case = case_from({"simulator": COMMAND, "materials": {"soil": SOIL, "lake": {"law": "external"}},
+                      "measurement": NO_TRUTH})  # fmt: skip
+    soil, lake = case.materials["soil"], case.materials["lake"]
+    assert (soil.parameter_names, soil.parameter_units, soil.start_parameters) == (("mv", "s"), ("", ""), [0.5, 5e9])
+    assert (lake.parameter_names, lake.parameter_units, lake.start_parameters) == ((), (), [])
+    assert Case.of_sections(case.sections("materials")).materials == case.materials
+    assert (case.laws["soil"].names, case.laws["soil"].units) == (("mv", "s"), ("", ""))
+    assert case.at_start == case
+    with pytest.raises(ConfigError, match=r"parameters \['mv', 's'\] has no curve"):
+        case.laws["soil"](0.5, [0.1, 1.0])
+
+
+def test_laws_of_several_kinds_beside_an_external_one() -> None:
+    materials = {
+        "soil": SOIL | {"units": ["m3/m3", "cm"]},
+        "field": {"calibrate": True, **TABLE},
+        "lake": {"law": "constant_gamma", "parameters": [-12]},
+    }
+    case = case_from({"simulator": COMMAND, "materials": materials, "measurement": NO_TRUTH})
+    assert case.materials["soil"].parameter_units == ("m3/m3", "cm")
+    assert case.materials["field"].parameter_names == ("sigma0_20deg", "sigma0_40deg", "sigma0_60deg")
+    assert [name for name, law in case.laws.items() if law.has_curve] == ["field", "lake"]
+
+
+def test_whole_parameters() -> None:
+    soil = case_from(outside(WHOLE)).materials["soil"]
+    assert soil.integers == (False, True)
+    # the middle of 1 to 12 is none: the next
+    assert soil.start_parameters == [4.75, 7.0]
+    assert soil.handed([2.5, 3.0]) == {"a": 2.5, "n": 3}
+    assert [type(x) for x in soil.handed([2.0, 3.0]).values()] == [float, int]
+    with pytest.raises(ValueError, match=r"^X: n is 3\.5, expected a whole number"):
+        soil.handed([2.5, 3.5])
+    assert case_from(outside({"bounds": [[0, 9], [1, 12]], "integer": True})).materials["soil"].integers == (True, True)
+    water = {"law": "external", "names": ["n"], "integer": True, "parameters": [3]}
+    data = outside(WHOLE)
+    data["materials"]["water"] = water
+    assert case_from(data).materials["water"].handed([3.0]) == {"n": 3}
+
+
+@pytest.mark.parametrize(
+    ("materials", "sections", "words"),
+    [
+        ({"bounds": [[0, 9], [1, 12.5]]}, {}, "bounds: n is 12.5, expected a whole number within +-2^53: it is int"),
+        ({"start": [1, 2.5]}, {}, "start: n is 2.5, expected a whole number"),
+        ({"bounds": [[0, 9], [1, 1e17]]}, {}, "bounds: n is 1e+17, expected a whole number within +-2^53"),
+        ({"integer": ["m"]}, {}, "integer: no parameter 'm'"),
+        ({"integer": 3}, {}, "materials.soil.integer is 3, expected a valid boolean"),
+        ({"bounds": [[0, 3], [1, 4]], "integer": True}, {},
+         "design.size is 16, expected less than 16: so many combinations of whole parameters"),
+        ({}, {"measurement": {"synthetic": {"parameters": {"soil": [1, 2.5]}}}},
+         "measurement.synthetic.parameters.soil: n is 2.5, expected a whole number"),
+        ({"law": "mangia", "names": None, "bounds": [[0, 1]] * 4}, {}, "integer is for parameters of law: external"),
+    ],
+)  # fmt: skip
+def test_what_is_not_whole_is_refused(materials: dict[str, Any], sections: dict[str, Any], words: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        case_from(outside({**WHOLE, **materials}, **sections))
+    assert words in str(caught.value)

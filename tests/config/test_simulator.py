@@ -1,0 +1,72 @@
+"""Section simulator: other people's programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from config_samples import COMMAND, NO_TRUTH, SOIL, TRUE_SOIL, WHOLE, X, outside
+
+from radcal.config import Case, case_from, load
+from radcal.errors import ConfigError
+
+
+def test_unquoted_placeholders_are_what_was_meant(tmp_path: Path) -> None:
+    text = "simulator: {kind: command, command: [sim, {input}, {soil.mv}, a], output: {file: i.npy, scale: db}}"
+    (tmp_path / "a.yaml").write_text(text)
+    case = load([tmp_path / "a.yaml"])
+    assert case.simulator.command == ["sim", "{input}", "{soil.mv}", "a"]
+    # what a job gets is what the workflow read
+    assert Case.of_sections(case.sections("simulator")).simulator == case.simulator
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"materials": {"soil": SOIL}, "simulator": {}}, "materials.soil.law is external, which only simulator.kind"),
+        ({"materials": {"soil": SOIL | {"bounds": None}}}, "law external needs names and bounds"),
+        ({"materials": {"soil": SOIL | {"names": ["mv", "mv"]}}}, "names are .* expected each once"),
+        ({"materials": {"soil": SOIL | {"names": ["m v", "s"]}}}, "names: 'm v' is not a letter"),
+        ({"materials": {"soil": SOIL | {"units": ["cm"]}}}, "units has 1 entries, names 2"),
+        ({"materials": {"soil": SOIL | {"names": ["mv"]}}}, r"bounds has 2 intervals, .* takes 1 \(names: mv\)"),
+        ({"materials": {"soil": {"calibrate": True, "names": ["a"]}}}, "names its own parameters"),
+        ({"materials": {"soil": SOIL | {"angles_deg": [20, 40]}}}, "law 'external' has no knots"),
+        ({"materials": {"soil": SOIL | {"law": "external", "start": [0.5]}}}, r"start has 1 numbers, .*names: mv, s"),
+        (
+            {"materials": {"soil": SOIL | {"start": {"law": "external", "parameters": [0.5, 1]}}}},
+            r"materials\.soil\.start: law is 'external', which is no law to start with",
+        ),
+        (
+            {"materials": {"soil": SOIL | {"start": {"law": "mangia", "parameters": X}}}, "measurement": TRUE_SOIL},
+            r"materials\.soil\.start is of law 'mangia', .* expected a list of 2 numbers for law 'external'",
+        ),
+        ({"materials": {"soil": SOIL}, "measurement": {"synthetic": {"parameters": {"soil": [1]}}}}, "names: mv, s"),
+        ({"simulator": COMMAND | {"output": {"file": "../i.npy", "scale": "db"}}}, r"simulator\.output\.file: .*own f"),
+        ({"simulator": COMMAND | {"files": ["a/i.npy"]}}, r"files\.0 and output\.file are both 'i\.npy'"),
+        ({"simulator": COMMAND | {"version": "1", "version_command": ["a"]}}, "version and version_command are both"),
+        ({"simulator": COMMAND | {"output": {"file": "i", "scale": "db", "format": "raw"}}}, "expected dtype"),
+        ({"simulator": COMMAND | {"output": {"file": "i", "scale": "db", "dtype": "uint8"}}}, "files of format: raw"),
+        ({"simulator": {"kind": "command", "output": COMMAND["output"]}}, r"simulator\.command is missing"),
+        ({"simulator": COMMAND | {"timeout": 3}}, r"unknown key simulator\.timeout \(did you mean 'timeout_s'\?\)"),
+        (
+            {"simulator": COMMAND | {"templates": [{"tempalte": "a"}]}},
+            r"templates\.0\.tempalte \(did you mean 'template'",
+        ),
+        ({"simulator": {"kind": "comand"}}, r"simulator\.kind is 'comand', expected 'builtin', 'command'"),
+    ],
+)
+def test_wrong_external_simulators_end_in_a_sentence(changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(ConfigError, match=words) as caught:
+        case_from({"simulator": COMMAND, "materials": {"soil": SOIL}, "measurement": NO_TRUTH} | changes)
+    assert "\n" not in str(caught.value)
+
+
+def test_another_program_ends_at_the_sampling_error_unless_a_tolerance_is_asked_for() -> None:
+    assert case_from(outside(WHOLE)).stop.at_sampling_error
+    assert case_from(outside(WHOLE, stop={"max_runs": 30})).stop.at_sampling_error
+    assert not case_from(outside(WHOLE, stop={"rms": 1e-5})).stop.at_sampling_error
+    assert not case_from(outside(WHOLE, stop={"at_sampling_error": False})).stop.at_sampling_error
+    assert not case_from({}).stop.at_sampling_error
+    for name in ("paper", "paper_small"):
+        assert not load([Path(__file__).parents[2] / f"config/{name}.yaml"]).stop.at_sampling_error
