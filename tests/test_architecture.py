@@ -11,6 +11,7 @@ A *room* is a package or a top-level module of ``radcal``. Every import counts, 
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Collection, Iterator, Mapping
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -142,6 +143,14 @@ def test_every_step_of_the_flow_has_its_modules() -> None:
     modules = {name for edge in imports(SOURCE) for name in edge}
     missing = [name for _, names in FLOW for name in names if not any(f"{m}.".startswith(f"{name}.") for m in modules)]
     assert missing == [], "moved or renamed: name them as they are called now"
+
+
+def test_the_page_on_architecture_names_every_room() -> None:
+    page = (SOURCE.parents[1] / "docs/architecture.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`(\w+)/?`", page.split("## The rooms")[1].split("Imports follow the flow")[0]))
+    rooms = {path.stem for path in SOURCE.iterdir() if not path.name.startswith("_") and path.suffix in ("", ".py")}
+    assert rooms - named == set(), "rooms without a word in docs/architecture.md"
+    assert named - rooms <= {"Simulator", "RunStore", "Runner", "radcal"}, "rooms that are gone"
 
 
 @pytest.mark.parametrize(
