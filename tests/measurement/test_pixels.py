@@ -13,7 +13,7 @@ from radcal.errors import MeasurementError
 from radcal.measurement.model import Measurement
 from radcal.measurement.pixels import eligible_pixels, noise_limited, point_targets
 from radcal.radar.geometry import Geometry
-from radcal.radar.image import ImageFormation
+from radcal.radar.image import ImageFormation, decibels
 from radcal.radar.reflectivity import uniform
 
 CONFIG = TargetConfig(margin_px=0)
@@ -66,7 +66,7 @@ def test_noise_is_where_signal_and_noise_say_so() -> None:
 
 def test_point_target_and_its_surroundings_are_found() -> None:
     radar = Radar()
-    image = ImageFormation(radar, SHAPE, -20.0).intensity_db(uniform(np.full(SHAPE, 10.0, dtype=np.float32)), 1)
+    image = decibels(ImageFormation(radar, SHAPE, -20.0).intensity(uniform(np.full(SHAPE, 10.0, dtype=np.float32)), 1))
     image[60, 80] = 30.0
     image[150, 20] = 14.0  # 4 dB above the mean is speckle
     found = point_targets(image, np.ones(SHAPE, dtype=np.uint8), radar)
@@ -79,7 +79,7 @@ def test_edges_of_fields_are_no_point_targets() -> None:
     radar = Radar()
     material = np.where(np.arange(SHAPE[1]) < 100, 1, 2).astype(np.uint8) * np.ones((SHAPE[0], 1), dtype=np.uint8)
     sigma0 = np.where(material == 1, 0.1, 10.0).astype(np.float32)
-    image = ImageFormation(radar, SHAPE, -20.0).intensity_db(uniform(sigma0), 2)
+    image = decibels(ImageFormation(radar, SHAPE, -20.0).intensity(uniform(sigma0), 2))
     assert not point_targets(image, material, radar)[:, 104:].any()
 
 
@@ -87,6 +87,6 @@ def test_false_alarms_are_rare_in_texture_too() -> None:
     radar = Radar()
     rng = np.random.default_rng(5)
     texture = rng.gamma(4.0, 0.25, size=(600, 600)).astype(np.float32)
-    image = ImageFormation(radar, (600, 600), -20.0).intensity_db(uniform(texture), 3)
+    image = decibels(ImageFormation(radar, (600, 600), -20.0).intensity(uniform(texture), 3))
     found = point_targets(image, np.ones(image.shape, dtype=np.uint8), radar)
     assert found.mean() < 1e-3

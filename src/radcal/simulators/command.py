@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import tomli_w
 from numpy.typing import NDArray
 
 from radcal.arrays import read_array
@@ -35,12 +36,11 @@ from radcal.simulators.placeholders import SEED, Marked, Marker, argument, templ
 from radcal.simulators.process import last_words, run_program
 from radcal.simulators.raw import read_raw
 from radcal.simulators.seed_width import check_seeds
-from radcal.simulators.toml import toml_text
 
 if TYPE_CHECKING:
     from radcal.radar.geometry import Geometry
 
-__all__ = ["CommandPlan", "CommandSimulator", "check_command"]
+__all__ = ["CommandPlan", "CommandSimulator", "check_command", "toml_text"]
 
 _VERSION_SECONDS = 60.0
 _HASH_CHUNK = 1 << 20
@@ -378,6 +378,15 @@ def _plain(config: InputFile | None) -> dict[str, Any] | None:
     """What of the input file is part of the identity: a key that came later only where it is set."""
     later = {"radar"} if config is not None and config.radar else None
     return None if config is None else config.model_dump(mode="json", exclude=later)
+
+
+def toml_text(data: Mapping[str, Any]) -> str:
+    """TOML of plain data, without what is None, which TOML cannot write."""
+
+    def written(table: Mapping[str, Any]) -> dict[str, Any]:
+        return {k: written(v) if isinstance(v, Mapping) else v for k, v in table.items() if v is not None}
+
+    return tomli_w.dumps(written(data))
 
 
 def _sha256(path: Path) -> str:
