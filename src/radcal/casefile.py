@@ -1,6 +1,6 @@
-"""Case files and values of the command line as text: one YAML document, each key once, safe to expand.
+"""YAML text of case files and command-line values: one document, no duplicate keys, no unbounded aliases.
 
-Nothing here knows what a key means; :mod:`radcal.config` does.
+The meaning of keys belongs to :mod:`radcal.config`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Dense registration of two radar images: GeFolki with a field whose stiffness is chosen from the data.
+"""Dense registration of two radar images: GeFolki, with the smoothness of the field estimated from the images.
 
 From the papers: the rank transform instead of intensities, local inversion of contrast, a
 pyramid of scales, and Gauss-Newton steps (Plyer, Colin-Koeniguer and Weissgerber, "A new

@@ -1,4 +1,4 @@
-"""Levels: what is taken out of the measured image and of every run before they are compared."""
+"""Level normalisation: offset or scale removed from the measured image and from every run before comparison."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _NOTABLE_DB = 0.5
 
 @dataclass(frozen=True)
 class Levels:
-    """How the values of both images are mapped before densities are fitted.
+    """Mapping of the values of both images before densities are fitted.
 
     Attributes
     ----------

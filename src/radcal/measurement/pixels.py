@@ -1,4 +1,4 @@
-"""Which pixels of a material may be compared: the same of the measurement and of every run."""
+"""Masks that select a material's comparable pixels, the same for the measurement and for every run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bring the measured image onto the simulated one, and say whether that can be trusted."""
+"""Registration of the measured image onto the simulated one, with a check on held-out squares."""
 
 from __future__ import annotations
 

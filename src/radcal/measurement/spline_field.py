@@ -1,4 +1,4 @@
-"""Displacement fields of cubic B-splines, their prior, and what data say of both.
+"""Displacement fields of cubic B-splines with a Gaussian process prior, and their posterior.
 
 A field is a Gaussian process with a standard deviation and a correlation length of its own; data are a
 quadratic log-likelihood. Standard deviation and length are those under which the data are most

@@ -1,4 +1,4 @@
-"""Target density per material: which pixels, and the skew normal fitted to them."""
+"""Target density of each material: selection of its pixels, and the skew normal fitted to them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Objects on the lines of facets: boxes raised over the ground, points at their slant range.
+"""Footprints of objects among the facets: boxes raised over the ground, points at their slant range.
 
 A box is level at its height above the mean ground of its footprint. Its facets are the
 roof and the walls that face the radar; walls along the line of sight have no extent in slant

@@ -1,4 +1,4 @@
-"""What a pixel's number stands for: reference areas, and the noise floor in the same terms."""
+"""Radiometry: reference area of a pixel (beta0, sigma0, gamma0), and the noise floor in the same radiometry."""
 
 from __future__ import annotations
 

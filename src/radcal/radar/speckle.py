@@ -1,4 +1,4 @@
-"""Finite resolution of a look, and the statistics of its speckle."""
+"""Impulse response of a look, and the statistics of its speckle."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""What the radar sees of the ground: parts of facets between shadows' edges, and which of them fold over others.
+"""Visible parts of facets (shadow), and facets that overlap in slant range (layover).
 
-Between the middles of its facets the ground is straight; a ray is known by the tangent of its angle from nadir.
+The ground is straight between the middles of its facets; a ray is given by the tangent of its angle from nadir.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""``calibration.h5`` gathers every run and iteration, ``runs.csv`` shows it as a table.
+"""Archive of every run and iteration, ``calibration.h5``, and the same as a table, ``runs.csv``.
 
 Layout of the archive (schema 2); backscatter in dB, angles in degrees:
 

@@ -1,4 +1,4 @@
-"""What all figures share: colours, type, canvases, and the archive as they need it.
+"""Shared parts of all figures: colours, type, canvases, and the data read from the archive.
 
 Colours mean the same everywhere (Okabe and Ito's palette, told apart by line style too):
 target and measurement black and grey, start orange dashed, calibrated blue, hidden truth

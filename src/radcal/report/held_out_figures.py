@@ -1,4 +1,4 @@
-"""Ground that was kept out of the calibration, as measured and as predicted."""
+"""Figure of held-out ground: measured and predicted block means."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _BAND = 1.645  # standard deviations on each side that hold 90 % of a normal law
 
 
 def held_out(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str] | None:  # noqa: ARG001 - one shape for all
-    """Means of held-out blocks against their prediction; None where nothing was kept out."""
+    """Means of held-out blocks against their prediction; None where nothing was held out."""
     from matplotlib.ticker import MaxNLocator
 
     check = material.check

@@ -1,4 +1,4 @@
-"""``report.html``: one self-contained page about a calibration."""
+"""HTML report: one self-contained page, ``report.html``."""
 
 from __future__ import annotations
 

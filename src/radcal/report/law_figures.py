@@ -1,4 +1,4 @@
-"""The law found, and what each run on the way to it cost."""
+"""Figures of the law found, and of the cost of each run."""
 
 from __future__ import annotations
 

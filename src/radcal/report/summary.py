@@ -1,4 +1,4 @@
-"""``summary.json``: how a calibration ended, for scripts."""
+"""Summary of a calibration for scripts, ``summary.json``."""
 
 from __future__ import annotations
 

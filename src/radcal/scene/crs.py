@@ -1,4 +1,4 @@
-"""Coordinate reference systems: what a raster's says about places and about heights.
+"""Coordinate reference systems of rasters: horizontal coordinates and vertical datum.
 
 Coordinates are always (x, y) = (east, north) or (longitude, latitude), as in rasters,
 whatever the order of axes in the definition of the CRS.

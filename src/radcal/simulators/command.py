@@ -1,4 +1,4 @@
-"""Any external simulator, run as a program in a folder of its own."""
+"""External simulators: programs that run in a folder of their own for each run."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from radcal.errors import ConfigError, SimulatorError, StoreError
 from radcal.files import working_folder
 from radcal.images import ImageFile, reading, to_db
 from radcal.simulators.placeholders import SEED, Marked, Marker, argument, template
-from radcal.simulators.process import last_words, run_program
+from radcal.simulators.process import output_tail, run_program
 from radcal.simulators.raw import read_raw
 from radcal.simulators.seed_width import check_seeds
 
@@ -49,11 +49,11 @@ logger = logging.getLogger(__name__)
 
 
 class _Failed(SimulatorError):
-    """A run that another try may mend."""
+    """Failure of a run that a retry may cure."""
 
 
 class CommandPlan:
-    """What a configured command needs and takes, checked before any run.
+    """Files, placeholders and seeds of a configured command, checked before any run.
 
     Parameters
     ----------
@@ -301,14 +301,14 @@ class CommandSimulator:
         ended = run_program(command, folder, config.environment, config.timeout_s)
         program = self._plan.executable.name
         if ended.code is None:
-            raise _Failed(f"{program} {ended} (simulator.timeout_s: {config.timeout_s:g}), {last_words(folder)}")
+            raise _Failed(f"{program} {ended} (simulator.timeout_s: {config.timeout_s:g}), {output_tail(folder)}")
         if ended.code not in config.accept_exit_codes:
-            accepted = ", ".join(map(str, config.accept_exit_codes))
-            raise _Failed(f"{program} {ended}, expected {accepted} (simulator.accept_exit_codes), {last_words(folder)}")
+            accepted = f"{', '.join(map(str, config.accept_exit_codes))} (simulator.accept_exit_codes)"
+            raise _Failed(f"{program} {ended}, expected {accepted}, {output_tail(folder)}")
         if not output.is_file():
             left = "a folder" if output.is_dir() else "no file"
             raise _Failed(
-                f"{program} {ended} but left {left} {config.output.file} (simulator.output.file), {last_words(folder)}"
+                f"{program} {ended} but left {left} {config.output.file} (simulator.output.file), {output_tail(folder)}"
             )
         return self._image(output)
 
@@ -367,7 +367,7 @@ class CommandSimulator:
             ended = run_program(command, folder, self._config.environment, _VERSION_SECONDS)
             if ended.code != 0:
                 expected = "" if ended.code is None else ", expected 0"
-                raise SimulatorError(f"{program.name} {ended}{expected}, {last_words(folder)}")
+                raise SimulatorError(f"{program.name} {ended}{expected}, {output_tail(folder)}")
             printed = " ".join((folder / "radcal.stdout").read_text("utf-8", "replace").split())[:200]
             if not printed:
                 raise SimulatorError(f"{program.name} printed nothing, expected its version")
