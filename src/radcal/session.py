@@ -143,8 +143,8 @@ class Session:
             _say(f"stopped by Ctrl-C. {kept} finished runs are kept in {runs}; the same command goes on from there.")
         elif failed:
             _say(
-                f"stopped. Finished runs are kept in {runs}, logs in {self.folder / 'logs'}; once the cause is mended, "
-                "the same command continues."
+                f"stopped. Finished runs are kept in {runs}, logs in {self.folder / 'logs'}; once the cause is "
+                "removed, the same command continues."
             )
 
     def _refusal(self) -> str | None:

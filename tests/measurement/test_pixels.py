@@ -1,4 +1,4 @@
-"""Pixels that are left out, and how many for which reason."""
+"""Pixels that are masked, and how many for which reason."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_an_uncertain_registration_widens_the_margin(geometry: Geometry) -> None
 def test_too_few_pixels_say_why(geometry: Geometry) -> None:
     image = Measurement(np.ones(geometry.shape, dtype=np.float32), "x")
     shadow = np.ones(geometry.shape, dtype=bool)
-    with pytest.raises(MeasurementError, match=r"materials\.dyke: 0 usable pixels, .* left out are \d+ shadow"):
+    with pytest.raises(MeasurementError, match=r"materials\.dyke: 0 usable pixels, .* masked: \d+ shadow"):
         eligible_pixels("dyke", replace(geometry, shadow=shadow), image, CONFIG)
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["IN_THE_NOISE", "MINIMUM_PIXELS", "Eligible", "eligible_pixels", "noise_limited", "point_targets"]
 
 MINIMUM_PIXELS = 50
-IN_THE_NOISE = "in the noise"  # a reason why pixels are left out
+IN_THE_NOISE = "in the noise"  # a reason why pixels are masked
 _LEVEL_PX = 9  # window of the local level
 _GUARD_PX, _REACH_PX = 3, 10  # half-widths: pixels next to a point target, and those that it is compared with
 _FALSE_ALARMS = 1e-8
@@ -164,7 +164,7 @@ def eligible_pixels(
         Standard error of the registration [pixels], 0 where there was none: two of them, and
         the half pixel that nearest neighbours may be off, widen the margin.
     flags : mapping of str to ndarray of bool, optional
-        Pixels left out for further reasons, such as point targets.
+        Pixels masked for further reasons, such as point targets.
 
     Raises
     ------
@@ -197,7 +197,7 @@ def eligible_pixels(
         why = ", ".join(f"{count} {reason}" for reason, count in left_out.items() if count)
         raise MeasurementError(
             f"materials.{name}: {left.size} usable pixels, expected at least {MINIMUM_PIXELS}; in "
-            f"{measurement.source} it has {visible.size} visible pixels{f', left out are {why}' if why else ''} "
+            f"{measurement.source} it has {visible.size} visible pixels{f', masked: {why}' if why else ''} "
             f"(target.margin_px is {config.margin_px}"
             f"{', and the registration has an uncertainty' if uncertainty_px is not None else ''})"
             f"{_above_noise(measurement.image_db.ravel()[visible]) if left_out.get(IN_THE_NOISE) else ''}."

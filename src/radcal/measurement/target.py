@@ -49,7 +49,7 @@ _SETTLED = 1e-5
 _UNLIKELY = 0.01  # the smallest share that so many bootstrap samples can show
 _TEXTURED = 0.7  # times the looks of homogeneous areas
 _LEVEL_PIXELS = 1000  # of each reference material
-KEPT_OUT = "kept out to check the law"  # a reason why pixels are left out
+KEPT_OUT = "held out to check the law"  # a reason why pixels are not in the target
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ class Target:
     kept_out : Ground or None
         Pixels of ground that no law has seen, for validation.
     classes : ClassTarget or None
-        The same pixels in classes of incidence, where they are what is minimised.
+        The same pixels by incidence-angle bin, where the objective uses bins.
     """
 
     pixels: NDArray[np.int64]
@@ -192,7 +192,7 @@ class Targets(dict[str, Target]):
         for name, target in self.items():
             mean, sd, skewness = target.cp
             size = f"target of {name}: {len(target.pixels)} pixels"
-            classes = f", {target.classes.classes.size} classes of incidence" if target.classes is not None else ""
+            classes = f", {target.classes.classes.size} incidence-angle bins" if target.classes is not None else ""
             lines.append(f"{size}, {mean:.2f} +- {sd:.2f} {levels.unit}, skewness {skewness:.2f}{classes}")
         return [*lines, *self.warnings()]
 
@@ -275,7 +275,7 @@ def make_target(
     radar : Radar, optional
         Resolutions and pixel spacings, for the looks.
     validation : Validation, optional
-        Which blocks are kept out.
+        Which blocks are held out.
 
     Raises
     ------

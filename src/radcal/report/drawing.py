@@ -230,7 +230,7 @@ def add_legend(canvas: Canvas, entries: tuple[Sequence[Any], Sequence[str]], col
 
 REASONS = {
     "rms": "converged",
-    "settled": "settled",
+    "settled": "stop criterion met",
     "unreachable": "unreachable",
     "stagnation": "stagnated",
     "max_runs": "out of runs",

@@ -26,7 +26,7 @@ _MINUS = "\N{MINUS SIGN}"
 _TIMES = "\N{NARROW NO-BREAK SPACE}\N{MULTIPLICATION SIGN}\N{NARROW NO-BREAK SPACE}"
 _REASONS = {
     "rms": "within the tolerance",
-    "settled": "the law has settled",
+    "settled": "the stop criterion is met",
     "unreachable": "no parameters inside the bounds seem to reach the target",
     "stagnation": "no longer getting better",
     "max_runs": "maximum number of runs",
@@ -34,7 +34,7 @@ _REASONS = {
 }
 _SHORT = {
     "rms": "tolerance reached",
-    "settled": "law settled",
+    "settled": "stop criterion met",
     "max_runs": "maximum of runs",
     "running": "not finished",
 }
@@ -152,9 +152,9 @@ def _belief(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) 
     elif lost:
         text = f"The {no} by this image."
     else:
-        text = "What was matched is the law, in classes of local incidence."
+        text = "What was matched is the law, by incidence-angle bin."
     if useless:
-        text += f" Ground that was kept out is predicted no better by the {laws(useless)} than by a constant."
+        text += f" Held-out ground is predicted no better by the {laws(useless)} than by a constant."
     return text
 
 
@@ -178,10 +178,10 @@ def _ending(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) 
             f"the law of {materials[0]['name']}" if len(materials) == 1 else f"the laws of {len(materials)} materials"
         )
         if summary["converged"]:
-            return f"Converged: {whose} settled after {runs}."
+            return f"Converged: the stop criterion is met for {whose} after {runs}."
         if summary["stop_reason"] == "running":
             return f"Not finished: after {runs} {whose} changed still."
-        return f"Stopped after {runs} before the law of {who} had settled: {reasons}."
+        return f"Stopped after {runs} before the stop criterion was met for the law of {who}: {reasons}."
     if len(materials) == 1:
         what, agree, is_not = f"the backscatter density of {materials[0]['name']}", "agrees", "is not"
     else:

@@ -129,7 +129,7 @@ def output_tail(folder: Path) -> str:
     Returns
     -------
     str
-        One line, such as ``its last words on stderr: "no licence"``.
+        One line, such as ``its last output on stderr: "no licence"``.
     """
     quotes = []
     for name, file in (("stderr", STDERR), ("stdout", STDOUT)):
@@ -140,4 +140,4 @@ def output_tail(folder: Path) -> str:
             text = " / ".join(kept[-3:])
             if text:
                 quotes.append(f'on {name}: "{text if len(text) <= _QUOTED else "... " + text[-_QUOTED:]}"')
-    return f"its last words {', '.join(quotes)}" if quotes else "it printed nothing"
+    return f"its last output {', '.join(quotes)}" if quotes else "it printed nothing"
