@@ -25,7 +25,7 @@ _MERGE = "tag:yaml.org,2002:merge"
 
 
 class _Fault(Exception):
-    """What is wrong, and in which line, from 1."""
+    """Fault of a YAML text, with its line number from 1."""
 
     def __init__(self, text: str, line: int | None = None) -> None:
         super().__init__(text)
@@ -230,7 +230,7 @@ def _parsed(text: str) -> Any:
 
 
 def _problem(error: yaml.MarkedYAMLError) -> str:
-    """What PyYAML found, in words that say what to do where the usual mistakes are known."""
+    """PyYAML's finding in words, with advice for the usual mistakes."""
     problem = shown(" ".join(str(error.problem).split()), 200)
     if "'\\t'" in problem:
         return "a tab, expected blanks: YAML takes no tabs before a key"

@@ -62,7 +62,7 @@ def atomic(path: str | Path) -> Iterator[Path]:
 
 
 def first_difference(theirs: Any, ours: Any, key: str = "") -> str:
-    """Say where two sets of plain data differ first: the key, and both values."""
+    """First difference of two sets of plain data, in words: the key and both values."""
     if isinstance(theirs, dict) and isinstance(ours, dict):
         for name in [*ours, *(name for name in theirs if name not in ours)]:
             if theirs.get(name) != ours.get(name):

@@ -40,7 +40,7 @@ class Options(Protocol):
 
     @property
     def scale(self) -> str:
-        """What the numbers are: db, power, amplitude or complex."""
+        """Scale of the numbers: db, power, amplitude or complex."""
         ...
 
     @property

@@ -57,7 +57,7 @@ _open = [0]  # rasters that are open: GDAL's list of drivers is one for the whol
 
 
 class RasterRefused(ValueError):
-    """What is wrong with a raster, to be put behind its name."""
+    """Fault of a raster, as words to follow its name."""
 
 
 @contextmanager

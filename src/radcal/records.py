@@ -375,7 +375,7 @@ def _sha256(handle: IO[bytes]) -> str:
 
 
 def is_sealed(path: str | Path) -> bool:
-    """Whether an HDF5 file is not one of the time before there were checksums.
+    """Whether an HDF5 file has a checksum, which those of the first versions have not.
 
     Raises
     ------

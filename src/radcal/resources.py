@@ -42,7 +42,7 @@ _LEAST_MINUTES = 10
 
 
 def values_of(case: Case) -> dict[str, int]:
-    """How many values a scene's largest arrays hold.
+    """Number of values in a scene's largest arrays.
 
     Parameters
     ----------

@@ -74,7 +74,7 @@ def salvage(folder: str | Path, case: str, patterns: Iterable[str]) -> list[str]
 
 
 def _contents(path: Path, sentences: list[str]) -> Any:
-    """What a JSON file holds, None for any other; set aside if it is not what was written."""
+    """Content of a JSON file, None for any other file; a damaged file is set aside."""
     try:
         if path.suffix == ".json" and path.stat().st_size <= _MOST_BYTES:
             return read_json(path)

@@ -77,7 +77,7 @@ def _jobs(name: str, file: Path) -> list[str]:
 
 
 def _ask(command: Sequence[str], file: Path) -> str:
-    """What a Slurm command prints."""
+    """Output of a Slurm command."""
     program = shutil.which(command[0])
     if program is None:
         raise ClusterError(

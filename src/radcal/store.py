@@ -153,7 +153,7 @@ class RunStore:
         return Record(key, pixels, whole, seconds)
 
     def description(self, key: str) -> dict[str, Any]:
-        """All that determined the numbers of a record: :meth:`Runner.description`, disclosed.
+        """Description of a record (:meth:`Runner.description`), with hashes in place of secrets.
 
         Raises
         ------

@@ -17,7 +17,7 @@ _CLOSE_PX = 1e-3
 
 
 def warp(image: NDArray[np.float32], displacement: NDArray[np.float64], order: int = 0) -> NDArray[np.float32]:
-    """Bring a moving image onto the fixed one.
+    """Moving image resampled onto the fixed one.
 
     Parameters
     ----------

@@ -206,7 +206,7 @@ def eligible_pixels(
 
 
 def _above_noise(values_db: NDArray[np.float32]) -> str:
-    """What to do about pixels that are taken for noise."""
+    """Advice about pixels that are masked as noise."""
     return (
         f"; the image's own level there is {np.nanmedian(values_db):.3g} dB, which radar.nesz_db and target.snr_db "
         "take for noise: set radar.nesz_db to what the image was made with, for one without noise far below that level"

@@ -222,7 +222,7 @@ def _common(ranks: tuple[NDArray[np.float32], NDArray[np.float32]], field: NDArr
 
 
 def _mirrored(levels: list[Level], prior: Prior) -> dict[str, float]:
-    """How well the moving image registers when it is mirrored: by chance, unless it came mirrored."""
+    """Agreement with the mirrored moving images: chance level, unless the image came mirrored."""
     as_it_is, turned = slice(None), slice(None, None, -1)
     found = {}
     for name, (along, across) in {

@@ -186,7 +186,7 @@ class Targets(dict[str, Target]):
         return {name: target.score(pixels_db[name], mapping) for name, target in self.items()}
 
     def sentences(self) -> list[str]:
-        """What is compared, a line for the levels and one for each material."""
+        """Lines on what is compared: one for the levels, one for each material."""
         levels = self.levels
         lines = [f"levels: {levels.sentence}"] if levels.normalisation != "none" or levels.doubtful else []
         for name, target in self.items():

@@ -297,7 +297,7 @@ def _picture(
 
 
 def _put_check(group: h5py.Group, check: LawCheck) -> None:
-    """What is known of the law."""
+    """Write what is known of the law."""
     group.attrs["identified"] = -1 if check.identified is None else int(check.identified)
     group.attrs["sentences"] = np.array(check.sentences, dtype=h5py.string_dtype())
     for key in ("looks", "looks_nominal", "constant_db", "between_db", "within_db", "incidence_error_deg"):

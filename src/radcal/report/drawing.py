@@ -103,7 +103,7 @@ class MaterialData:
 
 @dataclass(frozen=True)
 class CaseData:
-    """What the figures need of an archive."""
+    """Data of an archive for the figures."""
 
     case: str
     objective: str

@@ -78,13 +78,13 @@ def _theta(values: Mapping[str, float]) -> dict[str, float]:
 
 
 def _bound(value: float, low: float, high: float) -> str:
-    """Which bound a value stands at, or nothing."""
+    """Bound that a value stands at, or nothing."""
     margin = _AT_BOUND * (high - low)
     return "lower" if value - low <= margin else "upper" if high - value <= margin else ""
 
 
 def _material(name: str, summary: Mapping[str, Any], group: h5py.Group) -> dict[str, Any]:
-    """What the page says about a material."""
+    """Data of one material for the page."""
     low, high = np.percentile(group["incidence_deg"][()], [5.0, 95.0])
     hidden = summary.get("hidden", {})
     # a start of another law has other parameters
@@ -136,7 +136,7 @@ def _who(found: Sequence[Mapping[str, Any]], total: int) -> str:
 
 
 def _belief(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) -> str:
-    """Which was shown: that a histogram is matched, or that a law is found; and where it is not identified."""
+    """Sentence on what was shown, a matched histogram or a law, and on laws that are not identified."""
     curves = [m for m in materials if m["identified"] is not None]
     lost = [m for m in curves if not m["identified"]]
     useless = [m for m in curves if (v := m["validation"]) and not v["rmse_law_patch_db"] < v["rmse_constant_db"]]
@@ -159,12 +159,12 @@ def _belief(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) 
 
 
 def _verdict(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) -> str:
-    """How it ended, and what was shown."""
+    """First line of the page: end of the search, and what was shown."""
     return f"{_ending(summary, materials)} {_belief(summary, materials)}"
 
 
 def _ending(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) -> str:
-    """How it ended, in one sentence."""
+    """Sentence on the end of the search."""
     tolerance = f"the tolerance of {_number(summary['tolerance'], 2)} 1/{summary['levels']['unit']}"
     count = summary["runs"]["design"] + summary["runs"]["infill"]
     runs = "one run" if count == 1 else f"{count} runs"

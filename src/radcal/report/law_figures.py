@@ -69,7 +69,7 @@ def _number_runs(axes: Axes, number: int) -> None:
 
 
 def cost(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str]:
-    """What is minimised, run by run."""
+    """Figure of the cost of each run."""
     return _density_cost(case, material) if material.cost is None else _law_cost(case, material, material.cost)
 
 

@@ -100,7 +100,7 @@ def vertical_unit(crs: CRS) -> str | None:
 
 
 def vertical_datum(crs: CRS) -> str | None:
-    """What heights refer to according to a CRS, None where it does not say.
+    """Vertical datum of a CRS, None if it has none.
 
     Parameters
     ----------

@@ -112,12 +112,12 @@ class CommandPlan:
 
     @property
     def _texts(self) -> list[Marked]:
-        """All that is filled in."""
+        """Arguments and templates with placeholders."""
         return [*self.arguments, *(marked for marked, _ in self.templates)]
 
     @property
     def seed_places(self) -> list[tuple[str, Marker]]:
-        """Where the program gets its seed, besides the input file."""
+        """Placeholders of the seed, besides the input file."""
         return [(marked.where, place) for marked in self._texts for place in marked.places(SEED)]
 
     def stage(self, folder: Path) -> None:
@@ -357,7 +357,7 @@ class CommandSimulator:
             raise StoreError(f"{path}: cannot be written ({error.strerror or error}).") from error
 
     def _version(self, words: Sequence[str]) -> str:
-        """What the program prints as its version."""
+        """Version that the program prints."""
         key = "simulator.version_command"
         program = executable_path(words[0], key, self._config.environment)
         with self._folder(key) as folder:
@@ -375,7 +375,7 @@ class CommandSimulator:
 
 
 def _plain(config: InputFile | None) -> dict[str, Any] | None:
-    """What of the input file is part of the identity: a key that came later only where it is set."""
+    """Part of the input file's settings in the identity; keys of later versions only where they are set."""
     later = {"radar"} if config is not None and config.radar else None
     return None if config is None else config.model_dump(mode="json", exclude=later)
 

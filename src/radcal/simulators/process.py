@@ -26,7 +26,7 @@ _QUOTED = 300
 
 @dataclass(frozen=True)
 class Ended:
-    """How a program ended.
+    """End of a program: exit status or signal, and time.
 
     Attributes
     ----------
