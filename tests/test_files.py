@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from radcal.errors import StoreError
-from radcal.files import atomic, bring_back, digest, first_difference, sweep, working_folder
+from radcal.files import atomic, clamp_future_mtimes, digest, first_difference, sweep, working_folder
 
 
 def left_in(folder: Path) -> list[str]:
@@ -28,7 +28,7 @@ def test_what_is_dated_in_the_future_is_dated_now_in_its_order(tmp_path: Path) -
         os.utime(path, ns=(now, now + seconds * 10**9))
     old, record = (tmp_path / name for name in ("old.h5", "runs/a.h5"))
     kept = old.stat().st_mtime_ns, record.stat().st_mtime_ns
-    assert bring_back(tmp_path) >= 3
+    assert clamp_future_mtimes(tmp_path) >= 3
     assert (old.stat().st_mtime_ns, record.stat().st_mtime_ns) == kept
     stamps = [(tmp_path / name).stat().st_mtime_ns for name in ages if name != "runs/a.h5"]
     assert stamps == sorted(set(stamps))
@@ -49,7 +49,7 @@ def test_files_behind_links_keep_their_dates(tmp_path: Path) -> None:
     os.link(mine / "c.tif", results / "work" / "c.tif")
     (results / "own.json").write_text("")
     os.utime(results / "own.json", ns=(later, later))
-    assert bring_back(results) == 1
+    assert clamp_future_mtimes(results) == 1
     assert (results / "own.json").stat().st_mtime_ns <= time.time_ns()
     assert {path.stat().st_mtime_ns for path in mine.rglob("*.tif")} == {later}
 

@@ -1,4 +1,4 @@
-"""Arrays in files, by format: each looked at by its header before memory is taken for its numbers."""
+"""Readers of arrays by file format; the header is checked before memory is taken for the numbers."""
 
 from __future__ import annotations
 

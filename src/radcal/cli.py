@@ -1,7 +1,7 @@
 """The command ``radcal``: checks a case before Snakemake reads it, then hands over to Snakemake.
 
-Snakemake loads a case file before the workflow's own code runs, and answers what it cannot read with a
-traceback. What needs more than a moment to import is imported by the command that needs it.
+Snakemake loads a case file before the workflow's own code runs, and ends in a traceback where it cannot read it.
+Modules that are slow to import are imported by the command that needs them.
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ def check_folder(folder: Path, targets: Iterable[str] = ()) -> None:
 
 
 def checked_case(path: Path, overrides: dict[str, Any]) -> Case:
-    """A case whose file, keys, values and input files have been checked.
+    """Case of a file, after its keys, values and input files have been checked.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What of a configuration is written into files: values of environment variables, which may be secrets, as hashes."""
+"""Hashes in place of environment variables' values, which may be secrets, in all files that radcal writes."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""The family of errors that radcal raises for people.
+"""Errors whose message is for the user.
 
 Every message is one sentence that says what was found, what was expected, in which
-file or key, and what to do. Anything outside this family is a bug of radcal.
+file or key, and what to do. Any other exception is a bug of radcal.
 """
 
 from __future__ import annotations

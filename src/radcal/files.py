@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all: written to a temporary name, flushed, renamed."""
+"""Atomic writes (temporary name, flush, rename), removal of what killed processes left, digests of plain data."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from radcal.errors import StoreError
 __all__ = [
     "alive",
     "atomic",
-    "bring_back",
+    "clamp_future_mtimes",
     "digest",
     "first_difference",
     "sweep",
@@ -62,7 +62,7 @@ def atomic(path: str | Path) -> Iterator[Path]:
 
 
 def first_difference(theirs: Any, ours: Any, key: str = "") -> str:
-    """Say where two sets of plain data differ first: the key, and both values."""
+    """First difference of two sets of plain data, in words: the key and both values."""
     if isinstance(theirs, dict) and isinstance(ours, dict):
         for name in [*ours, *(name for name in theirs if name not in ours)]:
             if theirs.get(name) != ours.get(name):
@@ -113,7 +113,7 @@ def sweep(folder: str | Path) -> int:
 
 
 def sweep_scripts(folder: str | Path, case_folder: str | Path) -> int:
-    """Remove the copies of scripts that a killed Snakemake has left of a case's jobs; return how many.
+    """Remove copies of a case's scripts that a killed Snakemake left behind; return how many.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def sweep_scripts(folder: str | Path, case_folder: str | Path) -> int:
 
 
 def unwritable(folder: str | Path, besides: str = "external") -> Path | None:
-    """First folder, of one and all below it, in which this process may not make files; None where it may in all.
+    """First folder, at or below one, in which this process may not create files; None if there is none.
 
     Parameters
     ----------
@@ -150,8 +150,8 @@ def unwritable(folder: str | Path, besides: str = "external") -> Path | None:
     return None
 
 
-def bring_back(folder: str | Path) -> int:
-    """Date files of the future now, in their order, and return how many there were.
+def clamp_future_mtimes(folder: str | Path) -> int:
+    """Set modification times that lie in the future to now, in their order; return how many there were.
 
     After a clock was set back, Snakemake would end every job whose output is older than its input. Records of
     runs, of which Snakemake knows nothing, stay as they are, and so does whatever a link leads to.

@@ -1,7 +1,7 @@
-"""Arrays in files to images in dB, whoever wrote them: a sensor's processor or a simulator.
+"""Conversion of arrays from files to images in dB, for measured and for simulated images.
 
-Apart from both, so that the measurement and the simulators read with the same code without
-importing each other; what differs is the section of the configuration that messages name.
+Measurement and simulators share this code without importing each other; only the section of the
+configuration that messages name differs.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ LARGEST_DB = 200.0
 
 
 class Options(Protocol):
-    """What a configuration tells about an image file."""
+    """Options of an image file in the configuration."""
 
     @property
     def scale(self) -> str:
-        """What the numbers are: db, power, amplitude or complex."""
+        """Scale of the numbers: db, power, amplitude or complex."""
         ...
 
     @property
@@ -56,7 +56,7 @@ class Options(Protocol):
 
 @dataclass(frozen=True)
 class ImageFile:
-    """A file that holds an image, and how messages speak of it.
+    """An image file with its options, and the keys that error messages name.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ class ImageFile:
 
 @dataclass(frozen=True)
 class Counts:
-    """Pixels of an image, and those of them that have no level.
+    """Numbers of pixels of an image, in all and without a value.
 
     Attributes
     ----------
@@ -190,7 +190,7 @@ def to_db(values: Values, file: ImageFile) -> tuple[NDArray[np.float32], Counts]
 
 
 def _without_impossible(image: NDArray[np.float32], file: ImageFile) -> int:
-    """Mask what no backscatter can be and return how many pixels that were; refuse many."""
+    """Mask impossible backscatter and return the number of pixels masked; refuse the image if there are many."""
     wrong = np.abs(image) > LARGEST_DB  # never true of NaN
     count, known = int(np.count_nonzero(wrong)), int(np.count_nonzero(np.isfinite(image)))
     if count > file.impossible_share * known:
@@ -205,7 +205,7 @@ def _without_impossible(image: NDArray[np.float32], file: ImageFile) -> int:
 
 
 def check_header(file: ImageFile, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
-    """Refuse an array by what its file tells of it, before memory is taken for it.
+    """Check of an array's shape and type from its header, before memory is taken for it.
 
     Parameters
     ----------
@@ -242,7 +242,7 @@ def check_header(file: ImageFile, shape: tuple[int, ...], dtype: np.dtype[Any]) 
 
 @contextmanager
 def reading(file: ImageFile, called: str) -> Iterator[None]:
-    """Turn whatever a library raises on a damaged file into the file's error, and bound what it takes.
+    """Context that bounds the memory of a read, and turns exceptions of libraries into the file's error.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Files that others wrote, looked at before they are read: what they lead to, how much memory they ask for."""
+"""Checks of untrusted files before they are read: links to other files, memory, changes during the read."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _SPARE_BYTES = 1 << 30  # libraries that are loaded, their buffers
 
 @contextlib.contextmanager
 def bounded_memory(values: int) -> Iterator[None]:
-    """Bound of the memory that reading may take: a compressed file can hold a thousand times its own size.
+    """Limit of the memory that a read may take, since a compressed file can expand a thousandfold.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def bounded_memory(values: int) -> Iterator[None]:
 
 @contextlib.contextmanager
 def unchanged(path: Path) -> Iterator[None]:
-    """Refusal of a file that somebody writes while it is read.
+    """Context that refuses a file if it changes while it is read.
 
     Raises
     ------
@@ -64,7 +64,7 @@ def unchanged(path: Path) -> Iterator[None]:
 
 
 def parse_xml(text: bytes) -> Any:
-    """Root of an XML document, with nothing resolved: no entity, no document type, nothing from elsewhere.
+    """Root of an XML document, parsed without entities, document types or external references.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def parse_xml(text: bytes) -> Any:
 
 
 def elsewhere(file: h5py.File) -> str | None:
-    """What of an HDF5 file lies in other files.
+    """First external link or external storage of an HDF5 file, as words for a message; None if there is none.
 
     Parameters
     ----------

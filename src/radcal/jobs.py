@@ -1,4 +1,4 @@
-"""What every workflow job does around its work: log, progress line, one sentence on failure."""
+"""Frame of every workflow job: log file, progress lines, one sentence on failure."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _PR_SET_PDEATHSIG = 1  # linux/prctl.h
 
 
 def die_with_parent() -> None:
-    """Have this process killed when the one that started it ends, however that ends; Linux only.
+    """Have this process killed when its parent ends, by whatever cause; Linux only.
 
     A job that outlives its Snakemake would write what the same command, typed again, is making.
 
@@ -58,7 +58,7 @@ def die_with_parent() -> None:
 
 @contextmanager
 def logged(path: str | Path, config: Mapping[str, Any] | None = None) -> Iterator[None]:
-    """Log to a file; end a :class:`RadcalError` with its sentence, anything else with where to look.
+    """Log to a file; exit with the sentence of a :class:`RadcalError`, or with the log's path for other errors.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def logged(path: str | Path, config: Mapping[str, Any] | None = None) -> Iterato
 
 
 def _fail(sentence: str) -> NoReturn:
-    """Leave with a sentence; the traceback goes to the log, and the workflow is told not to add its own words."""
+    """Exit with a sentence; the traceback goes to the log, and Snakemake's own message is suppressed."""
     logging.getLogger("radcal").exception("failed")
     if FAILURE in os.environ:
         with suppress(OSError):  # a full disk, which the sentence may be about
@@ -116,13 +116,13 @@ def elapsed() -> str:
 
 
 def progress(line: str) -> None:
-    """Print one line for the person at the terminal, and log it."""
+    """Print one line on the terminal, and log it."""
     logging.getLogger("radcal").info(line)
     _say(f"[{elapsed():>6}] {line}")
 
 
 def _say(text: str) -> None:
-    """Write a line for people, where they will see it."""
+    """Write a line to the terminal, or to the progress file of jobs on other machines."""
     if PROGRESS in os.environ:
         # in one piece: lines of several jobs meet in the file; what it cannot take, on a full disk, fails no job
         with suppress(OSError), Path(os.environ[PROGRESS]).open("ab", buffering=0) as file:
@@ -133,7 +133,7 @@ def _say(text: str) -> None:
 
 
 class Follower:
-    """Shows at the terminal what jobs on other machines write to a file.
+    """Thread that prints on the terminal what jobs on other machines write to the progress file.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Files that have no checksum of their own - the table of runs, report, figures - listed with theirs."""
+"""Lists of checksums of files that hold none themselves: table of runs, report, figures."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ def write_listing(path: str | Path, files: Iterable[str | Path]) -> None:
 
 
 def listed(data: Any) -> Mapping[str, str]:
-    """Names and checksums in what was read from a list; none where it is no list."""
+    """Names and checksums in the content of a list; empty for any other content."""
     found = data.get(_KEY) if isinstance(data, dict) else None
     return found if isinstance(found, dict) else {}
 
 
 def faulty(folder: str | Path, checksums: Mapping[str, str]) -> dict[Path, str]:
-    """Listed files that are not what was written, each with what is wrong.
+    """Listed files that are missing or differ from their checksum, each with the reason.
 
     Parameters
     ----------

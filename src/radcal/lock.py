@@ -1,4 +1,4 @@
-"""One workflow per case and one process per run: advisory locks that die with their process."""
+"""Advisory locks: one workflow per case, one process per run; the system releases them when the process ends."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class CaseLock:
         self._file: TextIO | None = None
 
     def acquire(self) -> None:
-        """Take the lock or leave with a sentence; sweep what killed processes left behind."""
+        """Take the lock or exit with a sentence; then remove temporary files of killed processes."""
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
             file = (self._folder / ".lock").open("a+", encoding="ascii")
@@ -65,7 +65,7 @@ class CaseLock:
         sweep(self._folder)
 
     def release(self) -> None:
-        """Give the lock back."""
+        """Release the lock."""
         if self._file is not None:
             self._file.close()
             self._file = None
@@ -73,7 +73,7 @@ class CaseLock:
 
 @contextlib.contextmanager
 def claimed(folder: str | Path, key: str) -> Iterator[None]:
-    """Hold a run while it is simulated; wait where another process of this or another machine holds it.
+    """Lock on one run while it is simulated; waits for another process, also on another machine, that holds it.
 
     A workflow that was killed can leave jobs behind, on a cluster above all: the same command then finds the run
     that such a job is at, and waits for it instead of making it twice.
@@ -110,7 +110,7 @@ def claimed(folder: str | Path, key: str) -> Iterator[None]:
 
 
 def leave(sentence: str) -> NoReturn:
-    """End the process at once: Snakemake would wrap an exception in its own words, and no job has started."""
+    """Exit at once with a sentence, without an exception, which Snakemake would wrap; no job has started yet."""
     sys.stderr.write(f"radcal: {sentence}\n")
     sys.stderr.flush()
     os._exit(1)

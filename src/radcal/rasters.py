@@ -1,7 +1,7 @@
-"""Rasters, opened in one place: by listed drivers, with all files that they lead to looked at first.
+"""Rasters opened by an explicit list of GDAL drivers, after every file that they refer to has been checked.
 
-GDAL picks a driver by content. Left to itself it takes a ``.tif`` that holds XML for a mosaic (VRT) or a map service
-(WMS), and reads any file of the machine, or sends requests, on its behalf.
+By default GDAL picks a driver by content: a ``.tif`` that holds XML is opened as a mosaic (VRT) or a map service
+(WMS), which can read any file of the machine or send network requests.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ _open = [0]  # rasters that are open: GDAL's list of drivers is one for the whol
 
 
 class RasterRefused(ValueError):
-    """What is wrong with a raster, to be put behind its name."""
+    """Fault of a raster, as words to follow its name."""
 
 
 @contextmanager

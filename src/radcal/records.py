@@ -1,8 +1,8 @@
-"""Files that say what they are, where they come from, and whether they are whole.
+"""HDF5 and JSON files with schema version, provenance and checksum.
 
-HDF5 files start with a block of 512 bytes (HDF5 calls it the user block, and its libraries skip it): a line of
-text with the SHA-256 and the number of all bytes that follow. JSON files start with the SHA-256 of what follows.
-Both are compared before anything is parsed: a damaged HDF5 file can crash the library that reads it.
+An HDF5 file starts with a user block of 512 bytes, which HDF5 libraries skip. It holds the SHA-256 and the number
+of all bytes that follow. A JSON file starts with the SHA-256 of what follows. Both are compared before anything is
+parsed, because a damaged HDF5 file can crash the library that reads it.
 
 Layout and attributes are documented in ``docs/records.md``.
 """
@@ -375,7 +375,7 @@ def _sha256(handle: IO[bytes]) -> str:
 
 
 def is_sealed(path: str | Path) -> bool:
-    """Whether an HDF5 file is not one of the time before there were checksums.
+    """Whether an HDF5 file has a checksum, which those of the first versions have not.
 
     Raises
     ------

@@ -1,6 +1,6 @@
-"""What the jobs of each stage ask of a cluster: memory and time that follow the scene's size.
+"""Memory and time that the jobs of each stage request from a cluster, as linear functions of the scene's size.
 
-Linear in the number of cells, facets or pixels, whichever is the largest, with coefficients above
+The size is the number of cells, facets or pixels, whichever is the largest; the coefficients lie above
 what was measured on scenes of 2 to 56 million cells (docs/cluster.md).
 """
 
@@ -42,7 +42,7 @@ _LEAST_MINUTES = 10
 
 
 def values_of(case: Case) -> dict[str, int]:
-    """How many values a scene's largest arrays hold.
+    """Number of values in a scene's largest arrays.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Before a workflow plans its jobs: files that cannot be trusted are set aside, so that it makes them again."""
+"""Check of a results folder before jobs are planned: damaged files are renamed, so that they are made again."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from radcal.errors import DamagedError, StoreError
-from radcal.files import bring_back
+from radcal.files import clamp_future_mtimes
 from radcal.listing import faulty, listed
 from radcal.records import inspect, is_sealed, kind_of, provenance, read_json, set_aside
 from radcal.store import RunStore
@@ -61,7 +61,7 @@ def salvage(folder: str | Path, case: str, patterns: Iterable[str]) -> list[str]
         What was found, for the person at the terminal.
     """
     folder = Path(folder)
-    bring_back(folder)
+    clamp_future_mtimes(folder)
     sentences: list[str] = []
     sealed = [path for path in files_of(folder, patterns) if path.suffix in (".h5", ".json")]
     with provenance(case):
@@ -74,7 +74,7 @@ def salvage(folder: str | Path, case: str, patterns: Iterable[str]) -> list[str]
 
 
 def _contents(path: Path, sentences: list[str]) -> Any:
-    """What a JSON file holds, None for any other; set aside if it is not what was written."""
+    """Content of a JSON file, None for any other file; a damaged file is set aside."""
     try:
         if path.suffix == ".json" and path.stat().st_size <= _MOST_BYTES:
             return read_json(path)

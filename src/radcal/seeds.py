@@ -1,4 +1,4 @@
-"""Random streams that derive from the case's one seed, by name."""
+"""Named random streams, derived from the seed of the case."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One command on a case: what is done before its jobs, beside them, and after them."""
+"""Session of one command on a case: lock, damaged files, Slurm's leftovers and messages around the jobs."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _SNAKEMAKE = Path(".snakemake")
 
 
 class Session:
-    """What a command needs besides its jobs: the case's folder to itself, sound files, one line per run.
+    """Everything around the jobs of one command: lock on the case's folder, repair, filter of Snakemake's messages.
 
     Jobs hear of it through environment variables (:mod:`radcal.jobs`).
 
@@ -88,7 +88,7 @@ class Session:
         return (self.folder / "logs" / "progress.txt").absolute()
 
     def mend(self, outputs: Iterable[str]) -> None:
-        """Set damaged files aside before jobs are planned, and say so: what is missing is made again.
+        """Rename damaged files before jobs are planned, and say so; the same command makes them again.
 
         Parameters
         ----------
@@ -105,7 +105,7 @@ class Session:
             _say(sentence)
 
     def start(self, cluster: str | None = None, remote_jobs: bool = False) -> None:
-        """Take the case's folder before the first job, or leave with a sentence.
+        """Lock the case's folder before the first job, or exit with a sentence.
 
         Parameters
         ----------
@@ -131,7 +131,7 @@ class Session:
             remember(self._slurm, cluster)
 
     def end(self, failed: bool = False) -> None:
-        """Give the folder back after the last job, and say how to go on where one failed."""
+        """Release the folder after the last job; after a failure, say how to continue."""
         if self._follower is not None:
             self._follower.stop()
             self._follower = None
@@ -143,12 +143,12 @@ class Session:
             _say(f"stopped by Ctrl-C. {kept} finished runs are kept in {runs}; the same command goes on from there.")
         elif failed:
             _say(
-                f"stopped. Finished runs are kept in {runs}, logs in {self.folder / 'logs'}; once the cause is mended, "
-                "the same command continues."
+                f"stopped. Finished runs are kept in {runs}, logs in {self.folder / 'logs'}; once the cause is "
+                "removed, the same command continues."
             )
 
     def _refusal(self) -> str | None:
-        """What of the results may not be written, in a sentence."""
+        """Sentence on the first result that cannot be written, None if all can."""
         if (path := unwritable(self.folder)) is not None:
             return f"{path} cannot be written (Permission denied); results go there, so make it writable."
         if (path := unwritable(_SNAKEMAKE)) is not None:

@@ -1,4 +1,4 @@
-"""Jobs that a killed snakemake has left in Slurm's queue."""
+"""Cancellation of jobs that a killed Snakemake left in Slurm's queue."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _PATIENCE_S = 120.0  # Slurm grants a cancelled job 30 s (KillWait) unless confi
 
 
 def remember(file: str | Path, name: str) -> None:
-    """Note the name that all jobs of an invocation bear, before the first is submitted.
+    """Write down the common name of all Slurm jobs of a command, before the first is submitted.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def remember(file: str | Path, name: str) -> None:
 
 
 def cancel_leftovers(file: str | Path) -> int:
-    """Cancel what is left of the invocation noted last, wait until it is gone, and forget it.
+    """Cancel the remaining jobs of the command noted last, wait until they are gone, and delete the note.
 
     A job that lives on would write the same files as the one that takes its place.
 
@@ -77,7 +77,7 @@ def _jobs(name: str, file: Path) -> list[str]:
 
 
 def _ask(command: Sequence[str], file: Path) -> str:
-    """What a Slurm command prints."""
+    """Output of a Slurm command."""
     program = shutil.which(command[0])
     if program is None:
         raise ClusterError(

@@ -1,4 +1,4 @@
-"""Which settings each stage of the workflow reads, and what therefore happens when one is changed.
+"""Sections of the configuration that each rule reads, and what a change of each makes again.
 
 The rules take their ``params`` from here, and the table of ``docs/reruns.md`` is written from it:
 ``python -m radcal.stages``.

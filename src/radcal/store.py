@@ -46,7 +46,7 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Record:
-    """What one run gave.
+    """Result of one run.
 
     Attributes
     ----------
@@ -153,7 +153,7 @@ class RunStore:
         return Record(key, pixels, whole, seconds)
 
     def description(self, key: str) -> dict[str, Any]:
-        """All that determined the numbers of a record: :meth:`Runner.description`, disclosed.
+        """Description of a record (:meth:`Runner.description`), with hashes in place of secrets.
 
         Raises
         ------
@@ -188,7 +188,7 @@ class RunStore:
 
 
 def _law_description(material: Material) -> dict[str, Any]:
-    """What of a law determines a run's numbers, besides its parameters."""
+    """Part of a run's description that names the law of a material, without its parameters."""
     description: dict[str, Any] = {"law": material.law}
     # each only where the law does not fix it: runs of other laws keep the keys they had before there were any
     if material.angles_deg:
@@ -203,7 +203,7 @@ def _law_description(material: Material) -> dict[str, Any]:
 
 
 class Runner:
-    """Runs a simulator through the store: asks it first, records every new run.
+    """Simulator behind the run store: a recorded run is read, a new one is simulated and recorded.
 
     Parameters
     ----------
@@ -234,7 +234,7 @@ class Runner:
         self._keep_images = case.simulator.keep_images
 
     def description(self, parameters: Parameters, noise_seed: int, repeat: bool = False) -> dict[str, Any]:
-        """All that determines a run's numbers, as plain data."""
+        """Plain data that determine a run's numbers; their digest is the run's key."""
         unknown = {"frequency_ghz"} if self._radar.frequency_ghz is None else set()  # keys as before there was one
         return {
             "simulator": dict(self._simulator.identity),
@@ -248,12 +248,12 @@ class Runner:
         }
 
     def without_masks(self, description: Mapping[str, Any]) -> dict[str, Any]:
-        """A description without what this simulator is not told: records of earlier versions say it all the same."""
+        """Description without settings that this simulator does not receive, which earlier versions recorded."""
         told = {key: value for key, value in description.get("pass", {}).items() if key not in self._not_told}
         return {**description, "pass": told}
 
     def _find(self, key: str, image: bool) -> Record | None:
-        """The record of a run, also where its own key still holds settings that the simulator is not told."""
+        """Record of a run, also under a key of an earlier version, with settings the simulator does not receive."""
         found = self._store.get(key, self._recorded, image)
         if found is not None or not self._not_told:
             return found
@@ -307,7 +307,7 @@ class Runner:
             return found if found is not None else self._simulate(key, description, parameters, noise_seed, image)
 
     def _found(self, key: str, image: bool) -> Record | None:
-        """The record, unless the pixels that it holds are those of another version's geometry."""
+        """Record of a run, None if its number of pixels is not that of this geometry."""
         record = self._find(key, image)
         if record is not None and any(record.pixels_db[name].size != n for name, n in self._sizes.items()):
             return None

@@ -1,7 +1,7 @@
-"""The terminal: lines for people, which may have nobody left to read them.
+"""Output to the terminal that does not fail when the terminal or pipe is closed, and a filter of Snakemake's log.
 
-Whoever types ``snakemake ... | head -1`` closes the pipe after one line. Without a guard the next line that a job
-prints fails the job, and one that Snakemake prints in a callback leaves its scheduler waiting for ever.
+``snakemake ... | head -1`` closes the pipe after one line. Without the guard, the next line that a job prints would
+fail the job, and one that Snakemake prints in a callback would leave its scheduler waiting for ever.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ __all__ = ["Guarded", "Messages", "guard"]
 
 
 class Guarded:
-    """A text stream whose reader may be gone: what cannot be written is dropped.
+    """Text stream that drops what cannot be written, because its reader is gone or the disk is full.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class Guarded:
 
 
 def guard(logger: logging.Logger | None = None) -> None:
-    """Let no line for people fail what prints it: standard streams that are closed, full or without a reader.
+    """Guard of the standard streams: a closed, full or unread stream fails nothing.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ class Messages:
 
 
 def _protected(text: str) -> str:
-    """Snakemake's word on write-protected outputs as a sentence."""
+    """Sentence in place of Snakemake's message about write-protected outputs."""
     files = re.findall(r"(?m)^\s+(results/\S+)$", text)
     return (
         f"{files[0] if files else 'a result'} is write-protected, and is to be made again: make it writable "

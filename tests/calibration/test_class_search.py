@@ -10,6 +10,7 @@ import pytest
 from radcal.calibration.class_search import ClassSearch, class_searches, class_targets
 from radcal.calibration.class_surrogate import ClassRuns, Corrected
 from radcal.calibration.expected import LawForward
+from radcal.calibration.history import History
 from radcal.calibration.loop import calibrate
 from radcal.calibration.steps import noise_seed, propose_all, train_all
 from radcal.calibration.surrogate import read_surrogates, write_surrogates
@@ -167,11 +168,12 @@ def test_steps_from_files_are_those_from_memory(parts, calibrated, tmp_path):
     history, _ = calibrated
     write_targets(tmp_path / "target.h5", targets)
     again = read_targets(tmp_path / "target.h5")
-    surrogates = train_all(history.up_to(0), case, 0, None)
+    start = History([run for run in history.runs if run.kind != "infill"])
+    surrogates = train_all(start, case, 0, None)
     write_surrogates(tmp_path / "surrogate.h5", surrogates)
     read = read_surrogates(tmp_path / "surrogate.h5")
     assert all(isinstance(item, ClassRuns) for item in read.values())
-    proposals = propose_all(read, again, history.up_to(0), case, 0, case.stop)
+    proposals = propose_all(read, again, start, case, 0, case.stop)
     assert proposals == dict(history.infill[0].proposals)
     for name, target in targets.items():
         np.testing.assert_array_equal(target.kept_out.values_db, again[name].kept_out.values_db)
@@ -181,7 +183,7 @@ def test_steps_from_files_are_those_from_memory(parts, calibrated, tmp_path):
 def test_proposals_do_not_depend_on_the_number_of_processes(parts, calibrated):
     case, _, _, _, targets = parts
     history, _ = calibrated
-    start = type(history)([run for run in history.runs if run.kind != "infill"])
+    start = History([run for run in history.runs if run.kind != "infill"])
     found = [
         propose_all(train_all(start, case, 0, None), targets, start, case, 0, case.stop, processes)
         for processes in (1, 2)

@@ -38,11 +38,11 @@ RUNS = [
 ]
 
 
-def test_counts_best_and_prefix():
+def test_counts_and_best():
     history = History(RUNS)
     assert [history.count(kind) for kind in ("reference", "design", "infill")] == [1, 2, 2]
     assert history.best("dyke") is RUNS[3], "the earliest of equals"
-    assert history.up_to(0).best("dyke") is RUNS[2]
+    assert History(RUNS[:3]).best("dyke") is RUNS[2], "of the design alone"
     assert history.infill == RUNS[3:]
 
 

@@ -1,4 +1,4 @@
-"""Blocks of an image that are kept or left out."""
+"""Blocks of an image that are calibrated on or held out."""
 
 from __future__ import annotations
 

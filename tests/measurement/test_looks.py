@@ -8,7 +8,7 @@ from scipy import special
 
 from radcal.config import Radar
 from radcal.measurement.looks import estimate_looks, looks_of_log_variance
-from radcal.radar.image import ImageFormation
+from radcal.radar.image import ImageFormation, decibels
 from radcal.radar.reflectivity import uniform
 
 SHAPE = (400, 400)
@@ -17,7 +17,7 @@ ONE = np.ones(SHAPE, dtype=np.uint8)
 
 def speckle_db(looks: int, level: np.ndarray | float = 10.0, seed: int = 1) -> np.ndarray:
     sigma0 = np.broadcast_to(np.asarray(level, dtype=np.float32), SHAPE)
-    return ImageFormation(Radar(looks=looks), SHAPE, -20.0).intensity_db(uniform(sigma0), seed)
+    return decibels(ImageFormation(Radar(looks=looks), SHAPE, -20.0).intensity(uniform(sigma0), seed))
 
 
 @pytest.mark.parametrize("looks", [0.5, 1.0, 2.5, 4.0, 40.0, 5000.0])

@@ -1,4 +1,4 @@
-"""Pixels that are left out, and how many for which reason."""
+"""Pixels that are masked, and how many for which reason."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from radcal.errors import MeasurementError
 from radcal.measurement.model import Measurement
 from radcal.measurement.pixels import eligible_pixels, noise_limited, point_targets
 from radcal.radar.geometry import Geometry
-from radcal.radar.image import ImageFormation
+from radcal.radar.image import ImageFormation, decibels
 from radcal.radar.reflectivity import uniform
 
 CONFIG = TargetConfig(margin_px=0)
@@ -48,7 +48,7 @@ def test_an_uncertain_registration_widens_the_margin(geometry: Geometry) -> None
 def test_too_few_pixels_say_why(geometry: Geometry) -> None:
     image = Measurement(np.ones(geometry.shape, dtype=np.float32), "x")
     shadow = np.ones(geometry.shape, dtype=bool)
-    with pytest.raises(MeasurementError, match=r"materials\.dyke: 0 usable pixels, .* left out are \d+ shadow"):
+    with pytest.raises(MeasurementError, match=r"materials\.dyke: 0 usable pixels, .* masked: \d+ shadow"):
         eligible_pixels("dyke", replace(geometry, shadow=shadow), image, CONFIG)
 
 
@@ -65,7 +65,7 @@ def test_noise_is_where_signal_and_noise_say_so() -> None:
 
 def test_point_target_and_its_surroundings_are_found() -> None:
     radar = Radar()
-    image = ImageFormation(radar, SHAPE, -20.0).intensity_db(uniform(np.full(SHAPE, 10.0, dtype=np.float32)), 1)
+    image = decibels(ImageFormation(radar, SHAPE, -20.0).intensity(uniform(np.full(SHAPE, 10.0, dtype=np.float32)), 1))
     image[60, 80] = 30.0
     image[150, 20] = 14.0  # 4 dB above the mean is speckle
     found = point_targets(image, np.ones(SHAPE, dtype=np.uint8), radar)
@@ -78,7 +78,7 @@ def test_edges_of_fields_are_no_point_targets() -> None:
     radar = Radar()
     material = np.where(np.arange(SHAPE[1]) < 100, 1, 2).astype(np.uint8) * np.ones((SHAPE[0], 1), dtype=np.uint8)
     sigma0 = np.where(material == 1, 0.1, 10.0).astype(np.float32)
-    image = ImageFormation(radar, SHAPE, -20.0).intensity_db(uniform(sigma0), 2)
+    image = decibels(ImageFormation(radar, SHAPE, -20.0).intensity(uniform(sigma0), 2))
     assert not point_targets(image, material, radar)[:, 104:].any()
 
 
@@ -86,6 +86,6 @@ def test_false_alarms_are_rare_in_texture_too() -> None:
     radar = Radar()
     rng = np.random.default_rng(5)
     texture = rng.gamma(4.0, 0.25, size=(600, 600)).astype(np.float32)
-    image = ImageFormation(radar, (600, 600), -20.0).intensity_db(uniform(texture), 3)
+    image = decibels(ImageFormation(radar, (600, 600), -20.0).intensity(uniform(texture), 3))
     found = point_targets(image, np.ones(image.shape, dtype=np.uint8), radar)
     assert found.mean() < 1e-3

@@ -16,7 +16,7 @@ from radcal.errors import ConfigError, MeasurementError
 from radcal.measurement.model import Measurement, read_measurement, write_measurement
 from radcal.measurement.sources import make_measurement, smooth_warp
 from radcal.radar.geometry import Geometry, make_geometry
-from radcal.radar.image import ImageFormation
+from radcal.radar.image import ImageFormation, decibels
 from radcal.radar.reflectivity import uniform
 from radcal.scene.model import Scene
 from radcal.simulators.builtin import BuiltinSimulator
@@ -355,7 +355,7 @@ def speckle() -> tuple[Geometry, np.ndarray]:
     scene.material[:, 200:] = 2
     geometry = make_geometry(scene, Radar())
     return geometry, 10 ** (
-        ImageFormation(Radar(), shape, -20.0).intensity_db(uniform(np.full(shape, 3.0, np.float32)), 1) / 10
+        decibels(ImageFormation(Radar(), shape, -20.0).intensity(uniform(np.full(shape, 3.0, np.float32)), 1)) / 10
     )
 
 

@@ -14,7 +14,7 @@ from radcal.config import Radar
 from radcal.errors import ConfigError
 from radcal.radar.gaussian import circular_gaussian
 from radcal.radar.geometry import Geometry, make_geometry
-from radcal.radar.image import ImageFormation
+from radcal.radar.image import ImageFormation, decibels
 from radcal.radar.laws import LAWS, Law
 from radcal.radar.reflectivity import law_tables, reflectivity, uniform
 from radcal.radar.speckle import impulse_response
@@ -30,7 +30,7 @@ QUIET = -200.0  # [dB] no noise at all
 
 def flat_image_db(looks: int = 4, sigma0_db: float = 0.0, nesz_db: float = QUIET, seed: int = 11) -> np.ndarray:
     formation = ImageFormation(Radar(looks=looks), SHAPE, nesz_db)
-    return formation.intensity_db(uniform(np.full(SHAPE, 10 ** (sigma0_db / 10), dtype=np.float32)), seed)
+    return decibels(formation.intensity(uniform(np.full(SHAPE, 10 ** (sigma0_db / 10), dtype=np.float32)), seed))
 
 
 @pytest.mark.parametrize("looks", [1, 4])
@@ -64,7 +64,7 @@ def test_neighbours_correlate_as_the_impulse_response_says() -> None:
 def test_zero_reflectivity_gives_the_noise_floor() -> None:
     formation = ImageFormation(Radar(), SHAPE, -23.0)
     power = 10 ** (
-        formation.intensity_db(uniform(np.zeros(SHAPE, dtype=np.float32)), 3)[APART].astype(float).ravel() / 10
+        decibels(formation.intensity(uniform(np.zeros(SHAPE, dtype=np.float32)), 3))[APART].astype(float).ravel() / 10
     )
     assert power.mean() == pytest.approx(10**-2.3, rel=3 / np.sqrt(4 * N))
     assert stats.kstest(power / 10**-2.3, stats.gamma(4, scale=1 / 4).cdf).pvalue > 1e-3
@@ -78,10 +78,10 @@ def test_noise_adds_to_the_mean_power() -> None:
 def test_equal_seeds_give_equal_images_bit_for_bit() -> None:
     sigma0 = np.random.default_rng(1).random((60, 50), dtype=np.float32)
     a, b = (ImageFormation(Radar(), sigma0.shape, -20.0) for _ in range(2))
-    first = a.intensity_db(uniform(sigma0), 5)
-    a.intensity_db(uniform(sigma0 * 2), 6)  # another run between them
-    np.testing.assert_array_equal(a.intensity_db(uniform(sigma0), 5), first)
-    np.testing.assert_array_equal(b.intensity_db(uniform(sigma0), 5), first)
+    first = decibels(a.intensity(uniform(sigma0), 5))
+    decibels(a.intensity(uniform(sigma0 * 2), 6))  # another run between them
+    np.testing.assert_array_equal(decibels(a.intensity(uniform(sigma0), 5)), first)
+    np.testing.assert_array_equal(decibels(b.intensity(uniform(sigma0), 5)), first)
     assert first.dtype == np.float32
     assert first.shape == sigma0.shape
     assert sigma0.min() >= 0  # the input is not changed
@@ -90,8 +90,8 @@ def test_equal_seeds_give_equal_images_bit_for_bit() -> None:
 def test_three_db_more_reflectivity_is_three_db_more_image() -> None:
     formation = ImageFormation(Radar(), (60, 50), QUIET)
     sigma0 = np.random.default_rng(1).random((60, 50), dtype=np.float32) + np.float32(0.1)
-    shift = formation.intensity_db(uniform(sigma0 * np.float32(10**0.3)), 5) - formation.intensity_db(
-        uniform(sigma0), 5
+    shift = decibels(formation.intensity(uniform(sigma0 * np.float32(10**0.3)), 5)) - decibels(
+        formation.intensity(uniform(sigma0), 5)
     )
     np.testing.assert_allclose(shift, 3.0, atol=2e-3)
 
@@ -104,7 +104,7 @@ def test_new_noise_seed_changes_the_image_but_not_its_distribution() -> None:
 
 def test_image_is_finite_where_nothing_is_visible_and_nothing_is_noise() -> None:
     formation = ImageFormation(Radar(), (40, 40), -500.0)
-    assert np.isfinite(formation.intensity_db(uniform(np.zeros((40, 40), dtype=np.float32)), 1)).all()
+    assert np.isfinite(decibels(formation.intensity(uniform(np.zeros((40, 40), dtype=np.float32)), 1))).all()
 
 
 def test_point_target_has_the_configured_resolution() -> None:
@@ -112,7 +112,7 @@ def test_point_target_has_the_configured_resolution() -> None:
                   azimuth_spacing_m=1)  # fmt: skip
     sigma0 = np.zeros((101, 101), dtype=np.float32)
     sigma0[50, 50] = 1e6
-    db = ImageFormation(radar, sigma0.shape, QUIET).intensity_db(uniform(sigma0), 2).astype(float)
+    db = decibels(ImageFormation(radar, sigma0.shape, QUIET).intensity(uniform(sigma0), 2)).astype(float)
     assert np.unravel_index(db.argmax(), db.shape) == (50, 50)
     for profile, resolution in [(db[50:, 50], 6.0), (db[50, 50:], 10.0)]:
         half = np.interp(10 * np.log10(2), profile[0] - profile[:15], np.arange(15))
@@ -167,7 +167,7 @@ def test_image_of_a_material_has_the_laws_level(build_scene: Callable[..., Scene
     radar = Radar(altitude_m=20_000.0)
     geometry = make_geometry(build_scene(lambda east, north: 0 * east, cells=(120, 120)), radar)
     sigma0 = reflectivity(geometry, law_tables(geometry.names, {"dyke": LAWS["mangia"]}, {"dyke": DYKE}))
-    image = ImageFormation(radar, geometry.shape, QUIET).intensity_db(sigma0, 4)
+    image = decibels(ImageFormation(radar, geometry.shape, QUIET).intensity(sigma0, 4))
     ratio = (10 ** (image.astype(float) / 10) / sigma0.image)[6:-6:6, 6:-6:6]
     assert ratio.size > 1000
     assert ratio.mean() == pytest.approx(1.0, abs=3 / np.sqrt(4 * ratio.size))
@@ -218,7 +218,7 @@ def test_looks_average_in_power() -> None:
     sigma0 = uniform(np.ones((60, 50), dtype=np.float32))
     formation = ImageFormation(radar, (60, 50), -20.0)
     power = sum(np.abs(formation.look(sigma0, 5, k).astype(complex)) ** 2 for k in range(3)) / 3
-    np.testing.assert_allclose(formation.intensity_db(sigma0, 5), 10 * np.log10(power), atol=1e-4)
+    np.testing.assert_allclose(decibels(formation.intensity(sigma0, 5)), 10 * np.log10(power), atol=1e-4)
 
 
 def test_noise_follows_the_rows(geometry: Geometry, radar: Radar) -> None:

@@ -120,23 +120,26 @@ def test_the_first_line_says_whether_a_law_was_found_or_a_histogram_matched(page
         checked(file)
         file["materials/stem beans/check"].attrs["identified"] = 1
     text = render(tmp_path / "report.html", copy)[1].text
-    assert "Converged: the laws of 2 materials settled after 5 runs. What was matched is the law" in text
+    assert (
+        "Converged: the stop criterion is met for the laws of 2 materials after 5 runs. What was matched is the law"
+        in text
+    )
     with changed(copy) as file:
         file["materials/stem beans/check"].attrs["identified"] = 0
     text = render(tmp_path / "report.html", copy)[1].text
     assert (
-        "settled after 5 runs. The law of stem beans is not identified by this image. Ground that was kept out is "
+        "materials after 5 runs. The law of stem beans is not identified by this image. Held-out ground is "
         "predicted no better by the law of stem beans than by a constant."
     ) in text
     with changed(copy) as file:
         file.attrs.update({"converged": False, "reason": "max_runs"})
         file["materials/dyke"].attrs["reason"] = "max_runs"
     text = render(tmp_path / "report.html", copy)[1].text
-    assert "Stopped after 5 runs before the law of dyke had settled: maximum number of runs." in text
+    assert "Stopped after 5 runs before the stop criterion was met for the law of dyke: maximum number of runs." in text
 
 
 def test_held_out_ground_has_a_table(page, copy, tmp_path):
-    assert "Ground that was kept out" not in page[1].text
+    assert "Held-out ground" not in page[1].text
     with changed(copy) as file:
         checked(file)
     text = render(tmp_path / "report.html", copy)[1].text

@@ -27,8 +27,7 @@ from radcal.config import Material, Radar, case_from
 from radcal.errors import ConfigError, SimulatorError
 from radcal.radar.geometry import Geometry
 from radcal.simulators import command as module
-from radcal.simulators.command import CommandPlan, CommandSimulator, check_command
-from radcal.simulators.toml import toml_text
+from radcal.simulators.command import CommandPlan, CommandSimulator, check_command, toml_text
 
 MATERIALS = {
     "dyke": {"calibrate": True, "law": "external", "names": ["mv", "s"], "bounds": [[0, 1], [0, 9]]},
@@ -128,6 +127,14 @@ plain = st.recursive(
 @settings(max_examples=50, deadline=None)
 def test_toml_is_read_as_written(data: dict[str, Any]) -> None:
     assert tomllib.loads(toml_text(data)) == data
+
+
+def test_toml_leaves_out_what_is_none() -> None:
+    data = {
+        "radar": {"frequency_ghz": None, "band": "X", "nesz_db": [[30.0, -24.0]], "inner": {"a": None}},
+        "seed": None,
+    }
+    assert tomllib.loads(toml_text(data)) == {"radar": {"band": "X", "nesz_db": [[30.0, -24.0]], "inner": {}}}
 
 
 def write_h5(path: Path, values: np.ndarray) -> None:

@@ -220,10 +220,6 @@ class History:
         """Return the number of runs of a kind."""
         return sum(run.kind == kind for run in self.runs)
 
-    def up_to(self, infill: int) -> History:
-        """Return the history with only the first ``infill`` verified proposals."""
-        return History(run for run in self.runs if run.kind != "infill" or run.index < infill)
-
     def best(self, material: str) -> Run:
         """Return the run with the material's smallest cost, the earliest of equals, made with its law.
 

@@ -1,6 +1,6 @@
-"""Case files and values of the command line as text: one YAML document, each key once, safe to expand.
+"""YAML text of case files and command-line values: one document, no duplicate keys, no unbounded aliases.
 
-Nothing here knows what a key means; the models of :mod:`radcal.config` do.
+The meaning of keys belongs to the models of :mod:`radcal.config`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _MERGE = "tag:yaml.org,2002:merge"
 
 
 class _Fault(Exception):
-    """What is wrong, and in which line, from 1."""
+    """Fault of a YAML text, with its line number from 1."""
 
     def __init__(self, text: str, line: int | None = None) -> None:
         super().__init__(text)
@@ -225,7 +225,7 @@ def _parsed(text: str) -> Any:
 
 
 def _problem(error: yaml.MarkedYAMLError) -> str:
-    """What PyYAML found, in words that say what to do where the usual mistakes are known."""
+    """PyYAML's finding in words, with advice for the usual mistakes."""
     problem = shown(" ".join(str(error.problem).split()), 200)
     if "'\\t'" in problem:
         return "a tab, expected blanks: YAML takes no tabs before a key"

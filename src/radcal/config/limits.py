@@ -1,6 +1,6 @@
-"""Numbers of a configuration, each kind with the range in which radcal computes: docs/limits.md lists the keys.
+"""Number types of the configuration with their allowed ranges, which docs/limits.md lists by key.
 
-Beyond these ranges there is no pass, no scene and no computer, but a slip of the unit or of a digit.
+A value outside its range is a mistake of the unit or of a digit: no real acquisition, scene or computer has it.
 """
 
 from __future__ import annotations

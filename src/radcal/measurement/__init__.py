@@ -1,1 +1,1 @@
-"""The measured image: read or made, checked against the scene, turned into targets."""
+"""Measured image, read or synthetic: checks against the scene, registration, targets."""

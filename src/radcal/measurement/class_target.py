@@ -1,4 +1,4 @@
-"""What the law of a material is found from: classes of incidence, and how its patches spread."""
+"""Target of a law: statistics by incidence-angle bin, with between-field and within-field variance."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _ARRAYS = ("edges_deg", "member", "count", "effective", "cumulants", "nodes_deg"
 
 @dataclass(frozen=True)
 class ClassTarget:
-    """A material's target in classes of local incidence.
+    """Target of one material by incidence-angle bin.
 
     Attributes
     ----------

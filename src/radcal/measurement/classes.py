@@ -1,4 +1,4 @@
-"""Classes of local incidence: their edges, and the statistics of the pixels in them."""
+"""Incidence-angle bins (classes of local incidence): edges, and statistics of the pixels in each."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _NODES = 24  # incidence angles that stand for a class
 
 @dataclass(frozen=True)
 class Classes:
-    """A material's target pixels in classes of local incidence.
+    """Target pixels of one material by incidence-angle bin.
 
     Attributes
     ----------

@@ -1,7 +1,7 @@
 """Displacement fields between two images: warp, invert, compose.
 
-A field ``d`` of shape (2, rows, columns) says that what lies at pixel x of the fixed image
-lies at x + d(x) of the moving image; axis 0 of ``d`` is along rows, axis 1 along columns.
+A field ``d`` has shape (2, rows, columns): the place at pixel x of the fixed image is at pixel
+x + d(x) of the moving image; axis 0 of ``d`` is along rows, axis 1 along columns.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _CLOSE_PX = 1e-3
 
 
 def warp(image: NDArray[np.float32], displacement: NDArray[np.float64], order: int = 0) -> NDArray[np.float32]:
-    """Bring a moving image onto the fixed one.
+    """Moving image resampled onto the fixed one.
 
     Parameters
     ----------

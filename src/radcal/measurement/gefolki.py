@@ -1,4 +1,4 @@
-"""Dense registration of two radar images: GeFolki with a field whose stiffness is chosen from the data.
+"""Dense registration of two radar images: GeFolki, with the smoothness of the field estimated from the images.
 
 From the papers: the rank transform instead of intensities, local inversion of contrast, a
 pyramid of scales, and Gauss-Newton steps (Plyer, Colin-Koeniguer and Weissgerber, "A new
@@ -137,7 +137,7 @@ class Level:
     there: NDArray[np.float32]
 
     def mirrored(self, along: slice, across: slice) -> Level:
-        """The same with the moving image turned over."""
+        """Level with the moving image mirrored."""
         return replace(self, moving=self.moving[along, across], there=self.there[along, across])
 
 
@@ -204,7 +204,7 @@ def _step(level: Level, field: NDArray[np.float64]) -> list[NDArray[np.float64]]
 
 
 def _data(lattice: Lattice, level: Level, coefficients: NDArray[np.float64], start: NDArray[np.float64]) -> Data:
-    """What the images say of the coefficients, less the start, near some.
+    """Quadratic log-likelihood of the coefficients, less the start, about given ones.
 
     The noise is what the pulls scatter by from block to block (White, Econometrica 50 (1982), eq. 3.2).
     """
@@ -250,7 +250,7 @@ def _matched(level: Level, field: NDArray[np.float64]) -> Level:
 
 
 def _restricted(levels: list[Level], keep: NDArray[np.bool_]) -> list[Level]:
-    """The same with the pixels of the fixed image alone that count."""
+    """Level with the pixels of the fixed image restricted to those that count."""
     kept = [keep.astype(np.float32)]
     for _ in levels[1:]:
         kept.append(_halved(kept[-1]))

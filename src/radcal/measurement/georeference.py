@@ -1,4 +1,4 @@
-"""Georeferenced measured images: which of their pixels lies where the scene's image looks."""
+"""Georeferenced measured images, resampled to the pixels of the scene's image."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ __all__ = ["GeoreferencedImage", "is_georeferenced", "places_on_ground", "read_g
 
 @dataclass(frozen=True)
 class GeoreferencedImage:
-    """A measured image on the map.
+    """Measured image with CRS and transform.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ def is_georeferenced(path: Path, folders: Sequence[Path] = ()) -> bool:
 
 
 def read_georeferenced(path: Path, config: FileMeasurement, places: Places | None = None) -> GeoreferencedImage:
-    """Read a measured image with where it lies.
+    """Read a measured image with its CRS and transform.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How well a skew normal describes a material's pixels, and how many independent ones they are."""
+"""Goodness of fit of a skew normal, and the effective sample size of correlated pixels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The pixels of one material that a law is fitted to, or compared with, and the areas that they lie in."""
+"""Pixels of one material with their fields and image blocks, for fitting and for held-out checks."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["Blocks", "Ground"]
 
 @dataclass(frozen=True)
 class Blocks:
-    """An image in blocks, which are kept or left out as a whole, like the squares of a chessboard.
+    """Blocks of an image that are calibrated on or held out as a whole, like the squares of a chessboard.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Levels: what is taken out of the measured image and of every run before they are compared."""
+"""Level normalisation: offset or scale removed from the measured image and from every run before comparison."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _NOTABLE_DB = 0.5
 
 @dataclass(frozen=True)
 class Levels:
-    """How the values of both images are mapped before densities are fitted.
+    """Mapping of the values of both images before densities are fitted.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class Levels:
 
     @property
     def sentence(self) -> str:
-        """Which level is assumed, what that implies, and what it cannot tell."""
+        """Assumed level with its consequences and limits, in words."""
         if self.normalisation == "image":
             text = (
                 "each image is mapped to zero median and unit interquartile range; the measured one lies "
@@ -84,7 +84,7 @@ class Levels:
         return self.normalisation == "none" and abs(self.offset_db) > max(3.0 * self.offset_error_db, _NOTABLE_DB)
 
     def simulated(self, pixels_db: Mapping[str, NDArray[np.float32]]) -> tuple[float, float]:
-        """What is taken from a run's values, and what they are divided by.
+        """Shift and scale of a run's values: what is subtracted, and the divisor.
 
         Parameters
         ----------

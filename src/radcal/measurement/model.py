@@ -1,4 +1,4 @@
-"""What a measurement is, and its HDF5 file."""
+"""Measured image with its source and notes, and its HDF5 file."""
 
 from __future__ import annotations
 

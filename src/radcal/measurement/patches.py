@@ -1,4 +1,4 @@
-"""Patches of one material differ more than speckle explains: how much, and each one's own level.
+"""Random effects of the fields (patches) of one material: between-field and within-field variance, and predictions.
 
 A *patch* is a connected area of one material (a field, a pond), a *cell* the part of it in one block
 of the image. A cell's mean level is the law's, plus the patch's effect (sd ``between``), plus the

@@ -1,4 +1,4 @@
-"""Which pixels of a material may be compared: the same of the measurement and of every run."""
+"""Masks that select a material's comparable pixels, the same for the measurement and for every run."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["IN_THE_NOISE", "MINIMUM_PIXELS", "Eligible", "eligible_pixels", "noise_limited", "point_targets"]
 
 MINIMUM_PIXELS = 50
-IN_THE_NOISE = "in the noise"  # a reason why pixels are left out
+IN_THE_NOISE = "in the noise"  # a reason why pixels are masked
 _LEVEL_PX = 9  # window of the local level
 _GUARD_PX, _REACH_PX = 3, 10  # half-widths: pixels next to a point target, and those that it is compared with
 _FALSE_ALARMS = 1e-8
@@ -163,7 +163,7 @@ def eligible_pixels(
         Standard error of the registration [pixels], 0 where there was none: two of them, and
         the half pixel that nearest neighbours may be off, widen the margin.
     flags : mapping of str to ndarray of bool, optional
-        Pixels left out for further reasons, such as point targets.
+        Pixels masked for further reasons, such as point targets.
 
     Raises
     ------
@@ -196,7 +196,7 @@ def eligible_pixels(
         why = ", ".join(f"{count} {reason}" for reason, count in left_out.items() if count)
         raise MeasurementError(
             f"materials.{name}: {left.size} usable pixels, expected at least {MINIMUM_PIXELS}; in "
-            f"{measurement.source} it has {visible.size} visible pixels{f', left out are {why}' if why else ''} "
+            f"{measurement.source} it has {visible.size} visible pixels{f', masked: {why}' if why else ''} "
             f"(target.margin_px is {config.margin_px}"
             f"{', and the registration has an uncertainty' if uncertainty_px is not None else ''})"
             f"{_above_noise(measurement.image_db.ravel()[visible]) if left_out.get(IN_THE_NOISE) else ''}."
@@ -205,7 +205,7 @@ def eligible_pixels(
 
 
 def _above_noise(values_db: NDArray[np.float32]) -> str:
-    """What to do about pixels that are taken for noise."""
+    """Advice about pixels that are masked as noise."""
     return (
         f"; the image's own level there is {np.nanmedian(values_db):.3g} dB, which radar.nesz_db and target.snr_db "
         "take for noise: set radar.nesz_db to what the image was made with, for one without noise far below that level"

@@ -30,7 +30,7 @@ _SICD_ENDINGS = (".nitf", ".ntf", ".sicd")
 
 @dataclass(frozen=True)
 class ReadImage:
-    """What a file holds.
+    """Content of a measured image file.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Bring the measured image onto the simulated one, and say whether that can be trusted."""
+"""Registration of the measured image onto the simulated one, with a check on held-out squares."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: Re
     Returns
     -------
     Registered
-        The image as it lies, and why, where registration did not raise the correlation or moved
+        The image unregistered, and why, where registration did not raise the correlation or moved
         it further than ``max_displacement_px``.
 
     Raises
@@ -94,7 +94,7 @@ def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: Re
     nothing = np.zeros((2, *fixed_db.shape))
     if config.method == "none":
         ranks = rank_transform(fixed_db), rank_transform(moving_db)
-        return _kept(measurement, ranks, "none", "not registered: the image is taken as it lies.")
+        return _kept(measurement, ranks, "none", "not registered, because registration.method is none.")
     if min(fixed_db.shape) < _SMALLEST_PX:
         raise MeasurementError(
             f"registration.method is {config.method}, the image has {fixed_db.shape[0]} x {fixed_db.shape[1]} pixels, "
@@ -114,7 +114,7 @@ def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: Re
     found = f"correlation {before.mean():.3f} before and {after.mean():.3f} after, on squares not used to find it"
     furthest = float(np.hypot(*field).max())
     raised = float((after - before).mean()) >= _LEAST_GAIN
-    # what is left as it lies must have something in common as it lies
+    # an image that is used unregistered must have something in common as it is
     z = _z(after if raised and furthest <= config.max_displacement_px else before)
     mirrored = _mirrored(levels, prior)
     if z < _SIGNIFICANT or _common(ranks, both) < _MIRRORED * max(mirrored.values()):
@@ -132,7 +132,7 @@ def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: Re
             ranks,
             config.method,
             f"the registration would move {source} by up to {furthest:.1f} pixels, more than "
-            f"registration.max_displacement_px = {config.max_displacement_px:g}: the image was left as it lies.",
+            f"registration.max_displacement_px = {config.max_displacement_px:g}: the image is used unregistered.",
         )
     if not raised:
         return _kept(
@@ -140,7 +140,7 @@ def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: Re
             ranks,
             config.method,
             f"the registration did not raise the correlation of {source} with the simulated image ({found}): "
-            "the image was left as it lies.",
+            "the image is used unregistered.",
         )
     # another method than the one that the posterior is of: its distance counts too
     variance = np.square(flow.standard_error_px()) + np.square(field - both).sum(axis=0)
@@ -162,7 +162,7 @@ def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: Re
 def _kept(
     measurement: Measurement, ranks: tuple[NDArray[np.float32], NDArray[np.float32]], method: str, verdict: str
 ) -> Registered:
-    """The image as it lies."""
+    """Image used unregistered."""
     return Registered(
         measurement=measurement,
         unregistered_db=measurement.image_db,
@@ -222,7 +222,7 @@ def _common(ranks: tuple[NDArray[np.float32], NDArray[np.float32]], field: NDArr
 
 
 def _mirrored(levels: list[Level], prior: Prior) -> dict[str, float]:
-    """How well the moving image registers when it is mirrored: by chance, unless it came mirrored."""
+    """Agreement with the mirrored moving images: chance level, unless the image came mirrored."""
     as_it_is, turned = slice(None), slice(None, None, -1)
     found = {}
     for name, (along, across) in {

@@ -1,4 +1,4 @@
-"""From a configured source to a measurement that fits the scene."""
+"""Measurement from the configured source, read or synthetic, checked against the scene."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Displacement fields of cubic B-splines, their prior, and what data say of both.
+"""Displacement fields of cubic B-splines with a Gaussian process prior, and their posterior.
 
 A field is a Gaussian process with a standard deviation and a correlation length of its own; data are a
 quadratic log-likelihood. Standard deviation and length are those under which the data are most
@@ -37,7 +37,7 @@ Bands = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Prior:
-    """What is known of a displacement field before the images are seen.
+    """Prior of a displacement field: Gaussian process with a standard deviation and a correlation length.
 
     Attributes
     ----------
@@ -182,7 +182,7 @@ class Data:
     pull: NDArray[np.float64]
 
     def given(self, prior: Prior) -> Posterior:
-        """What data and prior say together.
+        """Posterior, given data and prior.
 
         Raises
         ------

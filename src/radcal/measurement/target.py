@@ -1,4 +1,4 @@
-"""Target density per material: which pixels, and the skew normal fitted to them."""
+"""Target density of each material: selection of its pixels, and the skew normal fitted to them."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ _SETTLED = 1e-5
 _UNLIKELY = 0.01  # the smallest share that so many bootstrap samples can show
 _TEXTURED = 0.7  # times the looks of homogeneous areas
 _LEVEL_PIXELS = 1000  # of each reference material
-KEPT_OUT = "kept out to check the law"  # a reason why pixels are left out
+KEPT_OUT = "held out to check the law"  # a reason why pixels are not in the target
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class Target:
     kept_out : Ground or None
         Pixels of ground that no law has seen, for validation.
     classes : ClassTarget or None
-        The same pixels in classes of incidence, where they are what is minimised.
+        The same pixels by incidence-angle bin, where the objective uses bins.
     """
 
     pixels: NDArray[np.int64]
@@ -185,13 +185,13 @@ class Targets(dict[str, Target]):
         return {name: target.score(pixels_db[name], mapping) for name, target in self.items()}
 
     def sentences(self) -> list[str]:
-        """What is compared, a line for the levels and one for each material."""
+        """Lines on what is compared: one for the levels, one for each material."""
         levels = self.levels
         lines = [f"levels: {levels.sentence}"] if levels.normalisation != "none" or levels.doubtful else []
         for name, target in self.items():
             mean, sd, skewness = target.cp
             size = f"target of {name}: {len(target.pixels)} pixels"
-            classes = f", {target.classes.classes.size} classes of incidence" if target.classes is not None else ""
+            classes = f", {target.classes.classes.size} incidence-angle bins" if target.classes is not None else ""
             lines.append(f"{size}, {mean:.2f} +- {sd:.2f} {levels.unit}, skewness {skewness:.2f}{classes}")
         return [*lines, *self.warnings()]
 
@@ -274,7 +274,7 @@ def make_target(
     radar : Radar, optional
         Resolutions and pixel spacings, for the looks.
     validation : Validation, optional
-        Which blocks are kept out.
+        Which blocks are held out.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Functions that numba compiles, and where on disk their machine code is kept.
+"""Compilation by numba, with a cache on disk that is named after all sources of the compiled functions.
 
 numba takes a function from its cache while the function's own file is unchanged, whatever has become of the compiled
 functions that it calls in other files, or of the constants that it takes from them. The folder is therefore named

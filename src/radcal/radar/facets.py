@@ -1,4 +1,4 @@
-"""Facets to pixels: each is spread over the slant ranges and azimuths that it reaches over.
+"""Distribution of facets over the pixels that they reach in slant range and azimuth.
 
 Neighbouring facets share their edges, so that together they fill every pixel of smooth ground
 evenly: no power is lost or counted twice, and flat ground has no texture of facets.

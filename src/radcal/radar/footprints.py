@@ -1,4 +1,4 @@
-"""Objects on the lines of facets: boxes raised over the ground, points at their slant range.
+"""Footprints of objects among the facets: boxes raised over the ground, points at their slant range.
 
 A box is level at its height above the mean ground of its footprint. Its facets are the
 roof and the walls that face the radar; walls along the line of sight have no extent in slant
@@ -101,7 +101,7 @@ def _holds(line: Any, facet: Any, place: Any, axis: Any, half: Any) -> Any:
 
 @njit(parallel=True)
 def _covers(place: Any, axis: Any, half: Any, reach: Any, shape: Any, found: Any) -> None:
-    """Which footprints hold the middle of a facet."""
+    """Footprints that hold the middle of a facet."""
     for i in prange(place.shape[0]):
         found[i] = False
         low, high = max(0, int(place[i, 0] - reach[i, 0])), min(shape[0], int(place[i, 0] + reach[i, 0]) + 1)
@@ -140,7 +140,7 @@ def _mean_ground(elevation: Any, k: Any, place: Any, axis: Any, half: Any, mean:
 def to_boxes_and_spots(
     objects: Objects, elevation: NDArray[np.float64], look_side: str, k: int, step: float
 ) -> tuple[Boxes, Spots]:
-    """Bring objects into the lines and facets of a pass.
+    """Objects in the lines and facets of a pass.
 
     Footprints so small that they hold the middle of no facet become points.
 
@@ -207,7 +207,7 @@ class Raised:
 
 @dataclass(frozen=True)
 class Seen:
-    """What the radar sees of the facets of some lines; arrays of shape (lines, facets), filled by :func:`stand`.
+    """Visible part of the facets of some lines; arrays of shape (lines, facets), filled by :func:`stand`.
 
     Attributes
     ----------
@@ -275,7 +275,7 @@ def stand(
     owner: Any, roof: Any, at_edges: Any, edges: Any, middles: Any, track: Any, near: Any, far: Any, share: Any,
     half: Any, hidden: Any, horizon: Any, extent: Any,
 ) -> None:  # fmt: skip
-    """What is seen of facets along some lines: see :class:`Seen` for what is filled.
+    """Visibility of facets along some lines: see :class:`Seen` for what is filled.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Counter-based circular Gaussian numbers: the same for the same place, whoever asks and in whatever order.
+"""Counter-based circular Gaussian random numbers, which depend on seed and pixel alone, not on the order of calls.
 
 Philox4x32-10 turns (seed, place, stream) into uniform bits, the Box-Muller transform these into
 complex numbers. Logarithm, sine and cosine are the single-precision approximations of the Cephes

@@ -1,4 +1,4 @@
-"""Acquisition geometry: all that does not depend on the backscatter laws.
+"""Acquisition geometry: everything about a pass that does not depend on the backscatter laws.
 
 Image coordinates: axis 0 is slant range (row 0 nearest), axis 1 is azimuth.
 """

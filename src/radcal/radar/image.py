@@ -284,10 +284,6 @@ class ImageFormation:
         self._run(reflectivity, noise_seed, 0, self._looks, self._tiles if tiles is None else tiles, image, None)
         return image
 
-    def intensity_db(self, reflectivity: Reflectivity, noise_seed: int) -> NDArray[np.float32]:
-        """Mean intensity of the looks [dB]; arguments as for :meth:`intensity`."""
-        return decibels(self.intensity(reflectivity, noise_seed))
-
     def look(self, reflectivity: Reflectivity, noise_seed: int, look: int = 0) -> NDArray[np.complex64]:
         """One complex look, shape (rows, columns) [linear amplitude]."""
         field = np.empty((self._shape[0], 2 * self._shape[1]), dtype=np.float32)

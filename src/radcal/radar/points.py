@@ -1,4 +1,4 @@
-"""Point scatterers in the image: coherent, at their place between the pixels."""
+"""Coherent point scatterers at sub-pixel positions in the image."""
 
 from __future__ import annotations
 

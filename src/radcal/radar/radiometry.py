@@ -1,4 +1,4 @@
-"""What a pixel's number stands for: reference areas, and the noise floor in the same terms."""
+"""Radiometry: reference area of a pixel (beta0, sigma0, gamma0), and the noise floor in the same radiometry."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["noise_floor_db", "of_sigma0"]
 
 
 def of_sigma0(radiometry: str, incidence_deg: ArrayLike) -> NDArray[np.float64]:
-    """What sigma0 is multiplied by to be brought to a radiometry.
+    """Factor that converts sigma0 to a radiometry.
 
     Parameters
     ----------

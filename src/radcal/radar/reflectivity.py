@@ -1,4 +1,4 @@
-"""Reflectivity: backscatter laws on the facets of a geometry, as expected power by pixel and material."""
+"""Expected power by pixel and material: backscatter laws evaluated on the facets of a geometry."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How many facets and pixels a pass over a scene has: known before its geometry is."""
+"""Numbers of facets and pixels of a pass over a scene, before its geometry is computed."""
 
 from __future__ import annotations
 

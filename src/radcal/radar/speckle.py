@@ -1,4 +1,4 @@
-"""Finite resolution of a look, and the statistics of its speckle."""
+"""Impulse response of a look, and the statistics of its speckle."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def impulse_response(resolution_m: float, spacing_m: float) -> NDArray[np.float6
 
 
 def border_gain(taps: NDArray[np.floating], n: int) -> NDArray[np.float32]:
-    """What amplitudes along a border are multiplied by, for the mean power of even ground to reach up to it.
+    """Gain of amplitudes along a border, so that the mean power of even ground is the same up to it.
 
     Parameters
     ----------

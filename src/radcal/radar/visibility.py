@@ -1,6 +1,6 @@
-"""What the radar sees of the ground: parts of facets between shadows' edges, and which of them fold over others.
+"""Visible parts of facets (shadow), and facets that overlap in slant range (layover).
 
-Between the middles of its facets the ground is straight; a ray is known by the tangent of its angle from nadir.
+The ground is straight between the middles of its facets; a ray is given by the tangent of its angle from nadir.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ NEAR_HALF, FAR_HALF = 1, 2  # of a facet of which no more than that is seen
 
 @njit()
 def seen_from(near: Any, near_down: Any, far: Any, far_down: Any, horizon: Any) -> Any:
-    """Where the visible part of a straight piece begins.
+    """Beginning of the visible part of a straight piece.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def seen_from(near: Any, near_down: Any, far: Any, far_down: Any, horizon: Any) 
 def part_seen(
     near: Any, near_down: Any, middle: Any, middle_down: Any, far: Any, far_down: Any, horizon: Any
 ) -> tuple[Any, Any]:
-    """From and to which fraction a facet that bends in its middle is seen; nothing of it where from lies beyond to.
+    """Visible interval of a facet that bends in its middle, as fractions from and to; empty where from lies beyond to.
 
     Within a half the angle from nadir grows or falls throughout: what is seen is in one piece.
     """
@@ -74,7 +74,7 @@ def slant_extent(
 
 
 def laid_over(slant_m: NDArray[np.float64], visible: NDArray[np.bool_], apart_m: float) -> NDArray[np.bool_]:
-    """Which facets share their slant range with others that lie elsewhere.
+    """Facets that share their slant range with others elsewhere (layover).
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""What a person gets: archive, table, summary, figures, report."""
+"""Archive, table of runs, summary, figures and HTML report."""

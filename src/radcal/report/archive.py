@@ -1,4 +1,4 @@
-"""``calibration.h5`` gathers every run and iteration, ``runs.csv`` shows it as a table.
+"""Archive of every run and iteration, ``calibration.h5``, and the same as a table, ``runs.csv``.
 
 Layout of the archive (schema 2); backscatter in dB, angles in degrees:
 
@@ -28,7 +28,7 @@ Layout of the archive (schema 2); backscatter in dB, angles in degrees:
 ``  calibrated_db, fresh_db``             the calibrated run, and with fresh random numbers (p,)
 ``materials/<m>/final_dp, fresh_dp``      densities of the two final runs (3,)
 ``materials/<m>/predicted_rms, floor_rms, mode``  per infill run, NaN where not computed
-``materials/<m>/cost, run_looks``         per run, where classes of incidence are what is minimised: half the sum of
+``materials/<m>/cost, run_looks``         per run, where incidence-angle bins are compared: half the sum of
                                           squared residuals, and the effective looks that suit it (n,)
 ``materials/<m>/check`` attributes        ``looks`` (effective), ``looks_nominal``, ``identified`` (0, 1; -1 without a
                                           curve), ``constant_db``, ``between_db``, ``within_db``,
@@ -37,9 +37,9 @@ Layout of the archive (schema 2); backscatter in dB, angles in degrees:
                                           ``rmse_start_db``, ``ks_law``, ``ks_constant``, ``ks_start``,
                                           ``tail_law_db``, ``tail_constant_db``, ``tail_start_db``,
                                           ``coverage_90``, ``n_blocks``
-``materials/<m>/check/class_deg,``        each class's mean incidence [deg], the level that its pixels ask of the law
+``materials/<m>/check/class_deg,``        each bin's mean incidence [deg], the level that its pixels ask of the law
 ``  class_db, class_error_db``            there [dB] and its standard error (n,)
-``materials/<m>/check/block, mean_db,``   held-out blocks: number, mean measured, predicted by law and patches, by the
+``materials/<m>/check/block, mean_db,``   held-out blocks: number, mean measured, predicted by law and fields, by the
 ``  predicted_db, law_db, sd_db``         law alone, standard deviation of the prediction [dB] (b,)
 ``images/measured_db, reference_db,``     whole images (rows: slant range, columns: azimuth);
 ``  calibrated_db, material,``            the calibrated one has fresh random numbers
@@ -297,7 +297,7 @@ def _picture(
 
 
 def _put_check(group: h5py.Group, check: LawCheck) -> None:
-    """What is known of the law."""
+    """Write what is known of the law."""
     group.attrs["identified"] = -1 if check.identified is None else int(check.identified)
     group.attrs["sentences"] = np.array(check.sentences, dtype=h5py.string_dtype())
     for key in ("looks", "looks_nominal", "constant_db", "between_db", "within_db", "incidence_error_deg"):

@@ -1,4 +1,4 @@
-"""Densities of the backscatter: the target, the design, before and after."""
+"""Figures of backscatter densities: target, design, before and after calibration."""
 
 from __future__ import annotations
 

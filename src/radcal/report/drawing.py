@@ -1,4 +1,4 @@
-"""What all figures share: colours, type, canvases, and the archive as they need it.
+"""Shared parts of all figures: colours, type, canvases, and the data read from the archive.
 
 Colours mean the same everywhere (Okabe and Ito's palette, told apart by line style too):
 target and measurement black and grey, start orange dashed, calibrated blue, hidden truth
@@ -103,7 +103,7 @@ class MaterialData:
 
 @dataclass(frozen=True)
 class CaseData:
-    """What the figures need of an archive."""
+    """Data of an archive for the figures."""
 
     case: str
     objective: str
@@ -230,7 +230,7 @@ def add_legend(canvas: Canvas, entries: tuple[Sequence[Any], Sequence[str]], col
 
 REASONS = {
     "rms": "converged",
-    "settled": "settled",
+    "settled": "stop criterion met",
     "unreachable": "unreachable",
     "stagnation": "stagnated",
     "max_runs": "out of runs",

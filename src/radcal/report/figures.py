@@ -88,7 +88,7 @@ def write_figures(archive: str | Path, folder: str | Path) -> list[Figure]:
         drawings: tuple[tuple[str, str, Callable[[CaseData, MaterialData], tuple[Canvas, str, str] | None]], ...] = (
             ("densities", "Density before and after", densities),
             ("law", "The law found", law),
-            ("held_out", "Ground that was kept out", held_out),
+            ("held_out", "Held-out ground", held_out),
             ("cost", "Cost of each run", cost),
             ("histogram", "Measured pixels and the design", histogram),
             ("quality", "How well a skew normal describes the pixels", quality),

@@ -1,4 +1,4 @@
-"""Ground that was kept out of the calibration, as measured and as predicted."""
+"""Figure of held-out ground: measured and predicted block means."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _BAND = 1.645  # standard deviations on each side that hold 90 % of a normal law
 
 
 def held_out(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str] | None:  # noqa: ARG001 - one shape for all
-    """Means of held-out blocks against their prediction; None where nothing was kept out."""
+    """Means of held-out blocks against their prediction; None where nothing was held out."""
     from matplotlib.ticker import MaxNLocator
 
     check = material.check
@@ -33,7 +33,7 @@ def held_out(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str] 
     axes.axhline(float(check["constant_db"]), color=START["color"], linestyle=START["linestyle"], linewidth=2.0,
                  label="constant")  # fmt: skip
     axes.stairs(law, edges, baseline=None, color=MUTED, linewidth=1.4, linestyle=":", label="law alone")
-    axes.stairs(predicted, edges, baseline=None, color=FOUND["color"], linewidth=2.0, label="law and patch")
+    axes.stairs(predicted, edges, baseline=None, color=FOUND["color"], linewidth=2.0, label="law and field")
     axes.plot(place, mean, color=TARGET["color"], linestyle="none", marker="o", markersize=4.5, label="measured")
     axes.use_sticky_edges = False
     axes.margins(x=0.01, y=0.06)
@@ -45,9 +45,9 @@ def held_out(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str] 
     add_legend(canvas, axes.get_legend_handles_labels(), 5)
     caption = (
         f"Mean levels of {mean.size} blocks that no law has seen (dots), as the law found predicts them with the "
-        "effects of patches that were seen elsewhere (blue), alone (dotted), and as a constant does (orange, dashed: "
-        f"the mean of the calibrated ground). {100.0 * float(check['coverage_90']):.0f} % lie inside of the 90 % band. "
-        f"Root mean square errors: law and patch {check['rmse_law_patch_db']:.2f} dB, law alone "
+        "random effects of fields that were seen elsewhere (blue), alone (dotted), and as a constant does (orange, "
+        f"dashed: the mean of the calibrated ground). {100.0 * float(check['coverage_90']):.0f} % lie inside of the "
+        f"90 % band. Root mean square errors: law and field {check['rmse_law_patch_db']:.2f} dB, law alone "
         f"{check['rmse_law_db']:.2f} dB, constant {check['rmse_constant_db']:.2f} dB; the same law fitted to these "
         f"means themselves leaves {check['rmse_best_db']:.2f} dB."
     )

@@ -1,4 +1,4 @@
-"""``report.html``: one self-contained page about a calibration."""
+"""HTML report: one self-contained page, ``report.html``."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _MINUS = "\N{MINUS SIGN}"
 _TIMES = "\N{NARROW NO-BREAK SPACE}\N{MULTIPLICATION SIGN}\N{NARROW NO-BREAK SPACE}"
 _REASONS = {
     "rms": "within the tolerance",
-    "settled": "the law has settled",
+    "settled": "the stop criterion is met",
     "unreachable": "no parameters inside the bounds seem to reach the target",
     "stagnation": "no longer getting better",
     "max_runs": "maximum number of runs",
@@ -34,7 +34,7 @@ _REASONS = {
 }
 _SHORT = {
     "rms": "tolerance reached",
-    "settled": "law settled",
+    "settled": "stop criterion met",
     "max_runs": "maximum of runs",
     "running": "not finished",
 }
@@ -78,13 +78,13 @@ def _theta(values: Mapping[str, float]) -> dict[str, float]:
 
 
 def _bound(value: float, low: float, high: float) -> str:
-    """Which bound a value stands at, or nothing."""
+    """Bound that a value stands at, or nothing."""
     margin = _AT_BOUND * (high - low)
     return "lower" if value - low <= margin else "upper" if high - value <= margin else ""
 
 
 def _material(name: str, summary: Mapping[str, Any], group: h5py.Group) -> dict[str, Any]:
-    """What the page says about a material."""
+    """Data of one material for the page."""
     low, high = np.percentile(group["incidence_deg"][()], [5.0, 95.0])
     hidden = summary.get("hidden", {})
     # a start of another law has other parameters
@@ -136,7 +136,7 @@ def _who(found: Sequence[Mapping[str, Any]], total: int) -> str:
 
 
 def _belief(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) -> str:
-    """Which was shown: that a histogram is matched, or that a law is found; and where it is not identified."""
+    """Sentence on what was shown, a matched histogram or a law, and on laws that are not identified."""
     curves = [m for m in materials if m["identified"] is not None]
     lost = [m for m in curves if not m["identified"]]
     useless = [m for m in curves if (v := m["validation"]) and not v["rmse_law_patch_db"] < v["rmse_constant_db"]]
@@ -152,19 +152,19 @@ def _belief(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) 
     elif lost:
         text = f"The {no} by this image."
     else:
-        text = "What was matched is the law, in classes of local incidence."
+        text = "What was matched is the law, by incidence-angle bin."
     if useless:
-        text += f" Ground that was kept out is predicted no better by the {laws(useless)} than by a constant."
+        text += f" Held-out ground is predicted no better by the {laws(useless)} than by a constant."
     return text
 
 
 def _verdict(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) -> str:
-    """How it ended, and what was shown."""
+    """First line of the page: end of the search, and what was shown."""
     return f"{_ending(summary, materials)} {_belief(summary, materials)}"
 
 
 def _ending(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) -> str:
-    """How it ended, in one sentence."""
+    """Sentence on the end of the search."""
     tolerance = f"the tolerance of {_number(summary['tolerance'], 2)} 1/{summary['levels']['unit']}"
     count = summary["runs"]["design"] + summary["runs"]["infill"]
     runs = "one run" if count == 1 else f"{count} runs"
@@ -178,10 +178,10 @@ def _ending(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) 
             f"the law of {materials[0]['name']}" if len(materials) == 1 else f"the laws of {len(materials)} materials"
         )
         if summary["converged"]:
-            return f"Converged: {whose} settled after {runs}."
+            return f"Converged: the stop criterion is met for {whose} after {runs}."
         if summary["stop_reason"] == "running":
             return f"Not finished: after {runs} {whose} changed still."
-        return f"Stopped after {runs} before the law of {who} had settled: {reasons}."
+        return f"Stopped after {runs} before the stop criterion was met for the law of {who}: {reasons}."
     if len(materials) == 1:
         what, agree, is_not = f"the backscatter density of {materials[0]['name']}", "agrees", "is not"
     else:

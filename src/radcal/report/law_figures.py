@@ -1,4 +1,4 @@
-"""The law found, and what each run on the way to it cost."""
+"""Figures of the law found, and of the cost of each run."""
 
 from __future__ import annotations
 
@@ -69,12 +69,12 @@ def _number_runs(axes: Axes, number: int) -> None:
 
 
 def cost(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str]:
-    """What is minimised, run by run."""
+    """Figure of the cost of each run."""
     return _density_cost(case, material) if material.cost is None else _law_cost(case, material, material.cost)
 
 
 def _law_cost(case: CaseData, material: MaterialData, costs: Array) -> tuple[Canvas, str, str]:
-    """Misfit of the classes of incidence, and the difference of the densities that comes with it."""
+    """Misfit of the incidence-angle bins, and the difference of the densities that comes with it."""
     canvas = new_canvas(6.2, 6.2)
     upper, lower = canvas.subplots(2, 1, sharex=True)
     squares = np.maximum(2.0 * costs, 1e-3)
@@ -95,7 +95,7 @@ def _law_cost(case: CaseData, material: MaterialData, costs: Array) -> tuple[Can
         entries |= {label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
     add_legend(canvas, (list(entries.values()), list(entries)), 3)
     caption = (
-        "Above: sum of the squared residuals of the classes of incidence, in standard deviations, at the effective "
+        "Above: sum of the squared residuals of the incidence-angle bins, in standard deviations, at the effective "
         "looks that suit each run best. "
     )
     if case.objective == "classes":
@@ -217,7 +217,7 @@ def law(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str] | Non
     )
     if asked.size:
         caption += (
-            " Dots: where the law would have to pass for the simulated pixels of each class of incidence to have the "
-            "mean level of the measured ones; levels of patches vary besides, and spreads count too."
+            " Dots: where the law would have to pass for the simulated pixels of each incidence-angle bin to have the "
+            "mean level of the measured ones; levels of fields vary besides, and spreads count too."
         )
     return canvas, caption, f"Backscatter laws of {material.name} in dB against local incidence in degrees."

@@ -1,4 +1,4 @@
-"""Where a law is asked for more than it was made for."""
+"""Notes on laws used outside their valid incidence angles or parameters."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Laws in the archive: what it takes to evaluate them, as attributes of their parameters.
+"""Laws in the archive: parameters, with everything needed to evaluate the law as attributes.
 
-Apart from the archive, so that what only reads it does not import all that is written into it.
+A module of its own, so that readers of the archive do not import everything that its writer needs.
 """
 
 from __future__ import annotations

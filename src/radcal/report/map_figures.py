@@ -1,4 +1,4 @@
-"""Maps: the images, their registration, and what is left."""
+"""Maps: measured and simulated images, registration, residual."""
 
 from __future__ import annotations
 

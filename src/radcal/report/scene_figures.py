@@ -1,4 +1,4 @@
-"""The scene and the incidence it is seen at."""
+"""Figures of the scene and of the local incidence angle."""
 
 from __future__ import annotations
 

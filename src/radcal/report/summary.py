@@ -1,4 +1,4 @@
-"""``summary.json``: how a calibration ended, for scripts."""
+"""Summary of a calibration for scripts, ``summary.json``."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def wall_seconds(folder: str | Path, jobs: Mapping[str, int] | None = None) -> d
 
 
 def sentences(archive: str | Path) -> list[str]:
-    """How each material ended, and what is to be known before its law is believed, in words."""
+    """Sentences on the end of each material, and warnings about its law."""
     with read_hdf5(archive, "calibration") as file:
         of_laws = [
             str(sentence) for group in file["materials"].values() for sentence in group["check"].attrs["sentences"]
@@ -112,7 +112,7 @@ _HELD_OUT = (
 
 
 def _check(group: h5py.Group) -> dict[str, Any]:
-    """How far to trust the law."""
+    """Looks, identifiability and held-out errors of a law."""
     identified = int(group.attrs["identified"])
     validation = None
     if "n_blocks" in group.attrs:
@@ -182,7 +182,7 @@ def _material(group: h5py.Group, counted: NDArray[np.bool_], tolerance: float) -
 
 
 def _registration(group: h5py.Group) -> dict[str, Any]:
-    """How the measured image was brought onto the simulated one; lengths in pixels."""
+    """Registration: method, verdict and lengths [pixels]."""
     summary: dict[str, Any] = {
         "method": str(group.attrs["method"]),
         "applied": bool(group.attrs["applied"]),
@@ -198,7 +198,7 @@ def _registration(group: h5py.Group) -> dict[str, Any]:
 
 
 def _levels(group: h5py.Group) -> dict[str, Any]:
-    """Which level was assumed, and the offset it implies [dB]."""
+    """Assumed level, and the offset that it implies [dB]."""
     return {
         "normalisation": str(group.attrs["normalisation"]),
         **{key: float(group.attrs[key]) for key in ("offset_db", "offset_error_db", "scale")},

@@ -1,4 +1,4 @@
-"""Coordinate reference systems: what a raster's says about places and about heights.
+"""Coordinate reference systems of rasters: horizontal coordinates and vertical datum.
 
 Coordinates are always (x, y) = (east, north) or (longitude, latitude), as in rasters,
 whatever the order of axes in the definition of the CRS.
@@ -100,7 +100,7 @@ def vertical_unit(crs: CRS) -> str | None:
 
 
 def vertical_datum(crs: CRS) -> str | None:
-    """What heights refer to according to a CRS, None where it does not say.
+    """Vertical datum of a CRS, None if it has none.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Where the cells of a scene lie: open rasters, their common area, and a grid of square cells on it."""
+"""Grid of square cells over the common area of open rasters."""
 
 from __future__ import annotations
 

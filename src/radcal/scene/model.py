@@ -1,4 +1,4 @@
-"""What a scene is, and its HDF5 file."""
+"""Scene: materials, elevation or incidence, objects; and its HDF5 file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Made-up trees, cars and buildings, for tests and benchmarks."""
+"""Generator of random trees, cars and buildings, for tests and benchmarks."""
 
 from __future__ import annotations
 

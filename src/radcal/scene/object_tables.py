@@ -41,7 +41,7 @@ _ENVELOPE_BYTES = np.array([0, 32, 48, 48, 64])
 
 @dataclass(frozen=True)
 class Place:
-    """Where a scene lies.
+    """Place of a scene on the map.
 
     Attributes
     ----------

@@ -61,7 +61,7 @@ class Objects:
 
     @property
     def extended(self) -> NDArray[np.bool_]:
-        """Which have a footprint, shape (n,)."""
+        """True for objects with a footprint, shape (n,)."""
         return np.asarray(self.length_m > 0.0)
 
     @property
@@ -100,7 +100,7 @@ _ARRAYS = tuple(item.name for item in fields(Objects) if item.name not in ("kind
 
 
 def check_curve(points: ArrayLike) -> str | None:
-    """What is wrong with a cross-section by aspect, None where nothing is.
+    """Fault of a cross-section by aspect, None if there is none.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How many cells a scene will have: from the headers of its files, before it is made."""
+"""Number of cells of a scene, from the headers of its files, before it is made."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["SceneSize", "scene_size"]
 
 @dataclass(frozen=True)
 class SceneSize:
-    """Numbers that say how large a scene is.
+    """Size of a scene: number of cells, and size of a cell.
 
     Attributes
     ----------

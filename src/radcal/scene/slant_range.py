@@ -1,4 +1,4 @@
-"""Scenes given as a label raster in the radar's own geometry, over flat ground."""
+"""Scenes from a label raster in slant range, over flat ground."""
 
 from __future__ import annotations
 

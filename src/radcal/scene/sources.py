@@ -1,4 +1,4 @@
-"""From a configured source to a scene."""
+"""Scene from the configured source."""
 
 from __future__ import annotations
 

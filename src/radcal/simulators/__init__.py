@@ -1,1 +1,1 @@
-"""Simulators: X of every material in, image of the pass out."""
+"""Simulators: protocol, built-in simulator, external programs."""

@@ -1,4 +1,4 @@
-"""The simulator that radcal ships."""
+"""Built-in simulator."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ __all__ = ["BuiltinSimulator"]
 
 @dataclass(frozen=True)
 class _Last:
-    """What a run leaves for the next."""
+    """Reflectivity and image of the last run, reused by the next."""
 
     noise_seed: int
     parameters: Mapping[str, Sequence[float]]

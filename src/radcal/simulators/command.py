@@ -1,4 +1,4 @@
-"""Any external simulator, run as a program in a folder of its own."""
+"""External simulators: programs that run in a folder of their own for each run."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import tomli_w
 from numpy.typing import NDArray
 
 from radcal.arrays import read_array
@@ -32,15 +33,14 @@ from radcal.errors import ConfigError, SimulatorError, StoreError
 from radcal.files import working_folder
 from radcal.images import ImageFile, reading, to_db
 from radcal.simulators.placeholders import SEED, Marked, Marker, argument, template
-from radcal.simulators.process import last_words, run_program
+from radcal.simulators.process import output_tail, run_program
 from radcal.simulators.raw import read_raw
 from radcal.simulators.seed_width import check_seeds
-from radcal.simulators.toml import toml_text
 
 if TYPE_CHECKING:
     from radcal.radar.geometry import Geometry
 
-__all__ = ["CommandPlan", "CommandSimulator", "check_command"]
+__all__ = ["CommandPlan", "CommandSimulator", "check_command", "toml_text"]
 
 _VERSION_SECONDS = 60.0
 _HASH_CHUNK = 1 << 20
@@ -49,11 +49,11 @@ logger = logging.getLogger(__name__)
 
 
 class _Failed(SimulatorError):
-    """A run that another try may mend."""
+    """Failure of a run that a retry may cure."""
 
 
 class CommandPlan:
-    """What a configured command needs and takes, checked before any run.
+    """Files, placeholders and seeds of a configured command, checked before any run.
 
     Parameters
     ----------
@@ -112,12 +112,12 @@ class CommandPlan:
 
     @property
     def _texts(self) -> list[Marked]:
-        """All that is filled in."""
+        """Arguments and templates with placeholders."""
         return [*self.arguments, *(marked for marked, _ in self.templates)]
 
     @property
     def seed_places(self) -> list[tuple[str, Marker]]:
-        """Where the program gets its seed, besides the input file."""
+        """Placeholders of the seed, besides the input file."""
         return [(marked.where, place) for marked in self._texts for place in marked.places(SEED)]
 
     def stage(self, folder: Path) -> None:
@@ -301,14 +301,14 @@ class CommandSimulator:
         ended = run_program(command, folder, config.environment, config.timeout_s)
         program = self._plan.executable.name
         if ended.code is None:
-            raise _Failed(f"{program} {ended} (simulator.timeout_s: {config.timeout_s:g}), {last_words(folder)}")
+            raise _Failed(f"{program} {ended} (simulator.timeout_s: {config.timeout_s:g}), {output_tail(folder)}")
         if ended.code not in config.accept_exit_codes:
-            accepted = ", ".join(map(str, config.accept_exit_codes))
-            raise _Failed(f"{program} {ended}, expected {accepted} (simulator.accept_exit_codes), {last_words(folder)}")
+            accepted = f"{', '.join(map(str, config.accept_exit_codes))} (simulator.accept_exit_codes)"
+            raise _Failed(f"{program} {ended}, expected {accepted}, {output_tail(folder)}")
         if not output.is_file():
             left = "a folder" if output.is_dir() else "no file"
             raise _Failed(
-                f"{program} {ended} but left {left} {config.output.file} (simulator.output.file), {last_words(folder)}"
+                f"{program} {ended} but left {left} {config.output.file} (simulator.output.file), {output_tail(folder)}"
             )
         return self._image(output)
 
@@ -357,7 +357,7 @@ class CommandSimulator:
             raise StoreError(f"{path}: cannot be written ({error.strerror or error}).") from error
 
     def _version(self, words: Sequence[str]) -> str:
-        """What the program prints as its version."""
+        """Version that the program prints."""
         key = "simulator.version_command"
         program = executable_path(words[0], key, self._config.environment)
         with self._folder(key) as folder:
@@ -367,7 +367,7 @@ class CommandSimulator:
             ended = run_program(command, folder, self._config.environment, _VERSION_SECONDS)
             if ended.code != 0:
                 expected = "" if ended.code is None else ", expected 0"
-                raise SimulatorError(f"{program.name} {ended}{expected}, {last_words(folder)}")
+                raise SimulatorError(f"{program.name} {ended}{expected}, {output_tail(folder)}")
             printed = " ".join((folder / "radcal.stdout").read_text("utf-8", "replace").split())[:200]
             if not printed:
                 raise SimulatorError(f"{program.name} printed nothing, expected its version")
@@ -375,9 +375,18 @@ class CommandSimulator:
 
 
 def _plain(config: InputFile | None) -> dict[str, Any] | None:
-    """What of the input file is part of the identity: a key that came later only where it is set."""
+    """Part of the input file's settings in the identity; keys of later versions only where they are set."""
     later = {"radar"} if config is not None and config.radar else None
     return None if config is None else config.model_dump(mode="json", exclude=later)
+
+
+def toml_text(data: Mapping[str, Any]) -> str:
+    """TOML of plain data, without what is None, which TOML cannot write."""
+
+    def written(table: Mapping[str, Any]) -> dict[str, Any]:
+        return {k: written(v) if isinstance(v, Mapping) else v for k, v in table.items() if v is not None}
+
+    return tomli_w.dumps(written(data))
 
 
 def _sha256(path: Path) -> str:

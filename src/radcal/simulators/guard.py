@@ -1,8 +1,8 @@
-"""Starts one program, ends as it ends, and takes it along if radcal dies.
+"""Supervisor: forwards the exit status, kills the process group if the parent dies.
 
-Run as a script, with nothing but the standard library, as the leader of a process group of
-its own: its standard input is a pipe that radcal holds open. However radcal ends, even by
-SIGKILL, the pipe closes, and the whole group is killed.
+It is a script of the standard library alone, and the leader of a process group of its own. Its
+standard input is a pipe that radcal holds open. When radcal ends, even by SIGKILL, the pipe
+closes and the whole group is killed.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Places for parameters in a program's arguments and in its own input files.
+"""Placeholders for parameters in a program's arguments and in templates of its input files.
 
 Arguments use braces, ``{dyke.X1}``; ``{{`` and ``}}`` stand for braces. Templates use markers
 between two delimiters, ``@dyke.X1@``, in the manner of PEST's template files (PEST++ users

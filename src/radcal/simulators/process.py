@@ -1,4 +1,4 @@
-"""One external program, started, timed and, with all that it started, ended."""
+"""Execution of one external program with a timeout; its whole process group is killed at the end."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from radcal.disclosure import hashed
 from radcal.errors import SimulatorError
 from radcal.simulators import guard
 
-__all__ = ["LOG", "STDERR", "STDOUT", "Ended", "last_words", "run_program"]
+__all__ = ["LOG", "STDERR", "STDOUT", "Ended", "output_tail", "run_program"]
 
 STDOUT, STDERR, LOG = "radcal.stdout", "radcal.stderr", "radcal.log"
 _TAIL_BYTES = 4000
@@ -26,7 +26,7 @@ _QUOTED = 300
 
 @dataclass(frozen=True)
 class Ended:
-    """How a program ended.
+    """End of a program: exit status or signal, and time.
 
     Attributes
     ----------
@@ -118,7 +118,7 @@ def run_program(arguments: Sequence[str], folder: Path, environment: Mapping[str
     return ended
 
 
-def last_words(folder: Path) -> str:
+def output_tail(folder: Path) -> str:
     """Quote the last lines that a program wrote to its standard output and error.
 
     Parameters
@@ -129,7 +129,7 @@ def last_words(folder: Path) -> str:
     Returns
     -------
     str
-        One line, such as ``its last words on stderr: "no licence"``.
+        One line, such as ``its last output on stderr: "no licence"``.
     """
     quotes = []
     for name, file in (("stderr", STDERR), ("stdout", STDOUT)):
@@ -140,4 +140,4 @@ def last_words(folder: Path) -> str:
             text = " / ".join(kept[-3:])
             if text:
                 quotes.append(f'on {name}: "{text if len(text) <= _QUOTED else "... " + text[-_QUOTED:]}"')
-    return f"its last words {', '.join(quotes)}" if quotes else "it printed nothing"
+    return f"its last output {', '.join(quotes)}" if quotes else "it printed nothing"

@@ -1,4 +1,4 @@
-"""What radcal asks of a simulator."""
+"""Protocol of a simulator."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["Simulator"]
 
 
 class Simulator(Protocol):
-    """Anything that turns one parameter vector per material into the image of a pass."""
+    """Function from one parameter vector per material to the image of a pass, with an identity."""
 
     @property
     def identity(self) -> Mapping[str, Any]:

@@ -1,4 +1,4 @@
-"""Images as raw numbers, row by row."""
+"""Reader of raw images: numbers without a header, row by row."""
 
 from __future__ import annotations
 

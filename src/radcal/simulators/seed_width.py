@@ -1,4 +1,4 @@
-"""How wide an external program's seeds are, and whether they tell a case's runs apart.
+"""Bit width of an external program's seeds, and the check that a case's seeds stay distinct.
 
 A C int takes 31 bits, and that is what a new case hands over. A case that has runs keeps the
 width that they were made with: other seeds would be other runs.

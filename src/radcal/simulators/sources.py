@@ -1,4 +1,4 @@
-"""The simulator that a case names, and its runs behind the store."""
+"""Configured simulator, alone and behind the run store."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far two skew-normal densities are apart."""
+"""Distances between two skew-normal densities."""
 
 from __future__ import annotations
 

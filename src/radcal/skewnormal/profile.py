@@ -200,7 +200,7 @@ class _Profile:
         return self._ratio(2, v, self._top)[0]
 
     def bound(self, k: int, side: float, critical: Callable[[float], float]) -> float:
-        """Where the ratio exceeds its critical value, up (side 1) or down (-1) from the maximum."""
+        """Value at which the ratio reaches its critical value, up (side 1) or down (-1) from the maximum."""
         from scipy.optimize import brentq
 
         near = self._top

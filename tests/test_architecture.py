@@ -1,0 +1,213 @@
+"""Direction of imports: from the code of ``src/radcal``, no circle and no step against the flow of data.
+
+A *room* is a package or a top-level module of ``radcal``. Every import counts, wherever it stands:
+
+- inside a function, because it runs: a circle that is only put off until the call is still a circle;
+- under ``TYPE_CHECKING``, because whoever changes the type must look here as well, though nothing is loaded.
+
+``docs/architecture.md`` describes the rooms.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Collection, Iterator, Mapping
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+SOURCE = Path(__file__).resolve().parents[1] / "src/radcal"
+Edge = tuple[str, str]
+
+# Steps of the flow, first to last, by the packages and modules that take them; the longest name that fits counts.
+# A module may import its own step and earlier ones. Rooms that are not named here serve several steps.
+FLOW: list[tuple[str, list[str]]] = [
+    ("scene", ["scene"]),
+    ("geometry and image formation", ["radar"]),
+    ("simulator", ["simulators"]),
+    ("measurement", ["measurement"]),
+    ("target", ["measurement.target", "measurement.class_target"]),
+    ("design", ["calibration.design"]),
+    ("surrogate", ["calibration.surrogate", "calibration.class_surrogate"]),
+    ("proposal", ["calibration.infill", "calibration.lattice", "calibration.class_search"]),
+    ("verification", ["calibration.steps", "calibration.stopping", "calibration.loop"]),
+    ("report", ["report"]),
+]
+
+# What is allowed all the same: importing room or module, imported module, reason. This list only shrinks.
+EXCEPTIONS: dict[Edge, str] = {
+    ("config", "radar.bands"): "letters of bands are checked against a table that knows no configuration",
+    ("config", "radar.laws"): "names, lengths and ranges of parameters are checked against the registry of laws",
+    ("config", "scene.objects"): "kinds of objects are checked against a list that knows no configuration",
+    (
+        "store",
+        "simulators.protocol",
+    ): "the type of what `Runner` runs; `Runner` belongs to `simulators`, beside it",
+    ("calibration.history", "calibration.class_search"): "the type of a search, in the signature of `score`",
+}
+
+
+def imports(root: Path) -> set[Edge]:
+    """Pairs of module and imported module of a package ``radcal``, named without ``radcal.``."""
+    files = {
+        ".".join(path.relative_to(root).with_suffix("").parts).removesuffix(".__init__"): path
+        for path in root.rglob("*.py")
+    }
+
+    def imported(node: ast.AST) -> Iterator[str]:
+        if isinstance(node, ast.Import):
+            yield from (item.name for item in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"relative import of {node.module}: imports name the whole module"
+            for item in node.names:
+                whole = f"{node.module}.{item.name}"
+                yield whole if whole.removeprefix("radcal.") in files else str(node.module)
+
+    return {
+        (module, name.removeprefix("radcal."))
+        for module, path in files.items()
+        for node in ast.walk(ast.parse(path.read_text()))
+        for name in imported(node)
+        if name.startswith("radcal.") and name != f"radcal.{module}"
+    }
+
+
+def room(module: str) -> str:
+    """Package or top-level module that a module belongs to."""
+    return module.partition(".")[0]
+
+
+def circle(edges: Collection[Edge]) -> list[str]:
+    """Names along one circle, empty if there is none."""
+    graph: dict[str, set[str]] = {}
+    for importer, name in edges:
+        graph.setdefault(importer, set()).add(name)
+    try:
+        TopologicalSorter({key: sorted(graph[key]) for key in sorted(graph)}).prepare()
+    except CycleError as error:
+        return list(reversed(error.args[1]))
+    return []
+
+
+def step(module: str) -> int | None:
+    """Place of a module in the flow, None if it serves several steps."""
+    found = [
+        (len(name), place)
+        for place, (_, names) in enumerate(FLOW)
+        for name in names
+        if f"{module}.".startswith(f"{name}.")
+    ]
+    return max(found)[1] if found else None
+
+
+def faults(edges: Collection[Edge]) -> list[str]:
+    """Sentences on circles of modules, circles of rooms, and imports against the flow."""
+    found = [f"circle of modules: {' -> '.join(names)}"] if (names := circle(edges)) else []
+    rooms = {(room(a), room(b)) for a, b in edges if room(a) != room(b)}
+    found += [f"circle of rooms: {' -> '.join(names)}"] if (names := circle(rooms)) else []
+    for importer, name in sorted(edges):
+        a, b = step(importer), step(name)
+        if a is not None and b is not None and b > a:
+            found.append(f"against the flow: {importer} ({FLOW[a][0]}) imports {name} ({FLOW[b][0]})")
+    return found
+
+
+def excepted(edge: Edge, exceptions: Collection[Edge]) -> bool:
+    """Whether an import is listed, by its module or by the room of its module."""
+    return edge in exceptions or (room(edge[0]), edge[1]) in exceptions
+
+
+def unneeded(edges: Collection[Edge], exceptions: Mapping[Edge, str]) -> list[Edge]:
+    """Exceptions that may be deleted, each with the others kept."""
+    return [
+        one
+        for one in exceptions
+        if not faults({edge for edge in edges if not excepted(edge, exceptions.keys() - {one})})
+    ]
+
+
+def test_imports_follow_the_flow_and_make_no_circle() -> None:
+    edges = imports(SOURCE)
+    assert ("calibration.steps", "calibration.infill") in edges
+    assert len(edges) > 300
+    assert faults({edge for edge in edges if not excepted(edge, EXCEPTIONS)}) == []
+
+
+def test_every_exception_is_needed() -> None:
+    assert unneeded(imports(SOURCE), EXCEPTIONS) == [], "delete these from the list: it only shrinks"
+
+
+def test_every_step_of_the_flow_has_its_modules() -> None:
+    modules = {name for edge in imports(SOURCE) for name in edge}
+    missing = [name for _, names in FLOW for name in names if not any(f"{m}.".startswith(f"{name}.") for m in modules)]
+    assert missing == [], "moved or renamed: name them as they are called now"
+
+
+def test_the_page_on_architecture_names_every_room() -> None:
+    page = (SOURCE.parents[1] / "docs/architecture.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`(\w+)/?`", page.split("## The rooms")[1].split("Imports follow the flow")[0]))
+    rooms = {path.stem for path in SOURCE.iterdir() if not path.name.startswith("_") and path.suffix in ("", ".py")}
+    assert rooms - named == set(), "rooms without a word in docs/architecture.md"
+    assert named - rooms <= {"Simulator", "RunStore", "Runner", "radcal"}, "rooms that are gone"
+
+
+@pytest.mark.parametrize(
+    ("files", "sentence"),
+    [
+        (
+            {"scene/model.py": "import radcal.records", "records.py": "def f():\n    from radcal.scene import model"},
+            "circle of modules: records -> scene.model -> records",
+        ),
+        (
+            {
+                "seeds.py": "if TYPE_CHECKING:\n    from radcal.config.case import Case",
+                "config/base.py": "from radcal.seeds import derived_rng",
+                "config/case.py": "",
+            },
+            "circle of rooms: config -> seeds -> config",
+        ),
+        (
+            {"measurement/sources.py": "from radcal.measurement.target import Target", "measurement/target.py": ""},
+            "against the flow: measurement.sources (measurement) imports measurement.target (target)",
+        ),
+        (
+            {
+                "radar/image.py": "try:\n    from radcal import report\nexcept ImportError: ...",
+                "report/__init__.py": "",
+            },
+            "against the flow: radar.image (geometry and image formation) imports report (report)",
+        ),
+        ({"report/html.py": "from radcal.scene.model import Scene", "scene/model.py": "import numpy"}, ""),
+    ],
+)
+def test_circles_and_steps_back_are_found(files: dict[str, str], sentence: str, tmp_path: Path) -> None:
+    edges = drawn(tmp_path, files)
+    assert sentence in [*faults(edges), ""]
+    assert bool(faults(edges)) == bool(sentence)
+
+
+def test_an_exception_without_need_is_named(tmp_path: Path) -> None:
+    edges = drawn(
+        tmp_path,
+        {
+            "config.py": "from radcal.radar.laws import LAWS\nfrom radcal.seeds import derived_rng",
+            "radar/laws.py": "",
+            "radar/image.py": "def form():\n    from radcal.config import Radar",
+            "seeds.py": "",
+        },
+    )
+    needed, without_need, gone = ("config", "radar.laws"), ("config", "seeds"), ("config", "scene.objects")
+    assert faults(edges - {needed}) == []
+    assert unneeded(edges, dict.fromkeys((needed, without_need, gone), "a reason")) == [without_need, gone]
+
+
+def drawn(folder: Path, files: Mapping[str, str]) -> set[Edge]:
+    """Imports of a package written for a test."""
+    for name, text in files.items():
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text(text)
+    edges = imports(folder)
+    assert edges
+    return edges
