@@ -38,11 +38,13 @@ def test_every_pixel_is_eligible_or_counted_once(geometry: Geometry) -> None:
     np.testing.assert_array_equal(found.pixels, expected)
 
 
-def test_an_uncertain_registration_widens_the_margin(geometry: Geometry) -> None:
+@pytest.mark.parametrize(("length_px", "more"), [(0.3, 1), (0.9, 2), (1.1, 3)])
+def test_an_uncertain_registration_widens_the_margin(geometry: Geometry, length_px: float, more: int) -> None:
+    """By two standard errors of a component, which is shorter than the length by a root of 2, and half a pixel."""
     image = Measurement(np.ones(geometry.shape, dtype=np.float32), "x")
-    uncertainty = np.full(geometry.shape, 0.6, dtype=np.float32)  # 2 x 0.6 + 0.5 = 1.7: two pixels
+    uncertainty = np.full(geometry.shape, length_px, dtype=np.float32)
     found = eligible_pixels("dyke", geometry, image, TargetConfig(margin_px=1), uncertainty)
-    np.testing.assert_array_equal(found.pixels, geometry.pixels("dyke", 3))
+    np.testing.assert_array_equal(found.pixels, geometry.pixels("dyke", 1 + more))
 
 
 def test_too_few_pixels_say_why(geometry: Geometry) -> None:

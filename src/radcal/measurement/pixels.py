@@ -160,8 +160,9 @@ def eligible_pixels(
     config : TargetConfig
         Margin to other materials.
     uncertainty_px : ndarray, shape (rows, columns), optional
-        Standard error of the registration [pixels], 0 where there was none: two of them, and
-        the half pixel that nearest neighbours may be off, widen the margin.
+        Standard error of the length of the registration's displacement [pixels], 0 where there was
+        none: two of those of a component, and the half pixel that nearest neighbours may be off,
+        widen the margin.
     flags : mapping of str to ndarray of bool, optional
         Pixels masked for further reasons, such as point targets.
 
@@ -172,7 +173,9 @@ def eligible_pixels(
     """
     margin: int | NDArray[np.int64] = config.margin_px
     if uncertainty_px is not None:
-        margin = margin + np.where(uncertainty_px > 0, np.ceil(2.0 * uncertainty_px + 0.5), 0).astype(np.int64)
+        # the margin is one of rows and columns, and the standard error one of the length of two alike components
+        widened = np.ceil(2.0 * uncertainty_px / np.sqrt(2.0) + 0.5)
+        margin = margin + np.where(uncertainty_px > 0, widened, 0).astype(np.int64)
     visible = geometry.pixels(name)
     interior = np.zeros(geometry.shape[0] * geometry.shape[1], dtype=np.bool_)
     interior[geometry.pixels(name, margin)] = True
