@@ -48,7 +48,7 @@ BAD_FILES = {
     "empty.yaml": (b"", "empty.yaml: is empty, expected keys and values such as case: mine."),
     "tabbed.yaml": (b"stop:\n\trms: 1\n", "tabbed.yaml, line 2: not a YAML file (a tab, expected blanks"),
     "two.yaml": (b"case: a\n---\ncase: b\n", "two.yaml, line 2: not a YAML file (a second document begins"),
-    "twice.yaml": (b"seed: 1\nseed: 2\n", "twice.yaml, line 2: seed stands here and in line 1, expected each key"),
+    "twice.yaml": (b"seed: 1\nseed: 2\n", "twice.yaml, line 2: seed is given here and in line 1, expected each key"),
     # Snakemake would run the Python code in it
     "code.yaml": (b"__use_yte__: true\n", "code.yaml: unknown key __use_yte__ "),
     "files.yaml": (

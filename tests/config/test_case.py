@@ -341,7 +341,7 @@ def test_a_measurement_of_another_radiometry_is_refused() -> None:
         ),
         (
             {"validation": {}, "target": {"normalisation": "image"}},
-            r"validation is asked for and target\.normalisation is image, .* expected normalisation none or offset",
+            r"validation is configured and target\.normalisation is image, .* expected normalisation none or offset",
         ),
         ({"validation": {"rows": 20, "means": 3}}, r"means is 3, expected a divisor of rows \(20\)"),
         ({"validation": {"keep": "all"}}, r"validation\.keep is 'all', expected 'even', 'odd' or 'both'"),

@@ -90,13 +90,17 @@ def test_whole_parameters() -> None:
 @pytest.mark.parametrize(
     ("materials", "sections", "words"),
     [
-        ({"bounds": [[0, 9], [1, 12.5]]}, {}, "bounds: n is 12.5, expected a whole number within +-2^53: it is int"),
+        (
+            {"bounds": [[0, 9], [1, 12.5]]},
+            {},
+            "bounds: n is 12.5, expected a whole number within +-2^53: the parameter is integer",
+        ),
         ({"start": [1, 2.5]}, {}, "start: n is 2.5, expected a whole number"),
         ({"bounds": [[0, 9], [1, 1e17]]}, {}, "bounds: n is 1e+17, expected a whole number within +-2^53"),
         ({"integer": ["m"]}, {}, "integer: no parameter 'm'"),
         ({"integer": 3}, {}, "materials.soil.integer is 3, expected a valid boolean"),
         ({"bounds": [[0, 3], [1, 4]], "integer": True}, {},
-         "design.size is 16, expected less than 16: so many combinations of whole parameters"),
+         "design.size is 16, expected less than 16, the number of combinations of whole parameters"),
         ({}, {"measurement": {"synthetic": {"parameters": {"soil": [1, 2.5]}}}},
          "measurement.synthetic.parameters.soil: n is 2.5, expected a whole number"),
         ({"law": "mangia", "names": None, "bounds": [[0, 1]] * 4}, {}, "integer is for parameters of law: external"),

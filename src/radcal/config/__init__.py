@@ -1,8 +1,8 @@
-"""The typed configuration of a case: the only place that interprets configuration.
+"""Typed configuration of a case: the only place that interprets configuration.
 
-A case is one YAML file. Missing keys take the defaults of the models, a module a section, and the
-defaults are the default case: ``config/config.yaml`` is written from them
-(``python -m radcal.config``). Unknown keys are refused. All models are frozen.
+A case is one YAML file. Each section has a model in a module of its own. Missing keys take the
+defaults of the models, and these defaults are the default case: ``config/config.yaml`` is written
+from them (``python -m radcal.config``). Unknown keys are refused. All models are frozen.
 """
 
 from radcal.config.case import Case

@@ -1,4 +1,4 @@
-"""Files written from the models.
+"""Command that prints the files written from the models: the default case and the schema.
 
 python -m radcal.config > config/config.yaml              the default case
 python -m radcal.config schema > config/schema.json       the schema for editors

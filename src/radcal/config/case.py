@@ -1,4 +1,4 @@
-"""The whole case: its sections, and the checks of one section against another."""
+"""Model of a whole case: its sections, and the checks of one section against another."""
 
 from __future__ import annotations
 
@@ -31,13 +31,17 @@ from radcal.radar.laws import EXTERNAL, LAWS, Law, law_for
 
 __all__ = ["Case"]
 
-_DESIGN_SIZE = {"classes": 2, "likelihood": 2, "density": 16}  # runs; classes know of law and speckle without any
+_DESIGN_SIZE = {
+    "classes": 2,
+    "likelihood": 2,
+    "density": 16,
+}  # runs; the surrogate of bins knows law and speckle without any run
 
 
 def _with_fitting_stop(data: dict[str, Any]) -> dict[str, Any]:
-    """Another's program, and no tolerance asked for: end where runs tell no more than the image does."""
+    """Data with ``stop.at_sampling_error`` set where an external program is used and no tolerance is configured."""
     stop, simulator = data.get("stop", {}), data.get("simulator")
-    # sections that come as models were fitted when they were made
+    # a section that is a model already has this default
     if not isinstance(stop, dict) or "rms" in stop or "at_sampling_error" in stop:
         return data
     kind = simulator.get("kind") if isinstance(simulator, dict) else getattr(simulator, "kind", None)
@@ -45,16 +49,16 @@ def _with_fitting_stop(data: dict[str, Any]) -> dict[str, Any]:
 
 
 class Case(Section):
-    """Everything radcal needs to know about one calibration."""
+    """Configuration of one calibration."""
 
-    case: CaseName = Field("dyke", description="names the folder below results/")
-    replace: bool = Field(False, description="let results of another scene or pass in that folder be replaced")
-    seed: Seed = Field(1, description="every random draw not named elsewhere derives from it")
-    scene: SceneConfig = Field(BuiltinScene(), description="where elevation, materials and objects come from")
+    case: CaseName = Field("dyke", description="name of the case and of its folder below results/")
+    replace: bool = Field(False, description="whether results of another scene or pass in that folder may be replaced")
+    seed: Seed = Field(1, description="seed of all random draws that have no seed of their own")
+    scene: SceneConfig = Field(BuiltinScene(), description="source of elevation, materials and objects")
     radar: Radar = Radar()
     simulator: SimulatorConfig = Field(BuiltinSimulation(), description="radcal's own simulator or any other program")
     materials: dict[str, Material] = Field(
-        default_factory=default_materials, min_length=1, description="surface materials by name"
+        default_factory=default_materials, min_length=1, description="surface materials by name, and their laws"
     )
     measurement: MeasurementConfig = Field(
         SyntheticMeasurement(), description="the measured image in a file, or a synthetic one"
@@ -62,10 +66,10 @@ class Case(Section):
     registration: RegistrationConfig = RegistrationConfig()
     objective: Literal["classes", "density", "likelihood"] = Field(
         "classes",
-        description="classes or likelihood (the law, by classes of incidence: docs/right_law.md), density (histogram)",
+        description="classes, likelihood: the law, by incidence-angle bin (docs/right_law.md); density: the histogram",
     )
     target: TargetConfig = TargetConfig()
-    validation: Validation | None = Field(None, description="ground kept out to check the laws: {rows, means, keep}")
+    validation: Validation | None = Field(None, description="held-out ground, on which the laws are checked")
     design: Design = Design()
     surrogate: SurrogateConfig = SurrogateConfig()
     optimiser: Optimiser = Optimiser()
@@ -74,7 +78,7 @@ class Case(Section):
     @model_validator(mode="before")
     @classmethod
     def _fitting_defaults(cls, data: object) -> object:
-        """Take the density where its one class is asked for, and where nothing else can be had."""
+        """Data with ``objective: density`` where one bin is configured, or where bins are not possible."""
         if not isinstance(data, dict):
             return data
         data = _with_fitting_stop(data)
@@ -109,7 +113,7 @@ class Case(Section):
     def _consistent(self) -> Self:
         if not self.calibrated:
             raise ValueError("materials: none is marked calibrate: true, expected at least one")
-        # the default truth is the default case's: where nobody wrote one, materials keep their start
+        # default hidden parameters are for the default case only: elsewhere materials keep their start
         if isinstance(self.measurement, SyntheticMeasurement) and self.measurement.synthetic.is_written:
             for name, x in self.measurement.synthetic.parameters.items():
                 if name not in self.materials:
@@ -129,7 +133,7 @@ class Case(Section):
         if self.target.normalisation == "offset" and not self.reference_materials:
             raise ValueError(
                 "target.normalisation is offset, expected at least one material with fixed parameters "
-                "(calibrate: false) to say the level, found none"
+                "(calibrate: false) to give the level, found none"
             )
         if isinstance(self.measurement, SyntheticMeasurement):
             self._check_truth(self.measurement.synthetic)
@@ -147,36 +151,36 @@ class Case(Section):
         return self
 
     def _check_whole_box(self) -> None:
-        """Refuse a box of whole numbers that has no room for the design beside the reference run."""
+        """Refuse bounds that hold too few combinations of whole numbers for the design and the reference run."""
         materials = [self.materials[name] for name in self.calibrated]
         if not all(all(material.integers) for material in materials):
             return
         points = math.prod(int(high - low) + 1 for material in materials for low, high in material.box)
         if self.design_size >= points:
             raise ValueError(
-                f"design.size is {self.design_size}, expected less than {points}: so many combinations of whole "
-                "parameters there are inside the bounds, and the reference run is one of them"
+                f"design.size is {self.design_size}, expected less than {points}, the number of combinations of whole "
+                "parameters inside the bounds, of which the reference run takes one"
             )
 
     def _check_objective(self) -> None:
-        """Refuse what an objective has no use for, or cannot do."""
+        """Refuse settings that the objective does not use, or with which it is impossible."""
         if self.objective == "density" and self.target.incidence_classes not in (1, "auto"):
             raise ValueError(
-                f"target.incidence_classes is {self.target.incidence_classes}, which objective: density has no use "
-                "for, expected objective: classes"
+                f"target.incidence_classes is {self.target.incidence_classes}, which objective: density does not use, "
+                "expected objective: classes"
             )
         if self.target.normalisation == "image" and self.validation is not None:
             raise ValueError(
-                "validation is asked for and target.normalisation is image, whose values are no longer dB: errors of "
+                "validation is configured and target.normalisation is image, whose values are not in dB: errors of "
                 "block means would have no unit, expected normalisation none or offset"
             )
         if self.objective != "density" and self.target.normalisation == "image":
             raise ValueError(
-                f"objective is {self.objective} and target.normalisation is image, whose values are no longer dB: "
+                f"objective is {self.objective} and target.normalisation is image, whose values are not in dB: "
                 "looks and priors have no meaning there, expected normalisation none or offset"
             )
         if self.objective != "density" or self.validation is not None:
-            key = "validation is asked for" if self.objective == "density" else f"objective is {self.objective}"
+            key = "validation is configured" if self.objective == "density" else f"objective is {self.objective}"
             for name in self.calibrated:
                 if self.materials[name].law == EXTERNAL:
                     raise ValueError(
@@ -185,7 +189,7 @@ class Case(Section):
                     )
 
     def _check_truth(self, synthetic: Synthetic) -> None:
-        """Refuse a synthetic measurement without a truth in the law that is calibrated."""
+        """Refuse a synthetic measurement without hidden parameters of the law that is calibrated."""
         for name, material in self.materials.items():
             key = f"measurement.synthetic.parameters.{name}"
             if name in synthetic.parameters and (synthetic.is_written or material.law == DEFAULT_LAW):
@@ -197,12 +201,12 @@ class Case(Section):
                 )
             if material.starts_with_another_law:
                 raise ValueError(
-                    f"{key} is missing: the hidden truth is of law {material.law!r}, and materials.{name}.start is of "
-                    "another law"
+                    f"{key} is missing: hidden parameters are of law {material.law!r}, and "
+                    f"materials.{name}.start is of another law"
                 )
 
     def _check_laws(self) -> None:
-        """Refuse laws that the simulator does not know, or that depend on what the radar does not say."""
+        """Refuse laws that the simulator cannot evaluate, and laws that need a missing key of ``radar``."""
         command = isinstance(self.simulator, CommandSimulation)
         for name, material in self.materials.items():
             if material.law == EXTERNAL and not command:
@@ -212,8 +216,8 @@ class Case(Section):
                 )
             if material.starts_with_another_law and command:
                 raise ValueError(
-                    f"materials.{name}.start is of law {material.at_start.law!r}, which simulator.kind: command would "
-                    f"not be told: expected a list of {len(material.parameter_names)} numbers for law "
+                    f"materials.{name}.start is of law {material.at_start.law!r}, which simulator.kind: command does "
+                    f"not receive: expected a list of {len(material.parameter_names)} numbers for law "
                     f"{material.law!r}"
                 )
             for key, seen in ((name, material), (f"{name}.start", material.at_start)):
@@ -223,11 +227,11 @@ class Case(Section):
                     )
 
     def _check_pass(self, measurement: FileMeasurement) -> None:
-        """Refuse an image that is declared to be of another pass than the radar's."""
+        """Refuse an image whose declared radiometry, polarisation or band differs from that of ``radar``."""
         if measurement.radiometry != self.radar.radiometry:
             raise ValueError(
                 f"measurement.radiometry is {measurement.radiometry}, radar.radiometry is {self.radar.radiometry}: set "
-                "radar.radiometry to the measurement's, the simulation is made in it"
+                "radar.radiometry to the measurement's, since the simulated image is made in it"
             )
         if measurement.polarisation not in (None, self.radar.polarisation):
             raise ValueError(
@@ -247,7 +251,7 @@ class Case(Section):
 
     @property
     def design_size(self) -> int:
-        """Runs of the design."""
+        """Number of runs of the design."""
         return _DESIGN_SIZE[self.objective] if self.design.size == "auto" else self.design.size
 
     @property
@@ -267,7 +271,7 @@ class Case(Section):
 
     @property
     def at_start(self) -> Case:
-        """The case as the reference run sees it: materials have the law of their start."""
+        """Case of the reference run: each material with the law of its start."""
         return self.model_copy(
             update={"materials": {name: material.at_start for name, material in self.materials.items()}}
         )
@@ -279,7 +283,7 @@ class Case(Section):
 
     @property
     def reference_materials(self) -> list[str]:
-        """Names of the materials that say the measured image's level."""
+        """Names of the fixed materials from which the measured image's level is estimated."""
         if self.target.reference_materials is not None:
             return list(self.target.reference_materials)
         return [name for name, material in self.materials.items() if not material.calibrate]
@@ -295,7 +299,7 @@ class Case(Section):
     def of_sections(cls, sections: Mapping[str, Any]) -> Case:
         """Rebuild a case from :meth:`sections`; reading any other section is an AttributeError.
 
-        A job thus cannot depend on a key that its rule does not declare.
+        A job can thus not depend on a key that its rule does not declare.
         """
         checked = {
             name: TypeAdapter[Any](typing.cast(Any, cls.model_fields[name].annotation)).validate_python(value)

@@ -20,7 +20,7 @@ from radcal.errors import ConfigError
 __all__ = ["check_words", "merged", "read_case_file", "read_value", "setting"]
 
 _LARGEST_BYTES = 200_000  # of a case file: some twenty times the longest that radcal ships
-_LARGEST_VALUES = 200_000  # once every alias is written out: no file of that size without aliases holds so many
+_LARGEST_VALUES = 200_000  # with every alias written out: a file of the largest size without aliases holds fewer
 _OTHER_BASE = re.compile(r"[-+]?(0[0-7_]+|[0-9_]+(:[0-9_.]+)+)")  # octal, and base 60 as in hours and minutes
 _MERGE = "tag:yaml.org,2002:merge"
 
@@ -34,26 +34,25 @@ class _Fault(Exception):
 
 
 class _Loader(yaml.SafeLoader):
-    """PyYAML's safe loader, which says where a value is that it cannot make."""
+    """PyYAML's safe loader, which names the line of a value that it cannot convert."""
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
         try:
             value = super().construct_object(node, deep)
-            text = (
-                str(value) if isinstance(value, int | float) else ""
-            )  # refused for thousands of digits in hexadecimal
+            # Python refuses to print hexadecimal numbers of thousands of digits
+            text = str(value) if isinstance(value, int | float) else ""
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
-            text = shown(str(node.value)) if isinstance(node, yaml.ScalarNode) else "what stands there"
-            raise _Fault(f"{text} is no value of the kind {node.tag.rpartition(':')[2]}", _line(node)) from None
+            text = shown(str(node.value)) if isinstance(node, yaml.ScalarNode) else "the value"
+            raise _Fault(f"{text} is not a valid {node.tag.rpartition(':')[2]}", _line(node)) from None
         if text and _OTHER_BASE.fullmatch(node.value):
             raise _Fault(
-                f"YAML reads {node.value} as {text}: expected digits without colons or zeros first", _line(node)
+                f"YAML reads {node.value} as {text}: expected digits without colons or leading zeros", _line(node)
             )
         return value
 
 
 def read_case_file(path: str | Path) -> dict[str, Any]:
-    """The keys and values of a case file.
+    """Keys and values of a case file.
 
     Parameters
     ----------
@@ -68,8 +67,8 @@ def read_case_file(path: str | Path) -> dict[str, Any]:
     Raises
     ------
     ConfigError
-        The file cannot be read, is no such text, holds a key twice, an anchor that contains itself or
-        aliases that stand for more than 200,000 values, or is anything but keys and values.
+        The file cannot be read, is not YAML in UTF-8, is not made of keys and values, or holds a key
+        twice, an anchor that contains itself, or aliases that stand for more than 200,000 values.
 
     References
     ----------
@@ -88,7 +87,7 @@ def read_case_file(path: str | Path) -> dict[str, Any]:
 
 
 def read_value(text: str, origin: str) -> Any:
-    """A value of the command line: JSON or YAML on one line.
+    """Value of a setting on the command line, in JSON or YAML on one line.
 
     Parameters
     ----------
@@ -100,7 +99,7 @@ def read_value(text: str, origin: str) -> Any:
     Raises
     ------
     ConfigError
-        It is neither, or a key stands in it twice.
+        The text is neither, or gives a key twice.
     """
     try:
         return _parsed(text)
@@ -109,7 +108,7 @@ def read_value(text: str, origin: str) -> Any:
 
 
 def setting(word: str, origin: str) -> dict[str, Any]:
-    """The data that one ``section.key=value`` stands for.
+    """Nested data that one ``section.key=value`` stands for.
 
     Parameters
     ----------
@@ -121,7 +120,7 @@ def setting(word: str, origin: str) -> dict[str, Any]:
     Raises
     ------
     ConfigError
-        It is no key and value.
+        The word is not of the form ``key=value``.
     """
     key, equals, text = word.partition("=")
     parts = key.split(".")
@@ -134,7 +133,7 @@ def setting(word: str, origin: str) -> dict[str, Any]:
 
 
 def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
-    """A copy of ``base`` with ``over`` merged into it, section by section."""
+    """Copy of ``base`` with ``over`` merged into it, section by section."""
     both = dict(base)
     for key, value in over.items():
         below = both.get(key)
@@ -143,7 +142,7 @@ def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def check_words(words: Sequence[str], origin: str = "--config") -> None:
-    """Refuse settings of the command line that give one key twice: the last would win without a word.
+    """Refuse settings of the command line that give one key twice, of which the last would win silently.
 
     Parameters
     ----------
@@ -155,7 +154,7 @@ def check_words(words: Sequence[str], origin: str = "--config") -> None:
     Raises
     ------
     ConfigError
-        A key stands there twice, or a value is neither JSON nor YAML.
+        A key is given twice, or a value is neither JSON nor YAML.
     """
     given: set[str] = set()
     for word in words:
@@ -175,7 +174,7 @@ def _leaves(data: Mapping[Any, Any], above: str = "") -> Iterator[str]:
 
 
 def _content(path: Path) -> bytes:
-    """The bytes of a regular file: a pipe or a device might never end."""
+    """Bytes of a regular file; a pipe or a device is refused, since reading it might never end."""
     try:
         found = path.stat()
         if stat.S_ISDIR(found.st_mode):
@@ -203,7 +202,7 @@ def _text(content: bytes) -> str:
 
 
 def _parsed(text: str) -> Any:
-    """The value of a YAML text."""
+    """Value of a YAML text."""
     try:
         loader = _Loader(text)
     except yaml.reader.ReaderError as error:
@@ -225,7 +224,7 @@ def _parsed(text: str) -> Any:
 
 
 def _problem(error: yaml.MarkedYAMLError) -> str:
-    """PyYAML's finding in words, with advice for the usual mistakes."""
+    """Words for an error of PyYAML, with advice for the usual mistakes."""
     problem = shown(" ".join(str(error.problem).split()), 200)
     if "'\\t'" in problem:
         return "a tab, expected blanks: YAML takes no tabs before a key"
@@ -237,8 +236,8 @@ def _problem(error: yaml.MarkedYAMLError) -> str:
 
 
 def _check(loader: yaml.SafeLoader, root: yaml.Node) -> None:
-    """Refuse keys that stand twice, anchors that contain themselves, and aliases that grow without end."""
-    weights: dict[int, int] = {}  # values that a node stands for, aliases written out
+    """Refuse duplicate keys, anchors that contain themselves, and aliases that stand for too many values."""
+    weights: dict[int, int] = {}  # number of values in a node with aliases written out
     entered: set[int] = set()
 
     def weigh(node: yaml.Node, key: str) -> int:
@@ -262,7 +261,7 @@ def _check(loader: yaml.SafeLoader, root: yaml.Node) -> None:
 
 
 def _names(loader: yaml.SafeLoader, node: yaml.MappingNode, above: str) -> list[str]:
-    """Dotted names of a section's keys, of which none stands twice."""
+    """Dotted names of a section's keys; a duplicate is refused."""
     lines: dict[Any, int] = {}
     names = []
     for key_node, _ in node.value:
@@ -273,7 +272,9 @@ def _names(loader: yaml.SafeLoader, node: yaml.MappingNode, above: str) -> list[
             raise _Fault(f"YAML reads the key {key_node.value or 'null'} as {key}: put it in quotes", _line(key_node))
         name = f"{above}.{key}" if above else key
         if key in lines:
-            raise _Fault(f"{shown(name)} stands here and in line {lines[key]}, expected each key once", _line(key_node))
+            raise _Fault(
+                f"{shown(name)} is given here and in line {lines[key]}, expected each key once", _line(key_node)
+            )
         lines[key] = _line(key_node)
         names.append(name)
     return names

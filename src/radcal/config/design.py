@@ -1,4 +1,4 @@
-"""Section ``design``: the runs made before any surrogate exists."""
+"""Section ``design``: runs made before any surrogate exists (design of experiments)."""
 
 from __future__ import annotations
 
@@ -13,13 +13,17 @@ __all__ = ["Design"]
 
 
 class Design(Section):
-    """The runs made before any surrogate exists."""
+    """Runs made before any surrogate exists (design of experiments)."""
 
     sampler: Literal["monte_carlo", "latin_hypercube", "sobol"] = Field(
-        "sobol", description="monte_carlo, latin_hypercube or sobol"
+        "sobol", description="method that draws the parameters: monte_carlo, latin_hypercube or sobol"
     )
     size: Annotated[Integer, Field(ge=2, le=100_000)] | Literal["auto"] = Field(
-        "auto", description="runs, or auto: 2, 16 for objective: density; a larger design keeps a smaller one's"
+        "auto",
+        description="number of runs, or auto (2, and 16 for objective: density); a larger design keeps the runs of a "
+        "smaller one",
     )
-    chunk: Annotated[Integer, Field(ge=1, le=1000)] = Field(4, description="runs per workflow job")
-    reuse: CaseName | None = Field(None, description="earlier case of the same scene and simulator: its runs count")
+    chunk: Annotated[Integer, Field(ge=1, le=1000)] = Field(4, description="number of runs in one workflow job")
+    reuse: CaseName | None = Field(
+        None, description="name of an earlier case of the same scene and simulator, whose runs are reused"
+    )

@@ -1,4 +1,4 @@
-"""Files and programs that a case names: found, and refused in one sentence where they are missing."""
+"""Paths of the files and programs that a case names; a missing one is refused in one sentence."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def expand_path(text: str, key: str, folder: bool = False) -> Path:
     key : str
         The configuration key, for the message.
     folder : bool
-        Whether a folder will do, too.
+        Whether a folder is accepted as well.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def expand_path(text: str, key: str, folder: bool = False) -> Path:
 
 
 def executable_path(word: str, key: str, environment: Mapping[str, str]) -> Path:
-    """The program that the first word of a command names.
+    """Path of the program that the first word of a command names.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def input_files(case: Case) -> dict[str, Path]:
 
 
 def vrt_folders(config: SlantRangeScene | RasterScene | FileMeasurement) -> tuple[Path, ...]:
-    """Folders in which sources of a VRT may lie besides its own.
+    """Folders in which sources of a VRT may lie, besides the VRT's own.
 
     Raises
     ------
@@ -139,7 +139,7 @@ def vrt_folders(config: SlantRangeScene | RasterScene | FileMeasurement) -> tupl
 
 
 def _raster_inputs(config: SlantRangeScene | RasterScene | FileMeasurement, name: str, key: str) -> dict[str, Path]:
-    """A file that may be a raster, and all that it is read together with."""
+    """Path of a file that may be a raster, with the other files that determine it."""
     path = expand_path(getattr(config, name), key)
     try:
         others = raster_files(path, vrt_folders(config))

@@ -1,6 +1,6 @@
 """Number types of the configuration with their allowed ranges, which docs/limits.md lists by key.
 
-A value outside its range is a mistake of the unit or of a digit: no real acquisition, scene or computer has it.
+A value outside its range is a mistake of the unit or of a digit, because no real acquisition, scene or computer has it.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ __all__ = [
     "Timeout",
 ]
 
-ALL_PIXELS = 2**31 - 1  # more than any material has: what "all" stands for
-LONGEST_S = 30 * 86_400.0  # of a run, and of what is waited between its attempts: clusters grant no more
+ALL_PIXELS = 2**31 - 1  # value of "all": more pixels than any material has
+LONGEST_S = 30 * 86_400.0  # longest run, and longest sum of waits between its attempts: clusters grant no more
 
 
 def _not_bool(value: object) -> object:
@@ -44,10 +44,10 @@ Seed = Annotated[Integer, Field(ge=0, le=2**63 - 1)]
 Count = Annotated[Integer, Field(ge=1, le=1_000_000)]
 Altitude = Annotated[Real, Field(ge=1, le=1e8)]  # geosynchronous orbits are at 3.6e7 m
 Length = Annotated[Real, Field(ge=1e-3, le=1e6)]  # of a cell or a pixel
-Coordinate = Annotated[Real, Field(ge=-1e8, le=1e8)]  # the Earth is 4e7 m round
-Frequency = Annotated[Real, Field(ge=0.01, le=1000)]  # from HF to where radars end
-Decibels = Annotated[Real, Field(ge=-200, le=200)]  # as in images
-# of a law: its square and its cube are numbers yet, and it has a place in single precision
+Coordinate = Annotated[Real, Field(ge=-1e8, le=1e8)]  # the Earth's circumference is 4e7 m
+Frequency = Annotated[Real, Field(ge=0.01, le=1000)]  # from HF to the highest radar bands
+Decibels = Annotated[Real, Field(ge=-200, le=200)]  # the same range as in images
+# parameter of a law: its square and its cube are finite, and it fits into single precision
 Parameter = Annotated[Real, Field(ge=-1e30, le=1e30)]
 Timeout = Annotated[Real, Field(gt=0, le=LONGEST_S)]
 RetryWait = Annotated[Real, Field(ge=0, le=86_400)]

@@ -1,4 +1,4 @@
-"""Cases from files, the command line and plain data."""
+"""Typed cases from files, from the command line and from plain data."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["case_from", "load"]
 
 
 def _parsed(overrides: Mapping[str, Any]) -> dict[str, Any]:
-    """Sections that came from the command line as text, as data."""
+    """Overrides in which sections given as text on the command line are parsed to data."""
     from radcal.config.casefile import read_value
 
     parsed = dict(overrides)
@@ -48,15 +48,15 @@ def load(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None
     files : sequence of path
         YAML files, later ones win.
     overrides : mapping, optional
-        What ``snakemake --config`` gave, or Snakemake's merged configuration; nested
+        Settings of ``snakemake --config``, or Snakemake's merged configuration; nested
         values may be text.
 
     Raises
     ------
     ConfigError
-        A file is missing, empty or not YAML, a key stands in it twice, or a value is refused.
+        A file is missing, empty or not YAML, a key is given twice, or a value is refused.
     """
-    from radcal.config.casefile import merged, read_case_file  # with PyYAML, which jobs have no use for
+    from radcal.config.casefile import merged, read_case_file  # imports PyYAML, which jobs do not need
 
     data: dict[str, Any] = {}
     for file in files:

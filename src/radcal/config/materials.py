@@ -1,4 +1,4 @@
-"""Section ``materials``: laws, and what of them is calibrated."""
+"""Section ``materials``: backscatter laws and their parameters, fixed or calibrated."""
 
 from __future__ import annotations
 
@@ -19,7 +19,9 @@ __all__ = ["DEFAULT_LAW", "Material", "Start", "check_parameters", "default_mate
 
 DEFAULT_LAW = "mangia"
 _LARGEST_WHOLE = 2.0**53
-_LARGEST = 1000.0  # of any parameter: powers beyond 10^100 are a unit mix-up, and no single-precision image holds them
+_LARGEST = (
+    1000.0  # largest parameter: 1000 dB, a power of 10^100, is a mistake of the unit and no single-precision number
+)
 
 Knots = Annotated[list[Annotated[Real, Field(ge=0, le=90)]], Field(min_length=2)]
 
@@ -30,7 +32,7 @@ def _law_of(
     names: Sequence[str] | None = None,
     units: Sequence[str] | None = None,
 ) -> Law:
-    """The law that a material names, its knots bound: names and units of its parameters are known."""
+    """Law that a material names, with its knots and the names and units of its parameters."""
     if name not in LAWS and name != EXTERNAL:
         raise ValueError(f"law is {name!r}, expected one of {[*sorted(LAWS), EXTERNAL]}")
     if name != EXTERNAL and (names is not None or units is not None):
@@ -49,7 +51,7 @@ def _law_of(
 
 
 def _check_names(names: Sequence[str], units: Sequence[str] | None) -> None:
-    """Refuse names of an external law's parameters that a program could not be told."""
+    """Refuse names of an external law's parameters that are not identifiers or are given twice."""
     for name in names:
         if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
             raise ValueError(f"names: {name!r} is not a letter followed by letters, digits and _")
@@ -60,19 +62,19 @@ def _check_names(names: Sequence[str], units: Sequence[str] | None) -> None:
 
 
 def _takes(law: Law, name: str) -> str:
-    """How many parameters a law takes, in words."""
-    # those of an external law stand in the case itself, and may be what is wrong
+    """Number and names of the parameters that a law takes, in words."""
+    # names of an external law are part of the case, and may themselves be wrong
     named = "" if law.has_curve else f" (names: {', '.join(law.names) or 'none'})"
     return f"law {name!r} takes {len(law.names)}{named}"
 
 
 def check_parameters(key: str, values: Sequence[float], law: Law, name: str) -> None:
-    """Refuse parameters of the wrong number, or that the law has no value for.
+    """Refuse a wrong number of parameters, and values outside the law's limits.
 
     Parameters
     ----------
     key : str
-        What the message calls them.
+        Name of the parameters in the message.
     values : sequence of float, shape (d,)
         Parameters, each in its law's unit.
     law : Law
@@ -87,7 +89,7 @@ def check_parameters(key: str, values: Sequence[float], law: Law, name: str) -> 
     """
     if len(values) != len(law.names):
         raise ValueError(f"{key} has {len(values)} numbers, {_takes(law, name)}")
-    # what is large for a parameter of somebody else's, only they could say
+    # only the external simulator knows which values of its parameters are too large
     largest = _LARGEST if law.has_curve else math.inf
     limits = law.limits or ((-largest, largest),) * len(law.names)
     for parameter, x, (low, high) in zip(law.names, values, limits, strict=True):
@@ -96,7 +98,7 @@ def check_parameters(key: str, values: Sequence[float], law: Law, name: str) -> 
 
 
 class Start(Section):
-    """A start with another law than the one that is calibrated: the reference run is made with it."""
+    """Start with another law than the one that is calibrated; the reference run is made with it."""
 
     law: str = Field(description="law of the reference run")
     angles_deg: Knots | None = Field(None, description="knots of a tabulated law [deg]")
@@ -105,26 +107,26 @@ class Start(Section):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if self.law == EXTERNAL:
-            raise ValueError(f"law is {EXTERNAL!r}, which is no law to start with, expected one of {sorted(LAWS)}")
+            raise ValueError(f"law is {EXTERNAL!r}, which cannot be a start, expected one of {sorted(LAWS)}")
         check_parameters("parameters", self.parameters, _law_of(self.law, self.angles_deg), self.law)
         return self
 
 
 class Material(Section):
-    """A surface material: its law, and either fixed parameters or a box to search."""
+    """Surface material: its law, and either fixed parameters or bounds within which to calibrate them."""
 
-    calibrate: bool = Field(False, description="whether its parameters are searched")
+    calibrate: bool = Field(False, description="whether its parameters are calibrated")
     law: str = Field(DEFAULT_LAW, description="backscatter law (docs/laws.md)")
     angles_deg: Knots | None = Field(None, description="incidence angles of a tabulated law's knots [deg]")
-    names: list[str] | None = Field(None, description="of the parameters (law: external)")
-    units: list[str] | None = Field(None, description="of the parameters (law: external)")
+    names: list[str] | None = Field(None, description="names of the parameters (law: external)")
+    units: list[str] | None = Field(None, description="units of the parameters (law: external)")
     integer: (
         Annotated[
             Annotated[list[str], Tag("a list")] | Annotated[bool, Tag("yes or no")],
             Discriminator(lambda value: "a list" if isinstance(value, list) else "yes or no"),
         ]
         | None
-    ) = Field(None, description="names of parameters that are whole numbers, or true for all (law: external)")
+    ) = Field(None, description="names of the parameters that are whole numbers, or true for all (law: external)")
     parameters: list[Parameter] | None = Field(None, description="fixed parameters (calibrate: false)")
     bounds: list[tuple[Parameter, Parameter]] | None = Field(None, description="[lower, upper] of each parameter")
     start: (
@@ -134,7 +136,8 @@ class Material(Section):
         ]
         | None
     ) = Field(
-        None, description="starting parameters, or {law, parameters}; the middle of the bounds if missing"
+        None,
+        description="parameters of the reference run, or {law, parameters}; the middle of the bounds if missing",
     )  # fmt: skip
 
     @model_validator(mode="after")
@@ -179,7 +182,7 @@ class Material(Section):
         return self
 
     def _check_integers(self) -> None:
-        """Refuse names of whole parameters that the law does not have."""
+        """Refuse ``integer`` for laws that are not external, and names in it that the law does not have."""
         if self.integer and self.law != EXTERNAL:
             raise ValueError(f"integer is for parameters of law: {EXTERNAL}, law is {self.law!r}")
         for name in self.integer if isinstance(self.integer, list) else ():
@@ -187,23 +190,25 @@ class Material(Section):
                 raise ValueError(f"integer: no parameter {name!r}{nearest(name, self.parameter_names)}")
 
     def check_whole(self, key: str, values: Sequence[float]) -> None:
-        """Refuse values of whole parameters that are not whole.
+        """Refuse fractions as values of integer parameters.
 
         Parameters
         ----------
         key : str
-            What the message calls them.
+            Name of the parameters in the message.
         values : sequence of float, shape (d,)
             One for each parameter.
 
         Raises
         ------
         ValueError
-            One is not whole, or too large for a double to tell it from its neighbours.
+            A value is not whole, or too large for a double to tell it from its neighbours.
         """
         for name, whole, x in zip(self.parameter_names, self.integers, values, strict=True):
             if whole and (x != round(x) or abs(x) > _LARGEST_WHOLE):
-                raise ValueError(f"{key}: {name} is {x:g}, expected a whole number within +-2^53: it is integer")
+                raise ValueError(
+                    f"{key}: {name} is {x:g}, expected a whole number within +-2^53: the parameter is integer"
+                )
 
     @property
     def integers(self) -> tuple[bool, ...]:
@@ -212,7 +217,7 @@ class Material(Section):
         return tuple(name in listed for name in self.parameter_names)
 
     def handed(self, values: Sequence[float]) -> dict[str, float | int]:
-        """Parameters by name as an external program gets them: whole ones without a decimal point.
+        """Parameters by name as an external program receives them: integers without a decimal point.
 
         Parameters
         ----------
@@ -222,7 +227,7 @@ class Material(Section):
         Raises
         ------
         ValueError
-            One that is declared to be whole is not.
+            The value of an integer parameter is not whole.
         """
         self.check_whole("X", values)
         named = zip(self.parameter_names, self.integers, values, strict=True)
@@ -230,7 +235,7 @@ class Material(Section):
 
     @property
     def unbound_law(self) -> Law:
-        """The law with names and units of its parameters, before the pass is known."""
+        """Law with names and units of its parameters, without the carrier frequency and polarisation of the pass."""
         return _law_of(self.law, self.angles_deg, self.names, self.units)
 
     @property
@@ -245,12 +250,12 @@ class Material(Section):
 
     @property
     def box(self) -> list[tuple[float, float]]:
-        """Bounds of each parameter, the law's own where none are configured."""
+        """Bounds of each parameter; the law's own where none are configured."""
         return list(self.bounds if self.bounds is not None else self.unbound_law.bounds or ())
 
     @property
     def start_parameters(self) -> list[float]:
-        """Parameters of the reference run; of the start's law, if it names one."""
+        """Parameters of the reference run, for the start's law if it names one."""
         if not self.calibrate:
             return list(self.parameters or [])
         if isinstance(self.start, Start):
@@ -271,10 +276,10 @@ class Material(Section):
 
     @property
     def at_start(self) -> Material:
-        """The material as the reference run sees it: of the start's law."""
+        """Material of the reference run, with the start's law."""
         if not (self.starts_with_another_law and isinstance(self.start, Start)):
             return self
-        # not checked again: bounds are the calibrated law's, and nothing of a reference run asks for them
+        # not validated again: the bounds belong to the calibrated law, and a reference run does not use them
         start = {"law": self.start.law, "angles_deg": self.start.angles_deg, "start": list(self.start.parameters)}
         return self.model_copy(update={**start, "bounds": None, "names": None, "units": None, "integer": None})
 
@@ -284,7 +289,7 @@ _SYNTHETIC_MATERIALS: dict[str, dict[str, Any]] = {
         "calibrate": True,
         "law": "mangia",
         "bounds": [[0, 50], [0, 50], [0, 50], [0, 50]],
-        # bare soil of Oh et al. 1992 (docs/laws.md), at the level of this case's other laws: 30 dB up
+        # bare soil of Oh et al. 1992 (docs/laws.md), raised by 30 dB to the level of this case's other laws
         "start": [0.0, 13.07, 12.17, 0.09],
     },
     "water": {"parameters": [2.0, 3.0, 22.0, 6.0]},

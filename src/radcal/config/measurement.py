@@ -1,4 +1,4 @@
-"""Section ``measurement``: the measured image, or a synthetic one."""
+"""Section ``measurement``: measured image from a file, or a synthetic one."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from radcal.config.radar import Radiometry
 from radcal.config.sections import Section
 
 __all__ = ["FileMeasurement", "MeasurementConfig", "Synthetic", "SyntheticMeasurement"]
-_SOURCE = "synthetic or file: each with keys of its own"
+_SOURCE = "synthetic or file; each has keys of its own"
 
 
 class Synthetic(Section):
-    """The hidden truth of a synthetic measurement."""
+    """Hidden parameters, speckle, level and misregistration of a synthetic measurement."""
 
     parameters: dict[str, list[Parameter]] = Field(
         default_factory=lambda: {"dyke": [6.1, 14.2, 21.5, 3.3]},
-        description="hidden parameters by material; others keep theirs",
+        description="hidden parameters by material; other materials keep the parameters of section materials",
     )
 
     @property
     def is_written(self) -> bool:
-        """Whether the parameters were configured rather than left to their default."""
+        """Whether the parameters are configured, not defaults."""
         return "parameters" in self.model_fields_set
 
     seed: Seed = Field(2, description="seed of the measurement's speckle, noise and warp")
@@ -33,30 +33,34 @@ class Synthetic(Section):
 
 
 class SyntheticMeasurement(Section):
-    """A measurement made by the simulator from hidden parameters."""
+    """Measurement made by the simulator from hidden parameters."""
 
     source: Literal["synthetic"] = Field("synthetic", description=_SOURCE)
-    synthetic: Synthetic = Field(Synthetic(), description="hidden truth, speckle, level and warp")
+    synthetic: Synthetic = Field(Synthetic(), description="hidden parameters, speckle, level and misregistration")
 
 
 class FileMeasurement(Section):
-    """A measured image in a file, on the scene's image grid."""
+    """Measured image in a file, on the scene's image grid."""
 
     source: Literal["file"] = Field("file", description=_SOURCE)
     path: str = Field(
         description="SICD, GeoTIFF or other raster, npy, npz, mat, HDF5; ${RADCAL_DATA} and the like are expanded"
     )
-    scale: Literal["db", "power", "amplitude", "complex"] = Field(description="what the file's numbers are")
+    scale: Literal["db", "power", "amplitude", "complex"] = Field(description="scale of the file's numbers")
     band: Count | None = Field(None, description="band of a raster, from 1; needed where it has several")
-    dataset: str | None = Field(None, description="name in npz, mat or HDF5; needed where they hold several")
-    polarisation: Literal["HH", "HV", "VH", "VV"] | None = Field(
-        None, description="transmitted and received; checked against radar.polarisation"
+    dataset: str | None = Field(
+        None, description="name of the array in npz, mat or HDF5; needed where they hold several"
     )
-    carrier_band: str | None = Field(None, description="label of the carrier's band; checked against radar.band")
+    polarisation: Literal["HH", "HV", "VH", "VV"] | None = Field(
+        None, description="transmitted and received polarisation; checked against radar.polarisation"
+    )
+    carrier_band: str | None = Field(
+        None, description="label of the carrier's frequency band; checked against radar.band"
+    )
     vrt_folders: list[str] | None = Field(
         None, description="folders in which sources of a VRT may lie, besides the VRT's own"
     )
-    radiometry: Radiometry = Field("sigma0_local", description="what its pixels hold; that of radar.radiometry")
+    radiometry: Radiometry = Field("sigma0_local", description="quantity of its pixels, the same as radar.radiometry")
 
 
 MeasurementConfig = Annotated[SyntheticMeasurement | FileMeasurement, Field(discriminator="source")]

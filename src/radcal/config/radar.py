@@ -1,4 +1,4 @@
-"""Section ``radar``: the pass and the image grid."""
+"""Section ``radar``: acquisition (pass) and image grid."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ __all__ = ["Radar", "Radiometry"]
 
 Radiometry = Literal["sigma0_local", "sigma0_ref", "beta0", "gamma0"]
 
-_COARSEST = 1000.0  # pixels to a resolution cell: the impulse response is sampled that much further
+_COARSEST = 1000.0  # pixels in a resolution cell: the sampled impulse response becomes that much longer
 
 
 class Radar(Section):
-    """One pass: track, sensor and image grid."""
+    """One acquisition (pass): track, sensor and image grid."""
 
     altitude_m: Altitude = Field(4000.0, description="height of the track above the scene's mean elevation [m]")
     depression_deg: Annotated[Real, Field(gt=5, lt=85)] = Field(
@@ -28,15 +28,17 @@ class Radar(Section):
     look_side: Literal["right", "left"] = Field(
         "right", description="the track heads north: right looks east, left looks west"
     )
-    band: str = Field("X", description="label of the carrier's band")
+    band: str = Field("X", description="label of the carrier's frequency band")
     frequency_ghz: Frequency | None = Field(None, description="carrier frequency [GHz], for laws that depend on it")
-    polarisation: Literal["HH", "HV", "VH", "VV"] = Field("HH", description="transmitted and received")
-    range_resolution_m: Length = Field(2.0, description="-3 dB width in slant range [m]")
-    azimuth_resolution_m: Length = Field(3.5, description="-3 dB width in azimuth [m]")
+    polarisation: Literal["HH", "HV", "VH", "VV"] = Field("HH", description="transmitted and received polarisation")
+    range_resolution_m: Length = Field(2.0, description="-3 dB width of the response in slant range [m]")
+    azimuth_resolution_m: Length = Field(3.5, description="-3 dB width of the response in azimuth [m]")
     range_spacing_m: Length = Field(1.5, description="pixel spacing in slant range [m]")
     azimuth_spacing_m: Length = Field(2.5, description="pixel spacing in azimuth [m]")
     looks: Annotated[Integer, Field(ge=1, le=64)] = Field(
-        4, description="independent looks averaged in power; of external simulators: what masks and notes assume"
+        4,
+        description="independent looks averaged in power; for an external simulator, the number that masks and "
+        "warnings assume",
     )
     nesz_db: Annotated[
         Annotated[Decibels, Tag("one level")]
@@ -44,11 +46,11 @@ class Radar(Section):
         Discriminator(lambda value: "a table" if isinstance(value, list) else "one level"),
     ] = Field(
         -20.0,
-        description="noise-equivalent sigma0 [dB], or a table of [incidence on flat ground in degrees, dB]; far below "
-        "the image for external simulators without noise",
+        description="noise-equivalent sigma0 [dB], or a table of [incidence on flat ground in degrees, dB]; for an "
+        "external simulator without noise, a level far below the image",
     )
     radiometry: Radiometry = Field(
-        "sigma0_local", description="what a pixel holds: sigma0_local (no area term), sigma0_ref, beta0 or gamma0"
+        "sigma0_local", description="quantity of a pixel: sigma0_local (no area term), sigma0_ref, beta0 or gamma0"
     )
 
     @field_validator("nesz_db", mode="after")
@@ -74,5 +76,7 @@ class Radar(Section):
     @model_validator(mode="after")
     def _one_band(self) -> Self:
         if self.frequency_ghz is not None and within_band(self.band, self.frequency_ghz * 1e9) is False:
-            raise ValueError(f"frequency_ghz is {self.frequency_ghz:g}, which is not in band {self.band!r}: mend one")
+            raise ValueError(
+                f"frequency_ghz is {self.frequency_ghz:g}, which is not in band {self.band!r}: correct one of them"
+            )
         return self

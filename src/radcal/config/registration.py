@@ -1,4 +1,4 @@
-"""Section ``registration``: how the measured image is brought onto the simulated one."""
+"""Section ``registration``: registration of the measured image onto the simulated one."""
 
 from __future__ import annotations
 
@@ -13,12 +13,14 @@ __all__ = ["RegistrationConfig"]
 
 
 class RegistrationConfig(Section):
-    """How the measured image is brought onto the simulated one."""
+    """Registration of the measured image onto the simulated one."""
 
     method: Literal["gefolki", "ilk", "none"] = Field(
-        "gefolki", description="gefolki, ilk (scikit-image) or none: the image is taken as it lies"
+        "gefolki", description="gefolki, ilk (scikit-image), or none: use the image unregistered"
     )
-    global_shift: bool = Field(False, description="find one shift for the whole image first, by phase correlation")
+    global_shift: bool = Field(
+        False, description="whether one shift of the whole image is found first, by phase correlation"
+    )
     max_displacement_px: Annotated[Real, Field(gt=0, le=1000)] = Field(
-        20.0, description="a registration that moves further is not used [pixels]"
+        20.0, description="largest displacement; a registration that moves the image further is not used [pixels]"
     )

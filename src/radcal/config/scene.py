@@ -1,4 +1,4 @@
-"""Section ``scene``: where elevation, materials and objects come from."""
+"""Section ``scene``: source of elevation, materials and objects."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from radcal.config.sections import Section
 from radcal.scene.objects import check_curve
 
 __all__ = ["BuiltinScene", "GeneratedObjects", "RasterScene", "SceneConfig", "SceneObjects", "SlantRangeScene"]
-_SOURCE = "builtin, slant_range or raster: each with keys of its own"
+_SOURCE = "builtin, slant_range or raster; each has keys of its own"
 
 
 class GeneratedObjects(Section):
-    """Made-up objects, scattered evenly."""
+    """Generated objects, scattered evenly over the ground."""
 
     trees: Annotated[Integer, Field(ge=0, le=10_000_000)] = Field(0, description="number of trees")
     cars: Annotated[Integer, Field(ge=0, le=10_000_000)] = Field(0, description="number of cars")
     buildings: Annotated[Integer, Field(ge=0, le=10_000_000)] = Field(0, description="number of buildings")
-    seed: Seed = Field(1, description="seed of their places and sizes")
+    seed: Seed = Field(1, description="seed of the objects' places and sizes")
 
     @model_validator(mode="after")
     def _some(self) -> Self:
@@ -30,14 +30,18 @@ class GeneratedObjects(Section):
 
 
 class SceneObjects(Section):
-    """Objects that stand in the scene: a table, or made up."""
+    """Objects in the scene, from a table or generated."""
 
     path: str | None = Field(None, description="table of objects: .csv, .gpkg or .h5")
     layer: str | None = Field(None, description="layer of a GeoPackage; needed where it has several")
     aspect: dict[str, list[tuple[Annotated[Real, Field(ge=-180, le=360)], Decibels]]] = Field(
-        default_factory=dict, description="aspect class -> [aspect in degrees, cross-section in dBsm] pairs"
+        default_factory=dict,
+        description="name of a curve -> pairs of [aspect in degrees, cross-section in dBsm]; the table's column aspect "
+        "names a curve",
     )
-    generate: GeneratedObjects | None = Field(None, description="made-up trees, cars and buildings in place of a table")
+    generate: GeneratedObjects | None = Field(
+        None, description="generated trees, cars and buildings in place of a table"
+    )
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:
@@ -60,7 +64,7 @@ class BuiltinScene(Section):
 
     source: Literal["builtin"] = Field("builtin", description=_SOURCE)
     seed: Seed = Field(1, description="seed of the fields' layout and of the fine roughness")
-    objects: SceneObjects | None = Field(None, description="what stands on the ground")
+    objects: SceneObjects | None = Field(None, description="objects on the ground")
 
 
 class SlantRangeScene(Section):
@@ -99,22 +103,26 @@ class RasterScene(Section):
     names: str = Field(description="JSON file: material id -> name")
     crs: str | None = Field(
         None,
-        description="projected CRS of the scene, such as EPSG:32631; the elevation's if that is in metres, else UTM",
+        description="projected CRS of the scene, such as EPSG:32631; if missing, the elevation's where that is in "
+        "metres, else UTM",
     )
     cell_m: Length | None = Field(None, description="cell size [m]; the elevation's own if missing")
     bounds: tuple[Coordinate, Coordinate, Coordinate, Coordinate] | None = Field(
-        None, description="[west, south, east, north] in the scene's CRS [m]; where both rasters are if missing"
+        None,
+        description="[west, south, east, north] in the scene's CRS [m]; the ground that both rasters cover if missing",
     )
     vertical_datum: str | None = Field(
-        None, description="what heights refer to, such as EGM96; needed where the elevation's CRS does not say"
+        None,
+        description="vertical datum of the heights, such as EGM96; needed where the elevation's CRS does not name it",
     )
     elevation_error_m: Annotated[Real, Field(ge=0, le=100)] = Field(
-        0.0, description="standard error of a height against its neighbours [m]: of the incidence a law is found at"
+        0.0,
+        description="standard error of a height against its neighbours [m], from which that of the incidence follows",
     )
     vrt_folders: list[str] | None = Field(
         None, description="folders in which sources of a VRT may lie, besides the VRT's own"
     )
-    objects: SceneObjects | None = Field(None, description="what stands on the ground")
+    objects: SceneObjects | None = Field(None, description="objects on the ground")
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:

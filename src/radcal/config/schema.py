@@ -1,7 +1,8 @@
-"""The JSON schema of a case, with which editors complete, explain and check its keys.
+"""JSON schema of a case, with which editors complete, explain and check its keys.
 
-Its first reader is the YAML language server of editors, which knows draft 7 of JSON Schema. Numbers are to be numbers
-here, where radcal takes text for them too, and what one key means for another only radcal checks.
+The schema is written in draft 7 of JSON Schema, the one that the YAML language server of editors reads. It differs from
+radcal's own checks in two points: it refuses numbers written as text, which radcal accepts, and it does not check one
+key against another.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from radcal.config.case import Case
 __all__ = ["schema_json"]
 
 _DRAFT = "http://json-schema.org/draft-07/schema#"
-# pydantic's words for limits of numbers behind a validator, and a later draft's for lists, to draft 7's
+# keywords of pydantic (limits of numbers behind a validator) and of a later draft (lists) to those of draft 7
 _WORDS = {
     "ge": "minimum",
     "gt": "exclusiveMinimum",
@@ -25,7 +26,7 @@ _WORDS = {
 
 
 def schema_json() -> str:
-    """The text of ``config/schema.json``.
+    """Text of ``config/schema.json``.
 
     Returns
     -------
@@ -44,7 +45,7 @@ def schema_json() -> str:
 
 
 def _require_tag(section: dict[str, Any], models: dict[str, dict[str, Any]]) -> None:
-    """Require the key that says which kind a section is, but for the kind that it is without one."""
+    """Require the key that chooses a section's kind, except for the default kind."""
     if (union := section.pop("discriminator", None)) is None:
         return
     tag = union["propertyName"]
@@ -54,7 +55,7 @@ def _require_tag(section: dict[str, Any], models: dict[str, dict[str, Any]]) -> 
 
 
 def _plain(part: Any) -> Any:
-    """A part of the schema in words of draft 7, without titles made of names and without defaults of whole sections."""
+    """Part of the schema in keywords of draft 7, without generated titles and without defaults of whole sections."""
     if isinstance(part, list):
         return [_plain(item) for item in part]
     if not isinstance(part, dict):

@@ -1,4 +1,4 @@
-"""What every section of the configuration is made of."""
+"""Base class of the configuration's sections, type of a case's name, and keys that choose a section's kind."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["TAGS", "CaseName", "Section"]
 
 _LONGEST_NAME = 100  # file systems take 255 bytes, and files named after a case add theirs
 
-# sections of several kinds, and the key that says which
+# sections of several kinds, and the key that chooses the kind
 TAGS = {"scene": "source", "simulator": "kind", "measurement": "source"}
 
 
@@ -19,7 +19,7 @@ def _case_name(value: str) -> str:
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", value):
         raise ValueError(f"is {value!r}, expected a letter followed by letters, digits, _ or -")
     if len(value) > _LONGEST_NAME:
-        raise ValueError(f"has {len(value)} letters, expected at most {_LONGEST_NAME}: a folder bears this name")
+        raise ValueError(f"has {len(value)} letters, expected at most {_LONGEST_NAME}: it names a folder")
     return value
 
 

@@ -1,4 +1,4 @@
-"""Sentences about wrong values: a text as it may be quoted, the nearest key, and what pydantic found."""
+"""Error sentences about wrong keys and values, from what pydantic found."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ __all__ = ["nearest", "sentence", "shown"]
 
 
 def shown(text: str, most: int = 60) -> str:
-    """A text as a sentence may quote it: cut after so many characters, and nothing in it moves a terminal."""
+    """Text for quotation in a sentence: cut to ``most`` characters, with control characters escaped."""
     safe = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text[:most])
     return safe if len(text) <= most else f"{safe[: most - 3]}..."
 
 
 def nearest(key: str, known: Iterable[str]) -> str:
-    """Hint at what may have been meant by a key that is not known, in brackets."""
+    """Hint in brackets for an unknown key: the nearest known key, or all known keys."""
     found = difflib.get_close_matches(key, list(known), n=1, cutoff=0.5)
     return f" (did you mean {found[0]!r}?)" if found else f" (known: {', '.join(known)})"
 
@@ -56,7 +56,7 @@ _ALTERNATIVES = ("a list", "a law", "one level", "a table", "yes or no")  # of p
 
 
 def _of_kind(match: re.Match[str]) -> str:
-    """What people write where pydantic asks for a kind of Python's."""
+    """Words of YAML for the Python type that pydantic asks for."""
     return {"dictionary": "keys and values", "tuple": "a list"}[match[1]]
 
 
@@ -66,13 +66,13 @@ def sentence(error: ValidationError, origin: str, root: type[BaseModel]) -> str:
     Parameters
     ----------
     error : ValidationError
-        What pydantic found.
+        Error that pydantic raised.
     origin : str
-        Where the data come from, such as the name of a case file.
+        Source of the data, such as the name of a case file.
     root : type of model
-        The model that was asked for: its keys are those that a misspelt one is compared with.
+        Model of the data; a misspelt key is compared with its keys.
     """
-    # a misspelt key that is required is both unknown and missing: what people wrote comes first
+    # a misspelt key that is required is both unknown and missing: the key as written is named first
     details = sorted(error.errors(), key=lambda detail: detail["type"] != "extra_forbidden")
     first = details[0]
     key = _key(first["loc"])
@@ -96,14 +96,14 @@ def sentence(error: ValidationError, origin: str, root: type[BaseModel]) -> str:
             message = re.sub(r"^\w+ should have ", "", message)
             message = re.sub("^a valid (dictionary|tuple).*", _of_kind, message)
             text = f"{key} is {shown(repr(found))}, expected {message}"
-    # of several alternatives for one key none fits, which is one problem
+    # several alternatives of one key that do not fit count as one problem
     others = {_key(detail["loc"]) for detail in details[1:]} - {key}
     more = f" (and {len(others)} more)" if others else ""
     return f"{origin}: {shown(text, 600)}{more}."
 
 
 def _key(place: Sequence[int | str]) -> str:
-    """Where an error is, as people write it: without the tags that pydantic puts there."""
+    """Dotted key of an error, without the tags that pydantic inserts."""
     location = list(place)
     if location and location[0] in TAGS and len(location) > 1:
         location.pop(1)

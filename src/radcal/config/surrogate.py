@@ -1,4 +1,4 @@
-"""Section ``surrogate``: what the kriging learns, and its training."""
+"""Section ``surrogate``: outputs and training of the kriging (objective: density)."""
 
 from __future__ import annotations
 
@@ -13,12 +13,14 @@ __all__ = ["SurrogateConfig"]
 
 
 class SurrogateConfig(Section):
-    """What the kriging learns and how it is trained."""
+    """Outputs and training of the kriging."""
 
     outputs: Literal["centred", "direct"] = Field(
-        "centred", description="(mean, log sd, skewness) or (xi, omega, alpha)"
+        "centred", description="outputs of the kriging: centred (mean, log sd, skewness) or direct (xi, omega, alpha)"
     )
     training: Literal["warm", "smt"] = Field(
-        "warm", description="warm: from the last optimum, multi-start every retrain_every; smt: the library's defaults"
+        "warm",
+        description="warm: start from the last optimum, and from several points every retrain_every iterations; "
+        "smt: the library's defaults",
     )
-    retrain_every: Count = Field(5, description="iterations between multi-start trainings (warm)")
+    retrain_every: Count = Field(5, description="iterations between trainings from several points (warm)")

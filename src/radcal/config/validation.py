@@ -13,13 +13,14 @@ __all__ = ["Validation"]
 
 
 class Validation(Section):
-    """Ground that is kept out of the target, and predicted from what was found."""
+    """Ground that is held out of the target and then predicted by the laws found."""
 
-    rows: Count = Field(20, description="image rows of a block that is kept or left out as a whole")
-    columns: Count | None = Field(None, description="image columns of a block, next to one another; all if missing")
-    means: Count = Field(10, description="rows of a part of a block whose mean level is predicted")
+    rows: Count = Field(20, description="image rows of a block, which is calibrated on or held out as a whole")
+    columns: Count | None = Field(None, description="image columns of a block; all columns of the image if missing")
+    means: Count = Field(10, description="image rows of a part of a block, whose mean level is predicted")
     keep: Literal["even", "odd", "both"] = Field(
-        "even", description="blocks that are calibrated on; both: all, and each half is predicted from the other"
+        "even",
+        description="blocks that are calibrated on: even, odd or both (all, and each half is predicted from the other)",
     )
 
     @model_validator(mode="after")
