@@ -12,12 +12,12 @@ from radcal.errors import MeasurementError
 
 __all__ = ["FEWEST", "Classes", "class_cumulants", "class_of", "incidence_edges", "make_classes", "winsorised"]
 
-FEWEST = 30  # pixels in a class
+FEWEST = 30  # smallest number of pixels in a bin
 _AUTO = (4, 8)  # classes
-_AUTO_SPAN_DEG = 2.0  # of incidence a class: a law of 0.3 dB/deg changes by less than a third of speckle's spread
-_FAR = 6.0  # robust standard deviations; of the log of single-look speckle, one pixel in 1,500 lies beyond
+_AUTO_SPAN_DEG = 2.0  # width of a bin: a law of 0.3 dB/deg changes in it by less than a third of speckle's sd
+_FAR = 6.0  # robust standard deviations; one pixel in 1,500 of single-look speckle in dB exceeds them
 _LEAST_DB2 = 1e-6  # variance
-_NODES = 24  # incidence angles that stand for a class
+_NODES = 24  # incidence angles that represent a bin
 
 
 @dataclass(frozen=True)
@@ -27,17 +27,17 @@ class Classes:
     Attributes
     ----------
     edges_deg : ndarray, shape (n + 1,)
-        Edges of the classes [deg].
+        Edges of the bins [deg].
     member : ndarray of int, shape (pixels,)
-        Class of each pixel.
+        Bin of each pixel.
     count : ndarray of int, shape (n,)
-        Pixels in each class.
+        Number of pixels in each bin.
     effective : ndarray, shape (n,)
-        Independent pixels that those stand for.
+        Effective sample size: number of independent pixels with the same information.
     cumulants : ndarray, shape (n, 3)
         Mean [dB], variance [dB^2] and third central moment [dB^3] of the measured pixels.
     nodes_deg : ndarray, shape (n, m)
-        Incidence angles that stand for each class: quantiles at the middle of m equal shares [deg].
+        Incidence angles that represent each bin: quantiles at the middles of m equal shares of its pixels [deg].
     """
 
     edges_deg: NDArray[np.float64]
@@ -49,25 +49,25 @@ class Classes:
 
     @property
     def size(self) -> int:
-        """Number of classes."""
+        """Number of bins."""
         return self.count.size
 
     def shares(self, label: NDArray[np.int64], labels: int) -> NDArray[np.float64]:
-        """Share of each class's pixels with each label 0 to ``labels - 1``, shape (n, labels)."""
+        """Share of each bin's pixels with each label 0 to ``labels - 1``, shape (n, labels)."""
         joint = np.bincount(self.member * labels + label, minlength=self.size * labels)
         return np.asarray(joint.reshape(self.size, labels) / self.count[:, None])
 
 
 def incidence_edges(incidence_deg: ArrayLike, classes: int | Literal["auto"]) -> NDArray[np.float64]:
-    """Edges of classes of about equally many pixels.
+    """Edges of incidence-angle bins of about equally many pixels.
 
     Parameters
     ----------
     incidence_deg : array_like, shape (n,)
         Local incidence of a material's target pixels [deg].
     classes : int or 'auto'
-        How many; ``auto``: one for every 2 degrees between the 5 % and 95 % quantiles, 4 to 8. Fewer
-        where a class would hold fewer than 30 pixels, or where many pixels share one angle.
+        Number of bins; ``auto``: one for every 2 degrees between the 5 % and 95 % quantiles, 4 to 8. There are fewer
+        where a bin would hold fewer than 30 pixels, or where many pixels share one angle.
 
     Returns
     -------
@@ -93,7 +93,7 @@ def incidence_edges(incidence_deg: ArrayLike, classes: int | Literal["auto"]) ->
     wanted = max(1, min(wanted, angle.size // FEWEST))
     inner = np.unique(np.quantile(angle, np.arange(1, wanted) / wanted))
     edges = [angle[0]]
-    for edge in inner:  # many pixels of one angle may leave a class with next to none
+    for edge in inner:  # many pixels of one angle may leave a bin with hardly any pixel
         first, last = np.searchsorted(angle, [edges[-1], edge])
         if last - first >= FEWEST and angle.size - last >= FEWEST:
             edges.append(edge)
@@ -101,22 +101,22 @@ def incidence_edges(incidence_deg: ArrayLike, classes: int | Literal["auto"]) ->
 
 
 def class_of(incidence_deg: ArrayLike, edges_deg: ArrayLike) -> NDArray[np.int64]:
-    """Class of each angle [deg]; those beyond the first and last edges count to the first and last class."""
+    """Bin of each angle [deg]; angles beyond the first and last edges belong to the first and last bin."""
     inner = np.asarray(edges_deg, dtype=np.float64)[1:-1]
     return np.searchsorted(inner, np.asarray(incidence_deg, dtype=np.float64), side="right")
 
 
 def class_cumulants(values_db: ArrayLike, member: NDArray[np.int64], size: int) -> NDArray[np.float64]:
-    """Mean, variance and third central moment of the pixels of each class.
+    """Mean, variance and third central moment of the pixels of each bin.
 
     Parameters
     ----------
     values_db : array_like, shape (pixels,)
         Backscatter, measured or simulated [dB].
     member : ndarray of int, shape (pixels,)
-        Class of each pixel.
+        Bin of each pixel.
     size : int
-        Number of classes.
+        Number of bins.
 
     Returns
     -------
@@ -138,7 +138,7 @@ def make_classes(
     classes: int | Literal["auto"],
     independent: float = 1.0,
 ) -> Classes:
-    """Divide a material's target pixels by local incidence.
+    """Incidence-angle bins of a material's target pixels.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ def make_classes(
     classes : int or 'auto'
         As for :func:`incidence_edges`.
     independent : float
-        Independent pixels for each pixel, at most 1.
+        Number of independent pixels for each pixel, at most 1.
 
     Returns
     -------
@@ -177,16 +177,17 @@ def make_classes(
 
 
 def winsorised(values_db: ArrayLike, member: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Values drawn to within 6 robust standard deviations of the median of their class.
+    """Values clipped at 6 robust standard deviations from the median of their bin.
 
-    A power that is zero but for rounding is -100 dB, and one such pixel decides the third moment of a class.
+    A pixel whose power is zero except for rounding has -100 dB, and one such pixel would dominate the third moment of a
+    bin.
 
     Parameters
     ----------
     values_db : array_like, shape (pixels,)
         Measured backscatter [dB].
     member : ndarray of int, shape (pixels,)
-        Class of each pixel.
+        Bin of each pixel.
 
     Returns
     -------

@@ -22,12 +22,12 @@ def warp(image: NDArray[np.float32], displacement: NDArray[np.float64], order: i
     Parameters
     ----------
     image : ndarray, shape (rows, columns)
-        Moving image, NaN where there is nothing.
+        Moving image, NaN where it has no value.
     displacement : ndarray, shape (2, rows, columns)
         Field [pixels].
     order : {0, 1}
-        0 takes the nearest pixel, which leaves the statistics of speckle as they are;
-        1 interpolates linearly, which lowers its variance.
+        Order of interpolation: 0 takes the nearest pixel, which keeps the statistics of speckle; 1 is linear, which
+        lowers its variance.
 
     Returns
     -------
@@ -41,17 +41,17 @@ def warp(image: NDArray[np.float32], displacement: NDArray[np.float64], order: i
 
 
 def _at(field: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Values of a field at points, shape (2, rows, columns); beyond the image the border's."""
+    """Values of a field at points, shape (2, rows, columns); beyond the image, those of its border."""
     return np.stack([map_coordinates(part, points, order=1, mode="nearest") for part in field])
 
 
 def compose(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Field of one displacement after the other.
+    """Field that has the effect of one displacement followed by another.
 
     Parameters
     ----------
     first, second : ndarray, shape (2, rows, columns)
-        Fields [pixels].
+        Displacement fields [pixels].
 
     Returns
     -------
@@ -63,7 +63,7 @@ def compose(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[
 
 
 def invert(displacement: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Field that undoes another, by fixed-point iteration.
+    """Inverse of a displacement field, by fixed-point iteration.
 
     Parameters
     ----------

@@ -6,13 +6,13 @@ coregistration algorithm for recent applications on urban SAR images", IEEE GRSL
 Brigot et al., "Adaptation and evaluation of an optical flow method applied to coregistration
 of forest remote sensing images", IEEE JSTARS 9 (2016)).
 
-Two things differ. Where the papers solve for each pixel in windows that shrink, here one field
-is found for the whole image, a Gaussian process whose size and correlation length are those under
-which the images are most probable (:mod:`radcal.measurement.spline_field`). In speckle most of a
-window's gradient is noise: how far to average depends on how smooth the displacement is, and only
-the images know. And where the papers choose between contrast and its inverse, each place counts
-with the likelihood of its local correlation, of either sign: homogeneous ground, where both images
-hold nothing but speckle, then adds no noise. The last steps weigh spatial frequencies in the same
+Two things differ. The papers solve for each pixel in shrinking windows; here one field is estimated for the whole
+image, a Gaussian process whose size and correlation length are those under
+which the images are most probable (:mod:`radcal.measurement.spline_field`). In speckle most of a window's gradient is
+noise, and the best size of a window depends on the smoothness of the displacement, which only the images show. The
+papers choose between contrast and its inverse; here each place is weighted by the likelihood of its local correlation,
+of either sign, so that homogeneous ground, where both images hold only speckle, adds no noise. The last steps weigh
+spatial frequencies in the same
 way (``benchmarks/registration.py`` has the figures).
 """
 
@@ -33,20 +33,20 @@ __all__ = ["Flow", "Level", "find_flow", "gefolki", "local_correlation", "pyrami
 # chosen on the even seeds of benchmarks/registration.py
 _RANK_RADIUS = 16
 _BLUR_PX = 0.7
-_SPECTRUM_SMOOTHING = 12 / 512  # of the power spectra [cycles per pixel]
-_COHERENCE = 0.95  # counted at most
+_SPECTRUM_SMOOTHING = 12 / 512  # width of the smoothing of power spectra [cycles per pixel]
+_COHERENCE = 0.95  # largest coherence that is counted
 _COARSEST_PX = 96
 _LEVELS = 4
 _WINDOW_PX = 33
-_HIGHEST = 0.8  # local correlation counted at most
-_SHARED = 0.2  # and at least, where the curvature of the cost is concerned
+_HIGHEST = 0.8  # largest local correlation that is counted
+_SHARED = 0.2  # smallest one in the curvature of the cost
 _START = Prior(spread_px=3.0, length_px=256.0)  # smooth, so that the first steps go the right way
 _STEPS_COARSEST = 4
 _STEPS = 2
 _STEPS_MATCHED = 4
-_MISFIT = 1.2  # actual by posterior standard error: local correlations are themselves found by the fit
-_NOISE_CELLS = 2  # side of the blocks whose pulls scatter independently [cells]
-_NOISE = 1.5  # pulls of neighbouring blocks are alike, and the cost curves less than its gradients say
+_MISFIT = 1.2  # actual over posterior standard error: local correlations come from the same fit
+_NOISE_CELLS = 2  # side of the blocks whose gradients scatter independently [cells]
+_NOISE = 1.5  # gradients of neighbouring blocks are correlated, and the cost is flatter than they suggest
 
 
 def rank_transform(image_db: NDArray[np.float32], radius: int = _RANK_RADIUS) -> NDArray[np.float32]:
@@ -55,7 +55,7 @@ def rank_transform(image_db: NDArray[np.float32], radius: int = _RANK_RADIUS) ->
     Parameters
     ----------
     image_db : ndarray, shape (rows, columns)
-        Backscatter [dB] (any monotonic scale gives the same), NaN where there is none.
+        Backscatter [dB] (any monotonic scale gives the same ranks), NaN where there is none.
     radius : int
         Half width of the square neighbourhood [pixels].
 
@@ -78,7 +78,7 @@ def rank_transform(image_db: NDArray[np.float32], radius: int = _RANK_RADIUS) ->
 
 
 def _halved(image_db: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Means of 2 x 2 pixels, of those that are there."""
+    """Means of the valid pixels among 2 x 2."""
     rows, columns = image_db.shape[0] // 2, image_db.shape[1] // 2
     blocks = image_db[: 2 * rows, : 2 * columns].reshape(rows, 2, columns, 2)
     there = np.isfinite(blocks)
@@ -90,7 +90,7 @@ def _halved(image_db: NDArray[np.float32]) -> NDArray[np.float32]:
 def local_correlation(
     first: NDArray[np.float32], second: NDArray[np.float32], window_px: int = _WINDOW_PX
 ) -> NDArray[np.float32]:
-    """Correlation of two zero-mean images in windows.
+    """Local correlation of two zero-mean images in windows.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def local_correlation(
 
 
 def _cell_sums(values: NDArray[np.float64], size: int = CELL_PX) -> NDArray[np.float64]:
-    """Sums over squares of an image, shape (rows, columns) to fewer of them."""
+    """Sums over square cells of an image: shape (rows, columns) to (cell rows, cell columns)."""
     for axis in (0, 1):
         values = np.add.reduceat(values, np.arange(0, values.shape[axis], size), axis=axis)
     return values
@@ -123,11 +123,11 @@ class Level:
     Attributes
     ----------
     scale : int
-        Pixels of the full image along one of this.
+        Side of a pixel of this level in pixels of the full image.
     fixed, moving : ndarray of float32, shape (rows, columns)
         Rank transforms.
     weight, there : ndarray of float32, shape (rows, columns)
-        1 where the fixed, the moving image has a value.
+        1 where the fixed image (``weight``), the moving image (``there``) has a value, else 0.
     """
 
     scale: int
@@ -143,14 +143,14 @@ class Level:
 
 @dataclass(frozen=True)
 class Flow:
-    """A displacement field and how far to trust it.
+    """Displacement field with its posterior distribution.
 
     Attributes
     ----------
     displacement_px : ndarray, shape (2, rows, columns)
         d with fixed(x) like moving(x + d(x)) [pixels].
     posterior : Posterior
-        Where it comes from.
+        Posterior distribution of the field's coefficients.
     """
 
     displacement_px: NDArray[np.float64]
@@ -186,8 +186,8 @@ def _step(level: Level, field: NDArray[np.float64]) -> list[NDArray[np.float64]]
     moved = map_coordinates(level.moving, at, order=1, mode="nearest")
     seen = map_coordinates(level.there, at, order=1, mode="constant", cval=0.0)
     weight = np.where(seen > 0.99, level.weight, 0.0)
-    # likelihood of two images that share local structure of correlation r: what is noise in both counts
-    # for nothing, and a negative r, contrast turned over, pulls the other way
+    # likelihood of two images with local correlation r: noise in both has no weight, and a negative r (inverse
+    # contrast) reverses the sign
     r = np.clip(local_correlation(fixed, moved), -_HIGHEST, _HIGHEST)
     sign, r = np.where(r < 0.0, -1.0, 1.0), np.abs(r)
     weight = weight * r / (1.0 - r**2)
@@ -195,7 +195,7 @@ def _step(level: Level, field: NDArray[np.float64]) -> list[NDArray[np.float64]]
     # the mean of both gradients: second-order accurate (Malis, "Improving vision-based control", 2004)
     along, across = (0.5 * (a + sign * b) for a, b in zip(np.gradient(fixed), np.gradient(moved), strict=True))
     noise = float(0.5 * (fixed.var() + moved.var()))
-    # the part r of both images' gradients is shared, the rest is noise that curves nothing
+    # the share r of both images' gradients is common; the rest is noise without curvature
     curved = weight * np.maximum(r, _SHARED)
     products = (curved * along**2, curved * along * across, curved * across**2, along * difference, across * difference)
     # in pixels of the full image a step is larger by the scale, a gradient smaller
@@ -204,9 +204,9 @@ def _step(level: Level, field: NDArray[np.float64]) -> list[NDArray[np.float64]]
 
 
 def _data(lattice: Lattice, level: Level, coefficients: NDArray[np.float64], start: NDArray[np.float64]) -> Data:
-    """Quadratic log-likelihood of the coefficients, less the start, about given ones.
+    """Quadratic approximation of the log-likelihood about given coefficients, relative to the start.
 
-    The noise is what the pulls scatter by from block to block (White, Econometrica 50 (1982), eq. 3.2).
+    The noise is estimated from the scatter of the gradients between blocks (White, Econometrica 50 (1982), eq. 3.2).
     """
     cells = lattice.cells(level.scale)
     parts = _step(level, lattice.field(coefficients, level.scale))
@@ -223,11 +223,11 @@ def _data(lattice: Lattice, level: Level, coefficients: NDArray[np.float64], sta
 
 
 def _matched(level: Level, field: NDArray[np.float64]) -> Level:
-    """Both images filtered so that each spatial frequency counts by its coherence.
+    """Both images filtered so that each spatial frequency is weighted by its coherence.
 
     The maximum-likelihood weighting of Knapp and Carter, "The generalized correlation method
-    for estimation of time delay", IEEE TASSP 24 (1976), eq. 39, with spectra of the images as
-    registered so far.
+    for estimation of time delay", IEEE TASSP 24 (1976), eq. 39, with the spectra of the images at the present
+    registration.
     """
     fixed, moving = level.fixed, level.moving
     at = np.indices(fixed.shape, dtype=np.float64) + field
@@ -243,14 +243,14 @@ def _matched(level: Level, field: NDArray[np.float64]) -> Level:
     response = np.sqrt(coherence / (1.0 - coherence**2) / power)
     if not response.any():
         return level
-    # the scale is free: it keeps the fixed image's power
+    # the scale is arbitrary; this one keeps the fixed image's power
     response *= np.sqrt(power.mean() / (response**2 * power).mean())
     one, two = (fft.ifft2(fft.fft2(image) * response).real.astype(np.float32) for image in (fixed, moving))
     return replace(level, fixed=one, moving=two)
 
 
 def _restricted(levels: list[Level], keep: NDArray[np.bool_]) -> list[Level]:
-    """Level with the pixels of the fixed image restricted to those that count."""
+    """Level with some pixels of the fixed image masked."""
     kept = [keep.astype(np.float32)]
     for _ in levels[1:]:
         kept.append(_halved(kept[-1]))
@@ -270,9 +270,9 @@ def find_flow(
     levels : list of Level
         From :func:`pyramid`.
     keep : ndarray of bool, shape (rows, columns), optional
-        Pixels of the fixed image that count.
+        Pixels of the fixed image that are used.
     start : ndarray, shape (2,), optional
-        Shift to start from [pixels].
+        Shift at which the search starts [pixels].
     prior : Prior, optional
         Size and smoothness of the field, chosen from the images if missing.
     """
@@ -282,12 +282,12 @@ def find_flow(
         origin += np.asarray(start, dtype=np.float64)[:, None, None]
     if keep is not None:
         levels = _restricted(levels, keep)
-    with threadpool_limits(1):  # sums in one order
+    with threadpool_limits(1):  # a fixed order of the sums
         return _found(lattice, levels, origin, prior)
 
 
 def _found(lattice: Lattice, levels: list[Level], origin: NDArray[np.float64], prior: Prior | None) -> Flow:
-    """The field from coarse to fine; smooth at first, then as smooth as the images say."""
+    """Displacement field from coarse to fine scales, its smoothness first fixed, then estimated from the images."""
     coefficients, near = origin, prior or _START
 
     def step(level: Level, choose: bool) -> Posterior:
@@ -323,9 +323,9 @@ def gefolki(
     fixed_db, moving_db : ndarray, shape (rows, columns)
         Backscatter [dB], NaN where there is none. At least 32 x 32 pixels.
     keep : ndarray of bool, shape (rows, columns), optional
-        Pixels of the fixed image that count.
+        Pixels of the fixed image that are used.
     start : ndarray, shape (2,), optional
-        Shift to start from [pixels].
+        Shift at which the search starts [pixels].
 
     Returns
     -------

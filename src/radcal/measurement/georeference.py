@@ -30,11 +30,11 @@ class GeoreferencedImage:
     Attributes
     ----------
     path : path
-        The file, for messages.
+        Path of the file, for messages.
     values : ndarray, shape (rows, columns)
-        Numbers as read, NaN where there are none.
+        Numbers as read, NaN where the file has none.
     transform : affine.Affine
-        From (column, row) of pixel corners to coordinates.
+        Affine transform from (column, row) of pixel corners to coordinates.
     crs : pyproj.CRS
         Of the coordinates.
     """
@@ -48,21 +48,21 @@ class GeoreferencedImage:
 def is_georeferenced(path: Path, folders: Sequence[Path] = ()) -> bool:
     """Whether a file is a raster with a CRS and a transform to it.
 
-    A file that cannot be read is none: reading it tells why.
+    False for a file that cannot be read; the reader then raises the reason.
 
     Parameters
     ----------
     path : path
         Any measured image.
     folders : sequence of path
-        Where the sources of a VRT may lie besides its own folder.
+        Folders in which the sources of a VRT may lie, besides its own.
     """
     if not is_raster(path):
         return False
     try:
         with open_raster(path, folders) as raster:
             return not raster.transform.is_identity and crs_of(raster) is not None
-    except Exception:  # what the libraries raise on damaged files has no common base
+    except Exception:  # the libraries' exceptions for damaged files have no common base class
         return False
 
 
@@ -72,11 +72,11 @@ def read_georeferenced(path: Path, config: FileMeasurement, places: Places | Non
     Parameters
     ----------
     path : path
-        A file of which :func:`is_georeferenced` is true.
+        File for which :func:`is_georeferenced` is true.
     config : FileMeasurement
         Band.
     places : callable, optional
-        From a CRS to the coordinates that are asked for; no more is read than the rectangle around them.
+        Function from a CRS to the coordinates of interest; only the rectangle around them is read.
 
     Raises
     ------
@@ -126,7 +126,7 @@ def values_at_ground(
     Parameters
     ----------
     image : GeoreferencedImage
-        Terrain-corrected: what stands at a place on the map is what lies there.
+        Terrain-corrected image, so that every pixel shows the ground at its place on the map.
     crs : str
         The scene's CRS.
     transform : sequence of 6 float
@@ -150,12 +150,11 @@ def values_at_ground(
     shown = np.isfinite(ground).all(axis=0)
     x, y = places_on_ground(crs, transform, ground, image.crs)
     inverse = ~image.transform
-    # nearest pixels: a mean of n neighbours has 1/n of the variance of speckle, and the spread is what the
-    # target density is made of
+    # nearest pixels: a mean of n neighbours has 1/n of speckle's variance, which the target density must keep
     at_column = np.floor(inverse.a * x + inverse.b * y + inverse.c)
     at_row = np.floor(inverse.d * x + inverse.e * y + inverse.f)
     rows, columns = image.values.shape
-    # places outside the domain of the image's projection are infinite, and beyond every bound
+    # places outside the domain of the image's projection are infinite and thus outside all bounds
     inside = (at_row >= 0) & (at_row < rows) & (at_column >= 0) & (at_column < columns)
     if not inside.any():
         raise MeasurementError(

@@ -14,7 +14,7 @@ from radcal.errors import FitError
 __all__ = ["Goodness", "effective_sample_size", "goodness_of_fit"]
 
 _DRAWS = 99
-_REACH_PX = 6  # lags beyond which speckle is taken as uncorrelated
+_REACH_PX = 6  # lag beyond which speckle is assumed to be uncorrelated
 
 
 @dataclass(frozen=True)
@@ -26,11 +26,11 @@ class Goodness:
     ks : float
         Kolmogorov-Smirnov distance, the largest difference of the distribution functions.
     ks_p : float
-        Share of samples of the fitted density that lie further from their own fit.
+        p-value: share of bootstrap samples with a larger distance to their own fit.
     ad : float
         Anderson-Darling statistic, which weighs the tails more.
     ad_p : float
-        The same share for it.
+        p-value of ``ad``.
     """
 
     ks: float
@@ -60,8 +60,8 @@ def goodness_of_fit(
 ) -> Goodness:
     """Compare a sample with the skew normal fitted to it, by parametric bootstrap.
 
-    The parameters come from the same sample, so that tables for known parameters do not
-    hold: each bootstrap sample is fitted itself.
+    The parameters are estimated from the same sample, so that tables for known parameters do not hold; hence each
+    bootstrap sample is fitted, too.
 
     Parameters
     ----------
@@ -70,14 +70,14 @@ def goodness_of_fit(
     dp : array_like, shape (3,)
         Fitted xi [dB], omega [dB], alpha.
     rng : Generator
-        Source of the bootstrap samples.
+        Random generator of the bootstrap samples.
     effective : float, optional
         Number of independent values that the sample stands for; the bootstrap samples have
         that many, and their Anderson-Darling statistics are compared per value.
     draws : int
         Bootstrap samples.
     penalised : bool
-        The parameters are a penalised fit's: the bootstrap samples are fitted so too.
+        Whether the parameters are from a penalised fit; the bootstrap samples are then fitted in the same way.
 
     Returns
     -------
@@ -96,16 +96,16 @@ def goodness_of_fit(
         drawn = np.sort(skewnormal.sample(dp, n, rng))
         try:
             distances = _distances(drawn, skewnormal.fit(drawn, penalised).dp)
-        except FitError:  # all values equal, next to impossible
+        except FitError:  # all values are equal, which hardly happens
             continue
         further += np.array(distances) >= (ks, ad * n / values.size)
-    # the sample itself counts as one of its kind (Davison and Hinkley 1997, eq. 4.11)
+    # the sample itself counts as one of the bootstrap samples (Davison and Hinkley 1997, eq. 4.11)
     ks_p, ad_p = (1.0 + further) / (1.0 + draws)
     return Goodness(ks, float(ks_p), ad, float(ad_p))
 
 
 def effective_sample_size(image_db: NDArray[np.float32], inside: NDArray[np.int64], drawn: NDArray[np.int64]) -> float:
-    """Number of independent pixels that drawn ones stand for, as far as their mean is concerned.
+    """Number of independent pixels whose mean would have the same variance as that of the drawn ones.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def effective_sample_size(image_db: NDArray[np.float32], inside: NDArray[np.int6
     size = tuple(fft.next_fast_len(n + _REACH_PX + 1, real=True) for n in shape)
 
     def pairs(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Sum of products of all pairs at each lag, both directions."""
+        """Sum of products of all pairs of pixels at each lag, in both directions."""
         spectrum = fft.rfft2(values, s=size)
         lags = fft.irfft2(np.abs(spectrum) ** 2, s=size)
         window = np.arange(-_REACH_PX, _REACH_PX + 1)
@@ -146,7 +146,7 @@ def effective_sample_size(image_db: NDArray[np.float32], inside: NDArray[np.int6
     if variance <= 0.0:
         return 1.0
     correlation = np.where(count > 0.5, products / np.maximum(count, 1.0), 0.0) / variance
-    # what is left at the largest lags is change of level within the material, not speckle
+    # covariance at the largest lags comes from changes of level within the material, not from speckle
     edge = np.ones_like(correlation, dtype=bool)
     edge[1:-1, 1:-1] = False
     floor = float(np.mean(correlation[edge & (count > 0.5)])) if np.any(edge & (count > 0.5)) else 0.0

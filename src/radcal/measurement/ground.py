@@ -24,7 +24,7 @@ class Blocks:
     rows : int
         Image rows of a block.
     part_rows : int
-        Of a part of a block whose mean is predicted; a divisor of ``rows``.
+        Image rows of a part of a block, whose mean is predicted; a divisor of ``rows``.
     columns : int, optional
         Image columns of a block; all of them if missing.
     """
@@ -35,7 +35,7 @@ class Blocks:
 
     @classmethod
     def of(cls, validation: Validation | None, rows: int = 0) -> Blocks:
-        """As configured; where nothing is, two parts of 10 rows or more, at most 50 in an image of so many rows."""
+        """Blocks as configured; by default of two parts of 10 rows or more, at most 50 parts in an image."""
         if validation is not None:
             return cls(validation.rows, validation.means, validation.columns)
         part = max(10, -(-rows // 50))
@@ -43,13 +43,13 @@ class Blocks:
 
     @property
     def parts(self) -> int:
-        """Parts of a block."""
+        """Number of parts in a block."""
         return self.rows // self.part_rows
 
     def parts_of(self, pixels: NDArray[np.int64], width: int) -> NDArray[np.int64]:
-        """Number of each pixel's part, from its flat index in an image of a width; blocks are counted row by row.
+        """Number of the part of each pixel, from flat indices in an image of a width; blocks are counted row by row.
 
-        Blocks that share a side have numbers of which one is even and one is odd.
+        Of two blocks that share a side one has an even number and one an odd number.
         """
         row, column = np.divmod(np.asarray(pixels, dtype=np.int64), width)
         step = width if self.columns is None else self.columns
@@ -58,7 +58,7 @@ class Blocks:
         return np.asarray(block * self.parts + row % self.rows // self.part_rows)
 
     def kept(self, part: NDArray[np.int64], keep: Literal["even", "odd", "both"]) -> NDArray[np.bool_]:
-        """Whether the parts are calibrated on: those of blocks with an even number, or an odd one, or all."""
+        """Whether each part is calibrated on: parts of blocks with even numbers, with odd numbers, or all."""
         if keep == "both":
             return np.ones(part.shape, dtype=np.bool_)
         return np.asarray(part // self.parts % 2 == (0 if keep == "even" else 1))
@@ -66,7 +66,7 @@ class Blocks:
 
 @dataclass(frozen=True)
 class Ground:
-    """The pixels of one material that a law is fitted to, or compared with.
+    """Pixels of one material to which a law is fitted, or with which it is compared.
 
     Attributes
     ----------
@@ -75,9 +75,9 @@ class Ground:
     incidence_deg : ndarray, shape (pixels,)
         Local incidence [deg].
     patch, block : ndarray of int, shape (pixels,)
-        Connected area, and part of a block of the image (see :class:`Blocks`), that each lies in.
+        Field (connected area), and part of a block of the image (see :class:`Blocks`), of each pixel.
     independent : float
-        Independent pixels for each pixel, at most 1.
+        Number of independent pixels for each pixel, at most 1.
     """
 
     values_db: NDArray[np.float64]
@@ -88,7 +88,7 @@ class Ground:
 
     @cached_property
     def cells(self) -> Cells:
-        """Parts of patches in blocks."""
+        """Cells: the parts of fields in blocks."""
         return make_cells(self.patch, self.block)
 
     @cached_property

@@ -20,24 +20,24 @@ class Levels:
     Attributes
     ----------
     normalisation : {'none', 'offset', 'image'}
-        None: as they are. Offset: one level is taken from the measured image. Image: each image
+        None: values are unchanged. Offset: one level is subtracted from the measured image. Image: each image
         is mapped to zero median and unit interquartile range.
     offset_db : float
-        Level of the measured image above the simulated one: that of the reference materials, or
-        for ``image`` the difference of the medians; NaN where nothing says it [dB].
+        Level of the measured image above the simulated one: that of the reference materials, or for ``image`` the
+        difference of the medians; NaN where it is not known [dB].
     offset_error_db : float
-        Its standard error, NaN where there is none [dB].
+        Standard error of the offset, NaN where there is none [dB].
     scale : float
-        Spread of the measured image over that of the reference run (``image``), else 1.
+        Interquartile range of the measured image over that of the reference run (``image``), else 1.
     references : tuple of str
-        Materials of a fixed law that the offset comes from.
+        Materials of fixed law from which the offset is estimated.
     measured : (float, float)
-        What is taken from the measured values, and what they are then divided by [dB].
+        Shift that is subtracted from the measured values, and scale by which they are then divided [dB].
     others_db : ndarray of float32
         For ``image``: the reference run's valid pixels of all materials that are not calibrated;
-        they are the same in every run but for what reaches them from their neighbours [dB].
+        they are the same in every run except for the influence of neighbouring pixels [dB].
     valid : mapping
-        For ``image``: places of each calibrated material's valid pixels in a record.
+        For ``image``: indices of each calibrated material's valid pixels in a record.
     """
 
     normalisation: str = "none"
@@ -80,11 +80,11 @@ class Levels:
 
     @property
     def doubtful(self) -> bool:
-        """Whether an offset that is not taken out is larger than chance and fixed laws explain."""
+        """Whether an offset that is not subtracted is larger than chance and the fixed laws' errors explain."""
         return self.normalisation == "none" and abs(self.offset_db) > max(3.0 * self.offset_error_db, _NOTABLE_DB)
 
     def simulated(self, pixels_db: Mapping[str, NDArray[np.float32]]) -> tuple[float, float]:
-        """Shift and scale of a run's values: what is subtracted, and the divisor.
+        """Shift to subtract from a run's values, and scale by which to divide them.
 
         Parameters
         ----------
@@ -115,7 +115,7 @@ def median_and_range(values_db: ArrayLike) -> tuple[float, float]:
 
 
 def pooled_offset(differences_db: ArrayLike, errors_db: ArrayLike) -> tuple[float, float]:
-    """One offset from several materials, whose laws may be wrong by more than sampling explains.
+    """Offset pooled from several materials, whose laws may be wrong by more than sampling explains.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def offset_levels(normalisation: str, differences: Mapping[str, tuple[float, flo
     Parameters
     ----------
     normalisation : {'none', 'offset'}
-        Whether the offset is taken out or only known.
+        Whether the offset is subtracted or only reported.
     differences : mapping
         Measured minus simulated mean and its standard error by material [dB].
     """
@@ -173,7 +173,7 @@ def image_levels(
     material: NDArray[np.uint8],
     calibrated: Mapping[str, int],
 ) -> Levels:
-    """Levels of whole images.
+    """Levels that map whole images to zero median and unit interquartile range.
 
     Parameters
     ----------

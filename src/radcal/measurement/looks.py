@@ -1,4 +1,4 @@
-"""The equivalent number of looks of a measured image, from its homogeneous areas."""
+"""Equivalent number of looks (ENL) of a measured image, from its homogeneous areas."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from radcal.errors import MeasurementError
 
 __all__ = ["Looks", "check_looks", "estimate_looks", "local_looks", "looks_of_log_variance"]
 
-_SIDE = 8  # independent pixels on a side of a window
-_INDEPENDENT = 1.5  # resolution widths between pixels taken as independent
+_SIDE = 8  # number of independent pixels on a side of a window
+_INDEPENDENT = 1.5  # resolution widths between pixels that are assumed to be independent
 _WINDOWS = 20  # fewer say nothing
-_BANDWIDTH = 0.5  # of the density of log variances, in units of a window's own error
+_BANDWIDTH = 0.5  # kernel width of the density of log variances, in standard errors of one window
 _DRAWS = 100
 _DB = 10.0 / np.log(10.0)
-_TOO_MANY, _TOO_FEW = 2.0, 0.35  # times the configured looks: no sensor's own, and texture does not explain it
+_TOO_MANY, _TOO_FEW = 2.0, 0.35  # times the configured looks: no sensor or texture explains factors beyond
 _ALIKE = (0.6, 1.3)  # times the configured looks
 
 
@@ -28,12 +28,11 @@ class Looks:
 
     Attributes
     ----------
-    looks : float
-        Of the homogeneous areas.
+    looks : float Equivalent number of looks of the homogeneous areas.
     low, high : float
-        Interval of 95 %.
+        Ends of its 95 % interval.
     windows : int
-        Windows that were looked at.
+        Number of windows used.
     """
 
     looks: float
@@ -43,7 +42,7 @@ class Looks:
 
 
 def looks_of_log_variance(variance_db2: float) -> float:
-    """Looks of gamma speckle whose dB values have a variance.
+    """Number of looks at which gamma speckle has a given variance in dB.
 
     Parameters
     ----------
@@ -67,10 +66,9 @@ def looks_of_log_variance(variance_db2: float) -> float:
 def estimate_looks(image_db: NDArray[np.float32], material: NDArray[np.uint8], radar: Radar) -> Looks | None:
     """Equivalent number of looks of the image's homogeneous areas.
 
-    Windows that hold one material are cut into pixels far enough apart to be independent, a
-    plane is taken out of their dB values, and the variance left is speckle's where the ground
-    is homogeneous, more elsewhere. The homogeneous windows gather at the most frequent
-    variance; that one counts.
+    In windows of one material, pixels far enough apart to be independent are taken, and a plane is subtracted from
+    their dB values. The remaining variance is that of speckle where the ground is homogeneous, and larger elsewhere.
+    The most frequent variance is therefore that of the homogeneous windows.
 
     Parameters
     ----------
@@ -95,7 +93,7 @@ def estimate_looks(image_db: NDArray[np.float32], material: NDArray[np.uint8], r
     variances = _window_variances(image_db, material, *_steps(radar))
     if variances.size < _WINDOWS:
         return None
-    rng = np.random.default_rng(0)  # of the bootstrap; the estimate itself draws nothing
+    rng = np.random.default_rng(0)  # seed of the bootstrap only: the estimate itself is not random
     mode = _mode(variances)
     again = [_mode(rng.choice(variances, variances.size)) for _ in range(_DRAWS)]
     low, high = np.percentile(again, [2.5, 97.5])
@@ -108,7 +106,7 @@ def estimate_looks(image_db: NDArray[np.float32], material: NDArray[np.uint8], r
 
 
 def local_looks(image_db: NDArray[np.float32], pixels: NDArray[np.int64], radar: Radar) -> float:
-    """Equivalent number of looks among neighbours of a material.
+    """Equivalent number of looks from the differences of neighbouring pixels of a material.
 
     Parameters
     ----------
@@ -122,8 +120,8 @@ def local_looks(image_db: NDArray[np.float32], pixels: NDArray[np.int64], radar:
     Returns
     -------
     float
-        From the semivariance of pairs just too far apart to share speckle: change of level
-        over longer distances, as incidence and fields bring, does not count. NaN without pairs.
+        Looks from the semivariance of pixels just far enough apart to have independent speckle: changes of level over
+        longer distances, by incidence and fields, have no effect. NaN without pairs.
 
     References
     ----------
@@ -141,7 +139,7 @@ def local_looks(image_db: NDArray[np.float32], pixels: NDArray[np.int64], radar:
 
 
 def _steps(radar: Radar) -> tuple[int, int]:
-    """Rows and columns between independent pixels."""
+    """Numbers of rows and of columns between independent pixels."""
     return (
         max(1, int(np.ceil(_INDEPENDENT * radar.range_resolution_m / radar.range_spacing_m))),
         max(1, int(np.ceil(_INDEPENDENT * radar.azimuth_resolution_m / radar.azimuth_spacing_m))),
@@ -151,11 +149,11 @@ def _steps(radar: Radar) -> tuple[int, int]:
 def _window_variances(
     image_db: NDArray[np.float32], material: NDArray[np.uint8], down: int, across: int
 ) -> NDArray[np.float64]:
-    """Variance about a plane in every window of one material [dB^2]."""
+    """Variance about a fitted plane in every window of one material [dB^2]."""
     rows, columns = (n // (_SIDE * step) for n, step in zip(image_db.shape, (down, across), strict=True))
 
     def windows(values: NDArray[np.generic]) -> NDArray[np.generic]:
-        """One pixel of every step, as (window, pixel)."""
+        """Independent pixels, shape (window, pixel)."""
         cut = values[: rows * _SIDE * down, : columns * _SIDE * across][::down, ::across]
         parts = cut.reshape(rows, _SIDE, columns, _SIDE)
         return parts.transpose(0, 2, 1, 3).reshape(rows * columns, _SIDE**2)
@@ -172,9 +170,9 @@ def _window_variances(
 
 
 def _mode(variances: NDArray[np.float64]) -> float:
-    """Most frequent value, of the density of their logarithms."""
+    """Mode of the density of the values' logarithms, as a value."""
     logs = np.log(np.maximum(variances, 1e-12))
-    # of a window of normal values; those of log-gamma ones scatter a little more
+    # for normal values; log variances of log-gamma values scatter a little more
     width = _BANDWIDTH * np.sqrt(2.0 / (_SIDE**2 - 3))
     grid = np.arange(logs.min() - width, logs.max() + width, width / 10.0)
     counts, _ = np.histogram(logs, np.append(grid, grid[-1] + width / 10.0) - width / 20.0)
@@ -184,32 +182,32 @@ def _mode(variances: NDArray[np.float64]) -> float:
 
 
 def check_looks(found: Looks, looks: int, scale: str, source: str) -> str:
-    """Compare the looks found with the configured ones.
+    """Refuse an image whose looks contradict the configured ones, and describe those found.
 
     Amplitude read as power halves every dB value, which quarters the variance of speckle, and
-    power read as amplitude does the opposite: looks some three times too many or too few. A dB
-    image read as power has next to no speckle left.
+    power read as amplitude does the opposite: the looks found are about three times too many or too few. A dB image
+    read as power has hardly any speckle left.
 
     Parameters
     ----------
     found : Looks
-        Of the image.
+        Looks of the image.
     looks : int
         Configured looks.
     scale : {'db', 'power', 'amplitude', 'complex'}
-        What the file's numbers were taken for.
+        Configured scale of the file's numbers.
     source : str
         Name of the image.
 
     Returns
     -------
     str
-        What was found, in a sentence.
+        Sentence on the looks found.
 
     Raises
     ------
     MeasurementError
-        So many or so few looks that the scale, or ``radar.looks``, is wrong.
+        The looks differ so much that the scale, or ``radar.looks``, must be wrong.
     """
     seen = f"the speckle of {source} is that of {found.looks:.3g} looks in its most homogeneous areas"
     said = f"{seen} (95 %: {found.low:.3g} to {found.high:.3g}); radar.looks is {looks}"

@@ -24,13 +24,13 @@ class Measurement:
     image_db : ndarray of float32, shape (slant range, azimuth)
         Backscatter in the configured radiometry [dB], NaN where there is none.
     source : str
-        Where it came from, for the report.
+        Source of the image, for the report.
     hidden : mapping
-        Parameters by material behind a synthetic measurement, else empty.
+        Hidden parameters by material of a synthetic measurement, else empty.
     misregistration_px : ndarray of float32, shape (2, rows, columns), or None
-        Where in a synthetic measurement each pixel of the scene's image lies [pixels].
+        Displacement field of a synthetic measurement, that from pixels of the scene's image to its own [pixels].
     notes : tuple of str
-        Sentences about a file: what its levels are, how many of its pixels are unusable.
+        Sentences about a file: meaning of its levels, number of unusable pixels.
     """
 
     image_db: NDArray[np.float32]

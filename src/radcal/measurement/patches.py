@@ -1,8 +1,8 @@
 """Random effects of the fields (patches) of one material: between-field and within-field variance, and predictions.
 
 A *patch* is a connected area of one material (a field, a pond), a *cell* the part of it in one block
-of the image. A cell's mean level is the law's, plus the patch's effect (sd ``between``), plus the
-cell's own (sd ``within``), plus what its finite number of independent pixels leaves.
+of the image. A cell's mean level is that of the law, plus the patch's random effect (sd ``between``), plus the cell's
+own (sd ``within``), plus the sampling error of its finite number of independent pixels.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ __all__ = ["Cells", "Effects", "Residuals", "Spread", "label_patches", "make_cel
 _GRID_DB = np.concatenate([[0.0], np.geomspace(0.02, 6.0, 40)])  # of both standard deviations
 _SCALES_DB = np.geomspace(0.1, 4.0, 40)  # of the half-normal law that materials share
 _PRIOR_DB = 1.0
-_FREEDOM = 10  # pixels beside the first of each cell, from which the spread inside of cells is taken
+_FREEDOM = 10  # pixels besides the first of each cell that an estimate of the variance inside cells needs
 _LEAST_DB2 = 1e-6
 
 
@@ -33,7 +33,7 @@ class Cells:
     patch : ndarray of int, shape (cells,)
         Label of each cell's patch in the image.
     block : ndarray of int, shape (cells,)
-        Each cell's block.
+        Number of each cell's block.
     count : ndarray of int, shape (cells,)
         Its pixels.
     """
@@ -51,10 +51,10 @@ class Cells:
         return np.asarray((sums / self.count[:, None]).reshape(self.count.size, *v.shape[1:]))
 
     def sampling_variance(self, values: ArrayLike, independent: float) -> NDArray[np.float64]:
-        """Variance of each cell's mean [dB^2] from the pixels' spread inside of cells, pooled."""
+        """Sampling variance of each cell's mean [dB^2] from the pixels' variance inside cells, pooled."""
         v = np.asarray(values, dtype=np.float64)
         left, freedom = v - self.mean(v)[self.of_pixel], v.size - self.count.size
-        if freedom < _FREEDOM:  # cells of one pixel say nothing of the spread inside: that of all is an upper bound
+        if freedom < _FREEDOM:  # cells of one pixel do not show the variance inside; that of all pixels bounds it
             left, freedom = v - v.mean(), max(v.size - 1, 1)
         pooled = max(float(left @ left) / freedom, _LEAST_DB2)
         return np.asarray(pooled / np.maximum(self.count * independent, 1.0))
@@ -62,7 +62,7 @@ class Cells:
 
 @dataclass(frozen=True)
 class Spread:
-    """Standard deviations among patches, and among the cells of one patch [dB]."""
+    """Standard deviations between patches, and between the cells of one patch [dB]."""
 
     between: float
     within: float
@@ -77,9 +77,9 @@ class Effects:
     patch : ndarray of int, shape (p,)
         Labels, increasing.
     effect_db, variance : ndarray, shape (p,)
-        Effect [dB] and its variance [dB^2], the law taken as known.
+        Effect [dB] and its variance [dB^2] for a known law.
     weight : ndarray, shape (cells,)
-        What each cell's residual gives to its patch's effect.
+        Weight of each cell's residual in its patch's effect.
     spread : Spread
         Behind it.
     """
@@ -100,14 +100,14 @@ def label_patches(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def make_cells(patch: NDArray[np.int64], block: NDArray[np.int64]) -> Cells:
-    """Cells of pixels that have a patch and a block each, shapes (pixels,)."""
+    """Cells from the patch and the block of each pixel, shapes (pixels,)."""
     pairs, of_pixel, count = np.unique(np.stack([patch, block]), axis=1, return_inverse=True, return_counts=True)
     return Cells(np.ravel(of_pixel).astype(np.int64), pairs[0], pairs[1], count)
 
 
 @dataclass(frozen=True)
 class Residuals:
-    """Cell means of one material minus its law, and what the law could do about them.
+    """Cell means of one material minus its law, and their derivatives by the law's parameters.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ class Residuals:
     slopes : ndarray, shape (cells, d)
         Derivatives of the law's cell means by its parameters.
     information : ndarray, shape (d, d)
-        What is known of the parameters without the cells (inverse covariance).
+        Information on the parameters without the cells (inverse covariance).
     """
 
     residual_db: NDArray[np.float64]
@@ -140,7 +140,7 @@ def _log_likelihood(data: Residuals) -> NDArray[np.float64]:
         variance = data.sampling + within**2
         weight = np.bincount(of, 1.0 / variance)
         pulled = np.stack([np.bincount(of, column / variance, labels.size) for column in columns.T], axis=-1)
-        # Sherman and Morrison's inverse of diagonal plus rank one, per patch; the cells of one share its effect
+        # Sherman and Morrison's inverse (diagonal plus rank one) for each patch, whose cells share its effect
         shared = 1.0 + between * weight[:, None]
         product = (columns / variance[:, None]).T @ columns - np.einsum(
             "tpi,pj->tij", between / shared * pulled, pulled
@@ -154,16 +154,16 @@ def _log_likelihood(data: Residuals) -> NDArray[np.float64]:
 
 
 def spreads(residuals: Sequence[Residuals]) -> list[Spread]:
-    """Spread among patches and among their cells of several materials, pooled.
+    """Between-patch and within-patch standard deviations of several materials, estimated together.
 
-    Both standard deviations of a material are drawn from half-normal laws whose scales the materials
-    share; these have a half-normal prior of 1 dB themselves. A material of one patch so takes what the
-    others show, and one unlike the others (water, among fields) keeps its own.
+    Both standard deviations of a material have half-normal priors whose scales the materials share; the scales have a
+    half-normal prior of 1 dB. A material of one patch thus borrows from the others, and a material that differs (water,
+    among fields) keeps its own values.
 
     Parameters
     ----------
     residuals : sequence of Residuals
-        A material each.
+        One entry for each material.
 
     Returns
     -------
@@ -175,7 +175,7 @@ def spreads(residuals: Sequence[Residuals]) -> list[Spread]:
     Gelman, "Prior distributions for variance parameters in hierarchical models", Bayesian Analysis 1
     (2006): half-normal priors, and that few groups need them.
     """
-    # trapezium rule on an uneven grid; density of half-normal laws by scale
+    # weights of the trapezium rule on an uneven grid, and half-normal densities for each scale
     step = np.gradient(_GRID_DB)
     step[[0, -1]] = 0.5 * np.diff(_GRID_DB)[[0, -1]]
     prior = np.exp(-0.5 * (_GRID_DB / _SCALES_DB[:, None]) ** 2) / _SCALES_DB[:, None] * step
@@ -183,7 +183,7 @@ def spreads(residuals: Sequence[Residuals]) -> list[Spread]:
     for data in residuals:
         table = _log_likelihood(data)
         likelihoods.append(np.exp(table - table.max()))
-    # scale of between in rows, of within in columns
+    # rows: scale of ``between``; columns: scale of ``within``
     log_evidence = sum(np.log(np.maximum(prior @ table @ prior.T, 1e-300)) for table in likelihoods)
     hyper = -0.5 * (_SCALES_DB / _PRIOR_DB) ** 2
     posterior = np.exp(log_evidence - np.max(log_evidence) + hyper[:, None] + hyper)
@@ -201,7 +201,7 @@ def spreads(residuals: Sequence[Residuals]) -> list[Spread]:
 def patch_effects(
     residual_db: NDArray[np.float64], sampling: NDArray[np.float64], patch: NDArray[np.int64], spread: Spread
 ) -> Effects:
-    """Effects of the patches seen.
+    """Random effects of the patches that have cells.
 
     Parameters
     ----------

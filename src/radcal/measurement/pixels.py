@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["IN_THE_NOISE", "MINIMUM_PIXELS", "Eligible", "eligible_pixels", "noise_limited", "point_targets"]
 
 MINIMUM_PIXELS = 50
-IN_THE_NOISE = "in the noise"  # a reason why pixels are masked
+IN_THE_NOISE = "in the noise"  # reason for masking
 _LEVEL_PX = 9  # window of the local level
 _GUARD_PX, _REACH_PX = 3, 10  # half-widths: pixels next to a point target, and those that it is compared with
 _FALSE_ALARMS = 1e-8
@@ -37,8 +37,8 @@ class Eligible:
     pixels : ndarray of int64
         Flat image indices, ascending.
     left_out : mapping
-        Number of the material's other visible pixels by reason, in the order in which the
-        reasons are tried: each pixel counts once.
+        Number of the material's masked visible pixels by reason, in the order in which the reasons are tried; each
+        pixel counts once.
     """
 
     pixels: NDArray[np.int64]
@@ -46,7 +46,7 @@ class Eligible:
 
 
 def _local_power(power: NDArray[np.float64], size: tuple[int, int]) -> NDArray[np.float64]:
-    """Mean over a window around each pixel, of the pixels that are finite; NaN where there is none."""
+    """Mean of the finite pixels in a window around each pixel; NaN where there is none."""
     there = np.isfinite(power)
     share = uniform_filter(there.astype(np.float64), size, mode="constant")
     total = uniform_filter(np.where(there, power, 0.0), size, mode="constant")
@@ -64,7 +64,7 @@ def noise_limited(image_db: NDArray[np.float32], noise_db: NDArray[np.float64], 
     noise_db : ndarray, shape (rows,)
         Noise floor of each row at the image's level [dB].
     snr_db : float
-        Signal-to-noise ratio that is asked for [dB].
+        Required signal-to-noise ratio [dB].
 
     Returns
     -------
@@ -77,11 +77,11 @@ def noise_limited(image_db: NDArray[np.float32], noise_db: NDArray[np.float64], 
 
 
 def point_targets(image_db: NDArray[np.float32], material: NDArray[np.uint8], radar: Radar) -> NDArray[np.bool_]:
-    """Pixels that hold a point target, and those that it spills into.
+    """Pixels that hold a point target, and neighbours that its response reaches.
 
-    A pixel is compared with the greatest of the mean powers of four blocks around it, so that
-    the edge of a field is none. How far speckle reaches follows from the spread of that
-    ratio within the pixel's material: texture widens it, and is no point target.
+    A pixel is compared with the greatest of the mean powers of four blocks around it, so that the edge of a field is
+    not taken for a point target. The threshold follows from the spread of that ratio within the pixel's material, so
+    that texture, which widens the spread, is not taken for one either.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def point_targets(image_db: NDArray[np.float32], material: NDArray[np.uint8], ra
             continue
         low, middle, high = np.percentile(ratio_db[inside], [25.0, 50.0, 75.0])
         looks = min(float(radar.looks), _looks_of_spread(float(high - low)))
-        # the ratio's median stands for speckle's: the greatest of four means lies above the mean
+        # the median of the ratio replaces that of speckle, because the greatest of four means exceeds the mean
         reach = 10.0 * np.log10(gammainccinv(looks, _FALSE_ALARMS) / gammainccinv(looks, 0.5))
         bright |= inside & (ratio_db > middle + reach)
     spill = [
@@ -161,8 +161,8 @@ def eligible_pixels(
         Margin to other materials.
     uncertainty_px : ndarray, shape (rows, columns), optional
         Standard error of the length of the registration's displacement [pixels], 0 where there was
-        none: two of those of a component, and the half pixel that nearest neighbours may be off,
-        widen the margin.
+        none: the margin grows by two standard errors of a component, and by the half pixel by which nearest neighbours
+        may be wrong.
     flags : mapping of str to ndarray of bool, optional
         Pixels masked for further reasons, such as point targets.
 
@@ -173,7 +173,7 @@ def eligible_pixels(
     """
     margin: int | NDArray[np.int64] = config.margin_px
     if uncertainty_px is not None:
-        # the margin is one of rows and columns, and the standard error one of the length of two alike components
+        # the margin is counted along rows and columns; the standard error is of the length of two equal components
         widened = np.ceil(2.0 * uncertainty_px / np.sqrt(2.0) + 0.5)
         margin = margin + np.where(uncertainty_px > 0, widened, 0).astype(np.int64)
     visible = geometry.pixels(name)

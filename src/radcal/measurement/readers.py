@@ -37,13 +37,13 @@ class ReadImage:
     image_db : ndarray of float32, shape (rows, columns)
         Backscatter [dB], NaN where there is none: no-data, zero or negative power.
     counts : Counts
-        How many pixels are NaN, and why.
+        Numbers of NaN pixels by reason.
     notes : tuple of str
-        What the file itself tells about its levels.
+        Sentences of the file about its levels.
     polarisation : str or None
-        Transmitted and received, such as "VV", where the file tells it.
+        Transmitted and received polarisation, such as "VV", where the file gives it.
     frequency_hz : float or None
-        Carrier frequency [Hz], where the file tells it.
+        Carrier frequency [Hz], where the file gives it.
     """
 
     image_db: NDArray[np.float32]
@@ -59,7 +59,7 @@ def read_image(path: Path, config: FileMeasurement, shape: tuple[int, int] | Non
     Parameters
     ----------
     path : path
-        The file; its ending, and for NITF its header, says how it is read.
+        Path of the file; its ending, and for NITF its header, decides how it is read.
     config : FileMeasurement
         Scale, and dataset or band.
     shape : (int, int), optional
@@ -72,7 +72,7 @@ def read_image(path: Path, config: FileMeasurement, shape: tuple[int, int] | Non
     """
     if path.suffix.lower() in _SICD_ENDINGS and is_sicd(path):
         sicd = read_sicd(path, config, _file(path, config, shape))
-        # complex pixels come back as power already, with the level that the file gives them
+        # complex pixels are already power, at the level that the file gives them
         read = image_of(sicd.power, path, config.model_copy(update={"scale": "power"}), shape)
         return replace(read, notes=sicd.notes, polarisation=sicd.polarisation, frequency_hz=sicd.frequency_hz)
     return image_of(read_array(_file(path, config, shape)), path, config, shape)
@@ -88,7 +88,7 @@ def image_of(values: Values, path: Path, config: FileMeasurement, shape: tuple[i
     path : path
         For messages.
     config : FileMeasurement
-        Scale: what the numbers are.
+        Configuration with the scale of the numbers.
     shape : (int, int), optional
         Size that the image must have.
 
@@ -99,7 +99,7 @@ def image_of(values: Values, path: Path, config: FileMeasurement, shape: tuple[i
     """
     image, counts = to_db(values, _file(path, config, shape))
     present = image[np.isfinite(image)]
-    # speckle spreads dB by 2 and more, so that an image with its median near 0 dB has negative values
+    # speckle has an sd of 2 dB or more, so that an image with its median near 0 dB has negative values
     if config.scale == "db" and present.min() >= 0 and np.median(present) < 3.0:
         raise MeasurementError(
             f"measurement.path: the values of {path} run from {present.min():.3g} to {present.max():.3g} with "
@@ -109,7 +109,7 @@ def image_of(values: Values, path: Path, config: FileMeasurement, shape: tuple[i
 
 
 def read_values(path: Path, config: FileMeasurement) -> Values:
-    """Numbers of a file as they are; no-data as NaN where the format knows it.
+    """Numbers of a file without conversion; no-data becomes NaN where the format marks it.
 
     Raises
     ------
@@ -120,7 +120,7 @@ def read_values(path: Path, config: FileMeasurement) -> Values:
 
 
 def read_raster(path: Path, config: FileMeasurement, places: Places | None = None) -> tuple[Values, Any, Any]:
-    """Numbers of a raster with where they lie.
+    """Numbers of a raster with its transform and CRS.
 
     Parameters
     ----------
@@ -129,14 +129,14 @@ def read_raster(path: Path, config: FileMeasurement, places: Places | None = Non
     config : FileMeasurement
         Band.
     places : callable, optional
-        From a CRS to the coordinates that are asked for: no more is read than the rectangle around them.
+        Function from a CRS to the coordinates of interest; only the rectangle around them is read.
 
     Returns
     -------
     values : ndarray, shape (rows, columns)
-        As :func:`read_values` gives them.
+        Numbers as from :func:`read_values`.
     transform : affine.Affine
-        From (column, row) of pixel corners to coordinates; identity where the file has none.
+        Affine transform from (column, row) of pixel corners to coordinates; identity where the file has none.
     crs : pyproj.CRS or None
         Horizontal CRS of the coordinates.
 
@@ -156,7 +156,7 @@ def read_raster(path: Path, config: FileMeasurement, places: Places | None = Non
 
 
 def _window(raster: Any, x: NDArray[np.float64], y: NDArray[np.float64]) -> Any:
-    """Rectangle of a raster's pixels around places; one pixel where none lies in it."""
+    """Rectangle of a raster's pixels around coordinates; one pixel where all coordinates are outside."""
     from rasterio.windows import Window
 
     inverse = ~raster.transform

@@ -20,25 +20,25 @@ __all__ = ["Registered", "read_registered", "register", "write_registered"]
 
 _SIGNIFICANT = 4.0  # standard errors
 _SMALLEST_PX = 64
-_LEAST_GAIN = 0.001  # of the held-out correlation: the last digit that the sentence shows
+_LEAST_GAIN = 0.001  # smallest rise of the held-out correlation: the last digit that the sentence shows
 _SIGN_WINDOW_PX = 65
-_FITS = 3.0  # times the correlation as it came: it came mirrored
-_MIRRORED = 1.5  # times the correlation of mirrored images, which have nothing but chance in common
+_FITS = 3.0  # times the correlation of the image itself: above, the image is mirrored
+_MIRRORED = 1.5  # times the correlation of mirrored images, which is that of chance
 
 
 @dataclass(frozen=True)
 class Registered:
-    """A measured image on the simulated one's pixels.
+    """Measured image on the pixels of the simulated one.
 
     Attributes
     ----------
     measurement : Measurement
-        With the registered image: nearest pixels, whose speckle has the statistics of the
-        measured ones. NaN where the measured image has nothing.
+        Measurement with the registered image, made of nearest pixels, which keep the statistics of speckle; NaN where
+        the measured image has no pixel.
     unregistered_db : ndarray of float32, shape (rows, columns)
-        The image as it was [dB].
+        Image before registration [dB].
     displacement_px : ndarray of float32, shape (2, rows, columns)
-        Where in the measured image each pixel lies, along rows and columns [pixels].
+        Displacement of each pixel to its place in the measured image, along rows and columns [pixels].
     uncertainty_px : ndarray of float32, shape (rows, columns)
         Standard error of the displacement's length [pixels]; 0 without registration.
     correlation : ndarray of float32, shape (rows, columns)
@@ -48,7 +48,7 @@ class Registered:
     applied : bool
         Whether the image was moved.
     verdict : str
-        What was found, in a sentence.
+        Sentence on the result.
     """
 
     measurement: Measurement
@@ -64,11 +64,10 @@ class Registered:
 def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: RegistrationConfig) -> Registered:
     """Register a measured image onto a simulated one.
 
-    The field is found three times: on all pixels, and, as smooth as there, on each colour of a
-    chequerboard. How well each colour predicts the other's squares says whether the images have
-    anything in common, as does a comparison with mirrored images, and whether moving the image
-    makes it any better: the correlation on squares not used must rise by 0.001. The standard error
-    of the field is that of its posterior.
+    The field is found three times: on all pixels and, with the same smoothness, on each colour of a chequerboard. The
+    correlation on the held-out squares of the other colour shows two things: whether the images have anything in common
+    (mirrored images are the comparison), and whether the registration improves it, for which it must rise by 0.001. The
+    standard error of the field is that of its posterior.
 
     Parameters
     ----------
@@ -142,7 +141,7 @@ def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: Re
             f"the registration did not raise the correlation of {source} with the simulated image ({found}): "
             "the image is used unregistered.",
         )
-    # another method than the one that the posterior is of: its distance counts too
+    # the posterior is that of another method, so that the distance to it is added
     variance = np.square(flow.standard_error_px()) + np.square(field - both).sum(axis=0)
     uncertainty = np.sqrt(variance)
     typical = float(np.sqrt(np.mean(np.square(field).sum(axis=0))))
@@ -176,13 +175,13 @@ def _kept(
 
 
 def _chequerboard(shape: tuple[int, int]) -> NDArray[np.bool_]:
-    """Squares of one colour."""
+    """Mask of the squares of one colour of a chequerboard."""
     rows, columns = np.indices(shape) // _square(shape)
     return np.asarray((rows + columns) % 2 == 0)
 
 
 def _square(shape: tuple[int, ...]) -> int:
-    """Side of a square [pixels]: enough of them for a standard error."""
+    """Side of a square [pixels], such that there are enough squares for a standard error."""
     return 32 if min(shape) >= 256 else 16
 
 
@@ -191,12 +190,12 @@ def _held_out(
     fields: tuple[NDArray[np.float64], NDArray[np.float64]],
     squares: NDArray[np.bool_],
 ) -> NDArray[np.float64]:
-    """Correlation of each square under the field that the other colour gave."""
+    """Correlation in each square under the field that was found on the other colour."""
     fixed, moving = ranks
     total = np.zeros(fixed.shape)
     for field, used in zip(fields, (squares, ~squares), strict=True):
         moved = np.nan_to_num(warp(moving, field))
-        # which way contrast goes is learnt from the squares used, too
+        # the sign of the contrast is also estimated on the squares that are not held out
         sign = np.sign(local_correlation(fixed * used, moved * used, _SIGN_WINDOW_PX))
         total += np.where(used, 0.0, fixed * moved * sign)
     side = _square(fixed.shape)
@@ -211,18 +210,18 @@ def _standard_error(values: NDArray[np.float64]) -> float:
 
 
 def _z(values: NDArray[np.float64]) -> float:
-    """Mean in standard errors."""
+    """Ratio of a mean to its standard error."""
     return float(values.mean() / (_standard_error(values) + 1e-12))
 
 
 def _common(ranks: tuple[NDArray[np.float32], NDArray[np.float32]], field: NDArray[np.float64]) -> float:
-    """Mean size of the local correlation under a field."""
+    """Mean absolute local correlation of both images under a field."""
     moved = np.nan_to_num(warp(ranks[1], field))
     return float(np.abs(local_correlation(ranks[0], moved, _SIGN_WINDOW_PX)).mean())
 
 
 def _mirrored(levels: list[Level], prior: Prior) -> dict[str, float]:
-    """Agreement with the mirrored moving images: chance level, unless the image came mirrored."""
+    """Correlation with mirrored moving images: the level of chance, unless the image is mirrored itself."""
     as_it_is, turned = slice(None), slice(None, None, -1)
     found = {}
     for name, (along, across) in {
@@ -270,7 +269,7 @@ def write_registered(path: str | Path, registered: Registered) -> None:
 
 
 def read_registered(path: str | Path) -> Registered:
-    """Read what :func:`write_registered` wrote.
+    """Read a registered image that :func:`write_registered` wrote.
 
     Raises
     ------

@@ -23,25 +23,25 @@ from radcal.intake import LARGEST_VALUES, bounded_memory, parse_xml, unchanged
 
 __all__ = ["SicdImage", "is_sicd", "read_sicd"]
 
-_HEADER_BYTES = 1_000_000  # a NITF header tells its length in six digits
+_HEADER_BYTES = 1_000_000  # a NITF header gives its length in six digits
 _IMAGE, _EXTENSION = 0, 4  # segments of a NITF file, in the order of its header
 _LINEAR = frozenset("HV")
 
 
 @dataclass(frozen=True)
 class SicdImage:
-    """A SICD image as radcal orients images.
+    """SICD image in radcal's orientation.
 
     Attributes
     ----------
     power : ndarray of float64, shape (slant range, azimuth)
         sigma0, or relative power if ``notes`` say so; row 0 nearest, columns along the flight.
     notes : tuple of str
-        What the levels are, and what else the reader of a report must know.
+        Sentences for the report, on the levels and other properties.
     polarisation : str or None
-        Transmitted and received, such as "VV", where the file knows both.
+        Transmitted and received polarisation, such as "VV", where the file gives both.
     frequency_hz : float or None
-        Centre of the processed band [Hz], where the file tells it.
+        Centre of the processed band [Hz], where the file gives it.
     """
 
     power: NDArray[np.float64]
@@ -51,7 +51,7 @@ class SicdImage:
 
 
 def is_sicd(path: Path) -> bool:
-    """Whether a file's first NITF image segment calls itself SICD, even if the file is damaged behind it."""
+    """Whether a file's first NITF image segment is labelled SICD, even if later parts of the file are damaged."""
     try:
         with path.open("rb") as file:
             # the first image subheader, "IM" and its identifier IID1, follows the file header
@@ -73,9 +73,9 @@ def read_sicd(path: Path, config: FileMeasurement, file: ImageFile) -> SicdImage
     path : path
         The file.
     config : FileMeasurement
-        Its scale must be complex.
+        Configuration, whose scale must be complex.
     file : ImageFile
-        The same for messages, with the size that the image must have.
+        File for messages, with the size that the image must have.
 
     Raises
     ------
@@ -104,7 +104,7 @@ def read_sicd(path: Path, config: FileMeasurement, file: ImageFile) -> SicdImage
             return _read(path, file)
     except MeasurementError:
         raise
-    except Exception as error:  # what the libraries raise on damaged files has no common base
+    except Exception as error:  # the libraries' exceptions for damaged files have no common base class
         reason = " ".join(str(error).split()) or type(error).__name__
         raise MeasurementError(f"measurement.path: {path} cannot be read as SICD ({reason}).") from None
 
@@ -147,8 +147,7 @@ def _read(path: Path, checked: ImageFile) -> SicdImage:
 def _check_header(file: BinaryIO) -> None:
     """Refuse a file header that contradicts its length, and image subheaders that are not SICD's.
 
-    The library believes whatever count a damaged header holds, of up to 99,999 bands, and takes
-    minutes and more to lay out so many.
+    The library trusts the counts of a damaged header, up to 99,999 bands, and then takes minutes or more.
     """
     header = file.read(_HEADER_BYTES)
     at, segments = 360, []
@@ -205,7 +204,7 @@ def _needed(xml: Any, name: str) -> Any:
 
 
 def _check_segments(reader: Any, xml: Any, pixel_bytes: int) -> None:
-    """Compare XML and NITF: the library leaves pixels that no segment holds as they lay in memory."""
+    """Compare XML and NITF, because the library leaves pixels without a segment uninitialised."""
     rows, columns = (_needed(xml, f"ImageData/{name}") for name in ("NumRows", "NumCols"))
     segments = [s for s in reader.jbp["ImageSegments"] if s["subheader"]["IID1"].value.startswith("SICD")]
     sizes = [(s["subheader"]["NROWS"].value, s["subheader"]["NCOLS"].value) for s in segments]
@@ -233,7 +232,7 @@ def _power(pixels: NDArray[Any], pixel_type: str, amplitudes: NDArray[np.float64
 
 
 def _level(xml: Any, name: str) -> tuple[NDArray[np.float64] | None, tuple[str, ...]]:
-    """Factor from pixel power to sigma0, shape (rows, columns), and what to say of it."""
+    """Factor from pixel power to sigma0, shape (rows, columns), and a sentence about it."""
     for polynomial, quantity, angle in (
         ("SigmaZeroSFPoly", "sigma0", None),
         ("BetaZeroSFPoly", "beta0", "SlopeAng"),
@@ -242,7 +241,7 @@ def _level(xml: Any, name: str) -> tuple[NDArray[np.float64] | None, tuple[str, 
         coefficients = _value(xml, f"Radiometric/{polynomial}")
         if coefficients is None:
             continue
-        # rows and columns count from the full image's corner, of which a chip's first are not 0
+        # rows and columns count from the corner of the full image; those of a chip do not begin at 0
         along_row, along_column = (
             (np.arange(_needed(xml, f"ImageData/Num{axis}s")) + _needed(xml, f"ImageData/First{axis}") - centre)
             * _needed(xml, f"Grid/{axis}/SS")
@@ -294,7 +293,7 @@ def _polarisation(xml: Any) -> str | None:
 
 
 def _frequency_hz(xml: Any) -> float | None:
-    """Centre of the processed band; None where it is missing or told from an undisclosed reference frequency."""
+    """Centre of the processed band; None where it is missing or relative to an undisclosed reference frequency."""
     low, high = (_value(xml, f"ImageFormation/TxFrequencyProc/{name}") for name in ("MinProc", "MaxProc"))
     if low is None or high is None or _value(xml, "RadarCollection/RefFreqIndex"):
         return None

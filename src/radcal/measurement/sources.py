@@ -45,10 +45,10 @@ def make_measurement(case: Case, geometry: Geometry, simulator: Simulator, scene
     geometry : Geometry
         Image grid and material masks.
     simulator : Simulator
-        Makes a synthetic measurement; not called for a file.
+        Simulator of a synthetic measurement; not called for a file.
     scene : Scene, optional
-        Where a georeferenced image is looked up, if the scene lies on a map; without it every
-        image is taken to lie in slant range.
+        Scene on a map, by which a georeferenced image is resampled; without it every image is assumed to be in slant
+        range.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def make_measurement(case: Case, geometry: Geometry, simulator: Simulator, scene
     else:
         measurement = _synthetic(case, case.measurement.synthetic, simulator)
     flags = {}
-    if case.target.normalisation == "none":  # elsewhere the reference run says at which level the noise lies
+    if case.target.normalisation == "none":  # otherwise the level of the noise follows from the reference run
         noise_db = noise_floor_db(case.radar, geometry.flat_incidence_deg)
         flags[IN_THE_NOISE] = noise_limited(measurement.image_db, noise_db, case.target.snr_db)
     for name in case.calibrated:
@@ -83,7 +83,7 @@ def smooth_warp(shape: tuple[int, int], rms_px: float, rng: np.random.Generator)
     rms_px : float
         Root mean square length of the displacement [pixels].
     rng : Generator
-        Source of the noise.
+        Random generator of the field.
 
     Returns
     -------
@@ -106,7 +106,7 @@ def _synthetic(case: Case, synthetic: Synthetic, simulator: Simulator) -> Measur
             derived_rng(synthetic.seed, "measurement", "warp"),
         )
         try:
-            # nearest pixels: a sensor's speckle is not smoothed by where the image is thought to lie
+            # nearest pixels, because interpolation would smooth the speckle
             image_db = warp(image_db, invert(field))
         except ValueError as error:
             raise MeasurementError(
@@ -145,7 +145,7 @@ def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene:
 
 
 def _check_pass(read: ReadImage, radar: Radar, path: Path) -> None:
-    """Refuse an image that its file says to be of another polarisation or band than the radar's."""
+    """Refuse an image whose file gives another polarisation or band than ``radar``."""
     if read.polarisation not in (None, radar.polarisation):
         raise MeasurementError(
             f"measurement.path: the polarisation of {path} is {read.polarisation}, radar.polarisation is "

@@ -1,9 +1,9 @@
 """Displacement fields of cubic B-splines with a Gaussian process prior, and their posterior.
 
 A field is a Gaussian process with a standard deviation and a correlation length of its own; data are a
-quadratic log-likelihood. Standard deviation and length are those under which the data are most
-probable, their evidence (MacKay, "Bayesian interpolation", Neural Computation 4 (1992), section 4), and
-the posterior's spread is the field's standard error.
+quadratic log-likelihood. Standard deviation and length are those under which the data are most probable (largest
+evidence; MacKay, "Bayesian interpolation", Neural Computation 4 (1992), section 4), and the posterior's standard
+deviation is the field's standard error.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ __all__ = ["CELL_PX", "Data", "Lattice", "Posterior", "Prior"]
 
 CELL_PX = 8
 _SPACING_PX = 24.0
-_MOST_CONTROLS = 64  # along the longer side: what the factorisations of large images cost is bounded
-_ORDER = 3  # of the prior's precision: as wide as the splines' overlap, so that it costs nothing
+_MOST_CONTROLS = 64  # control points along the longer side, a bound on the cost of factorisations
+_ORDER = 3  # bands of the prior's precision: no more than the splines' overlap has, and thus without extra cost
 _DRAWS = 64
-_RATIO = 1.5  # between neighbours of the grid on which the prior is chosen
-# its ridge: what data say best is the field's power at high frequencies, spread / length^2
+_RATIO = 1.5  # ratio between neighbours of the grid of priors
+# steps on that grid along its ridge: data fix best the field's power at high frequencies, spread / length^2
 _WAYS = ((0, 0), (1, 0), (-1, 0), (1, 1), (-1, -1), (2, 1), (-2, -1))
 _SPREADS_PX = (0.03, 100.0)
 _SHORTEST = 0.7  # correlation length, in spacings of the control points
-_LONGEST = 2.0  # in sides of the image
+_LONGEST = 2.0  # correlation length, in sides of the image
 
 Bands = NDArray[np.float64]
 
@@ -45,7 +45,8 @@ class Prior:
         Standard deviation of each component [pixels].
     length_px : float
         1/e correlation length of the Gaussian-filtered noise that has the same spectrum at low
-        frequencies [pixels]. A field's own is some 0.7 of it, for high frequencies fall off less steeply.
+        frequencies [pixels]. The field itself has about 0.7 of this length, because its high frequencies fall off less
+        steeply.
     """
 
     spread_px: float
@@ -53,7 +54,7 @@ class Prior:
 
 
 def _basis(points: NDArray[np.float64], spacing: float, length: float) -> sparse.csr_array:
-    """Cubic B-splines at points, shape (points, control points)."""
+    """Values of cubic B-splines at points, shape (points, control points)."""
     x = points / spacing
     first = np.floor(x).astype(int)
     t = x - first
@@ -65,7 +66,7 @@ def _basis(points: NDArray[np.float64], spacing: float, length: float) -> sparse
 
 
 def _laplacian(n: int) -> sparse.csr_array:
-    """Squared differences of neighbours along a line, as a matrix."""
+    """Matrix of the quadratic form of squared differences between neighbours along a line."""
     one = sparse.eye_array(n, format="csr")
     difference = one[1:] - one[:-1]
     return sparse.csr_array(difference.T @ difference)
@@ -86,7 +87,7 @@ class Lattice:
         return max(_SPACING_PX, max(self.shape) / _MOST_CONTROLS)
 
     def _axes(self, step: float, scale: int) -> tuple[sparse.csr_array, sparse.csr_array]:
-        """Bases at the centres of ``step`` pixels of an image smaller by ``scale``."""
+        """B-spline bases at the centres of every ``step`` pixels of an image reduced by the factor ``scale``."""
         bases = []
         for length in self.shape:
             n = int(np.ceil(length // scale / step))
@@ -95,19 +96,19 @@ class Lattice:
         return bases[0], bases[1]
 
     def field(self, coefficients: NDArray[np.float64], scale: int = 1) -> NDArray[np.float64]:
-        """Displacement [pixels of the image smaller by ``scale``], shape (2, rows, columns)."""
+        """Displacement [pixels of the image reduced by ``scale``], shape (2, rows, columns)."""
         rows, columns = self._axes(1.0, scale)
         return np.stack([rows @ (part @ columns.T.toarray()) for part in coefficients]) / scale
 
     def length(self, draws: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Root mean square length of fields, shape (draws, 2, control rows, control columns), per pixel."""
+        """Root mean square length of drawn fields at each pixel; draws (draws, 2, control rows, control columns)."""
         rows, columns = (axis.toarray() for axis in self._axes(CELL_PX, 1))
         squares = np.square(rows @ draws @ columns.T).sum(axis=1).mean(axis=0)
         wide = np.sqrt(squares).repeat(CELL_PX, axis=0).repeat(CELL_PX, axis=1)
         return np.asarray(wide[: self.shape[0], : self.shape[1]])
 
     def cells(self, scale: int) -> sparse.csr_array:
-        """Basis at the centres of cells, shape (cells, control points)."""
+        """B-spline basis at the centres of cells, shape (cells, control points)."""
         return sparse.csr_array(sparse.kron(*self._axes(CELL_PX, scale), format="csr"))
 
     @cached_property
@@ -118,7 +119,7 @@ class Lattice:
 
     @cached_property
     def order(self) -> NDArray[np.int64]:
-        """Coefficients in the order in which matrices have the narrowest band."""
+        """Coefficients in the order that gives matrices the narrowest band."""
         axes = (1, 2, 0) if self.size[0] >= self.size[1] else (2, 1, 0)
         return np.arange(2 * self.size[0] * self.size[1]).reshape(2, *self.size).transpose(axes).ravel()
 
@@ -182,7 +183,7 @@ class Data:
     pull: NDArray[np.float64]
 
     def given(self, prior: Prior) -> Posterior:
-        """Posterior, given data and prior.
+        """Posterior of the coefficients, given data and prior.
 
         Raises
         ------
@@ -196,11 +197,11 @@ class Data:
         return Posterior(self.lattice, prior, mean, factor, evidence)
 
     def best(self, near: Prior) -> Posterior:
-        """The posterior of most evidence, uphill on a grid of priors from one near it."""
+        """Posterior of largest evidence, found by steps uphill on a grid of priors from a given one."""
         lows = _SPREADS_PX[0], _SHORTEST * self.lattice.spacing_px
         highs = _SPREADS_PX[1], _LONGEST * max(self.lattice.shape)
         known: dict[tuple[int, int], float] = {}
-        best: Posterior | None = None  # alone: factors are large
+        best: Posterior | None = None  # only the best is kept, because its factor is large
 
         def evidence(place: tuple[int, int]) -> float:
             nonlocal best
@@ -216,7 +217,7 @@ class Data:
 
         here = _nearest(near, lows, highs)
         while True:
-            # the first of equals is where one stands
+            # among equals the present one is the first
             there = max(((here[0] + a, here[1] + b) for a, b in _WAYS), key=evidence)
             if there == here:
                 return best or self.given(near)
@@ -224,7 +225,7 @@ class Data:
 
 
 def _nearest(prior: Prior, lows: tuple[float, float], highs: tuple[float, float]) -> tuple[int, int]:
-    """Place of a prior on the grid."""
+    """Grid indices of the prior nearest to a given one."""
     values = np.clip((prior.spread_px, prior.length_px), lows, highs)
     floors, ceilings = (np.log(limit) / np.log(_RATIO) for limit in (lows, highs))
     places = np.clip(np.round(np.log(values) / np.log(_RATIO)), np.ceil(floors), np.floor(ceilings))
@@ -240,13 +241,13 @@ class Posterior:
     lattice : Lattice
         The control points.
     prior : Prior
-        What it was found with.
+        Prior with which it was found.
     mean : ndarray, shape (2 * control points,)
         Most probable coefficients [pixels], in the order of the bands.
     factor : ndarray
-        Bands of the Cholesky factor of its precision.
+        Bands of the Cholesky factor of the precision matrix.
     evidence : float
-        Log-probability of the data under the prior, but for a constant.
+        Log-probability of the data under the prior, up to a constant.
     """
 
     lattice: Lattice
@@ -256,7 +257,7 @@ class Posterior:
     evidence: float
 
     def coefficients(self) -> NDArray[np.float64]:
-        """The mean [pixels], shape (2, control rows, control columns)."""
+        """Posterior mean [pixels], shape (2, control rows, control columns)."""
         return np.asarray(self._unordered(self.mean[None])[0])
 
     def standard_error_px(self) -> NDArray[np.float64]:
