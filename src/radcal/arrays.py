@@ -14,20 +14,20 @@ from radcal.rasters import check_blocks, open_raster
 
 __all__ = ["is_raster", "raster_band", "read_array"]
 
-_HDF5_SPARE_BYTES = 64 << 20  # by which a chunk may be larger than its dataset
-_HDF5_FILTERS = frozenset(range(1, 7))  # those of the library itself: deflate, shuffle, Fletcher-32, szip, n-bit, scale
+_HDF5_SPARE_BYTES = 64 << 20  # factor by which a chunk may be larger than its dataset
+_HDF5_FILTERS = frozenset(range(1, 7))  # HDF5's own filters: deflate, shuffle, Fletcher-32, szip, n-bit, scale
 _LZF = 32000  # h5py's own
 
 
 def read_array(file: ImageFile, kind: str | None = None) -> Values:
-    """Numbers of a file as they are; no-data as NaN where the format knows it.
+    """Numbers of a file without conversion; no-data becomes NaN where the format marks it.
 
     Parameters
     ----------
     file : ImageFile
-        The file, and the dataset or band of it.
+        File, with the configured dataset or band.
     kind : {'npy', 'npz', 'mat', 'hdf5', 'raster'}, optional
-        Its format; without it, its ending says that.
+        Format of the file; by its ending if missing.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def raster_band(raster: Any, file: ImageFile, window: Any = None) -> Values:
     file : ImageFile
         Which band.
     window : rasterio.windows.Window, optional
-        Part of it.
+        Part of the raster to read.
 
     Returns
     -------
@@ -129,7 +129,7 @@ def _numpy_header(content: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[Any]]:
 
 
 def _check_magic(file: ImageFile, *starts: bytes) -> None:
-    """Refuse what numpy would take for a pickle."""
+    """Refuse a file that numpy would read as a pickle."""
     with file.path.open("rb") as content:
         if not content.read(6).startswith(starts):
             raise ValueError("it does not begin as one does")
@@ -146,7 +146,7 @@ def _npz(file: ImageFile) -> Values:
 
 
 def _hdf5(file: ImageFile, transposed: bool = False) -> Values:
-    """Dataset of an HDF5 file; ``transposed``: with the axes the other way round."""
+    """Dataset of an HDF5 file; ``transposed``: with reversed axes."""
     import h5py
 
     with h5py.File(file.path, "r") as content:
@@ -163,7 +163,7 @@ def _hdf5(file: ImageFile, transposed: bool = False) -> Values:
 
 
 def _check_storage(data: Any, file: ImageFile) -> None:
-    """Refuse chunks and filters with which a small dataset takes a large memory."""
+    """Refuse chunks and filters with which a small dataset would need much memory."""
     chunk = data.dtype.itemsize * int(np.prod(data.chunks, dtype=np.int64)) if data.chunks else 0
     if chunk > data.nbytes + _HDF5_SPARE_BYTES:
         raise file.refused(
@@ -184,10 +184,10 @@ def _mat(file: ImageFile) -> Values:
 
     try:
         found = {name: shape for name, shape, kind in whosmat(file.path) if kind in _MATLAB_NUMBERS}
-    except NotImplementedError:  # version 7.3 is HDF5, with the axes the other way round
+    except NotImplementedError:  # version 7.3 is HDF5, with reversed axes
         return _hdf5(file, transposed=True)
     name = _chosen(list(found), file)
-    # whether its numbers are complex is told with them
+    # the header does not tell whether its numbers are complex
     check_header(file, found[name], np.dtype(np.complex128 if file.options.scale == "complex" else np.float64))
     return np.asarray(loadmat(file.path, variable_names=[name])[name])
 

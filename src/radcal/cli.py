@@ -25,9 +25,9 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )  # fmt: skip
 
-_TARGETS = ("all", "reference", "design")  # that are meant to be typed; any other rule of the workflow will do, too
-_OURS = ("--conf", "-C")  # Snakemake's --configfile and --config, as it lets them be shortened
-_ELSEWHERE = ("--cores", "-c", "--jobs", "-j", "--profile", "--executor", "-e")  # who says these says what jobs take
+_TARGETS = ("all", "reference", "design")  # documented targets; any other rule is accepted, too
+_OURS = ("--conf", "-C")  # Snakemake's --configfile and --config with their abbreviations
+_ELSEWHERE = ("--cores", "-c", "--jobs", "-j", "--profile", "--executor", "-e")  # instead of --cores all
 
 _RUN_HELP = """Check a case and calibrate it, in the folder of your clone.
 
@@ -93,7 +93,7 @@ def check_folder(folder: Path, targets: Iterable[str] = ()) -> None:
     Parameters
     ----------
     folder : path
-        Where Snakemake is to run.
+        Folder in which Snakemake is to run.
     targets : iterable of str
         Names of rules, or files below ``results/``.
 
@@ -150,20 +150,20 @@ def snakemake_command(
     cores: str | None,
     dry_run: bool,
 ) -> list[str]:
-    """The command that runs the workflow, as a list for the system.
+    """Command that runs the workflow, as a list of arguments.
 
     Parameters
     ----------
     case : path
         The case file.
     targets : sequence of str
-        What to make; first, where no option takes them for its own.
+        Targets; they are placed first, where no option can take them for its arguments.
     further : sequence of str
-        Options handed on.
+        Further options for Snakemake.
     overrides : dict
         Keys of the command line, section by section.
     cores : str or None
-        A number, ``all``, or None: all, unless ``further`` says where jobs run.
+        Number of cores, ``all``, or None: all, unless ``further`` names a profile or executor.
     dry_run : bool
         Whether nothing is to be run.
 
@@ -183,7 +183,7 @@ def snakemake_command(
             )
     if cores is None and not any(word.partition("=")[0] in _ELSEWHERE for word in further):
         cores = "all"
-    # -P: Python adds no current folder, whose files might have names of libraries
+    # -P keeps the current folder off Python's path, since its files might have the names of libraries
     command = [sys.executable, "-P", "-m", "snakemake", *targets, "--configfile", str(case)]
     if overrides:
         command += ["--config", *(f"{key}={_for_snakemake(value)}" for key, value in overrides.items())]
@@ -204,9 +204,9 @@ def _overrides(words: Sequence[str]) -> dict[str, Any]:
 
 
 def _for_snakemake(value: Any) -> str:
-    """A value as Snakemake hands it on whole: as text, since it takes all leaves of a section for text.
+    """Text of a value that Snakemake passes on unchanged, since it turns all values inside a section into text.
 
-    Blanks at both ends, where it strips quotes.
+    Blanks at both ends keep Snakemake from stripping quotes.
     """
     import json
 
@@ -215,7 +215,7 @@ def _for_snakemake(value: Any) -> str:
 
 
 def _become(command: Sequence[str]) -> NoReturn:
-    """Replace this process: Ctrl-C, the exit status and the terminal are the other's own."""
+    """Replace this process by another program, which then has the terminal, Ctrl-C and the exit status."""
     sys.stdout.flush()
     sys.stderr.flush()
     os.execv(command[0], list(command))  # noqa: S606 - a list of arguments, never a shell

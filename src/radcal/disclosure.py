@@ -21,7 +21,7 @@ def hashed(environment: Mapping[str, str]) -> dict[str, str]:
 
 
 class Undisclosed(dict[str, str]):
-    """Environment variables whose values are not printed: Snakemake keeps what it prints of a rule's ``params``."""
+    """Environment variables printed without their values, because Snakemake stores a rule's ``params`` as printed."""
 
     def __repr__(self) -> str:
         return repr(hashed(self))
@@ -33,8 +33,8 @@ def disclosed(data: Mapping[str, Any]) -> dict[str, Any]:
     Parameters
     ----------
     data : mapping
-        A simulator's section or identity, or data that hold one under the key ``simulator``. An environment without
-        variables is left as it is.
+        Section or identity of a simulator, or data with one under the key ``simulator``. An empty environment is
+        unchanged.
     """
     copy = dict(data)
     if isinstance(inner := copy.get("simulator"), Mapping):

@@ -1,7 +1,7 @@
 """Errors whose message is for the user.
 
-Every message is one sentence that says what was found, what was expected, in which
-file or key, and what to do. Any other exception is a bug of radcal.
+Every message is one sentence with the file or key, the value found, the value expected, and what to do. Any other
+exception is a bug of radcal.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ class StoreError(RadcalError):
 
 
 class DamagedError(StoreError):
-    """A file of the results folder is not what was written: damaged, of another version or another case."""
+    """A file of the results folder is damaged, of another version or of another case."""
 
 
 class ClusterError(RadcalError):
-    """A cluster's scheduler does not do what it is asked for."""
+    """A command of a cluster's scheduler fails."""

@@ -77,12 +77,12 @@ def digest(data: Any) -> str:
 
 
 def working_folder(parent: str | Path) -> Path:
-    """Make an empty folder that :func:`sweep` removes once this process is dead.
+    """Create an empty folder that :func:`sweep` removes after the end of this process.
 
     Parameters
     ----------
     parent : path
-        Where it is made; made itself if missing.
+        Folder in which it is created; created itself if missing.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def sweep(folder: str | Path) -> int:
             if partial.is_dir() and not partial.is_symlink():
                 shutil.rmtree(partial, ignore_errors=True)
             else:
-                with contextlib.suppress(OSError):  # somebody else's, in a folder that is not ours to write
+                with contextlib.suppress(OSError):  # another user's file, in a folder that is not writable
                     partial.unlink()
             removed += 1
     return removed
@@ -118,9 +118,9 @@ def sweep_scripts(folder: str | Path, case_folder: str | Path) -> int:
     Parameters
     ----------
     folder : path
-        ``.snakemake/scripts``. Jobs of another case may be at work with theirs, which stay.
+        ``.snakemake/scripts``. Copies of other cases stay, since their jobs may be running.
     case_folder : path
-        ``results/<case>``, which nobody else works on. A copy names the logs of its job there.
+        ``results/<case>``, whose lock this process holds. A copy of a script names its job's logs in this folder.
     """
     mark = f"{Path(case_folder).as_posix()}/logs/".encode()
     removed = 0
@@ -140,7 +140,7 @@ def unwritable(folder: str | Path, besides: str = "external") -> Path | None:
     folder : path
         ``results/<case>``.
     besides : str
-        Name of a folder directly below it that is not looked at.
+        Name of a folder directly below it that is not checked.
     """
     for path, folders, _ in os.walk(folder):
         if not os.access(path, os.W_OK | os.X_OK):
@@ -153,8 +153,8 @@ def unwritable(folder: str | Path, besides: str = "external") -> Path | None:
 def clamp_future_mtimes(folder: str | Path) -> int:
     """Set modification times that lie in the future to now, in their order; return how many there were.
 
-    After a clock was set back, Snakemake would end every job whose output is older than its input. Records of
-    runs, of which Snakemake knows nothing, stay as they are, and so does whatever a link leads to.
+    After a clock was set back, Snakemake would fail every job whose output is older than its input. Records of runs,
+    which Snakemake does not use, and targets of links are not changed.
 
     Parameters
     ----------
@@ -163,14 +163,14 @@ def clamp_future_mtimes(folder: str | Path) -> int:
     """
     now = time.time_ns()
     dated = []
-    # os.walk() goes into no linked folder
+    # os.walk() does not follow links to folders
     for place, _, names in os.walk(folder):
         if Path(place).name == "runs":
             continue
         for path in (Path(place, name) for name in ("", *names)):
             with contextlib.suppress(OSError):  # removed meanwhile
                 status = path.lstat()
-                # what has another name besides may be somebody's own file, kept elsewhere
+                # a file with a further hard link may be a user's own file elsewhere
                 if stat.S_ISDIR(status.st_mode) or (stat.S_ISREG(status.st_mode) and status.st_nlink == 1):
                     dated.append((status.st_mtime_ns, path))
     future = sorted(item for item in dated if item[0] > now)

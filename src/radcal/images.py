@@ -1,7 +1,7 @@
 """Conversion of arrays from files to images in dB, for measured and for simulated images.
 
-Measurement and simulators share this code without importing each other; only the section of the
-configuration that messages name differs.
+Measurement and simulators share this code without importing each other; they differ only in the section of the
+configuration that messages name.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ __all__ = [
 ]
 
 Values = NDArray[Any]
-_NEGATIVE_SHARE = 0.01  # of a power image: noise subtraction leaves a few
+_NEGATIVE_SHARE = 0.01  # share of negative pixels in a power image: noise subtraction leaves a few
 LARGEST_DB = 200.0
 """No backscatter, however calibrated, is further from 0 dB: a scale mix-up, or damage."""
 
@@ -67,15 +67,15 @@ class ImageFile:
     section, key : str
         Section of the configuration with the options, and its key of the path.
     error : type of RadcalError
-        What is raised.
+        Class of the error that is raised.
     shape : (int, int) or None
-        Size that the image must have as it stands in the file; None where any will do.
+        Size that the image in the file must have; None for any size.
     resized, turned : str
-        What to do with an image of another size, and with one whose rows are columns.
+        Advice in messages on an image of another size, and on one with rows and columns exchanged.
     impossible_share : float
         Share of the finite pixels up to which impossible values are masked rather than refused.
     folders : tuple of Path
-        Where the sources of a VRT may lie besides its own folder.
+        Folders in which the sources of a VRT may lie, besides its own.
     """
 
     path: Path
@@ -90,30 +90,29 @@ class ImageFile:
     folders: tuple[Path, ...] = ()
 
     def refused(self, text: str) -> RadcalError:
-        """Return the error of a file that is not what it should be; ``text`` goes on after the key."""
+        """Error about the content of the file; ``text`` follows the key in the sentence."""
         return self.error(f"{self.section}.{self.key}: {text}")
 
     def asked(self, key: str, text: str) -> RadcalError:
-        """Return the error of an option that does not fit the file."""
+        """Error about an option that does not fit the file."""
         return self.error(f"{self.section}.{key} is {text}")
 
 
 @dataclass(frozen=True)
 class Counts:
-    """Numbers of pixels of an image, in all and without a value.
+    """Number of pixels of an image, and of those without a value.
 
     Attributes
     ----------
     pixels : int
         All.
     no_data : int
-        Not a number, infinite, or masked by the file.
-    zero : int
-        No power at all.
+        Number of pixels that are NaN, infinite, or masked by the file.
+    zero : int Number of pixels with zero power.
     negative : int
-        Negative power, as the subtraction of noise leaves it.
+        Number of pixels with negative power, which subtraction of noise can leave.
     impossible : int
-        Further than :data:`LARGEST_DB` from 0 dB.
+        Number of pixels further than :data:`LARGEST_DB` from 0 dB.
     """
 
     pixels: int
@@ -136,16 +135,16 @@ def to_db(values: Values, file: ImageFile) -> tuple[NDArray[np.float32], Counts]
     Parameters
     ----------
     values : ndarray, shape (rows, columns)
-        dB, linear power, linear amplitude, or complex amplitude.
+        Numbers in dB, linear power, linear amplitude, or complex amplitude.
     file : ImageFile
-        Scale, and words for messages.
+        File with the scale, and words for messages.
 
     Returns
     -------
     image_db : ndarray of float32, shape (rows, columns)
         10 log10 of the power [dB], NaN where it is not positive and finite, or impossible.
     counts : Counts
-        How many pixels are NaN, and why.
+        Numbers of NaN pixels by reason.
 
     Raises
     ------
@@ -160,7 +159,7 @@ def to_db(values: Values, file: ImageFile) -> tuple[NDArray[np.float32], Counts]
     if not finite.any():
         raise file.refused(f"{path} holds no finite number.")
     if scale == "db":
-        zero, negative = values == -np.inf, 0  # the logarithm of no power
+        zero, negative = values == -np.inf, 0  # the logarithm of zero power
         image = np.where(finite, values, np.nan).astype(np.float32)
     else:
         size = np.abs(values) if scale == "complex" else values
@@ -191,7 +190,7 @@ def to_db(values: Values, file: ImageFile) -> tuple[NDArray[np.float32], Counts]
 
 def _without_impossible(image: NDArray[np.float32], file: ImageFile) -> int:
     """Mask impossible backscatter and return the number of pixels masked; refuse the image if there are many."""
-    wrong = np.abs(image) > LARGEST_DB  # never true of NaN
+    wrong = np.abs(image) > LARGEST_DB  # comparisons with NaN are false
     count, known = int(np.count_nonzero(wrong)), int(np.count_nonzero(np.isfinite(image)))
     if count > file.impossible_share * known:
         extreme = image[wrong][np.argmax(np.abs(image[wrong]))]
@@ -210,11 +209,11 @@ def check_header(file: ImageFile, shape: tuple[int, ...], dtype: np.dtype[Any]) 
     Parameters
     ----------
     file : ImageFile
-        Its scale, and the size that the image must have.
+        File with the declared scale and the size that the image must have.
     shape : tuple of int
-        Of the array in the file.
+        Shape of the array in the file.
     dtype : dtype
-        Of its numbers; complex ones may stand as a pair ``real``, ``imag``, as MATLAB writes them.
+        Type of its numbers; complex numbers may be pairs ``real``, ``imag``, as MATLAB writes them.
 
     Raises
     ------
@@ -249,7 +248,7 @@ def reading(file: ImageFile, called: str) -> Iterator[None]:
     file : ImageFile
         The file.
     called : str
-        What it is read as, such as "a raster".
+        Kind of file in messages, such as "a raster".
     """
     pixels = LARGEST_VALUES if file.shape is None else file.shape[0] * file.shape[1]
     try:
@@ -261,7 +260,7 @@ def reading(file: ImageFile, called: str) -> Iterator[None]:
         raise file.refused(
             f"{file.path} cannot be read as {called} (it takes far more memory than {pixels:,} pixels do)."
         ) from None
-    except Exception as error:  # what the libraries raise on damaged files has no common base
-        # rasterio's own words are "see the previous exception"
+    except Exception as error:  # the libraries' exceptions for damaged files have no common base class
+        # rasterio's own text is only "see the previous exception"
         reason = " ".join(str(error.__cause__ or error).split())
         raise file.refused(f"{file.path} cannot be read as {called} ({reason}).") from None

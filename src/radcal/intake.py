@@ -13,9 +13,9 @@ import h5py
 
 __all__ = ["LARGEST_VALUES", "bounded_memory", "elsewhere", "parse_xml", "unchanged"]
 
-LARGEST_VALUES = 100_000_000  # of a raster's part that is read, where nothing else tells its size
+LARGEST_VALUES = 100_000_000  # largest part of a raster that is read where no expected size is known
 _PAGES = Path("/proc/self/statm")
-_SPARE_BYTES = 1 << 30  # libraries that are loaded, their buffers
+_SPARE_BYTES = 1 << 30  # memory for libraries and their buffers
 
 
 @contextlib.contextmanager
@@ -95,7 +95,7 @@ def parse_xml(text: bytes) -> Any:
 
 
 def elsewhere(file: h5py.File) -> str | None:
-    """First external link or external storage of an HDF5 file, as words for a message; None if there is none.
+    """Words for a message on the first external link or external storage of an HDF5 file; None if there is none.
 
     Parameters
     ----------

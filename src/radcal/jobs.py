@@ -34,8 +34,8 @@ __all__ = [
 
 # environment variables that the Snakefile sets for its jobs
 CASE = "RADCAL_CASE"  # name of the case
-STARTED = "RADCAL_STARTED"  # when this invocation began [s since 1970]
-OWNER = "RADCAL_OWNER"  # process of the Snakemake that starts jobs here
+STARTED = "RADCAL_STARTED"  # time when this invocation began [s since 1970]
+OWNER = "RADCAL_OWNER"  # process number of the Snakemake that starts jobs on this machine
 FAILURE = "RADCAL_FAILURE"  # file that takes a failed job's sentence
 PROGRESS = "RADCAL_PROGRESS"  # file that takes the lines of jobs on other machines, which have no terminal
 
@@ -43,9 +43,9 @@ _PR_SET_PDEATHSIG = 1  # linux/prctl.h
 
 
 def die_with_parent() -> None:
-    """Have this process killed when its parent ends, by whatever cause; Linux only.
+    """Have the system kill this process when its parent ends for any reason; Linux only.
 
-    A job that outlives its Snakemake would write what the same command, typed again, is making.
+    A job that outlives its Snakemake would write the same files as the jobs of the next command.
 
     References
     ----------
@@ -70,9 +70,9 @@ def logged(path: str | Path, config: Mapping[str, Any] | None = None) -> Iterato
     guard()
     if OWNER in os.environ:
         die_with_parent()
-        if not alive(int(os.environ[OWNER])):  # it ended before that was asked for
+        if not alive(int(os.environ[OWNER])):  # the parent ended before the system was told to watch it
             sys.exit("radcal: the snakemake that started this job has ended.")
-    logging.raiseExceptions = False  # a full disk is told once, by what needed it
+    logging.raiseExceptions = False  # a full disk is reported once, by the write that failed
     try:
         logging.basicConfig(
             filename=path,
@@ -102,7 +102,7 @@ def _fail(sentence: str) -> NoReturn:
     """Exit with a sentence; the traceback goes to the log, and Snakemake's own message is suppressed."""
     logging.getLogger("radcal").exception("failed")
     if FAILURE in os.environ:
-        with suppress(OSError):  # a full disk, which the sentence may be about
+        with suppress(OSError):  # the disk may be full, which the sentence may be about
             Path(os.environ[FAILURE]).write_text(sentence + "\n", encoding="utf-8")
     if PROGRESS in os.environ:
         _say(sentence)
@@ -124,7 +124,7 @@ def progress(line: str) -> None:
 def _say(text: str) -> None:
     """Write a line to the terminal, or to the progress file of jobs on other machines."""
     if PROGRESS in os.environ:
-        # in one piece: lines of several jobs meet in the file; what it cannot take, on a full disk, fails no job
+        # one write for each line, because several jobs share the file; a failed write (full disk) fails no job
         with suppress(OSError), Path(os.environ[PROGRESS]).open("ab", buffering=0) as file:
             file.write(f"{text}\n".encode())
     else:
@@ -138,7 +138,7 @@ class Follower:
     Parameters
     ----------
     path : path
-        The file that :data:`PROGRESS` names in the jobs; emptied.
+        File that :data:`PROGRESS` names in the jobs; it is emptied first.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -151,7 +151,7 @@ class Follower:
         self._thread.start()
 
     def stop(self) -> None:
-        """Show what is still to be shown, and end."""
+        """Print the remaining lines, and end the thread."""
         self._ended.set()
         self._thread.join()
         self._show()
@@ -165,7 +165,7 @@ class Follower:
             with self._path.open("rb") as file:
                 file.seek(self._shown)
                 whole, newline, _ = file.read().rpartition(b"\n")
-        except FileNotFoundError:  # somebody has tidied up the logs
+        except FileNotFoundError:  # the folder of the logs was deleted
             return
         self._shown += len(whole + newline)
         sys.stderr.write((whole + newline).decode(errors="replace"))

@@ -1,4 +1,4 @@
-"""Lists of checksums of files that hold none themselves: table of runs, report, figures."""
+"""Lists of checksums for files that cannot hold their own: table of runs, report, figures."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ def write_listing(path: str | Path, files: Iterable[str | Path]) -> None:
     Parameters
     ----------
     path : path
-        The list. The rule that makes the files makes it too: Snakemake then removes it with them before they are
-        made again, and it never speaks of earlier ones.
+        Path of the list. The rule that makes the files also makes the list, so that Snakemake removes both before they
+        are made again, and the list never describes earlier files.
     files : iterable of path
-        Each in the list's folder or below it.
+        Files in the list's folder or below it.
 
     Raises
     ------
@@ -46,9 +46,9 @@ def faulty(folder: str | Path, checksums: Mapping[str, str]) -> dict[Path, str]:
     Parameters
     ----------
     folder : path
-        Where the list is.
+        Folder of the list.
     checksums : mapping
-        As :func:`listed` returned them.
+        Checksums from :func:`listed`.
 
     Raises
     ------

@@ -45,7 +45,7 @@ class CaseLock:
         except BlockingIOError:
             file.seek(0)
             process, _, host = (file.read().strip() or "unknown").partition(" ")
-            # what runs on another machine cannot be asked for from here
+            # processes on another machine cannot be checked from here
             if not process.isdigit() or host != socket.gethostname() or alive(int(process)):
                 file.close()
                 place = f" on {host}" if host and host != socket.gethostname() else ""
@@ -53,7 +53,7 @@ class CaseLock:
                     f"another snakemake (process {process}{place}) is working on {self._folder}; wait for it, or stop "
                     "it and type the same command again."
                 )
-            # forked processes of a killed Snakemake keep its lock until they end
+            # child processes of a killed Snakemake keep its lock until they end
             sys.stderr.write(
                 f"radcal: waiting for what the killed snakemake {process} left at work in {self._folder}.\n"
             )
@@ -75,15 +75,14 @@ class CaseLock:
 def claimed(folder: str | Path, key: str) -> Iterator[None]:
     """Lock on one run while it is simulated; waits for another process, also on another machine, that holds it.
 
-    A workflow that was killed can leave jobs behind, on a cluster above all: the same command then finds the run
-    that such a job is at, and waits for it instead of making it twice.
+    A killed workflow can leave jobs behind, especially on a cluster. The next command then waits for a run that such a
+    job is making, instead of making it twice.
 
     Parameters
     ----------
-    folder : path
-        Of the run store.
+    folder : path Folder of the run store.
     key : str
-        The run, in hexadecimal digits.
+        Key of the run, in hexadecimal digits.
 
     Raises
     ------
@@ -97,14 +96,14 @@ def claimed(folder: str | Path, key: str) -> Iterator[None]:
     except OSError as error:
         raise StoreError(f"{folder}: cannot be written ({error.strerror or error}).") from error
     with file:
-        # one byte of one file per run, far beyond its end: nothing to clean up after a kill
+        # one byte per run of a single file, far beyond its end, so that a kill leaves nothing to clean up
         place = int(key, 16) % 2**62
         try:
             fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, place)
         except (BlockingIOError, PermissionError):
             logger.warning("run %s is being made by another process: waiting for it.", key)
             fcntl.lockf(file, fcntl.LOCK_EX, 1, place)
-        except OSError as error:  # some network file systems have no locks; results do not depend on them
+        except OSError as error:  # some network file systems have no locks; no result depends on the lock
             logger.warning("%s: no locks there (%s).", folder, error)
         yield
 

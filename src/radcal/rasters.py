@@ -34,10 +34,10 @@ DRIVERS = (
 )
 """GDAL's drivers whose files hold all numbers themselves, or in a file that is named after them."""
 
-_HEAD_BYTES = 65536  # more than GDAL looks at to tell a file's driver
-_MARKS = (b"<VRTDataset", b"<GDALTileIndexDataset")  # by which GDAL tells a mosaic, wherever they stand
+_HEAD_BYTES = 65536  # more bytes than GDAL reads to choose a file's driver
+_MARKS = (b"<VRTDataset", b"<GDALTileIndexDataset")  # texts by which GDAL recognises a mosaic, anywhere in these bytes
 _LARGEST_XML = 50_000_000  # bytes
-# of a mosaic as gdalbuildvrt and gdal_translate make it; none names a file but SourceFilename
+# elements of a mosaic made by gdalbuildvrt and gdal_translate; only SourceFilename names a file
 _ELEMENTS = frozenset(
     """
     VRTDataset SRS GeoTransform Metadata MDI VRTRasterBand NoDataValue ColorInterp Description UnitType Offset Scale
@@ -53,23 +53,23 @@ _NETWORK_OFF = {
     "GDAL_VRT_RAWRASTERBAND_ALLOWED_SOURCE": "SIBLING_OR_CHILD_OF_VRT_PATH",
 }
 
-_open = [0]  # rasters that are open: GDAL's list of drivers is one for the whole process
+_open = [0]  # number of open rasters: GDAL has one list of drivers for the whole process
 
 
 class RasterRefused(ValueError):
-    """Fault of a raster, as words to follow its name."""
+    """Fault of a raster, in words that follow its name in a sentence."""
 
 
 @contextmanager
 def open_raster(path: Path, folders: Sequence[Path] = (), **settings: str) -> Iterator[Any]:
-    """Open a raster, without a warning where it has no place on the map.
+    """Open a raster, without rasterio's warning where it has no georeference.
 
     Parameters
     ----------
     path : path
         A raster of one of :data:`DRIVERS`; a VRT only if its name ends with ``.vrt``.
     folders : sequence of path
-        Where the sources of a VRT may lie besides its own folder.
+        Folders in which the sources of a VRT may lie, besides its own.
     **settings : str
         GDAL's configuration options.
 
@@ -102,7 +102,7 @@ def open_raster(path: Path, folders: Sequence[Path] = (), **settings: str) -> It
 
 
 def check_blocks(raster: Any) -> None:
-    """Refuse a raster whose blocks, which are unpacked whole, are larger than any image.
+    """Refuse a raster with blocks larger than any image, because a block is always unpacked as a whole.
 
     Parameters
     ----------
@@ -120,19 +120,19 @@ def check_blocks(raster: Any) -> None:
 
 
 def raster_files(path: Path, folders: Sequence[Path] = ()) -> list[Path]:
-    """Files that determine a raster besides itself: sources of a VRT, headers, world files, metadata.
+    """Other files that determine a raster: sources of a VRT, headers, world files, metadata.
 
     Parameters
     ----------
     path : path
         Any file.
     folders : sequence of path
-        As :func:`open_raster` takes them.
+        Folders as for :func:`open_raster`.
 
     Raises
     ------
     RasterRefused
-        It is a VRT that is not read.
+        The file is a VRT that radcal does not read.
     """
     sources = _sources(path.resolve(), folders) if _is_vrt(path) else []
     return [*(file for raster in (path, *sources) for file in _beside(raster)), *sources]
@@ -143,7 +143,7 @@ def _is_vrt(path: Path) -> bool:
 
 
 def _beside(path: Path) -> list[Path]:
-    """Files that GDAL takes as belonging to a raster, by their names."""
+    """Files that GDAL reads together with a raster, because of their names."""
     kind = path.suffix[1:]
     endings = (".hdr", ".prj", ".wld", *([f".{kind[0]}{kind[-1]}w", f".{kind}w"] if kind else []))
     names = [path.with_suffix(ending) for ending in endings]
@@ -153,7 +153,7 @@ def _beside(path: Path) -> list[Path]:
 
 @contextmanager
 def _drivers_only(settings: dict[str, str]) -> Iterator[None]:
-    """GDAL with the allowed drivers alone, for what it opens on a raster's behalf, too."""
+    """Context in which GDAL has only the allowed drivers, also for files that it opens because of a raster."""
     import rasterio
     from rasterio import _env
 
@@ -163,18 +163,18 @@ def _drivers_only(settings: dict[str, str]) -> Iterator[None]:
     try:
         with rasterio.Env(**_NETWORK_OFF, **settings, GDAL_SKIP=",".join(sorted(others))):
             if others:
-                # GDAL drops what is to be skipped when it registers its drivers, which rasterio has it do once
+                # GDAL drops skipped drivers only when it registers them, which rasterio makes it do once
                 _env._have_registered_drivers = False
                 _env.GDALEnv().start()
             yield
     finally:
         _open[0] -= 1
         if not _open[0]:
-            _env._have_registered_drivers = False  # the next to use GDAL has them all again
+            _env._have_registered_drivers = False  # later users of GDAL have all drivers again
 
 
 def _check(path: Path) -> None:
-    """Refuse a file that would have GDAL read others, and one beside it that would."""
+    """Refuse a file that makes GDAL read other files, itself or by a file beside it."""
     if not _is_vrt(path):
         head = _head(path)
         if _looks_like_xml(head) or any(mark in head for mark in _MARKS):
@@ -222,14 +222,14 @@ def _check_hdf5(path: Path) -> None:
 
 
 def _check_metadata(root: Any, name: str) -> None:
-    """Refuse metadata that hand GDAL another file."""
+    """Refuse metadata that name another file for GDAL to read."""
     for element in root.iter("MDI"):
         if str(element.get("key", "")).upper() in ("OVERVIEW_FILE", "MASK_FILE"):
             raise RasterRefused(f"{name} names another file as {element.get('key')}")
 
 
 def _sources(path: Path, folders: Sequence[Path]) -> list[Path]:
-    """Files that a VRT takes its numbers from."""
+    """Source files of a VRT."""
     root = _parsed(path)
     for element in root.iter():
         if not isinstance(element.tag, str):
@@ -249,7 +249,7 @@ def _sources(path: Path, folders: Sequence[Path]) -> list[Path]:
 
 
 def _source(path: Path, text: str, relative: bool, allowed: Sequence[Path]) -> Path:
-    """One source of a VRT as a file, if it lies where it may."""
+    """Path of one source of a VRT; refused outside the allowed folders."""
     expected = f"expected a file below {' or '.join(map(str, allowed))}"
     if ":" in text or text.startswith("/vsi") or not (relative or text.startswith("/")):
         raise RasterRefused(f"{path.name} names the source {text!r}, {expected}")

@@ -1,7 +1,7 @@
 """Memory and time that the jobs of each stage request from a cluster, as linear functions of the scene's size.
 
-The size is the number of cells, facets or pixels, whichever is the largest; the coefficients lie above
-what was measured on scenes of 2 to 56 million cells (docs/cluster.md).
+The size is the number of cells, facets or pixels, whichever is the largest; the coefficients exceed the values measured
+on scenes of 2 to 56 million cells (docs/cluster.md).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Stage = Literal["light", "scene", "geometry", "measurement", "run", "registratio
 
 @dataclass(frozen=True)
 class _Demand:
-    """Memory besides the values [MB], memory per value [byte], time per million values [s]."""
+    """Demand of a stage: constant memory [MB], memory per value [byte], time per million values [s]."""
 
     base_mb: float
     value_bytes: float
@@ -66,16 +66,16 @@ def values_of(case: Case) -> dict[str, int]:
 
 
 def memory_mb(stage: Stage, values: int, attempt: int = 1) -> int:
-    """Memory that a job is given [MB], in hundreds.
+    """Memory that a job requests [MB], in hundreds.
 
     Parameters
     ----------
     stage : Stage
         What the job does.
     values : int
-        As :func:`values_of` says: ``scene`` of the stage of that name, else ``image``.
+        Number of values from :func:`values_of`: ``scene`` for the stage of that name, else ``image``.
     attempt : int
-        1, or more where a job is tried again: each time it gets twice as much.
+        Number of the attempt, from 1: each further attempt gets twice as much.
     """
     demand = _DEMANDS[stage]
     hundreds = math.ceil((demand.base_mb + demand.value_bytes * values / 1e6) / 100)
@@ -83,15 +83,15 @@ def memory_mb(stage: Stage, values: int, attempt: int = 1) -> int:
 
 
 def runtime_minutes(stage: Stage, values: int, simulation_s: float = 0.0) -> int:
-    """Time that a job is given [min].
+    """Time that a job requests [min].
 
     Parameters
     ----------
     stage : Stage
         What the job does.
     values : int
-        As :func:`memory_mb` takes it.
+        Number of values as for :func:`memory_mb`.
     simulation_s : float
-        What the simulator's runs in the job take at most [s].
+        Upper limit of the time of the simulator's runs in the job [s].
     """
     return _LEAST_MINUTES + math.ceil((_DEMANDS[stage].million_s * values / 1e6 + simulation_s) / 60)

@@ -18,31 +18,31 @@ from radcal.store import RunStore
 __all__ = ["files_of", "salvage"]
 
 _MOST_BYTES = 16 * 2**20
-_SHOWN = 3  # files named in a sentence
+_SHOWN = 3  # largest number of files named in a sentence
 
 logger = logging.getLogger(__name__)
 
 
 def files_of(folder: str | Path, patterns: Iterable[str]) -> Iterator[Path]:
-    """Files that are there under the names that rules give to their outputs.
+    """Existing files with names of the rules' outputs.
 
     Parameters
     ----------
     folder : path
         ``results/<case>``.
     patterns : iterable of str
-        Paths below it, with anything in the place of ``{name}``.
+        Paths below the folder, in which ``{name}`` stands for any text.
     """
     for pattern in patterns:
         yield from sorted(Path(folder).glob(re.sub(r"\{[^}]*\}", "*", pattern)))
 
 
 def salvage(folder: str | Path, case: str, patterns: Iterable[str]) -> list[str]:
-    """Set damaged files of a results folder aside, and remove indexes that list a run that is not there.
+    """Set damaged files of a results folder aside, and remove indexes that list a missing run.
 
-    What is dated in the future, by a clock that was set back since, is dated now.
+    Time stamps in the future, from a clock that was set back since, are set to now.
 
-    Files up to 16 MiB are read whole; of larger ones header and size are compared, and the rest where a job
+    Files up to 16 MiB are read whole; of larger files only header and size are checked here, and the content when a job
     reads them.
 
     Parameters
@@ -50,8 +50,8 @@ def salvage(folder: str | Path, case: str, patterns: Iterable[str]) -> list[str]
     folder : path
         ``results/<case>``.
     case : str
-        Name of the case: files of another one are set aside too. Records of runs are not: a run is what its key
-        says, whichever case made it.
+        Name of the case. Files of another case are set aside, too, except for records of runs, which are valid for any
+        case with the same key.
     patterns : iterable of str
         Outputs of the workflow's rules, as for :func:`files_of`.
 
@@ -82,7 +82,7 @@ def _contents(path: Path, sentences: list[str]) -> Any:
     except DamagedError as error:
         sentences.append(_here(error))
     except (StoreError, OSError) as error:
-        # what cannot be reached is for the job that needs it to say, if any does
+        # a file that cannot be reached is reported by the job that needs it, if any does
         logger.info("%s", error)
     return None
 
@@ -94,7 +94,7 @@ def _keys(data: Any) -> set[str]:
 
 
 def _indexes(folder: Path, lost: Mapping[Path, set[str]], sentences: list[str]) -> None:
-    """Remove indexes that list lost runs: the jobs that make them again simulate these, and no others."""
+    """Remove indexes that list lost runs; the jobs that make the indexes again simulate only these runs."""
     lost = {path: keys for path, keys in lost.items() if keys}
     if not lost:
         return
@@ -112,13 +112,13 @@ def _indexes(folder: Path, lost: Mapping[Path, set[str]], sentences: list[str]) 
 
 
 def _few(names: Sequence[str]) -> str:
-    """Some names, and how many more there are."""
+    """Text of some names and the number of the others."""
     more = len(names) - _SHOWN
     return ", ".join(names[:_SHOWN]) + (f" and {more} more" if more > 0 else "")
 
 
 def _listing(path: Path, checksums: Mapping[str, str], sentences: list[str]) -> None:
-    """Set aside what differs from a list of table, report or figures, which are then made again."""
+    """Set aside files that differ from their listed checksums (table, report, figures); they are made again."""
     try:
         found = faulty(path.parent, checksums)
     except OSError as error:
@@ -129,24 +129,24 @@ def _listing(path: Path, checksums: Mapping[str, str], sentences: list[str]) -> 
         sentences.append(f"{names} {'are' if len(missing) > 1 else 'is'} missing, and made again.")
     for file, reason in found.items():
         if file not in missing:
-            # not beside it: the folder of the figures is emptied before they are drawn again
+            # not in the folder of the figures, which is emptied before they are drawn again
             sentences.append(_here(set_aside(file, reason, aside=path.parent / f"{file.name}.damaged")))
     if found:
         _remove(path)
 
 
 def _remove(path: Path) -> None:
-    with contextlib.suppress(OSError):  # the folder is read-only: whatever is to be made there will say so
+    with contextlib.suppress(OSError):  # the folder is read-only, which the first job that writes there will report
         path.unlink()
 
 
 def _here(error: StoreError) -> str:
-    """The sentence of a file that this very command makes again."""
+    """Sentence about a file that the present command makes again."""
     return str(error).replace("type the same command again to have it made again", "it is made again where needed")
 
 
 def _records(folder: Path, sentences: list[str]) -> set[str]:
-    """Keys of the runs that are there."""
+    """Keys of the existing runs."""
     store = RunStore(folder)
     found = set()
     for path in sorted(folder.glob("[!.]*.h5")):

@@ -14,7 +14,7 @@ __all__ = ["derived_rng", "derived_seed", "measurement_seed", "noise_seed"]
 
 
 def derived_seed(seed: int, *names: str | int, bits: int = 63) -> int:
-    """A seed for the named use, independent of all other names.
+    """Seed for a named use, independent of the seeds of all other names.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ def derived_seed(seed: int, *names: str | int, bits: int = 63) -> int:
     *names : str or int
         What it is for.
     bits : int
-        Its width, 1 to 63: the seed is below ``2**bits``.
+        Width of the seed, 1 to 63: the seed is below ``2**bits``.
 
     Returns
     -------
@@ -45,5 +45,5 @@ def measurement_seed(case: Case, seed: int) -> int:
 
 
 def derived_rng(seed: int, *names: str | int) -> np.random.Generator:
-    """A generator for the named use, independent of all other names."""
+    """Random generator for a named use, independent of those of all other names."""
     return np.random.default_rng(derived_seed(seed, *names))

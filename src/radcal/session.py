@@ -27,23 +27,23 @@ _SNAKEMAKE = Path(".snakemake")
 class Session:
     """Everything around the jobs of one command: lock on the case's folder, repair, filter of Snakemake's messages.
 
-    Jobs hear of it through environment variables (:mod:`radcal.jobs`).
+    Jobs receive its settings through environment variables (:mod:`radcal.jobs`).
 
     Parameters
     ----------
     case : Case
         The configuration.
     remote : bool
-        Whether this process is a job on a cluster, which reads the Snakefile anew.
+        Whether this process is a job on a cluster, which reads the Snakefile again.
     results : path
-        The folder of all cases.
+        Folder of all cases.
 
     Attributes
     ----------
     folder : Path
         ``results/<case>``.
     messages : Messages
-        The filter for Snakemake's log.
+        Filter for Snakemake's log.
 
     Raises
     ------
@@ -66,7 +66,7 @@ class Session:
         self._slurm = self.folder / ".slurm"
         self._patterns: list[str] = []
         self._started = remote
-        # before the first job that file is an earlier command's
+        # before the first job this file belongs to an earlier command
         self.messages = Messages(lambda: self._started and self._failure.exists())
         os.environ[CASE] = case.case
         os.environ[OWNER] = str(os.getpid())
@@ -79,7 +79,7 @@ class Session:
                 os.environ.pop(name, None)
             else:
                 os.environ[name] = value
-        if not remote:  # the clock is that of whoever submitted the job
+        if not remote:  # the time was set by the process that submitted the job
             os.environ.pop(STARTED, None)
         os.environ.setdefault(STARTED, str(time.time()))
 
@@ -93,7 +93,7 @@ class Session:
         Parameters
         ----------
         outputs : iterable of str
-            Of the workflow's rules, with wildcards in braces.
+            Outputs of the workflow's rules, with wildcards in braces.
         """
         self._patterns = [Path(path).relative_to(self.folder).as_posix() for path in outputs]
         try:
@@ -110,7 +110,7 @@ class Session:
         Parameters
         ----------
         cluster : str, optional
-            The name that all jobs of this command bear in Slurm's queue.
+            Common name of this command's jobs in Slurm's queue.
         remote_jobs : bool
             Whether jobs run on other machines.
         """
@@ -153,7 +153,7 @@ class Session:
             return f"{path} cannot be written (Permission denied); results go there, so make it writable."
         if (path := unwritable(_SNAKEMAKE)) is not None:
             return f"{path} cannot be written (Permission denied); Snakemake's records go there, so make it writable."
-        # Snakemake refuses to replace such files, and may come to them after hours
+        # Snakemake refuses to replace such files, perhaps only after hours
         for path in files_of(self.folder, self._patterns):
             if not os.access(path, os.W_OK):
                 return (

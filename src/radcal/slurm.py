@@ -18,28 +18,28 @@ _PATIENCE_S = 120.0  # Slurm grants a cancelled job 30 s (KillWait) unless confi
 
 
 def remember(file: str | Path, name: str) -> None:
-    """Write down the common name of all Slurm jobs of a command, before the first is submitted.
+    """Note the common name of all Slurm jobs of a command in a file, before the first is submitted.
 
     Parameters
     ----------
     file : path
-        Beside the case's results.
+        File of the note, beside the case's results.
     name : str
         Slurm's job name.
     """
-    with atomic(file) as partial:  # half a name is that of other jobs
+    with atomic(file) as partial:  # an incomplete name might be that of other jobs
         partial.write_text(name + "\n", encoding="utf-8")
 
 
 def cancel_leftovers(file: str | Path) -> int:
     """Cancel the remaining jobs of the command noted last, wait until they are gone, and delete the note.
 
-    A job that lives on would write the same files as the one that takes its place.
+    A remaining job would write the same files as the job that replaces it.
 
     Parameters
     ----------
     file : path
-        As written by :func:`remember`; where there is none, nothing is done.
+        File that :func:`remember` wrote; without it, nothing is done.
 
     Returns
     -------

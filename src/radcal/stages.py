@@ -1,4 +1,4 @@
-"""Sections of the configuration that each rule reads, and what a change of each makes again.
+"""Sections of the configuration that each rule reads, and the table of jobs and runs that a change of each repeats.
 
 The rules take their ``params`` from here, and the table of ``docs/reruns.md`` is written from it:
 ``python -m radcal.stages``.
@@ -15,7 +15,7 @@ __all__ = ["NOT_IN_JOBS", "READS", "reruns_table"]
 NOT_IN_JOBS = ("replace",)
 """Keys that no job's results depend on."""
 
-# what determines the numbers of a run
+# sections that determine the numbers of a run
 _SIMULATION = ("seed", "radar", "simulator", "materials")
 
 READS: Mapping[str, tuple[str, ...]] = {
@@ -28,14 +28,14 @@ READS: Mapping[str, tuple[str, ...]] = {
     "registration": ("registration", "materials"),
     "target": ("seed", "materials", "radar", "simulator", "objective", "target", "validation"),
     "design_chunk": (*_SIMULATION, "objective", "design"),
-    # what is minimised comes with the targets' file
+    # the objective is read from the targets' file
     "scores": ("seed", "materials", "radar"),
     "train": ("simulator", "materials", "surrogate"),
     "propose": ("seed", "materials", "radar", "optimiser"),
     "verify": _SIMULATION,
     "stop_settings": ("stop",),
     "final_runs": _SIMULATION,
-    # the stop settings come as a file
+    # the stop settings are read from a file
     "archive": tuple(key for key in Case.model_fields if key not in ("stop", *NOT_IN_JOBS)),
 }
 """Rule to the sections of the configuration that its jobs read: a job runs again when one of them changes."""
@@ -43,18 +43,18 @@ READS: Mapping[str, tuple[str, ...]] = {
 _RUNS: Mapping[str, str] = {
     "case": "all, in `results/<case>`; `design.reuse` takes those of another case",
     "replace": "none",
-    "seed": "all: the design and the speckle are others",
+    "seed": "all, because design and speckle change",
     "scene": "all, where the scene differs",
-    "radar": "all; none for `looks`, `nesz_db` and resolutions where an external program is not told them",
-    "simulator": "none for `keep_images`; all where what the simulator is known by differs (its program, its files)",
-    "materials": "those whose parameters are others: a new start is a new reference run, new bounds are a new design; "
+    "radar": "all; none for `looks`, `nesz_db` and resolutions where an external program does not receive them",
+    "simulator": "none for `keep_images`; all where the simulator's identity changes (its program, its files)",
+    "materials": "those with changed parameters: a new start is a new reference run, new bounds are a new design; "
     "all for a new law or another material's parameters",
     "measurement": "none of the design; infill towards the new target",
     "registration": "none of the design; infill towards the new target",
-    "objective": "those that the larger design of the density has besides; infill towards what is now minimised",
+    "objective": "those by which the design of the density is larger; infill for the new objective",
     "target": "none of the design; infill towards the new target",
     "validation": "none of the design; infill towards the new target",
-    "design": "those that a larger design, or another sampler, has besides",
+    "design": "those by which a larger design, or another sampler, differs",
     "surrogate": "none of the design; infill where the proposals differ",
     "optimiser": "none of the design; infill where the proposals differ",
     "stop": "none; more infill where the new settings ask for it",
@@ -62,12 +62,12 @@ _RUNS: Mapping[str, str] = {
 
 
 def _first(section: str) -> list[str]:
-    """Rules that read a section, the archive aside, which reads nearly all."""
+    """Rules that read a section, except for the archive, which reads nearly all."""
     return [rule for rule, sections in READS.items() if section in sections and rule != "archive"]
 
 
 def reruns_table() -> str:
-    """The table of ``docs/reruns.md``: what a changed key has made again.
+    """Table of ``docs/reruns.md``: jobs and runs that a changed key makes again.
 
     Returns
     -------

@@ -33,33 +33,33 @@ class Guarded:
         atexit.register(self._end)
 
     def write(self, text: str) -> int:
-        """Write what can be written, and return how long the text is."""
+        """Write the text as far as possible, and return its length."""
         self._try(lambda: self._stream.write(text))
         return len(text)
 
     def flush(self) -> None:
-        """Flush what can be flushed."""
+        """Flush the stream as far as possible."""
         self._try(self._stream.flush)
 
     def _try(self, act: Callable[[], object]) -> None:
         try:
             act()
         except OSError as error:
-            # a disk that is full may have room again
+            # a full disk may have space again
             if error.errno != errno.ENOSPC:
                 self._mute()
         except ValueError:  # closed
             pass
 
     def _mute(self) -> None:
-        """Send this and every later line, of this process and of those that it starts, to nobody."""
+        """Discard this and every later line, of this process and of those that it starts."""
         with suppress(OSError, ValueError):
             nobody = os.open(os.devnull, os.O_WRONLY)
             os.dup2(nobody, self._stream.fileno())
             os.close(nobody)
 
     def _end(self) -> None:
-        """Keep Python from ending with a status of its own because its last flush fails."""
+        """Keep Python's exit status unchanged when its last flush fails."""
         try:
             self._stream.flush()
         except (OSError, ValueError):
@@ -70,18 +70,18 @@ class Guarded:
 
 
 def guard(logger: logging.Logger | None = None) -> None:
-    """Guard of the standard streams: a closed, full or unread stream fails nothing.
+    """Guard of the standard streams: no job fails because a stream is closed, full or unread.
 
     Parameters
     ----------
     logger : logging.Logger, optional
-        Its handlers that write to a standard stream are guarded too.
+        Logger whose handlers to a standard stream are guarded, too.
     """
     for number in (0, 1, 2):
         try:
             os.fstat(number)
         except OSError:
-            # or the next file that is opened takes its number, and is printed into
+            # otherwise the next file that is opened gets this number, and lines are printed into it
             nobody = os.open(os.devnull, os.O_RDWR)
             if nobody != number:
                 os.dup2(nobody, number)
@@ -102,9 +102,9 @@ def guard(logger: logging.Logger | None = None) -> None:
                 handler.setStream(streams[id(handler.stream)])
 
 
-# what Snakemake says between any two lines of progress
+# messages of Snakemake between lines of progress
 _ROUTINE = ("Select jobs to", "Execute ", "DAG of jobs will be", "Updating checkpoint")
-# what it adds to a failure that a job has explained in its own sentence
+# messages of Snakemake about a failure that the job has already explained
 _AFTERMATH = (
     *("RuleException", "Shutting down", "Exiting because", "WorkflowError"),
     *("Cannot restore", "Restored previous version", "Removing output files of failed job"),
@@ -132,7 +132,7 @@ class Messages:
         self.interrupted = False
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Whether a record is shown; one that is no sentence becomes one."""
+        """Whether a record is shown; its text is replaced by a sentence where it is none."""
         text = str(record.msg)
         if text.startswith(_INTERRUPTED):
             self.interrupted = True

@@ -7,7 +7,7 @@ __all__ = ["SIMULATOR_VERSION"]
 SIMULATOR_VERSION = 3
 """Version of the built-in simulator, geometry included: raised whenever the same input gives another image."""
 
-# before numba is imported: a workflow's job has as many threads as its rule says, which Snakemake
-# puts there for the libraries it knows
+# set before numba is imported: a workflow's job has the threads of its rule, which Snakemake sets for other libraries
+# in this variable
 if "OMP_NUM_THREADS" in os.environ:
     os.environ.setdefault("NUMBA_NUM_THREADS", os.environ["OMP_NUM_THREADS"])

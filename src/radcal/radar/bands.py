@@ -4,7 +4,7 @@ from __future__ import annotations
 
 __all__ = ["LETTER_BANDS_GHZ", "letter_band", "same_label", "within_band"]
 
-# IEEE Std 521-2019, table 1; P is no letter of that standard but what SAR calls the part of UHF it uses
+# IEEE Std 521-2019, table 1; P is not in that standard: it is the usual name of the part of UHF that SAR uses
 # (Moreira et al., "A tutorial on synthetic aperture radar", IEEE GRSM 1 (2013), table 1)
 LETTER_BANDS_GHZ = {
     "VHF": (0.03, 0.3),
@@ -58,7 +58,7 @@ def within_band(label: str, frequency_hz: float) -> bool | None:
     Parameters
     ----------
     label : str
-        Such as "X" or "X-band"; "P" is 0.25 to 0.5 GHz.
+        Label such as "X" or "X-band"; "P" is 0.25 to 0.5 GHz.
     frequency_hz : float
         Carrier frequency [Hz].
 

@@ -1,9 +1,9 @@
 """Compilation by numba, with a cache on disk that is named after all sources of the compiled functions.
 
-numba takes a function from its cache while the function's own file is unchanged, whatever has become of the compiled
-functions that it calls in other files, or of the constants that it takes from them. The folder is therefore named
-after a hash of all of these. Every module with compiled functions takes ``njit`` from here, which is also how the
-hash finds it.
+numba loads a function from its cache as long as the function's own file is unchanged, even if compiled functions or
+constants that it uses from other files have changed. The folder is therefore named
+after a hash of all of these. Every module with compiled functions imports ``njit`` from here, by which the hash also
+finds these modules.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from numba import prange
 
 __all__ = ["cache_folder", "njit", "prange", "sources"]
 
-_config: Any = numba.config  # which makes its own names as it is imported
+_config: Any = numba.config  # which defines its names while it is imported
 _PACKAGE = Path(__file__).resolve().parents[1]
-_KEPT, _IN_USE_S = 8, 24 * 3600.0  # folders of other hashes: so many, and those of the last day
+_KEPT, _IN_USE_S = 8, 24 * 3600.0  # folders of other hashes that are kept, besides those of the last day
 
 
 def sources(package: Path) -> list[Path]:
@@ -56,7 +56,7 @@ def sources(package: Path) -> list[Path]:
 
 
 def _taken(tree: ast.Module) -> set[str]:
-    """Modules of radcal whose values a module's functions with decorators, or its own variables, are made of."""
+    """Modules of radcal that a module's decorated functions or its variables use."""
     makers = [node for node in tree.body if isinstance(node, ast.Assign | ast.AnnAssign)]
     compiled = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef) and node.decorator_list]
     used = {node.id for part in (*makers, *compiled) for node in ast.walk(part) if isinstance(node, ast.Name)}
@@ -71,7 +71,7 @@ def _taken(tree: ast.Module) -> set[str]:
 
 
 def cache_folder(package: Path = _PACKAGE) -> str | None:
-    """Folder for the machine code of a package's present sources, made if need be.
+    """Folder for the machine code of a package's present sources; created where it is missing.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def cache_folder(package: Path = _PACKAGE) -> str | None:
     own = [Path(_config.CACHE_DIR)] if _config.CACHE_DIR else []
     home = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache")
     for parent in (*own, package / "__pycache__", home / "radcal"):
-        with contextlib.suppress(OSError, RuntimeError):  # may not be written; nobody's home
+        with contextlib.suppress(OSError, RuntimeError):  # the folder is not writable, or the user has no home
             folder = parent.expanduser().absolute() / f"radcal-{total.hexdigest()[:20]}"
             folder.mkdir(parents=True, exist_ok=True)
             tempfile.TemporaryFile(dir=folder).close()
@@ -124,7 +124,7 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
 def njit(**options: Any) -> Callable[[_Function], _Function]:
-    """``numba.njit`` with its machine code kept in :func:`cache_folder`; without one, every process compiles.
+    """``numba.njit`` with its machine code kept in :func:`cache_folder`; without such a folder every process compiles.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def njit(**options: Any) -> Callable[[_Function], _Function]:
     """
 
     def compiled(function: _Function) -> _Function:
-        # read where a function is decorated, and of no concern to other users of numba in this process
+        # read when a function is decorated; reset so that other users of numba in this process are not affected
         theirs, _config.CACHE_DIR = _config.CACHE_DIR, _FOLDER or ""
         try:
             dispatcher: _Function = numba.njit(cache=_FOLDER is not None, **options)(function)

@@ -25,15 +25,15 @@ __all__ = [
 ]
 
 ANGLES_PER_RADIAN = 65535.0 / (np.pi / 2.0)
-VISIBLE, LAID_OVER, OBJECT = 1, 2, 4  # bits of a facet's state
-_BLOCK = 16  # columns that one thread works on at a time
+VISIBLE, LAID_OVER, OBJECT = 1, 2, 4  # bits of the variable that holds a facet's state
+_BLOCK = 16  # number of columns that one thread processes at a time
 
 
 @njit(parallel=True)
 def count_facets(
     near: Any, far: Any, state: Any, per_column: Any, rows: Any, columns: Any, counts: Any, layover: Any, shadow: Any
 ) -> None:
-    """Parts of facets in every pixel, and which pixels lie in layover and in shadow.
+    """Number of facets' parts in every pixel, and masks of layover and shadow.
 
     ``near`` and ``far`` are the edges of the facets in rows, shape (lines, facets); ``per_column`` the
     number of lines in a column.
@@ -63,12 +63,12 @@ def count_facets(
 
 @njit()
 def shade(line: Any, near: Any, far: Any, per_column: Any, shadow: Any) -> None:
-    """Mark the pixels of hidden parts of facets that are seen otherwise: of their lines, between two rows."""
+    """Mark as shadow the pixels of hidden parts of partly visible facets: those of their lines, between two rows."""
     rows, columns = shadow.shape
     for i in range(line.size):
         first, last = int(line[i] / per_column), int(np.ceil((line[i] + 1) / per_column))
         for column in range(first, min(columns, last)):
-            # as where facets are counted: a line that no more than touches a column is none of it
+            # as in the count of facets: a line that only touches a column does not belong to it
             if min(line[i] + 1.0, (column + 1) * per_column) - max(float(line[i]), column * per_column) >= 1e-6:
                 for row in range(max(0, int(np.floor(near[i]))), min(rows - 1, int(np.floor(far[i]))) + 1):
                     shadow[row, column] = True
@@ -82,9 +82,9 @@ def fill_facets(
 ) -> None:  # fmt: skip
     """Material, incidence and weight of every part of a facet, in the order of pixels.
 
-    The weight is the part's area [m2], or for ``sigma0_local`` its share of the pixel's slant range
-    times the lines that it is wide. Of objects, whose material is ``objects``, it is
-    always the area. ``place`` is where it lies, in lines and facets.
+    The weight is the part's area [m2], or for ``sigma0_local`` its share of the pixel's slant range times its width in
+    lines. The weight of an object (material ``objects``) is always the area. ``place`` is the part's position in lines
+    and facets.
     """
     lines, facets = near.shape
     for block in prange((columns + _BLOCK - 1) // _BLOCK):
@@ -127,8 +127,8 @@ def order_facets(
 ) -> None:  # fmt: skip
     """Sort each pixel's facets by material, finish their weights, and take the means of the pixel.
 
-    Weights are multiplied by ``of_ground``, and those of objects, of material ``objects``, by ``of_objects``,
-    shape (rows,). Objects are none of the ground: the means leave them out.
+    Weights are multiplied by ``of_ground``, and those of objects (material ``objects``) by ``of_objects``, shape
+    (rows,). The means are over the ground, without objects.
     """
     pixels = start.size - 1
     rows = pixels // columns
@@ -138,7 +138,7 @@ def order_facets(
             cells[pixel] = 0
             if first == last:
                 continue
-            for i in range(first + 1, last):  # few of them: insertion, which keeps the order of equals
+            for i in range(first + 1, last):  # insertion sort, because they are few; it keeps the order of equal ones
                 m, a, w, p, q = material[i], angle[i], weight[i], place[0, i], place[1, i]
                 j = i - 1
                 while j >= first and material[j] > m:
@@ -150,7 +150,7 @@ def order_facets(
             total, angles, down, across = 0.0, 0.0, 0.0, 0.0
             count = 1
             ground_last = last
-            while ground_last > first and material[ground_last - 1] == objects:  # the greatest id: at the end
+            while ground_last > first and material[ground_last - 1] == objects:  # objects' id is the greatest
                 ground_last -= 1
             for i in range(ground_last, last):
                 weight[i] = weight[i] * of_objects[row]

@@ -1,9 +1,8 @@
 """Footprints of objects among the facets: boxes raised over the ground, points at their slant range.
 
 A box is level at its height above the mean ground of its footprint. Its facets are the
-roof and the walls that face the radar; walls along the line of sight have no extent in slant
-range, those at the back are never seen. Scattering does not bounce between box and ground,
-unless the cross-section includes it.
+roof and the walls that face the radar; walls along the line of sight have no extent in slant range, and walls at the
+back are never seen. Double bounce between box and ground is not modelled; a given cross-section may include it.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ __all__ = [
     "to_boxes_and_spots",
 ]
 
-_SAMPLES = 5  # along each side of a footprint, for its mean ground
+_SAMPLES = 5  # samples along each side of a footprint, for the mean elevation of its ground
 
 
 @dataclass(frozen=True)
@@ -42,7 +41,7 @@ class Boxes:
     Attributes
     ----------
     place : ndarray of float64, shape (n, 2)
-        Middle, in lines and facets from the scene's near corner.
+        Centre, in lines and facets from the scene's near corner.
     axis : ndarray of float64, shape (n, 2)
         Unit vector of the heading.
     half : ndarray of float64, shape (n, 2)
@@ -73,13 +72,13 @@ class Spots:
     Attributes
     ----------
     place : ndarray of float64, shape (n, 2)
-        In lines and facets from the scene's near corner.
+        Position, in lines and facets from the scene's near corner.
     height_m : ndarray of float64, shape (n,)
-        Above the ground [m].
+        Height above the ground [m].
     rcs_m2 : ndarray of float64, shape (n,)
         Cross-section towards the radar [m2].
     number : ndarray of uint32, shape (n,)
-        Entry in the scene's objects.
+        Index of the entry in the scene's objects.
     slant_m : ndarray of float64, shape (n,)
         Slant range; NaN where hidden. Filled line by line [m].
     """
@@ -140,9 +139,9 @@ def _mean_ground(elevation: Any, k: Any, place: Any, axis: Any, half: Any, mean:
 def to_boxes_and_spots(
     objects: Objects, elevation: NDArray[np.float64], look_side: str, k: int, step: float
 ) -> tuple[Boxes, Spots]:
-    """Objects in the lines and facets of a pass.
+    """Boxes and points of the scene's objects, in the lines and facets of a pass.
 
-    Footprints so small that they hold the middle of no facet become points.
+    Objects whose footprint holds the middle of no facet become points.
 
     Parameters
     ----------
@@ -159,7 +158,7 @@ def to_boxes_and_spots(
     """
     ny, nx = elevation.shape
     right = look_side == "right"
-    # zero Doppler: the radar is due west of what it sees in the east
+    # zero Doppler: the radar is due west of the places that it sees in the east
     rcs = objects.cross_section_m2(270.0 if right else 90.0)
     place = np.stack([objects.y_m, objects.x_m if right else nx * k * step - objects.x_m], axis=1) / step
     bearing = np.radians(objects.heading_deg)
@@ -191,9 +190,9 @@ class Raised:
     Attributes
     ----------
     owner : ndarray of int32
-        Which box stands on a facet, -1 where none does.
+        Number of the box that stands on a facet, -1 where none does.
     roof_m : ndarray of float64
-        Its elevation there [m]; of the ground where none stands.
+        Elevation of its roof [m]; of the ground where no box stands.
     """
 
     owner: NDArray[np.int32]
@@ -201,7 +200,7 @@ class Raised:
 
     @classmethod
     def none(cls, ground_m: NDArray[np.float64]) -> Raised:
-        """No box on ground of this elevation."""
+        """Raised ground without any box."""
         return cls(np.full(ground_m.shape, -1, dtype=np.int32), ground_m)
 
 
@@ -212,15 +211,15 @@ class Seen:
     Attributes
     ----------
     near_m, far_m : ndarray of float64
-        Slant range of the facets' nearest and furthest part [m]: of what is seen, where that is not nothing.
+        Nearest and furthest slant range of the facets [m], of the visible part where there is one.
     share : ndarray of float32
-        How much of a facet of the ground is seen, 0 to 1; of a box, 1 where anything is.
+        Visible share of a facet of the ground, 0 to 1; for a facet of a box, 1 where any part is visible.
     half : ndarray of uint8
-        Which half of a facet, where no part of the other is seen; else 0.
+        Number of the visible half of a facet, where nothing of the other half is visible; else 0.
     hidden_m : ndarray of float64, shape (2, lines, facets)
-        Nearest and furthest slant range of what is hidden of a facet that is seen in part, else 0 [m].
+        Nearest and furthest slant range of the hidden part of a partly visible facet, else 0 [m].
     horizon : ndarray of float64
-        Largest tangent of the angle from nadir of all that stands before.
+        Largest tangent of the angle from nadir of everything nearer to the radar.
     extent_m : ndarray of float64
         Slant extent of a facet of a box if nothing hid it [m].
     """
@@ -235,7 +234,7 @@ class Seen:
 
     @classmethod
     def room(cls, near_m: NDArray[np.float64], far_m: NDArray[np.float64]) -> Seen:
-        """For facets of these slant ranges of the ground."""
+        """Empty arrays for facets of these slant ranges of the ground."""
         shape = near_m.shape
         return cls(
             near_m, far_m, np.zeros(shape, np.float32), np.zeros(shape, np.uint8), np.zeros((2, *shape)),
@@ -245,7 +244,7 @@ class Seen:
 
 @njit()
 def _raise(chosen: Any, place: Any, axis: Any, half: Any, reach: Any, top: Any, first: Any, owner: Any) -> None:
-    """The highest box of every facet, the first of equals."""
+    """Number of the highest box on every facet; of equally high boxes, the first."""
     lines, facets = owner.shape
     for i in chosen:
         low, high = int(np.floor(place[i, 0] - reach[i, 0])) - first, int(place[i, 0] + reach[i, 0]) + 1 - first
@@ -265,7 +264,7 @@ def raise_boxes(boxes: Boxes, ground_m: NDArray[np.float64], first: int) -> Rais
     if not chosen.size:
         return Raised.none(ground_m)
     _raise(chosen, boxes.place, boxes.axis, boxes.half, boxes.reach, boxes.top_m, first, owner)
-    # ground that rises through a roof stays ground in height
+    # where the ground rises above a roof, the height is that of the ground
     roof = np.where(owner >= 0, np.maximum(ground_m, boxes.top_m[owner]), ground_m)
     return Raised(owner, roof)
 
@@ -275,12 +274,12 @@ def stand(
     owner: Any, roof: Any, at_edges: Any, edges: Any, middles: Any, track: Any, near: Any, far: Any, share: Any,
     half: Any, hidden: Any, horizon: Any, extent: Any,
 ) -> None:  # fmt: skip
-    """Visibility of facets along some lines: see :class:`Seen` for what is filled.
+    """Visibility of the facets along some lines, written to the arrays of :class:`Seen`.
 
     Parameters
     ----------
     owner, roof : ndarray, shape (lines, facets)
-        As :class:`Raised` has them.
+        Arrays of :class:`Raised`.
     at_edges : ndarray, shape (lines, facets + 1)
         Elevation of the ground at the facets' edges [m].
     edges, middles : ndarray, shape (facets + 1,), (facets,)
@@ -288,7 +287,7 @@ def stand(
     track : float
         Elevation of the radar [m].
     near, far, share, half, hidden, horizon, extent : ndarray
-        Of :class:`Seen`.
+        Arrays of :class:`Seen`.
     """
     lines, facets = owner.shape
     for line in prange(lines):
@@ -320,7 +319,7 @@ def stand(
             )
             if 0.0 < start < 1.0:
                 hidden[0, line, f], hidden[1, line, f] = np.hypot(edges[f], down), near[line, f]
-            before = max(before, edges[f + 1] / down)  # a level roof is seen to its far edge
+            before = max(before, edges[f + 1] / down)  # a level roof is visible up to its far edge
 
 
 @njit()
@@ -334,7 +333,7 @@ def _of_box(first: Any, last: Any, start: Any, down: Any, foot_down: Any, before
     if start >= 1.0:
         return whole_near, whole_far, whole_far - whole_near
     nearest, furthest = np.hypot(first + start * (last - first), down), np.hypot(last, down)
-    if before > 0.0:  # the wall is seen above the ray over what stands before it
+    if before > 0.0:  # the wall is visible above the ray over the highest obstacle before it
         foot_down = min(foot_down, first / before)
     if foot_down > down:
         furthest = max(furthest, np.hypot(first, foot_down))
@@ -366,7 +365,7 @@ def locate(
         line, f = int(place[i, 0]) - first, min(max(int(place[i, 1]), 0), facets - 1)
         up = track - _between(ground, place[i, 0] - first + 0.5, place[i, 1] - 0.5) - height[i]
         away = edges[0] + place[i, 1] * step
-        # facets before the point's own: within it, the ground would hide what lies in its near half
+        # only facets before the point's own: that facet's ground would hide points in its near half
         if away / up >= horizon[line, f]:
             slant[i] = np.hypot(away, up)
 
@@ -375,8 +374,8 @@ def locate(
 def share_out(near: Any, far: Any, state: Any, area: Any, owner: Any, rcs: Any, extent: Any) -> None:
     """Area of the facets of boxes: their part of the cross-section [m2].
 
-    In proportion to slant extent, so that a box is evenly bright in slant range; what is hidden
-    takes its part along. ``owner`` is the same memory as ``area``, and says whose facet it is.
+    The cross-section is divided in proportion to slant extent, so that a box is evenly bright in slant range; the part
+    of hidden facets is lost. ``owner`` shares its memory with ``area`` and holds the number of the facet's box.
     """
     for line in prange(near.shape[0]):
         for f in range(near.shape[1]):

@@ -1,4 +1,4 @@
-"""Counter-based circular Gaussian random numbers, which depend on seed and pixel alone, not on the order of calls.
+"""Counter-based circular Gaussian random numbers, which depend only on seed and pixel, not on the order of calls.
 
 Philox4x32-10 turns (seed, place, stream) into uniform bits, the Box-Muller transform these into
 complex numbers. Logarithm, sine and cosine are the single-precision approximations of the Cephes
@@ -62,11 +62,11 @@ def gaussian_row(n: Any, place: Any, stream: Any, look: Any, seed: Any, words: A
     Parameters
     ----------
     n : int
-        How many; the arrays are at least that long.
+        Number of places; the arrays are at least that long.
     place : ndarray of uint32
         Flat image index.
     stream : ndarray of uint32
-        What for: material id for speckle, 256 for thermal noise.
+        Stream of random numbers: material id for speckle, 256 for thermal noise.
     look : uint32
         Which look.
     seed : (uint32, uint32)
@@ -80,8 +80,8 @@ def gaussian_row(n: Any, place: Any, stream: Any, look: Any, seed: Any, words: A
         a, b, _, _ = philox(place[i], stream[i], look, np.uint32(0), seed[0], seed[1])
         words[0, i] = a
         words[1, i] = b
-    # all 32 bits, centred between neighbours: near 0, where the largest powers come from (33 ln 2 = 22.9 at most),
-    # single precision has them; near 1 it would round to 1, which has no power
+    # all 32 bits, centred between neighbours: single precision resolves them near 0, which gives the largest powers (33
+    # ln 2 = 22.9 at most); near 1 they would round to 1, which has no power
     for i in range(n):
         real[i] = min((_F(words[0, i]) + _HALF) * _TWO32, _BELOW_ONE)
     bits = real.view(np.int32)
@@ -104,7 +104,7 @@ def gaussian_row(n: Any, place: Any, stream: Any, look: Any, seed: Any, words: A
     for i in range(n):
         w = words[1, i]
         quadrant = w >> np.uint32(30)
-        # within an eighth of a turn of the quadrant's middle
+        # the remaining angle lies within an eighth of a turn of the quadrant's middle
         y = ((_F((w & np.uint32(0x3FFFFFFF)) >> np.uint32(6)) + _HALF) * _TWO24 - _HALF) * _QUARTER
         z = y * y
         sine = y + y * z * (_SIN[0] + z * (_SIN[1] + z * _SIN[2]))
@@ -153,5 +153,5 @@ def circular_gaussian(seed: int, look: int, stream: int, shape: tuple[int, int])
 
 
 def seed_words(seed: int) -> tuple[np.uint32, np.uint32]:
-    """Two words of a seed below 2**64."""
+    """Two 32-bit words of a seed below 2**64."""
     return np.uint32(seed & 0xFFFFFFFF), np.uint32(seed >> 32)

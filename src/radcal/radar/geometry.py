@@ -59,17 +59,17 @@ __all__ = [
     "write_geometry",
 ]
 
-_MOST_NAMES = 254  # materials beside the objects
-_CELLS_AT_ONCE = 256  # rows of the scene, to bound memory
-_HALO = 12  # cells that a cubic spline looks beyond a stretch, far below single precision
+_MOST_NAMES = 254  # largest number of materials, besides objects
+_CELLS_AT_ONCE = 256  # number of the scene's rows in a block, which bounds memory
+_HALO = 12  # cells beyond a stretch that its cubic spline takes in: what is further has no effect in single precision
 
 
 @dataclass(frozen=True)
 class Geometry:
     """Facets of the scene in the image of one pass.
 
-    A *cell* is what one material contributes to one pixel: cells are in the order of pixels,
-    within a pixel in that of materials, and the facets of a cell follow one another.
+    A *cell* is the contribution of one material to one pixel. Cells are in the order of pixels, within a pixel in the
+    order of materials, and the facets of a cell are consecutive.
 
     Attributes
     ----------
@@ -82,21 +82,20 @@ class Geometry:
     cell_material : ndarray of uint8, shape (cells,)
         Material id; one beyond the last for objects, whose sigma0 is 1.
     facet_start : ndarray of int32, shape (cells + 1,)
-        First facet of each cell. A facet counts in every pixel that it reaches into.
+        First facet of each cell. A facet belongs to every pixel that it reaches.
     facet_incidence : ndarray of uint16, shape (facets,)
         Local incidence angle in units of 90 degrees / 65535.
     facet_weight : ndarray of float32, shape (facets,)
-        What the pixel holds is the sum of weight times sigma0: the weight is the part of the pixel's
-        slant range that the facet takes (``sigma0_local``: 1 in all, more in layover, less beside
-        shadow), or its area in the pixel over the pixel's reference area. Of an object's facet, its
-        part of the cross-section over the reference area.
+        Weight of the facet's sigma0 in the sum that is the pixel's value: the share of the pixel's slant range that the
+        facet covers (``sigma0_local``: 1 in all, more in layover, less beside shadow), or its area in the pixel over
+        the pixel's reference area. The weight of an object's facet is its part of the cross-section over the reference
+        area.
     material : ndarray of uint8, shape ``shape``
         Material id where all visible facets of a pixel share one, else 0; 0 near objects, too.
     incidence_deg : ndarray of float32, shape ``shape``
         Mean local incidence of the pixel's visible ground [deg], NaN where there is none.
     layover : ndarray of bool, shape ``shape``
-        Whether facets of separate places, more than a pixel apart in slant range on the way
-        between them, share the pixel.
+        Whether facets of separate places share the pixel, between which slant range decreases by more than a pixel.
     shadow : ndarray of bool, shape ``shape``
         Whether some of the pixel's facets, or all, are hidden or face away.
     flat_incidence_deg : ndarray of float64, shape (rows,)
@@ -110,7 +109,7 @@ class Geometry:
     point_amplitude : ndarray of float32, shape (points,)
         Square root of the cross-section over the pixel's reference area.
     point_number : ndarray of uint32, shape (points,)
-        Entry in the scene's objects.
+        Index of the entry in the scene's objects.
     """
 
     shape: tuple[int, int]
@@ -150,7 +149,7 @@ class Geometry:
             Material.
         margin_px : int or ndarray of int, shape ``shape``
             Pixels at most this far (in rows or columns) from a pixel of another
-            material, a mixed or an invisible one, or from the image's border are left out.
+            material, a mixed or an invisible one, or from the image's border are masked.
 
         Returns
         -------
@@ -158,8 +157,7 @@ class Geometry:
         """
         inside = self.material == self.names.index(name) + 1
         if np.any(np.asarray(margin_px) > 0):
-            # nothing is known beyond the image's border, and what lies there is missing from the
-            # resolution cells along it
+            # the scene is not simulated beyond the image's border, so that resolution cells along it are incomplete
             padded = np.pad(inside, 1)
             distance = distance_transform_cdt(padded, metric="chessboard")[1:-1, 1:-1]
             inside = distance > margin_px
@@ -210,7 +208,7 @@ def make_geometry(scene: Scene, radar: Radar) -> Geometry:
 
 
 def _slant_range_geometry(scene: Scene, radar: Radar) -> Geometry:
-    """One facet per labelled pixel, incidence by row."""
+    """Geometry of a slant-range scene: one facet for each labelled pixel, incidence by row."""
     assert scene.incidence_deg is not None  # noqa: S101 - a scene has either elevation or incidence
     rows, columns = shape = (scene.material.shape[0], scene.material.shape[1])
     labelled = scene.material > 0
@@ -237,7 +235,7 @@ def _slant_range_geometry(scene: Scene, radar: Radar) -> Geometry:
 
 
 def _terrain_geometry(scene: Scene, radar: Radar) -> Geometry:
-    """Facets of the refined elevation model seen from a straight track."""
+    """Geometry of a scene with terrain: facets of the refined elevation model, seen from a straight track."""
     elevation = scene.elevation_m
     assert elevation is not None  # noqa: S101 - checked by the caller
     material = scene.material
@@ -260,7 +258,7 @@ def _terrain_geometry(scene: Scene, radar: Radar) -> Geometry:
             f"radar.depression_deg {radar.depression_deg:g} at radar.altitude_m {radar.altitude_m:g} puts the track "
             "over the scene: lower the depression angle or fly higher."
         )
-    # single precision holds slant range from a point near the scene, not from the radar
+    # slant range is counted from a point near the scene, for which single precision is enough
     base = float(np.hypot(radar.altitude_m, edges[0]))
     lines = Lines.empty(ny * k, nx * k)
     standing = None
@@ -291,8 +289,7 @@ def _terrain_geometry(scene: Scene, radar: Radar) -> Geometry:
         )
         points = _points(spots, radar, near, step)
 
-    # rows from the first to the last range that every azimuth line reaches: nothing of the
-    # image then lies outside the scene
+    # rows from the first to the last range that every azimuth line reaches, so that the image lies within the scene
     rows = int((far - near) / radar.range_spacing_m)
     columns = int(ny * scene.cell_m / radar.azimuth_spacing_m)
     if rows < 8 or columns < 8:
@@ -304,8 +301,8 @@ def _terrain_geometry(scene: Scene, radar: Radar) -> Geometry:
 class Lines:
     """Facets along the azimuth lines of the refined scene; arrays of shape (lines, facets).
 
-    Slant ranges are counted from ``base``; those of a facet that is seen in part are of that part. ``hidden``
-    holds line, nearest and furthest slant range of the other parts, for every block of lines.
+    Slant ranges are counted from ``base``; those of a partly visible facet are of its visible part. ``hidden`` holds
+    line, nearest and furthest slant range of the hidden parts, for every block of lines.
     """
 
     near_m: NDArray[np.float32]
@@ -317,7 +314,7 @@ class Lines:
 
     @classmethod
     def empty(cls, lines: int, facets: int) -> Lines:
-        """Room for so many."""
+        """Uninitialised arrays for so many lines and facets."""
         shape = (lines, facets)
         return cls(
             np.empty(shape, np.float32),
@@ -335,7 +332,7 @@ def _refined(
     """Elevation between the cells' middles: a cubic spline, bilinear along walls, where a spline would swing."""
     at = np.meshgrid(rows, columns, indexing="ij")
     fine = map_coordinates(block, at, order=3, mode="nearest")
-    # three times as high as wide, over the two cells between a cell's neighbours
+    # a slope of three between a cell's neighbours, which are two cells apart
     wall = maximum_filter(block, 3) - minimum_filter(block, 3) > 6.0 * cell_m
     if wall.any():
         steep = map_coordinates(wall.astype(np.uint8), at, order=0, mode="nearest") > 0
@@ -347,9 +344,9 @@ def _lines(
     elevation: NDArray[np.float64], first: int, last: int, k: int, step: float, edges: NDArray[np.float64],
     track: float, base: float, spacing_m: float, lines: Lines, standing: tuple[Boxes, Spots] | None,
 ) -> tuple[float, float]:  # fmt: skip
-    """Fill the lines of some rows of cells; the largest nearest and the smallest furthest slant range [m]."""
+    """Fill the lines of some rows of cells; return the slant ranges [m] that all of them reach, from and to."""
     ny, nx = elevation.shape
-    # straight on beyond the scene's border, and one line more on each side, for slopes
+    # elevation continues linearly beyond the scene's border, with one more line on each side for the slopes
     low, high = max(0, first - _HALO), min(ny, last + _HALO)
     beyond = ((_HALO - first + low, _HALO - high + last), (_HALO, _HALO))
     block = np.pad(elevation[low:high], beyond, mode="reflect", reflect_type="odd")
@@ -386,7 +383,7 @@ def _lines(
     lines.incidence[part], lines.area[part] = _faces(beyond_ground, at_edges, seen, ground, track, step)
     lines.state[part] = visible * VISIBLE + laid * LAID_OVER
     standing_here = raised.owner >= 0
-    # the cross-section of a facet is known only after the last line: until then its area is whose it is
+    # the cross-section of a facet is known only after the last line; until then its area holds the number of its box
     lines.area[part].view(np.int32)[standing_here] = raised.owner[standing_here]
     lines.state[part] |= standing_here * np.uint8(OBJECT)
     line, facet = np.nonzero(seen.hidden_m[1] > seen.hidden_m[0])
@@ -399,9 +396,9 @@ def _faces(
     fine: NDArray[np.float64], at_edges: NDArray[np.float64], seen: Seen, ground: NDArray[np.float64], track: float,
     step: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
-    """Incidence, in its units, and area [m2] of what is seen of the facets of some lines.
+    """Incidence, in its units, and area [m2] of the visible parts of the facets of some lines.
 
-    The slope along ground range is that of the half that is seen where it is only one.
+    Where only one half of a facet is visible, the slope along ground range is that of this half.
     """
     slopes: list[NDArray[np.float64]] = list(np.gradient(fine, step))
     along, across = slopes[0][1:-1], slopes[1][1:-1]
@@ -418,7 +415,7 @@ def _pixels(
     scene: Scene, radar: Radar, material: NDArray[np.uint8], lines: Lines, k: int, step: float, near: float,
     base: float, shape: tuple[int, int], points: Points,
 ) -> Geometry:  # fmt: skip
-    """Distribute the facets over the pixels that they reach into."""
+    """Distribute the facets over the pixels that they reach."""
     rows, columns = shape
     per_column = radar.azimuth_spacing_m / step  # lines
     near_row, far_row, layover, shadow, counts = _counted(lines, radar, near - base, per_column, shape)
@@ -430,7 +427,7 @@ def _pixels(
     weight = np.empty(total, dtype=np.float32)
     place = np.empty((2, total), dtype=np.float32)
     local = radar.radiometry == "sigma0_local"
-    # beyond all ids where there is none
+    # beyond all ids where there is no object
     objects = len(scene.names) + 1 if scene.objects is not None else 256
     fill_facets(
         near_row, far_row, lines.state, lines.incidence, lines.area, material, k, per_column, rows, columns, start,
@@ -443,7 +440,7 @@ def _pixels(
     pure = np.zeros(rows * columns, dtype=np.uint8)
     mean_incidence = np.full(rows * columns, np.nan, dtype=np.float32)
     ground = np.full((2, rows * columns), np.nan, dtype=np.float32)
-    # of sigma0_local, a pixel's width in lines, too
+    # for sigma0_local, divided by a pixel's width in lines, too
     of_ground = np.full(rows, 1.0 / per_column, dtype=np.float32) if local else per_area
     order_facets(
         start, columns, facet_material, incidence, weight, place, of_ground, per_area, objects, cells, pure,
@@ -455,7 +452,7 @@ def _pixels(
     facet_start = np.empty(int(cell_start[-1]) + 1, dtype=np.int32)
     facet_start[-1] = total
     cells_of(start, cell_start, facet_material, cell_material, facet_start)
-    # fractions of refined lines and facets to the scene's cells, east to the right whichever way the radar looks
+    # refined lines and facets converted to the scene's cells, with east to the right for either look side
     ground = (ground + np.float32(0.5)) / np.float32(k) - np.float32(0.5)
     if radar.look_side == "left":
         ground[1] = scene.material.shape[1] - 1 - ground[1]
@@ -484,7 +481,7 @@ def _pixels(
 def _counted(
     lines: Lines, radar: Radar, near_m: float, per_column: float, shape: tuple[int, int]
 ) -> tuple[NDArray[Any], ...]:
-    """First and last row of every facet, the masks of layover and shadow, and the parts of facets in every pixel."""
+    """First and last row of every facet, masks of layover and shadow, and number of facets' parts in every pixel."""
     rows, columns = shape
     to_rows = (near_m, radar.range_spacing_m)
     near_row, far_row = (_rows(slant, *to_rows) for slant in (lines.near_m, lines.far_m))
@@ -505,12 +502,12 @@ def _counted(
 
 
 def _rows(slant_m: NDArray[np.float32], near_m: float, spacing_m: float) -> NDArray[np.float32]:
-    """Slant ranges in rows of the image, from the near edge of the first."""
+    """Slant ranges as fractional rows of the image, from the near edge of the first row."""
     return ((slant_m - near_m) / spacing_m).astype(np.float32)
 
 
 def _points(spots: Spots, radar: Radar, near: float, step: float) -> Points:
-    """Visible point scatterers in the image; those beyond its border too, their sidelobes reach into it."""
+    """Visible point scatterers in the image, and those beyond its border whose sidelobes reach into it."""
     seen = np.isfinite(spots.slant_m)
     slant = np.asarray(spots.slant_m[seen], dtype=np.float64)
     row = (slant - near) / radar.range_spacing_m - 0.5
@@ -530,7 +527,7 @@ def _flat_incidence_deg(radar: Radar, slant_m: NDArray[np.float64]) -> NDArray[n
 
 
 def _per_area(radar: Radar, flat_incidence_deg: NDArray[np.float64]) -> NDArray[np.float64]:
-    """One over a pixel's reference area in the radiometry [1/m2]; that of sigma0 where areas do not count."""
+    """Inverse of a pixel's reference area in the radiometry [1/m2]; for ``sigma0_local`` that of sigma0."""
     area = radar.range_spacing_m * radar.azimuth_spacing_m / np.sin(np.radians(flat_incidence_deg))
     return np.asarray(of_sigma0(radar.radiometry, flat_incidence_deg) / area)
 
@@ -544,12 +541,11 @@ def write_geometry(
     ----------
     path : path
         The file.
-    geometry : Geometry
-        What is written.
+    geometry : Geometry Geometry to write.
     radar : Radar, optional
-        The pass, kept for the record: passes that differ in looks or noise only have the same geometry.
+        Pass, which is recorded in the file; passes that differ only in looks or noise have the same geometry.
     immaterial : iterable of str, optional
-        Keys of the pass that change no run either: another value there makes no other file.
+        Keys of the pass that change no run either; the file stays the same when only their values differ.
 
     Raises
     ------
@@ -568,13 +564,13 @@ def write_geometry(
         file["names"] = list(geometry.names)
         for item in fields(Geometry)[2:]:
             values = getattr(geometry, item.name)
-            # HDF5 does not compress what is empty
+            # HDF5 cannot compress an empty dataset
             packed = {"compression": "gzip", "compression_opts": 1} if values.size else {}
             file.create_dataset(item.name, data=values, **packed)
 
 
 def _outdated(path: str | Path, described: str | None) -> bool:
-    """Whether a file is the geometry of a pass as another version of the simulator has it."""
+    """Whether a file holds the geometry of the same pass, made by another version of the simulator."""
     try:
         with read_hdf5(path, "geometry") as file:
             return bool(file.attrs.get("pass") == described and file.attrs.get("simulator") != SIMULATOR_VERSION)
@@ -583,12 +579,12 @@ def _outdated(path: str | Path, described: str | None) -> bool:
 
 
 def _recorded_pass(path: Path, ours: str, immaterial: Container[str]) -> str:
-    """The pass as the file there has it, where that is the same but for what is immaterial; else as it is now."""
+    """The pass as recorded in the file, where it differs only in immaterial keys; else the present pass."""
 
     def material(text: str) -> dict[str, Any]:
         return {key: value for key, value in json.loads(text).items() if key not in immaterial}
 
-    # a file that cannot be read is written anew
+    # a file that cannot be read is replaced
     with contextlib.suppress(OSError, KeyError, ValueError), h5py.File(path, "r", locking=False) as file:
         theirs = str(file.attrs["pass"])
         if material(theirs) == material(ours):

@@ -18,15 +18,15 @@ from radcal.radar.speckle import WIDTH_FACTOR, border_gain, impulse_response
 __all__ = ["ImageFormation", "decibels"]
 
 THERMAL = 256  # stream of the thermal noise; materials are 1 to 255
-_TILE = 256  # pixels a side: what neighbours need of one another is formed twice, a fifth of the work
-_PATCH = 64  # of what is formed anew where a law has changed, up to a tile in a row
+_TILE = 256  # pixels a side; the overlap of neighbouring tiles is computed twice, a fifth of the work
+_PATCH = 64  # side of the tiles that are computed again where a law has changed, joined up to a large tile in a row
 
 
 @njit(parallel=True)
 def _touched(
     tiles: Any, rows: Any, columns: Any, reach: Any, start: Any, material: Any, changed: Any, found: Any
 ) -> None:  # fmt: skip
-    """Tiles whose image depends on a changed material."""
+    """Mask of the tiles whose image depends on a changed material."""
     for t in prange(tiles.shape[0]):
         top, left = max(0, tiles[t, 0] - reach[0]), max(0, tiles[t, 1] - reach[1])
         bottom, right = min(rows, tiles[t, 2] + reach[0]), min(columns, tiles[t, 3] + reach[1])
@@ -44,7 +44,7 @@ def _amplitude_row(
     row: Any, left: Any, right: Any, columns: Any, start: Any, material: Any, power: Any, noise: Any, look: Any,
     seed: Any, work: Any, words: Any, parts: Any, out: Any,
 ) -> None:  # fmt: skip
-    """Complex amplitude of a stretch of a row before the band limit, interleaved real and imaginary."""
+    """Complex amplitude of a part of a row before the band limit, real and imaginary parts interleaved."""
     place, stream = work[0], work[1]
     base = row * columns
     n = right - left
@@ -74,13 +74,13 @@ def _amplitude_row(
 
 @njit()
 def _limit_rows(source: Any, first: Any, taps: Any, out: Any) -> None:
-    """Symmetric taps down the rows of ``source`` from row ``first`` on: one line of the same width."""
+    """Filter of symmetric taps along the rows of ``source`` from row ``first`` on; gives one line of the same width."""
     reach = taps.size // 2
     n = out.size
     middle, tap = source[first + reach], taps[reach]
     for i in range(n):
         out[i] = tap * middle[i]
-    # in pairs of pairs, so that each load and store of the line serves four taps
+    # two pairs of taps at a time, so that each load and store of the line serves four taps
     pairs = reach - reach % 2
     for k in range(0, pairs, 2):
         a, d = source[first + k], source[first + 2 * reach - k]
@@ -97,7 +97,7 @@ def _limit_rows(source: Any, first: Any, taps: Any, out: Any) -> None:
 
 @njit()
 def _limit_line(line: Any, taps: Any, out: Any) -> None:
-    """Symmetric taps along a line of interleaved complex numbers, longer than ``out`` by their reach on each side."""
+    """Filter of symmetric taps along a line of interleaved complex numbers, longer than ``out`` by the taps' reach."""
     reach = taps.size // 2
     n = out.size
     middle, tap = line[2 * reach : 2 * reach + n], taps[reach]
@@ -119,7 +119,7 @@ def _limit_line(line: Any, taps: Any, out: Any) -> None:
 
 @njit()
 def _raise(line: Any, first: Any, gain: Any, reach: Any) -> None:
-    """Multiply the columns of a line of interleaved complex numbers that lie along the image's border by their gain."""
+    """Multiply the columns along the image's border by their gain, in a line of interleaved complex numbers."""
     n = line.size // 2
     for i in range(n):
         if first + i < reach or first + i >= gain.size - reach:
@@ -135,7 +135,7 @@ def _add(spots: Any, line: Any) -> None:
 
 @njit()
 def _detect(field: Any, first: Any, power: Any) -> None:
-    """Power of a line of interleaved complex numbers: set by the first look, added by the others."""
+    """Power of a line of interleaved complex numbers, set for the first look and added for the others."""
     for i in range(power.size):
         value = field[2 * i] * field[2 * i] + field[2 * i + 1] * field[2 * i + 1]
         power[i] = value if first else power[i] + value
@@ -148,10 +148,10 @@ def _form(
     point_rows: Any, point_columns: Any, point_values: Any, fine_down: Any, fine_across: Any, intensity: Any,
     field: Any,
 ) -> None:  # fmt: skip
-    """Looks of some tiles: amplitude, separable band limit, and their mean power or the one complex look.
+    """Image of some tiles: amplitude, separable band limit, and mean power of the looks or one complex look.
 
-    Each tile forms what it needs of its neighbours itself, and every sum runs in one order: a
-    pixel does not depend on which tiles are asked for, nor on the number of threads.
+    Each tile computes the parts of its neighbours that it needs, and every sum has a fixed order, so that a pixel
+    depends neither on the choice of tiles nor on the number of threads.
     """
     reach_down, reach_across = down.size // 2, across.size // 2
     for t in prange(tiles.shape[0]):
@@ -166,7 +166,7 @@ def _form(
         line = np.empty(amplitude.shape[1], np.float32)
         result = np.empty(2 * (right - left), np.float32)
         spots = np.zeros((bottom - top if point_rows.size else 0, 2 * (right - left)), np.float32)
-        if point_rows.size:  # the same in every look
+        if point_rows.size:  # the points' contribution is the same in every look
             add_points(point_rows, point_columns, point_values, fine_down, fine_across, top, left, spots)
         pad = 2 * (outer_left - (left - reach_across))
         for look in range(first_look, first_look + looks):
@@ -203,7 +203,7 @@ def _tiles(shape: tuple[int, int], side: int) -> NDArray[np.int64]:
 
 
 def _runs(tiles: NDArray[np.int64], longest: int) -> NDArray[np.int64]:
-    """Tiles that follow one another in a row made one, up to so many columns."""
+    """Tiles with neighbours in a row joined, up to a number of columns."""
     runs: list[list[int]] = []
     for top, left, bottom, right in tiles.tolist():
         if runs and runs[-1][0] == top and runs[-1][3] == left and right - runs[-1][1] <= longest:
@@ -217,8 +217,8 @@ class ImageFormation:
     """Complex looks and multilooked intensity of a reflectivity, with common random numbers.
 
     Each look is h * (sum over materials of sqrt(P_m) u_m + sqrt(nesz) v + sum over points of a_p d_p):
-    u and v white circular Gaussian, one for each pixel and material; h the impulse response, which along the
-    image's border, where what lies beyond is not there, has unit energy within the image; thermal
+    u and v white circular Gaussian, one for each pixel and material; h the impulse response, which has unit energy
+    within the image also along the border, beyond which nothing is simulated; thermal
     noise is added before detection and passes through the same band limit; d_p is an impulse at the
     point's place and a_p its amplitude, the same in every look. Looks are averaged in power.
 
@@ -229,7 +229,7 @@ class ImageFormation:
     shape : (int, int)
         Image size, slant range by azimuth.
     noise_db : float or ndarray, shape (rows,)
-        Noise floor, of each row [dB].
+        Noise floor of each row [dB].
     points : Points, optional
         Point scatterers of the scene.
 
@@ -267,13 +267,11 @@ class ImageFormation:
 
         Parameters
         ----------
-        reflectivity : Reflectivity
-            Of every pixel and material.
+        reflectivity : Reflectivity Expected power of every pixel and material.
         noise_seed : int
             Seed of speckle and thermal noise.
         before, tiles : ndarray, optional
-            An image of the same seed, and the tiles (:meth:`touched`) in which it is formed
-            anew, in place.
+            Image of the same seed, and its tiles (:meth:`touched`) that are computed again, in place.
 
         Returns
         -------
@@ -304,11 +302,11 @@ class ImageFormation:
     ) -> None:  # fmt: skip
         rows, columns = self._shape
         across, points = self._across, phased(self._points, noise_seed)
-        if field is None:  # the mean of the looks is the sum of what these make of each
+        if field is None:  # with amplitudes over sqrt(looks), the mean power is a sum
             share = np.float32(np.sqrt(looks))
             field, across, points = np.empty((0, 0), dtype=np.float32), across / share, points / share
         stretch = _TILE + len(self._across)
-        # room for the random numbers of the longest stretch of a row
+        # space for the random numbers of the longest part of a row
         most = int(np.diff(reflectivity.start).max(initial=1))
         _form(
             tiles, rows, columns, reflectivity.start, reflectivity.material, reflectivity.power,
@@ -319,5 +317,5 @@ class ImageFormation:
 
 
 def decibels(power: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Power in dB; no power at all is the smallest number there is."""
+    """Power in dB; zero power gives the dB of the smallest positive number."""
     return np.asarray(10.0 * np.log10(np.maximum(power, np.finfo(np.float32).tiny)), dtype=np.float32)

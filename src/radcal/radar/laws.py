@@ -1,14 +1,14 @@
 """Backscatter laws: sigma0 in dB as a function of the local incidence angle.
 
-``LAWS`` is the registry. What a law needs to know besides its parameters (carrier frequency,
-polarisation, knots) is bound to it once, by :func:`law_for`; from then on every law is
-``law(phi_rad, parameters) -> sigma0 [dB]``.
+``LAWS`` is the registry. The conditions that a law depends on besides its parameters (carrier frequency, polarisation,
+knots) are bound to it once, by :func:`law_for`; every bound law is a function ``law(phi_rad, parameters) -> sigma0
+[dB]``.
 
-A law of the name ``EXTERNAL`` is not in the registry: it has names and units of parameters, but no
-curve, because only the simulator knows what backscatter they make.
+A law of the name ``EXTERNAL`` is not in the registry: it has names and units of parameters, but no curve, because only
+the simulator can compute its backscatter.
 
-Every law of the registry is finite from 0 to 90 degrees. Where a power vanishes at grazing incidence, its cosine
-is taken as at least 1e-6 (incidence of 89.99994 degrees). Outside of its valid angles a law is
+Every law of the registry is finite from 0 to 90 degrees. Where a power vanishes at grazing incidence, the cosine is
+limited to at least 1e-6 (incidence of 89.99994 degrees). Outside of its valid angles a law is
 extrapolated by its own formula.
 """
 
@@ -38,7 +38,7 @@ __all__ = [
     "ulaby_dobson",
 ]
 
-EXTERNAL = "external"  # the law of a material whose backscatter the simulator alone knows
+EXTERNAL = "external"  # name of the law of a material whose backscatter only the simulator knows
 _LEAST_COSINE = 1e-6
 _LIGHT_CM_GHZ = 29.9792458  # speed of light [cm GHz]
 Intervals = tuple[tuple[float, float], ...]
@@ -99,14 +99,14 @@ def ulaby_dobson(phi_rad: ArrayLike, parameters: ArrayLike) -> NDArray[np.float6
 
 
 def constant_gamma(phi_rad: ArrayLike, parameters: ArrayLike) -> NDArray[np.float64]:
-    r"""One-parameter law: backscatter per unit of area across the beam is constant.
+    r"""One-parameter law of constant gamma0, the backscatter per area across the beam.
 
     .. math:: \sigma^0_{dB}(\phi; \gamma) = \gamma_{dB} + 10 \log_{10} \cos\phi
 
     Parameters
     ----------
     phi_rad : array_like
-        Local incidence angle [rad], any shape. Its cosine is taken as at least 1e-6.
+        Local incidence angle [rad], any shape. Its cosine is limited to at least 1e-6.
     parameters : array_like, shape (1,)
         gamma [dB].
 
@@ -175,7 +175,7 @@ def oh1992(
     Parameters
     ----------
     phi_rad : array_like
-        Local incidence angle [rad], any shape. Its cosine is taken as at least 1e-6.
+        Local incidence angle [rad], any shape. Its cosine is limited to at least 1e-6.
     parameters : array_like, shape (3,)
         Relative permittivity of the soil, real part and (positive) imaginary part, and rms height
         of its surface [cm].
@@ -206,7 +206,7 @@ def oh1992(
     gamma_v = np.abs((permittivity * cosine - refracted) / (permittivity * cosine + refracted)) ** 2
     gamma_0 = abs((1.0 - permittivity**0.5) / (1.0 + permittivity**0.5)) ** 2
 
-    # in logarithms: the power 1 / (3 Gamma0) of a small angle and 1 - exp of a small roughness keep their digits
+    # logarithms keep the digits of a small angle to the power 1 / (3 Gamma0) and of 1 - exp of a small roughness
     share = np.log(np.maximum(2.0 * phi / np.pi, np.finfo(np.float64).tiny))
     root_p = -np.expm1(share / (3.0 * gamma_0) - ks)
     sigma0 = -0.7 * np.expm1(-0.65 * ks**1.8) * cosine**3 / root_p * (gamma_v + gamma_h)
@@ -218,7 +218,7 @@ def oh1992(
 
 
 def _cosine(phi: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Cosine of an incidence angle that never quite vanishes: powers in dB stay finite."""
+    """Cosine of an incidence angle, limited to at least 1e-6, so that powers in dB stay finite."""
     return np.asarray(np.maximum(np.cos(phi), _LEAST_COSINE))
 
 
@@ -249,28 +249,27 @@ def _oh1992_doubt(parameters: ArrayLike, *, frequency_ghz: float, polarisation: 
 
 @dataclass(frozen=True)
 class Law:
-    """A backscatter law and what is known about its parameters.
+    """Backscatter law with names, units, bounds and limits of its parameters.
 
     Attributes
     ----------
     function : callable or None
-        ``(phi_rad, parameters) -> sigma0 [dB]``; keywords for what ``needs`` lists. None: the curve
-        is known to the simulator alone.
+        ``(phi_rad, parameters) -> sigma0 [dB]``; the conditions in ``needs`` are keyword arguments. None: only the
+        simulator knows the curve.
     names, units : tuple of str
-        One per parameter; empty until the knots of a law that needs them are bound.
+        Name and unit of each parameter; empty for a law whose knots are not yet bound.
     bounds : tuple of (float, float) or None
-        Default search box; None where nothing published gives one.
+        Default bounds of the search; None where no publication gives any.
     valid_deg : (float, float)
         Incidence angles that the law was made for [deg].
     limits : tuple of (float, float) or None
-        What parameters may be at all; None: anything.
+        Range in which a parameter has a meaning; None: no limits.
     needs : tuple of str
-        What must still be bound: ``frequency_ghz``, ``polarisation``, ``angles_deg``.
+        Conditions that must still be bound: ``frequency_ghz``, ``polarisation``, ``angles_deg``.
     doubt : callable or None
-        ``(parameters) -> str | None``, in words why the parameters lie outside of what the law was
-        made for; keywords for what ``needs`` lists.
-    formula, source, remark : str
-        For the documentation.
+        ``(parameters) -> str | None``, a sentence where the parameters lie outside the range of the law's data; the
+        conditions in ``needs`` are keyword arguments.
+    formula, source, remark : str Texts for the documentation.
     """
 
     function: Callable[..., NDArray[np.float64]] | None
@@ -296,11 +295,11 @@ class Law:
 
     @property
     def has_curve(self) -> bool:
-        """Whether it can be evaluated, rather than simulated only."""
+        """Whether the law can be evaluated; external laws can only be simulated."""
         return self.function is not None
 
     def bound(self, **conditions: Any) -> Law:
-        """Return the law that knows these conditions; None and what it does not need are passed over."""
+        """Law with these conditions bound; those that are None or not needed are ignored."""
         known = {key: value for key, value in conditions.items() if key in self.needs and value is not None}
         law = replace(
             self,
@@ -315,7 +314,7 @@ class Law:
         return law
 
     def outside(self, incidence_deg: ArrayLike) -> float:
-        """Share of these angles [deg] that lie outside of the valid ones; those that are not finite do not count."""
+        """Share of angles [deg] outside the law's valid angles; angles that are not finite are not counted."""
         angle = np.asarray(incidence_deg, dtype=np.float64)
         angle = angle[np.isfinite(angle)]
         low, high = self.valid_deg
@@ -336,7 +335,7 @@ LAWS: dict[str, Law] = {
         ulaby_dobson,
         names=("P1", "P2", "P3", "P4", "P5", "P6"),
         units=("dB", "dB", "1/rad", "dB", "", "rad"),
-        # the exponential of anything steeper is no number any more
+        # the exponential of a larger value overflows
         limits=((-1000.0, 1000.0),) * 2 + ((-100.0, 100.0),) + ((-1000.0, 1000.0),) * 3,
         valid_deg=(0.0, 70.0),
         formula="P1 + P2 exp(-P3 phi) + P4 cos(P5 phi + P6)",
@@ -349,7 +348,7 @@ LAWS: dict[str, Law] = {
         names=("permittivity_real", "permittivity_imaginary", "rms_height"),
         units=("", "", "cm"),
         bounds=(_OH_PERMITTIVITY, (0.0, 6.0), (0.32, 3.02)),
-        # from dry minerals to water; a surface without any roughness scatters nothing back, which is no number in dB
+        # from dry minerals to water; without any roughness there is no backscatter, which has no value in dB
         limits=((2.0, 90.0), (0.0, 50.0), (0.01, 100.0)),
         valid_deg=(10.0, 70.0),
         needs=("frequency_ghz", "polarisation"),
@@ -387,14 +386,14 @@ LAWS: dict[str, Law] = {
 
 
 def external_law(names: Sequence[str], units: Sequence[str] | None = None) -> Law:
-    """The law of parameters that the simulator alone understands.
+    """Law without a curve, whose parameters only the simulator understands.
 
     Parameters
     ----------
     names : sequence of str
-        One per parameter; there may be none.
+        Name of each parameter; there may be none.
     units : sequence of str, optional
-        One per parameter; without any if missing.
+        Unit of each parameter; no units if missing.
 
     Returns
     -------
@@ -413,7 +412,7 @@ def law_for(
     names: Sequence[str] | None = None,
     units: Sequence[str] | None = None,
 ) -> Law:
-    """The law of a name, with all that it needs to know.
+    """Law of a name, with the conditions that it needs bound to it.
 
     Parameters
     ----------

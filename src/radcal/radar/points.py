@@ -31,7 +31,7 @@ class Points:
     amplitude : ndarray of float32, shape (n,)
         Square root of the cross-section over the reference area of the configured radiometry.
     number : ndarray of uint32, shape (n,)
-        Entry in the scene's objects, which its phase is drawn by.
+        Index of the entry in the scene's objects, which determines the point's phase.
     """
 
     row: NDArray[np.float64]
@@ -46,7 +46,7 @@ class Points:
 
 
 def fine_taps(resolution_m: float, spacing_m: float) -> NDArray[np.float32]:
-    """Impulse response between the pixels.
+    """Impulse response sampled several times in each pixel.
 
     Parameters
     ----------
@@ -77,8 +77,8 @@ def _phases(number: Any, k0: Any, k1: Any, amplitude: Any, out: Any) -> None:
 def phased(points: Points, noise_seed: int) -> NDArray[np.float32]:
     """Real and imaginary part of the points' amplitudes, shape (n, 2).
 
-    The phase is even over the circle, by the noise seed and the object's number, and the same
-    in every look: a point does not fluctuate.
+    The phase is uniformly distributed, drawn by the noise seed and the object's number, and the same in every look, so
+    that a point does not fluctuate.
     """
     out = np.empty((points.row.size, 2), dtype=np.float32)
     _phases(points.number, *seed_words(noise_seed), points.amplitude, out)
@@ -107,11 +107,11 @@ def add_points(rows: Any, columns: Any, values: Any, down: Any, across: Any, top
     values : ndarray of float32, shape (n, 2)
         Complex amplitudes.
     down, across : ndarray of float32
-        Impulse response, as :func:`fine_taps` gives it.
+        Impulse response from :func:`fine_taps`.
     top, left : int
         First row and column of the part.
     out : ndarray of float32, shape (height, 2 width)
-        Real and imaginary parts beside each other; added to.
+        Part of the look, real and imaginary parts interleaved, to which the points are added.
     """
     height, width = out.shape[0], out.shape[1] // 2
     reach_down, reach_across = down.size // 2 // FINENESS + 1, across.size // 2 // FINENESS + 1
@@ -119,7 +119,8 @@ def add_points(rows: Any, columns: Any, values: Any, down: Any, across: Any, top
         row, column = int(np.floor(rows[i])) - top, int(np.floor(columns[i])) - left
         first, last = max(0, column - reach_across), min(width, column + reach_across + 2)
         for r in range(max(0, row - reach_down), min(height, row + reach_down + 2)):
-            # from whole numbers of the image, not of the part: rounding must not depend on where a part begins
+            # relative to whole pixels of the image, not of the part, so that rounding does not depend on the part's
+            # first pixel
             tap = _tap(down, top + r - rows[i])
             for c in range(first, last):
                 size = tap * _tap(across, left + c - columns[i])
@@ -128,9 +129,9 @@ def add_points(rows: Any, columns: Any, values: Any, down: Any, across: Any, top
 
 
 def not_pure(points: Points, radar: Radar, material: NDArray[np.uint8]) -> None:
-    """Take the material from the pixels in the main lobe of a point, in place.
+    """Set the material of the pixels in the main lobe of a point to 0 (mixed), in place.
 
-    Beyond it, what a point spills is below the sidelobes' -35 dB of its peak.
+    Beyond it, the response is below the sidelobe level of -35 dB.
     """
     _clear(
         points.row,

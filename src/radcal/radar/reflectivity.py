@@ -15,14 +15,14 @@ from radcal.radar.laws import Law
 
 __all__ = ["Reflectivity", "law_tables", "reflectivity", "uniform"]
 
-_LEVELS = 65536  # of the incidence angle between 0 and 90 degrees
+_LEVELS = 65536  # steps of the incidence angle between 0 and 90 degrees
 
 
 @dataclass(frozen=True)
 class Reflectivity:
     """Expected power by pixel and material.
 
-    A *cell* is what one material contributes to one pixel.
+    A *cell* is the contribution of one material to one pixel.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ def uniform(power: NDArray[np.float32]) -> Reflectivity:
 def law_tables(
     names: tuple[str, ...], laws: Mapping[str, Law], parameters: Mapping[str, ArrayLike]
 ) -> NDArray[np.float32]:
-    """Every material's law as a table over incidence.
+    """Table of every material's law over the incidence angle.
 
     Parameters
     ----------
@@ -113,10 +113,10 @@ def reflectivity(
     geometry : Geometry
         Facets of the pass, with their weights in the configured radiometry.
     tables : ndarray, shape (materials + 2, 65536)
-        Laws, as :func:`law_tables` gives them.
+        Laws from :func:`law_tables`.
     before, changed : optional
-        Reflectivity of other laws, and the ids of materials (bool, shape (materials + 2,))
-        whose law is another now: only their cells are made anew, in place.
+        Reflectivity with earlier laws, and the materials (bool by id, shape (materials + 2,)) whose law has changed
+        since: only their cells are computed again, in place.
 
     Returns
     -------

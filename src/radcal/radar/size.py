@@ -11,19 +11,19 @@ from radcal.scene.size import SceneSize
 
 __all__ = ["ImageSize", "check_size", "image_size", "refinement"]
 
-_LARGEST = 1_000_000_000  # facets or pixels: some 140 GB of geometry
+_LARGEST = 1_000_000_000  # largest number of facets or pixels: about 140 GB of geometry
 
 
 @dataclass(frozen=True)
 class ImageSize:
-    """Numbers that say how large the image of a scene is.
+    """Size of the image of a scene: numbers of facets and of pixels.
 
     Attributes
     ----------
     facets : int
-        Facets that the scene is cut into.
+        Number of facets of the scene.
     pixels : int
-        Pixels of the image, on level ground.
+        Number of pixels of the image, on level ground.
     """
 
     facets: int
@@ -31,7 +31,7 @@ class ImageSize:
 
 
 def refinement(cell_m: float, radar: Radar) -> int:
-    """Into how many facets a cell's side is cut: none is larger than the pixels on level ground.
+    """Number of facets along a cell's side, such that no facet is larger than a pixel on level ground.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def image_size(scene: SceneSize, radar: Radar) -> ImageSize:
 
 
 def check_size(scene: SceneSize, radar: Radar) -> None:
-    """Refuse pixels so small that no machine holds the image of the scene.
+    """Refuse pixels so small that the image of the scene does not fit into any memory.
 
     Parameters
     ----------

@@ -9,7 +9,8 @@ __all__ = ["WIDTH_FACTOR", "border_gain", "impulse_response", "log_speckle_sd_db
 
 _NBAR, _SIDELOBE_DB = 4, 35
 # -3 dB width of the Taylor-weighted impulse response times its bandwidth, by linear interpolation of its power on
-# 20,001 points of 0 to 1; a test computes it. Every simulated pixel depends on its last digit, and not on a BLAS.
+# 20,001 points of 0 to 1; a test computes it. The number is fixed because every simulated pixel depends on its last
+# digit, which would differ between BLAS libraries.
 WIDTH_FACTOR = 1.1841552900179924
 _REACH = 8.0  # the impulse response is cut at this many resolution widths, below -45 dB
 
@@ -77,14 +78,14 @@ def impulse_response(resolution_m: float, spacing_m: float) -> NDArray[np.float6
 
 
 def border_gain(taps: NDArray[np.floating], n: int) -> NDArray[np.float32]:
-    """Gain of amplitudes along a border, so that the mean power of even ground is the same up to it.
+    """Gain of amplitudes along a border, with which even ground has the same mean power up to the border.
 
     Parameters
     ----------
     taps : ndarray, shape (2 m + 1,)
         Impulse response of unit energy.
     n : int
-        Pixels of the image in its direction.
+        Number of pixels of the image in this direction.
 
     Returns
     -------

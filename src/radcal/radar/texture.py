@@ -17,8 +17,8 @@ def log_speckle_cumulants(looks: ArrayLike) -> NDArray[np.float64]:
 
     .. math:: K [\psi(L) - \ln L], \quad K^2 \psi'(L), \quad K^3 \psi''(L), \qquad K = 10 / \ln 10
 
-    Cumulants of independent factors of the intensity add in dB: what speckle of other looks does to
-    the statistics of an area is the difference of these.
+    In dB the cumulants of independent factors of the intensity add, so that a change of looks changes the statistics of
+    an area by the difference of these cumulants.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def log_speckle_cumulants(looks: ArrayLike) -> NDArray[np.float64]:
     logs-cumulants a l'analyse des lois d'images radar", Traitement du Signal 19 (2002).
     """
     n = np.asarray(looks, dtype=np.float64)
-    if n.ndim == 0:  # a search asks for the same looks again and again
+    if n.ndim == 0:  # cached, because a search repeats the same looks
         return np.array(_scalar(float(n)))
     return np.stack([np.array(_scalar(float(one))) for one in n.ravel()]).reshape(*n.shape, 3)
 
@@ -57,7 +57,7 @@ def texture_order(looks: float, effective: float) -> float:
 
     The K distribution of L looks and order :math:`\nu` has the log-variance :math:`\psi'(L) + \psi'(\nu)`;
     the order is the one that makes it :math:`\psi'(L')`. (Matching the variance of the intensity,
-    :math:`(1 + 1/L)(1 + 1/\nu) = 1 + 1/L'`, gives too little spread in dB: 2.78 dB in place of 3.04 dB
+    :math:`(1 + 1/L)(1 + 1/\nu) = 1 + 1/L'`, gives too small a standard deviation in dB: 2.78 dB in place of 3.04 dB
     for 2.5 of 4 looks.)
 
     Parameters
@@ -65,7 +65,7 @@ def texture_order(looks: float, effective: float) -> float:
     looks : float
         Looks L of the speckle.
     effective : float
-        Looks L' seen in dB.
+        Effective looks L', from the log-variance.
 
     Returns
     -------
@@ -93,8 +93,8 @@ def texture_db(uniform: ArrayLike, order: float) -> NDArray[np.float64]:
     Parameters
     ----------
     uniform : array_like
-        Numbers between 0 and 1, one a pixel; the same ones for every order make the texture a smooth
-        function of it (common random numbers).
+        Numbers between 0 and 1, one a pixel; with the same numbers for every order the texture is a smooth function of
+        the order (common random numbers).
     order : float
         Order of the gamma law; infinite for none.
 

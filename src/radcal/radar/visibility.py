@@ -14,21 +14,21 @@ from radcal.radar.compiled import njit
 
 __all__ = ["FAR_HALF", "NEAR_HALF", "laid_over", "part_seen", "seen_from", "slant_extent"]
 
-NEAR_HALF, FAR_HALF = 1, 2  # of a facet of which no more than that is seen
+NEAR_HALF, FAR_HALF = 1, 2  # the half of a facet of which only one half is visible
 
 
 @njit()
 def seen_from(near: Any, near_down: Any, far: Any, far_down: Any, horizon: Any) -> Any:
-    """Beginning of the visible part of a straight piece.
+    """Beginning of the visible part of a straight piece of ground, as a fraction.
 
     Parameters
     ----------
     near, far : float
         Ground range of its ends [m].
     near_down, far_down : float
-        How far below the radar they lie [m].
+        Depth of the ends below the radar [m].
     horizon : float
-        Largest tangent of the angle from nadir of all that stands before it.
+        Largest tangent of the angle from nadir of everything nearer to the radar.
 
     Returns
     -------
@@ -47,9 +47,9 @@ def seen_from(near: Any, near_down: Any, far: Any, far_down: Any, horizon: Any) 
 def part_seen(
     near: Any, near_down: Any, middle: Any, middle_down: Any, far: Any, far_down: Any, horizon: Any
 ) -> tuple[Any, Any]:
-    """Visible interval of a facet that bends in its middle, as fractions from and to; empty where from lies beyond to.
+    """Visible interval of a facet that bends in its middle, as two fractions; empty where the first exceeds the second.
 
-    Within a half the angle from nadir grows or falls throughout: what is seen is in one piece.
+    Within a half the angle from nadir is monotonic, so that the visible part is one interval.
     """
     first = seen_from(near, near_down, middle, middle_down, horizon)
     second = seen_from(middle, middle_down, far, far_down, max(horizon, middle / middle_down))
@@ -81,9 +81,9 @@ def laid_over(slant_m: NDArray[np.float64], visible: NDArray[np.bool_], apart_m:
     slant_m : ndarray, shape (ny, nx)
         Slant range; axis 1 is ground range, nearest first [m].
     visible : ndarray of bool, shape (ny, nx)
-        Facets that return an echo; the others count for nothing.
+        Facets that return an echo; the others are ignored.
     apart_m : float
-        By how much slant range must fall back on the way between them [m].
+        Amount by which slant range must decrease between the facets [m].
 
     Returns
     -------

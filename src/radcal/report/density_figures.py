@@ -40,7 +40,7 @@ def _reach(dp: Array) -> tuple[float, float]:
 
 
 class _Densities:
-    """An axis of densities: the target in its middle, others as far as they can be shown."""
+    """Axis of densities with the target in its middle; other densities may lie partly outside."""
 
     def __init__(self, axes: Axes, material: MaterialData) -> None:
         self._axes = axes
@@ -88,7 +88,7 @@ class _Densities:
         self._axes.set_ylim(0.0, 1.06 * max(self._tops))
 
     def remark(self) -> str:
-        """Return a sentence on what the axes could not show."""
+        """Sentence on densities that lie outside the axis."""
         parts = []
         if self.outside:
             parts.append(f"{self.outside} lie outside the axis" if self.outside > 1 else "one lies outside the axis")
@@ -100,7 +100,7 @@ class _Densities:
 
 
 def histogram(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str]:
-    """Measured pixels, their density and some of the design."""
+    """Figure of the measured pixels' histogram, the target density, and densities of some design runs."""
     canvas = new_canvas(6.2, 4.2)
     axes = canvas.subplots()
     panel = _Densities(axes, material)
@@ -125,7 +125,7 @@ def histogram(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str]
 
 
 def densities(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str]:
-    """Target, start and calibrated."""
+    """Figure of the target density with those of the start and of the calibrated law."""
     canvas = new_canvas(6.2, 4.2)
     axes = canvas.subplots()
     panel = _before_after(axes, material)
@@ -152,7 +152,7 @@ def _before_after(axes: Axes, material: MaterialData) -> _Densities:
 
 
 def overview(case: CaseData) -> tuple[Canvas, str, str]:
-    """Small densities of all materials."""
+    """Figure of the densities of all materials, one small panel each."""
     n = len(case.materials)
     columns = 2 if n <= 4 else 3 if n <= 9 else 4
     rows = -(-n // columns)
@@ -186,7 +186,7 @@ def overview(case: CaseData) -> tuple[Canvas, str, str]:
 
 
 def quality(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str]:
-    """Measured pixels against the skew normal fitted to them."""
+    """Quantile figure of the measured pixels against the skew normal fitted to them."""
     from scipy.special import betaincinv
 
     canvas = new_canvas(6.2, 4.4)
@@ -203,7 +203,7 @@ def quality(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str]:
         return np.asarray(np.interp(share, below[rising], grid[rising]))
 
     expected = quantile((np.arange(n) + 0.5) / n)
-    # order statistics of so many independent values (David and Nagaraja, "Order Statistics", section 2.1)
+    # order statistics of this number of independent values (David and Nagaraja, "Order Statistics", section 2.1)
     m = max(8, round(material.effective))
     rank = np.arange(1, m + 1)
     shares = np.stack([betaincinv(rank, m + 1 - rank, tail) for tail in (0.025, 0.975)])

@@ -1,6 +1,6 @@
 """Shared parts of all figures: colours, type, canvases, and the data read from the archive.
 
-Colours mean the same everywhere (Okabe and Ito's palette, told apart by line style too):
+Colours have the same meaning in all figures (Okabe and Ito's palette, with different line styles, too):
 target and measurement black and grey, start orange dashed, calibrated blue, hidden truth
 green dotted, tolerance vermilion.
 """
@@ -36,7 +36,7 @@ PALE = "#D0D0D0"
 DESIGN = "#56B4E9"
 MUTED = "#7A7A7A"
 
-# sixteen fills that differ in lightness too; the map numbers them, colour alone never tells
+# sixteen colours of different lightness; the map also has numbers, so that nothing depends on colour alone
 FILLS = (
     "#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7", "#8C8C8C",
     "#332288", "#B7E1B0", "#882255", "#FBD5A5", "#B4C7F0", "#6B4A1B", "#D9D9D9", "#117777",
@@ -65,9 +65,9 @@ STYLE: Any = {
 
 @dataclass(frozen=True)
 class MaterialData:
-    """A calibrated material as the archive has it; arrays as documented there.
+    """Data of a calibrated material in the archive; :mod:`radcal.report.archive` documents the arrays.
 
-    ``start_law_name`` is None where the start is of the law that is calibrated.
+    ``start_law_name`` is None where the start has the calibrated law.
     """
 
     name: str
@@ -94,7 +94,7 @@ class MaterialData:
     check: Mapping[str, Any]
 
     def title(self, text: str = "") -> str:
-        """Name and a remark, on two lines if one is too short."""
+        """Title of a name and a remark, on two lines if one line is too short."""
         name = label(self.name)
         if not text:
             return name
@@ -121,17 +121,17 @@ class CaseData:
 
 
 def shortened(name: str, width: int) -> str:
-    """Name of at most so many characters."""
+    """Name cut to a number of characters."""
     return name if len(name) <= width else f"{name[: width - 1].rstrip()}\N{HORIZONTAL ELLIPSIS}"
 
 
 def label(name: str, width: int = 44) -> str:
-    """Name for a figure: short enough, and no formula."""
+    """Name for a figure, shortened, and escaped so that it is not read as a formula."""
     return shortened(name, width).replace("$", r"\$")
 
 
 def slugs(names: Iterable[str]) -> Iterator[str]:
-    """File names, short, plain and each one once."""
+    """Short and plain file names, all different."""
     used: set[str] = set()
     for name in names:
         stem = re.sub(r"[^A-Za-z0-9_-]+", "_", name)[:80]
@@ -197,7 +197,7 @@ def read_case(archive: str | Path) -> CaseData:
 
 
 def _other_law(group: h5py.Group) -> str | None:
-    """Name of the start's law where the reference run's X is none of the calibrated law."""
+    """Name of the start's law where the reference run has another law than the calibrated one."""
     return str(group["start"].attrs["law"]) if np.isnan(group["parameters"][0]).any() else None
 
 
@@ -212,7 +212,7 @@ def new_canvas(width: float, height: float, layout: Literal["constrained", "comp
 
 
 def add_legend(canvas: Canvas, entries: tuple[Sequence[Any], Sequence[str]], columns: int) -> None:
-    """One legend below everything, in as many columns as fit."""
+    """Legend below the axes, in as many columns as fit."""
     while True:
         legend = canvas.legend(
             *entries,

@@ -1,4 +1,4 @@
-"""The figures of a calibration, drawn from ``calibration.h5`` alone, each as PNG and PDF."""
+"""Figures of a calibration, drawn from ``calibration.h5`` alone, each as PNG and PDF."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ class Figure:
     name : str
         File name without its ending.
     title, caption, alt : str
-        Words for a page: heading, explanation, description for who cannot see it.
+        Texts for a page: heading, explanation, and description for readers who cannot see the figure.
     png, pdf : Path
         The files.
     material : str or None
-        The material it is about, None for the whole case.
+        Material of the figure, None for the whole case.
     """
 
     name: str
@@ -56,7 +56,7 @@ def write_figures(archive: str | Path, folder: str | Path) -> list[Figure]:
     archive : path
         ``calibration.h5``.
     folder : path
-        Where the files go; made if missing. Each file appears complete or not at all.
+        Folder of the files, created if missing. Each file is written atomically.
 
     Returns
     -------
@@ -101,10 +101,10 @@ def write_figures(archive: str | Path, folder: str | Path) -> list[Figure]:
 
 def _save(canvas: Canvas, path: Path) -> Path:
     ending = path.suffix[1:]
-    # neither dates nor versions, so that the same archive gives the same bytes
+    # no dates or versions, so that the same archive gives the same bytes
     metadata = {"png": {"Software": None}, "pdf": {"CreationDate": None, "Creator": None, "Producer": None}}[ending]
     with atomic(path) as partial:
         canvas.savefig(partial, format=ending, dpi=_DPI, metadata=metadata, facecolor="white")
-    # what the layout settled for the first file holds for the second
+    # the second file keeps the layout of the first
     canvas.set_layout_engine("none")
     return path

@@ -13,11 +13,11 @@ if TYPE_CHECKING:
 
 __all__ = ["held_out"]
 
-_BAND = 1.645  # standard deviations on each side that hold 90 % of a normal law
+_BAND = 1.645  # 90 % of a normal distribution lie within so many standard deviations
 
 
 def held_out(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str] | None:  # noqa: ARG001 - one shape for all
-    """Means of held-out blocks against their prediction; None where nothing was held out."""
+    """Figure of the held-out blocks' means against their predictions; None where nothing was held out."""
     from matplotlib.ticker import MaxNLocator
 
     check = material.check

@@ -20,7 +20,7 @@ from radcal.report.summary import summarise
 
 __all__ = ["write_report"]
 
-_AT_BOUND = 1e-3  # share of a bound's interval
+_AT_BOUND = 1e-3  # share of the interval between bounds within which a value is at its bound
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _MINUS = "\N{MINUS SIGN}"
 _TIMES = "\N{NARROW NO-BREAK SPACE}\N{MULTIPLICATION SIGN}\N{NARROW NO-BREAK SPACE}"
@@ -41,7 +41,7 @@ _SHORT = {
 
 
 def _number(value: float | None, digits: int = 3) -> str:
-    """Text of a number with significant digits, powers of ten where they read better."""
+    """Text of a number with significant digits, as a power of ten for very large and small ones."""
     if value is None or not math.isfinite(value):
         return "\N{EN DASH}"
     if value == 0:
@@ -62,7 +62,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _span(values: Iterable[float]) -> str:
-    """Smallest to largest, once if they read the same."""
+    """Text of a range; one number where both ends have the same text."""
     found = sorted(values)
     return " to ".join(dict.fromkeys((_number(found[0], 2), _number(found[-1], 2))))
 
@@ -78,7 +78,7 @@ def _theta(values: Mapping[str, float]) -> dict[str, float]:
 
 
 def _bound(value: float, low: float, high: float) -> str:
-    """Bound that a value stands at, or nothing."""
+    """Text on the bound that a value has reached, empty where it has reached none."""
     margin = _AT_BOUND * (high - low)
     return "lower" if value - low <= margin else "upper" if high - value <= margin else ""
 
@@ -87,7 +87,7 @@ def _material(name: str, summary: Mapping[str, Any], group: h5py.Group) -> dict[
     """Data of one material for the page."""
     low, high = np.percentile(group["incidence_deg"][()], [5.0, 95.0])
     hidden = summary.get("hidden", {})
-    # a start of another law has other parameters
+    # a start with another law has other parameters
     same_law = bool(np.isfinite(group["parameters"][0]).all())
     parameters = [
         {
@@ -125,13 +125,13 @@ def _material(name: str, summary: Mapping[str, Any], group: h5py.Group) -> dict[
         "eligible": int(group.attrs["eligible"]),
         "at_boundary": bool(group.attrs["at_boundary"]),
         "known": "law_difference_db" in summary,
-        # the truth of parameters that only an external simulator understands, too
+        # also for hidden parameters of an external law
         "truth": bool(hidden),
     }
 
 
 def _who(found: Sequence[Mapping[str, Any]], total: int) -> str:
-    """Names, or how many of how many."""
+    """Names of materials, or their number where there are many."""
     return _listed([m["name"] for m in found]) if len(found) <= 4 else f"{len(found)} of {total} materials"
 
 

@@ -36,9 +36,9 @@ _GRAZING_DB = -60.0
 
 
 def _runs(axes: Axes, case: CaseData, material: MaterialData, shown: Array) -> None:
-    """Every run's value by kind, and the best so far."""
+    """Draw every run's value by kind of run, and the best value so far."""
     runs = np.arange(shown.size)
-    counted = np.isfinite(material.parameters).all(axis=1)  # a run of another law is nobody's best
+    counted = np.isfinite(material.parameters).all(axis=1)  # a run with another law cannot be the best run
     best = np.minimum.accumulate(shown[counted])
     axes.step(runs[counted], best, where="post", color="black", linewidth=1.6, label="best so far")
     ended = np.zeros(shown.size, dtype=bool)
@@ -60,7 +60,7 @@ def _runs(axes: Axes, case: CaseData, material: MaterialData, shown: Array) -> N
 
 
 def _number_runs(axes: Axes, number: int) -> None:
-    """The axis of the runs."""
+    """Label the axis of the runs."""
     from matplotlib.ticker import MaxNLocator
 
     axes.set_xlim(-0.5, max(number - 0.5, 1.0))
@@ -74,7 +74,7 @@ def cost(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str]:
 
 
 def _law_cost(case: CaseData, material: MaterialData, costs: Array) -> tuple[Canvas, str, str]:
-    """Misfit of the incidence-angle bins, and the difference of the densities that comes with it."""
+    """Draw the misfit of the incidence-angle bins, and the rms of the densities for the same runs."""
     canvas = new_canvas(6.2, 6.2)
     upper, lower = canvas.subplots(2, 1, sharex=True)
     squares = np.maximum(2.0 * costs, 1e-3)
@@ -113,14 +113,14 @@ def _law_cost(case: CaseData, material: MaterialData, costs: Array) -> tuple[Can
 
 
 def _density_cost(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str]:
-    """Difference of the densities, run by run."""
+    """Draw the rms of the densities of each run."""
     canvas = new_canvas(6.2, 4.8)
     axes = canvas.subplots()
     rms = material.rms
     runs, infill = np.arange(rms.size), np.flatnonzero(case.kinds == "infill")
     positive = np.concatenate([rms[rms > 0], [case.tolerance, material.rms_sampling]])
     positive = positive[np.isfinite(positive) & (positive > 0)]
-    # a cost of exactly 0 has no place on a logarithmic axis: it is drawn on its lower edge
+    # a cost of exactly 0 is drawn on the lower edge of the logarithmic axis
     bottom = float(positive.min()) / 3.0
     shown = np.where(rms > 0, rms, bottom)
     _runs(axes, case, material, shown)
@@ -153,7 +153,7 @@ def _density_cost(case: CaseData, material: MaterialData) -> tuple[Canvas, str, 
 
 
 def law(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str] | None:  # noqa: ARG001 - one shape for all
-    """Backscatter against incidence: start, found, truth; None where only the simulator could draw it."""
+    """Figure of backscatter against incidence for start, law found and hidden law; None for external laws."""
     if not material.law.has_curve:
         return None
     shares = (4.0, 1.0) if material.hidden is None else (4.0, 1.4, 1.0)
@@ -183,7 +183,7 @@ def law(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str] | Non
             marker="o", markersize=4.5, elinewidth=1.2, zorder=4, label="classes, 95 %",
         )  # fmt: skip
     upper.margins(x=0)
-    if upper.get_ylim()[0] < _GRAZING_DB:  # a law that falls to nothing at grazing incidence hides all else
+    if upper.get_ylim()[0] < _GRAZING_DB:  # a steep fall at grazing incidence would hide the rest
         values = np.concatenate([curve(np.radians(phi[phi <= 85.0]), x) for _, curve, x, _ in curves])
         upper.set_ylim(float(values.min()) - 3.0, float(values.max()) + 3.0)
     if material.hidden is None:

@@ -9,7 +9,7 @@ from radcal.radar.geometry import Geometry
 
 __all__ = ["law_notes"]
 
-_SHARE = 0.05  # of a material's pixels
+_SHARE = 0.05  # share of a material's pixels outside the law's angles above which a note is made
 
 
 def law_notes(case: Case, geometry: Geometry, parameters: Mapping[str, Sequence[float]]) -> list[str]:
@@ -20,7 +20,7 @@ def law_notes(case: Case, geometry: Geometry, parameters: Mapping[str, Sequence[
     case : Case
         Sections ``materials`` and ``radar`` are read.
     geometry : Geometry
-        Incidence of every material's visible pixels.
+        Geometry with the incidence of every material's visible pixels.
     parameters : mapping
         Every material's parameters in the final runs.
 

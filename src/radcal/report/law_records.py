@@ -1,6 +1,6 @@
 """Laws in the archive: parameters, with everything needed to evaluate the law as attributes.
 
-A module of its own, so that readers of the archive do not import everything that its writer needs.
+The module is separate so that readers of the archive do not import the modules that only its writer needs.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ __all__ = ["put_law", "read_law"]
 
 
 def put_law(parameters: h5py.Dataset, material: Material, radar: Radar) -> None:
-    """Write what it takes to evaluate a law, beside its parameters.
+    """Write everything needed to evaluate a law as attributes of its parameters.
 
     Parameters
     ----------
     parameters : h5py.Dataset
         Parameters of the law, of one or several runs.
     material : Material
-        Its law, with the knots or names of parameters that it has.
+        Material with the law, its knots or its parameters' names.
     radar : Radar
-        Polarisation and frequency [GHz].
+        Pass with polarisation and frequency [GHz].
     """
     parameters.attrs["law"] = material.law
     parameters.attrs["polarisation"] = radar.polarisation
@@ -37,18 +37,18 @@ def put_law(parameters: h5py.Dataset, material: Material, radar: Radar) -> None:
     if material.angles_deg is not None:
         parameters.attrs["angles_deg"] = material.angles_deg
     if material.law == EXTERNAL:
-        text = h5py.string_dtype()  # said, because there may be none
+        text = h5py.string_dtype()  # written explicitly, because there may be no parameter
         parameters.attrs["names"] = np.array(material.parameter_names, dtype=text)
         parameters.attrs["units"] = np.array(material.parameter_units, dtype=text)
 
 
 def read_law(parameters: h5py.Dataset) -> Law:
-    """Read the law of parameters that :func:`put_law` described.
+    """Read the law that :func:`put_law` wrote.
 
     Parameters
     ----------
     parameters : h5py.Dataset
-        In an archive ``laws/<m>``, ``materials/<m>/parameters`` or ``materials/<m>/start``.
+        Dataset of the archive: ``laws/<m>``, ``materials/<m>/parameters`` or ``materials/<m>/start``.
 
     Raises
     ------

@@ -18,12 +18,12 @@ __all__ = ["axis_labels", "image_extent", "images", "panels_for", "registration"
 
 Aspect = Literal["equal", "auto"]
 
-_BOXCAR = 9  # pixels, multilook of the residual
+_BOXCAR = 9  # side of the blocks over which the residual is averaged [pixels]
 _LARGEST = 1600  # pixels per side of an image shown; larger ones are averaged
 
 
 def _power(image_db: NDArray[Any]) -> tuple[Array, NDArray[np.bool_]]:
-    """Linear power, 0 where there is none, and where there is some."""
+    """Linear power with 0 for missing pixels, and mask of the valid ones."""
     valid = np.isfinite(image_db)
     return np.where(valid, 10.0 ** (np.where(valid, image_db, 0.0).astype(np.float64) / 10.0), 0.0), valid
 
@@ -34,7 +34,7 @@ def _db(power: Array, valid: NDArray[np.bool_]) -> Array:
 
 
 def _blocks(values: NDArray[Any], k: int) -> NDArray[Any]:
-    """Sums over blocks of k x k; what is left over at the end is dropped."""
+    """Sums over blocks of k x k pixels; an incomplete block at the end is dropped."""
     rows, columns = values.shape[0] // k, values.shape[1] // k
     return np.asarray(values[: rows * k, : columns * k].reshape(rows, k, columns, k).sum(axis=(1, 3)))
 
@@ -45,7 +45,7 @@ def _factor(shape: tuple[int, ...]) -> int:
 
 
 def _shown(image_db: NDArray[Any]) -> NDArray[Any]:
-    """Image for the page: large ones averaged in power."""
+    """Image for the page, averaged in power if it is large."""
     k = _factor(image_db.shape)
     if k == 1:
         return image_db
@@ -55,7 +55,7 @@ def _shown(image_db: NDArray[Any]) -> NDArray[Any]:
 
 
 def panels_for(shape: tuple[int, ...], n: int, below: float = 0.0) -> tuple[Canvas, list[Axes], bool, Aspect]:
-    """Panels beside each other, or stacked if the image is wide; extreme images are stretched."""
+    """Panels side by side, or one below the other for a wide image; very long images are stretched."""
     ratio = shape[0] / shape[1]
     aspect: Aspect = "equal" if 0.2 <= ratio <= 2.5 else "auto"
     ratio = float(np.clip(ratio, 0.2, 2.5))
@@ -75,7 +75,7 @@ def panels_for(shape: tuple[int, ...], n: int, below: float = 0.0) -> tuple[Canv
 
 
 def axis_labels(panels: Sequence[Axes], stacked: bool) -> None:
-    """Name the axes of an image."""
+    """Label the axes of an image."""
     for panel in panels if not stacked else panels[-1:]:
         panel.set_xlabel("azimuth [pixel]")
     for panel in panels if stacked else panels[:1]:
@@ -86,12 +86,12 @@ def axis_labels(panels: Sequence[Axes], stacked: bool) -> None:
 
 
 def image_extent(shape: tuple[int, ...]) -> tuple[float, float, float, float]:
-    """Edges of an image whose pixel centres are whole numbers."""
+    """Extent of an image on axes where pixel centres are whole numbers."""
     return (-0.5, shape[1] - 0.5, shape[0] - 0.5, -0.5)
 
 
 def images(case: CaseData) -> tuple[Canvas, str, str] | None:
-    """Measured, start and calibrated image."""
+    """Figure of the measured image, the start and the calibrated image."""
     titles = {"measured_db": "measured", "reference_db": "start", "calibrated_db": "calibrated"}
     there = [key for key in titles if key in case.images]
     if not there:
@@ -124,14 +124,14 @@ def images(case: CaseData) -> tuple[Canvas, str, str] | None:
 
 
 def registration(case: CaseData) -> tuple[Canvas, str, str] | None:
-    """Before and after registration, and the displacement."""
+    """Figure of the measured image before and after registration, and the displacement."""
     if not case.registration or "reference_db" not in case.images:
         return None
     simulated = case.images["reference_db"]
     field = case.registration["displacement_px"].astype(np.float64)
     canvas, panels, stacked, aspect = panels_for(simulated.shape, 3)
     extent, k = image_extent(simulated.shape), _factor(simulated.shape)
-    # squares of one image between squares of the other: roads and borders must go on across them
+    # chequerboard of both images, in which roads and borders must continue from square to square
     rows, columns = np.indices(simulated.shape) // (max(simulated.shape) // 9)
     squares = (rows + columns) % 2 == 0
     levelled = _levelled(simulated)
@@ -164,7 +164,7 @@ def registration(case: CaseData) -> tuple[Canvas, str, str] | None:
 
 
 def _levelled(image_db: NDArray[Any]) -> Array:
-    """Image averaged over 5 x 5 pixels, brought to zero median and unit spread."""
+    """Image averaged over 5 x 5 pixels, with zero median, in units of half the range of the middle 68 %."""
     from scipy.ndimage import uniform_filter
 
     power, valid = _power(image_db)
@@ -175,7 +175,7 @@ def _levelled(image_db: NDArray[Any]) -> Array:
 
 
 def residual(case: CaseData) -> tuple[Canvas, str, str] | None:
-    """Calibrated minus measured image beside the materials."""
+    """Figure of the residual (calibrated minus measured image) beside the materials."""
     from matplotlib.colors import BoundaryNorm, ListedColormap
     from matplotlib.patches import Patch
     from scipy.ndimage import uniform_filter
@@ -184,7 +184,7 @@ def residual(case: CaseData) -> tuple[Canvas, str, str] | None:
     if not {"measured_db", "calibrated_db", "material"} <= case.images.keys():
         return None
     pixels = case.images["calibrated_db"] - case.images["measured_db"]
-    # where no material is seen the simulation holds noise alone: nothing there was compared
+    # where no material is visible the simulation holds only noise and was not compared
     valid = np.isfinite(pixels) & np.isfinite(case.images.get("incidence_deg", pixels))
     share = uniform_filter(valid.astype(np.float32), _BOXCAR, mode="constant")
     total = uniform_filter(np.where(valid, pixels, 0.0), _BOXCAR, mode="constant")

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 __all__ = ["incidence", "scene"]
 
-_SURFACE = 110  # cells per side of the view in three dimensions
-_LISTED = 8  # materials in the caption
+_SURFACE = 110  # number of cells per side of the view in three dimensions
+_LISTED = 8  # largest number of materials named in the caption
 
 
 def _colours(case: CaseData) -> tuple[Any, Any]:
@@ -35,7 +35,7 @@ def _material_legend(canvas: Canvas, case: CaseData, present: NDArray[Any]) -> N
 
 
 def scene(case: CaseData) -> tuple[Canvas, str, str] | None:
-    """Shaded relief, materials, elevation and a view in three dimensions."""
+    """Figure of the scene: shaded relief, materials, elevation and a view in three dimensions."""
     from matplotlib.colors import LightSource
 
     if "elevation_m" not in case.scene:
@@ -56,7 +56,7 @@ def scene(case: CaseData) -> tuple[Canvas, str, str] | None:
     if objects is not None:
         flat[1].plot(
             *objects.T / 1000.0, ",", color="black", rasterized=True
-        )  # a pixel each: cheap, whatever their number
+        )  # drawn as single pixels, so that their number does not matter
         flat[1].set(xlim=sides[:2], ylim=sides[2:])
     flat[1].set_title("materials" if objects is None else "materials and objects (black)")
     shown = flat[2].imshow(elevation, cmap="terrain", origin="lower", extent=sides)
@@ -78,7 +78,7 @@ def scene(case: CaseData) -> tuple[Canvas, str, str] | None:
     surface = solid.plot_surface(
         x, y, low, facecolors=shaded, rstride=1, cstride=1, linewidth=0, antialiased=False, shade=False
     )
-    surface.set_rasterized(True)  # thousands of faces are slow and large as vectors
+    surface.set_rasterized(True)  # rasterised, since thousands of faces would be slow and large as vectors
     height = float(np.ptp(elevation))
     span = max(sides[1], sides[3])
     times = max(1, round(0.25 * span * 1000.0 / max(height, 1.0)))
@@ -100,20 +100,20 @@ def scene(case: CaseData) -> tuple[Canvas, str, str] | None:
 
 
 def _expected_db(case: CaseData) -> Array:
-    """The calibrated laws at every pixel's mean incidence, without speckle [dB]; NaN where there is none."""
+    """Backscatter of the calibrated laws at each pixel's mean incidence, without speckle [dB]; NaN without material."""
     angle = np.radians(case.images["incidence_deg"].astype(np.float64))
     material = case.images["material"]
     expected = np.full(angle.shape, np.nan)
     for k, name in enumerate(case.names, start=1):
         law, parameters = case.laws.get(name, (None, []))
-        if law is not None and law.has_curve:  # what an external law expects, only the simulator could say
+        if law is not None and law.has_curve:  # the curve of an external law is not known
             inside = material == k
             expected[inside] = law(angle[inside], parameters)
     return expected
 
 
 def incidence(case: CaseData) -> tuple[Canvas, str, str] | None:
-    """Local incidence, its spread by material, and what the laws make of it."""
+    """Figure of the local incidence, its distribution by material, and the laws' backscatter."""
     if not {"incidence_deg", "material"} <= case.images.keys():
         return None
     angle = case.images["incidence_deg"]

@@ -1,1 +1,1 @@
-"""Scenes: the digital twin of an area, from the sources that radcal knows."""
+"""Scenes: digital twin of an area, from the built-in source, GIS rasters or labels in slant range."""

@@ -2,9 +2,8 @@
 
 The elevation is the SRTM model of the Jacksboro fault (Tennessee) that matplotlib ships,
 cut to two by two kilometres of valley floor at the foot of a ridge and resampled to 5 m with
-cubic splines. What SRTM's 3 arc-seconds cannot show is added: a dyke beside a channel, and
-a fine roughness per material, so that the incidence angle varies within a material as it
-does on real ground.
+cubic splines. Details finer than SRTM's 3 arc-seconds are added: a dyke beside a channel, and a fine roughness for each
+material, so that the incidence angle varies within a material as on real ground.
 """
 
 from __future__ import annotations
@@ -47,14 +46,14 @@ _CHANNEL_M = (12.0, 72.0)  # distance of the channel's banks from the foot of th
 
 def _terrain(east_m: NDArray[np.float64], north_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """SRTM elevation [m] at coordinates of the cut, by cubic splines."""
-    from matplotlib.cbook import get_sample_data  # here, because scenes of other sources need no matplotlib
+    from matplotlib.cbook import get_sample_data  # imported here, because scenes of other sources need no matplotlib
 
-    archive = cast(Any, get_sample_data("jacksboro_fault_dem.npz"))  # already opened by matplotlib, without pickles
+    archive = cast(Any, get_sample_data("jacksboro_fault_dem.npz"))  # matplotlib has opened the file, without pickles
     with archive:
         srtm = archive["elevation"].astype(np.float64)
     rows = _SOUTH_ROW - north_m / _SRTM_NORTH_M
     columns = _WEST_COLUMN + east_m / _SRTM_EAST_M
-    # one-metre steps of the integer model would be terraces at 5 m
+    # the one-metre steps of the integer model would become terraces at 5 m
     smooth = gaussian_filter(srtm, 0.8)
     return np.asarray(map_coordinates(smooth, [rows, columns], order=3, mode="nearest"))
 
@@ -74,7 +73,7 @@ def _correlated(rng: np.random.Generator, shape: tuple[int, int], length_m: floa
     """Unit-variance Gaussian surface with autocorrelation exp(-(d/length)^2)."""
     sigma = length_m / 2.0 / CELL_M  # white noise smoothed by exp(-x^2 / 2s^2) has correlation length 2s
     field = gaussian_filter(rng.standard_normal(shape), sigma, mode="wrap", truncate=6.0)
-    # the filter's gain in closed form would ignore that it is sampled
+    # the closed form of the filter's gain would not hold for the sampled filter
     return np.asarray(field / field.std())
 
 
@@ -121,7 +120,7 @@ def builtin_scene(seed: int) -> Scene:
     material[(across >= 0.0) & (across < _FACE_M)] = 1
     material[(across > crest + _LEE_M + 20.0) & (across < crest + _LEE_M + 32.0)] = 7
 
-    # a channel is level across: the ground it and the dyke stand on is that below the face's foot
+    # the channel is level across, so that the ground of channel and dyke is that below the foot of the face
     beside = _terrain(_dyke_axis_m(north), north)
     weight = np.clip(1.0 - np.maximum(-across - 90.0, across - crest - _LEE_M - 40.0) / 150.0, 0.0, 1.0)
     elevation = weight * beside + (1.0 - weight) * ground + _dyke_profile_m(across)

@@ -35,7 +35,7 @@ _UNNAMED = ("unknown", "unnamed", "undefined", "")
 
 
 def crs_of(raster: Any) -> CRS | None:
-    """CRS of an open rasterio dataset, None where it has none on Earth's surface.
+    """CRS of an open rasterio dataset, None where it has none that refers to the Earth.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def crs_of(raster: Any) -> CRS | None:
 
 
 def horizontal(crs: CRS) -> CRS:
-    """Part of a CRS that places points on the map."""
+    """Horizontal part of a CRS."""
     if crs.is_compound:
         return crs.sub_crs_list[0]
     return crs.to_2d() if len(crs.axis_info) == 3 else crs
@@ -105,7 +105,7 @@ def vertical_datum(crs: CRS) -> str | None:
     Parameters
     ----------
     crs : pyproj.CRS
-        As the file has it.
+        CRS of the file.
 
     Returns
     -------
@@ -124,7 +124,7 @@ def vertical_datum(crs: CRS) -> str | None:
 
 
 def named_datum(text: str) -> str:
-    """Vertical datum that a person means.
+    """Vertical datum of a configured name.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ def named_datum(text: str) -> str:
     if "ellips" in text.lower() or _key(text) == "local":
         return text.strip()
     known: dict[str, str] = {}
-    # the shortest first: without the unit that others add
+    # the shortest name first, because others add the unit
     for name in sorted((info.name for info in query_crs_info("EPSG", PJType.VERTICAL_CRS)), key=len):
         known.setdefault(_key(name), name)
     if _key(text) not in known:
@@ -173,31 +173,31 @@ def named_datum(text: str) -> str:
 
 
 def same_datum(one: str, other: str) -> bool:
-    """Whether two names mean one vertical datum, as far as the names tell."""
+    """Whether two names denote the same vertical datum, judged by the names alone."""
     keys = {_key(one), _key(other)}
     return len(keys) == 1 or ("ellipsoid" in keys and all("ellipsoid" in key for key in keys))
 
 
 def _key(name: str) -> str:
-    """Name without what is often left out of it: "EGM96 height" and "EGM96_Geoid" are the same."""
+    """Name without the words that are often omitted: "EGM96 height" and "EGM96_Geoid" are the same."""
     text = re.sub(r"\(.*?\)|height|geoid(?!al)|vertical|datum", "", name.lower()).replace("ellipsoidal", "ellipsoid")
     return re.sub(r"[^a-z0-9]", "", text)
 
 
 def transformation_note(source: CRS, target: CRS, name: str) -> str | None:
-    """Sentence for when a grid of datum shifts is missing and places are less accurate for it.
+    """Sentence on a missing grid of datum shifts, which makes coordinates less accurate; None where none is missing.
 
     Parameters
     ----------
     source, target : pyproj.CRS
         Horizontal CRSs.
     name : str
-        What is transformed.
+        Name of the data that are transformed.
     """
     from pyproj.transformer import TransformerGroup
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # the sentence below says the same
+        warnings.simplefilter("ignore")  # the sentence below replaces this warning
         group = TransformerGroup(source, target, always_xy=True)
     if group.best_available or not group.transformers:
         return None

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 
 __all__ = ["LARGEST_CELLS", "Grid", "Source", "box_in", "opened", "pixel_m", "scene_grid", "subdivision"]
 
-LARGEST_CELLS = LARGEST_VALUES  # of the grid, and of what is read of a raster
+LARGEST_CELLS = LARGEST_VALUES  # largest number of cells of the grid, and of pixels read of a raster
 _SMALLEST_SIDE = 8  # cells
-_SCALE_ERROR = 0.01  # of lengths on the map, beyond which cells are not what they say
+_SCALE_ERROR = 0.01  # largest relative error of lengths on the map
 
 Box = tuple[float, float, float, float]  # west, south, east, north
 
@@ -41,9 +41,9 @@ class Source:
     raster : rasterio.DatasetReader
         Open.
     crs : pyproj.CRS
-        As the file has it.
+        CRS of the file.
     plane : pyproj.CRS
-        Its horizontal part.
+        Horizontal part of ``crs``.
     """
 
     key: str
@@ -60,7 +60,7 @@ class Source:
         return min(left, right), min(bottom, top), max(left, right), max(bottom, top)
 
     def error(self, text: str) -> SceneError:
-        """Return the error that says something about this file."""
+        """Error with a sentence about this file."""
         return SceneError(f"{self.key}: {self.path} {text}")
 
 
@@ -73,11 +73,11 @@ class Grid:
     crs : pyproj.CRS
         In metres.
     west, south : float
-        The grid's corner [m].
+        Coordinates of the grid's south-west corner [m].
     cell_m : float
         Cell size [m].
     rows, columns : int
-        Cells to the north and to the east.
+        Number of cells to the north and to the east.
     """
 
     crs: CRS
@@ -93,7 +93,7 @@ class Grid:
         return self.west, self.south, self.west + self.columns * self.cell_m, self.south + self.rows * self.cell_m
 
     def cut(self, parts: int) -> Grid:
-        """Return the grid whose cells are this one's, each side cut into so many parts."""
+        """Grid with each side of a cell cut into a number of parts."""
         return Grid(self.crs, self.west, self.south, self.cell_m / parts, self.rows * parts, self.columns * parts)
 
 
@@ -119,7 +119,7 @@ def opened(key: str, config: RasterScene) -> Iterator[Source]:
             # GDAL drops the vertical part of the CRS of GeoTIFF 1.0 unless told otherwise
             raster = stack.enter_context(open_raster(path, vrt_folders(config), GTIFF_REPORT_COMPD_CS="YES"))
             crs, transform = crs_of(raster), raster.transform
-        except Exception as error:  # what the libraries raise on damaged files has no common base
+        except Exception as error:  # the libraries' exceptions for damaged files have no common base class
             raise SceneError(f"{key}: {path} cannot be read as a raster ({error}).") from None
         if raster.count != 1:
             raise SceneError(f"{key}: {path} has {raster.count} bands, expected one.")
@@ -146,7 +146,7 @@ def box_in(box: Box, source: CRS, target: CRS) -> Box:
     box : (float, float, float, float)
         West, south, east and north.
     source, target : pyproj.CRS
-        Its CRS and the other one.
+        CRS of the box, and the other CRS.
 
     Raises
     ------
@@ -175,7 +175,7 @@ def _empty(box: Box) -> bool:
 
 
 def _overlap(elevation: Source, materials: Source) -> tuple[Box, Box]:
-    """Parts of the two rasters that cover each other, each in its own CRS."""
+    """Boxes of the area that both rasters cover, one in the CRS of each."""
     from pyproj import CRS
 
     globe = CRS.from_user_input("OGC:CRS84")
@@ -244,7 +244,7 @@ def scene_grid(elevation: Source, materials: Source, config: RasterScene) -> Gri
         box = config.bounds
         west, south = (west, south) if same else box[:2]
     pixel = float(np.sqrt(np.prod(pixel_m(elevation, crs, box))))
-    # three digits say enough about the size of a pixel seen through a projection
+    # three digits are enough for the size of a pixel in another projection
     cell = config.cell_m or (pixel if same else float(f"{pixel:.3g}"))
     # whole cells inside the box, on the lattice that has a corner at (west, south)
     west += np.ceil((box[0] - west) / cell - 1e-6) * cell
@@ -264,7 +264,7 @@ def scene_grid(elevation: Source, materials: Source, config: RasterScene) -> Gri
 
 
 def _target(elevation: Source, box: Box, config: RasterScene) -> CRS:
-    """The scene's CRS: projected, in metres that are metres on the ground."""
+    """CRS of the scene: projected, in metres, with a scale of about 1."""
     from pyproj import CRS
     from pyproj.exceptions import CRSError
 
@@ -294,7 +294,7 @@ def _target(elevation: Source, box: Box, config: RasterScene) -> CRS:
 
 
 def _unfit(crs: CRS, longitude: float, latitude: float) -> str | None:
-    """Why a CRS is none for a grid of square cells in metres, None where it is one."""
+    """Reason why a CRS does not suit a grid of square cells in metres, None where it does."""
     from pyproj import Proj
 
     if not crs.is_projected:
@@ -330,6 +330,6 @@ def pixel_m(source: Source, crs: CRS, box: Box) -> tuple[float, float]:
 
 
 def subdivision(source: Source, grid: Grid) -> int:
-    """Into how many parts a cell's side must be cut for parts no larger than a raster's pixels."""
-    # a cell that differs from the pixel by rounding is none that must be cut
+    """Number of parts of a cell's side with which the parts are no larger than a raster's pixels."""
+    # a cell that differs from the pixel only by rounding is not cut
     return max(1, int(np.ceil(grid.cell_m / min(pixel_m(source, grid.crs, grid.box)) - 1e-3)))

@@ -18,12 +18,12 @@ __all__ = ["Scene", "read_scene", "write_scene"]
 
 @dataclass(frozen=True)
 class Scene:
-    """Surface materials on a grid, with the elevation or the incidence they are seen at.
+    """Surface materials on a grid, with elevation, or with the incidence of each row.
 
     Attributes
     ----------
     identity : str
-        Digest of what the scene was made from; part of every run's key.
+        Digest of the scene's sources; part of every run's key.
     names : tuple of str
         Material names; material id k is ``names[k - 1]``, id 0 is no material.
     material : ndarray of uint8, shape (ny, nx)
@@ -41,13 +41,13 @@ class Scene:
         Affine a, b, c, d, e, f from (column, row) of cell *corners* to x = a column + b row + c,
         y = d column + e row + f in the CRS [m]; row 0 is in the south, so e > 0.
     vertical_datum : str or None
-        What the elevation refers to.
+        Vertical datum of the elevation.
     notes : tuple of str
-        What was done to the sources: resampling, datum, gaps.
+        Sentences on the processing of the sources: resampling, datum, gaps.
     objects : Objects or None
-        What stands on the ground; None where there is none, as in every slant-range scene.
+        Objects on the ground; None without objects, as in every slant-range scene.
     slope_error_deg : float
-        Standard error of the ground's slope in any one direction [deg]; 0 where nothing is known of it.
+        Standard error of the ground's slope in any one direction [deg]; 0 where it is not known.
     """
 
     identity: str
@@ -99,7 +99,7 @@ def write_scene(path: str | Path, scene: Scene) -> None:
         for name in ("crs", "transform", "vertical_datum"):
             if (value := getattr(scene, name)) is not None:
                 file.attrs[name] = value
-        # a dataset: HDF5 bounds the size of attributes
+        # a dataset, because HDF5 limits the size of attributes
         file.create_dataset("notes", data=list(scene.notes), dtype=h5py.string_dtype())
         if scene.objects is not None:
             put_objects(file.create_group("objects"), scene.objects)

@@ -18,11 +18,11 @@ def read_names(path: Path, present: Iterable[int], raster: Path) -> dict[int, st
     Parameters
     ----------
     path : path
-        JSON object of id and name.
+        File with a JSON object from id to name.
     present : iterable of int
         Ids that the raster holds; 0 needs no name.
     raster : path
-        The raster, for messages.
+        Path of the raster, for messages.
 
     Returns
     -------
@@ -52,5 +52,5 @@ def read_names(path: Path, present: Iterable[int], raster: Path) -> dict[int, st
 
 
 def by_id(names: Mapping[int, str]) -> tuple[str, ...]:
-    """Return names as a scene holds them: that of id k at k - 1, ids without one as ``id k``."""
+    """Names in the order of a scene: that of id k at index k - 1; an id without a name is called ``id k``."""
     return tuple(names.get(k, f"id {k}") for k in range(1, max(names) + 1))

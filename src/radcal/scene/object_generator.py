@@ -18,7 +18,7 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True)
 class Kind:
-    """Sizes of a kind of objects, each drawn evenly between two bounds.
+    """Sizes of a kind of objects, each drawn uniformly between two bounds.
 
     Attributes
     ----------
@@ -37,11 +37,11 @@ class Kind:
     spread_db: float
 
 
-# round crowns; of the order of a forest's sigma0 at X band
+# round crowns, with a cross-section of the order of a forest's sigma0 at X band
 TREE = Kind((3.0, 9.0), (3.0, 9.0), (4.0, 20.0), -6.0, 3.0)
 # about 100 m2 for a footprint of 8 m2, as textbooks of radar give it (Skolnik, "Introduction to Radar Systems")
 CAR = Kind((3.8, 5.0), (1.7, 1.95), (1.4, 1.9), 11.0, 5.0)
-# no one number holds for buildings, whose walls and corners make it: chosen to stand out from the ground
+# buildings have no typical number, because it depends on walls and corners; this one exceeds the ground's
 BUILDING = Kind((8.0, 24.0), (7.0, 14.0), (3.0, 15.0), 3.0, 4.0)
 
 
@@ -51,19 +51,18 @@ def generate_objects(
 ) -> Objects:  # fmt: skip
     """Scatter objects evenly over a scene, the same for the same seed.
 
-    Buildings do not overlap each other; trees and cars stand with their middle outside of
-    buildings.
+    Buildings do not overlap each other; the centres of trees and cars are outside buildings.
 
     Parameters
     ----------
     size_m : (float, float)
         East and north extent of the scene [m].
     seed : int
-        Of all draws; each kind has a stream of its own.
+        Seed of all draws; each kind has a random stream of its own.
     trees, cars, buildings : int
-        How many.
+        Number of objects of each kind.
     tree, car, building : Kind
-        Their sizes and cross-sections.
+        Sizes and cross-sections of each kind.
 
     Returns
     -------
@@ -76,7 +75,7 @@ def generate_objects(
         There is no room for so many buildings, or for anything between them.
     """
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3)]
-    plot = float(np.hypot(building.length_m[1], building.width_m[1]))  # holds a building of any heading
+    plot = float(np.hypot(building.length_m[1], building.width_m[1]))  # a plot holds any building
     plots = (int(size_m[0] / plot), int(size_m[1] / plot))
     if buildings > plots[0] * plots[1]:
         raise SceneError(
@@ -124,7 +123,7 @@ def _outside(
     count: int, size_m: tuple[float, float], rng: np.random.Generator, houses: dict[str, NDArray[np.float64]],
     owner: NDArray[np.int64], plot: float, plots: tuple[int, int],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
-    """Places that lie in no building; every building lies in its own plot."""
+    """Mask of the places outside all buildings; every building lies in a plot of its own."""
     x, y = rng.uniform(0.0, size_m[0], count), rng.uniform(0.0, size_m[1], count)
     left = np.arange(count) if len(houses["x_m"]) else np.zeros(0, dtype=np.int64)
     for _ in range(100):

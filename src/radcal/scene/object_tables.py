@@ -33,9 +33,9 @@ _LIMITS: dict[str, tuple[float, float, str]] = {
 }
 _DEFAULTS = {"length_m": 0.0, "width_m": 0.0, "heading_deg": 0.0}
 _TEXTS = ("aspect", "kind")
-_LARGEST_TABLE = 30_000_000  # objects: as many as can be made up
+_LARGEST_TABLE = 30_000_000  # largest number of objects, as in the generator
 _COLUMNS = ("x_m", "y_m", *_LIMITS, *_TEXTS)
-_UNDEFINED_SRS = (-1, 0)  # of GeoPackage: Cartesian and geographic coordinates of nobody knows where
+_UNDEFINED_SRS = (-1, 0)  # GeoPackage's codes for undefined Cartesian and undefined geographic coordinates
 _ENVELOPE_BYTES = np.array([0, 32, 48, 48, 64])
 
 
@@ -68,11 +68,11 @@ def read_objects(
     path : Path
         ``.csv``, ``.gpkg``, ``.h5`` or ``.hdf5``.
     place : Place
-        Of the scene: positions are in its CRS, or from its south-west corner where it has none.
+        Place of the scene: positions are in its CRS, or relative to its south-west corner where it has none.
     layer : str, optional
         Layer of a GeoPackage with several.
     curves : mapping, optional
-        Cross-section by aspect of the classes that the table names, pairs of degrees and dBsm.
+        Cross-section by aspect for each curve that the table names: pairs of degrees and dBsm.
 
     Returns
     -------
@@ -113,7 +113,7 @@ def _csv(path: Path) -> pd.DataFrame:
 
     try:
         return pd.read_csv(path, skipinitialspace=True, low_memory=False)
-    except (OSError, ValueError) as error:  # pandas' own are ValueErrors
+    except (OSError, ValueError) as error:  # pandas' exceptions are ValueErrors
         raise _error(path, f"cannot be read as CSV ({str(error).strip().splitlines()[0]}).") from None
 
 
@@ -155,7 +155,7 @@ def _hdf5(path: Path, place: Place) -> tuple[pd.DataFrame, dict[str, Any]]:
             return pd.DataFrame(columns), curves
     except SceneError:
         raise
-    except Exception as error:  # what the libraries raise on damaged files has no common base
+    except Exception as error:  # the libraries' exceptions for damaged files have no common base class
         raise _error(path, f"cannot be read as HDF5 ({error}).") from None
 
 
@@ -183,7 +183,7 @@ def _check_crs(path: Path, text: str, name: str, place: Place) -> None:
 
 
 def _short(crs: str) -> str:
-    """A CRS in a sentence: its code, or the name that its WKT gives."""
+    """Text for a CRS in a sentence: its code, or the name in its WKT."""
     return crs if len(crs) < 40 else crs.split('"')[1] if '"' in crs else crs[:40]
 
 
@@ -214,10 +214,10 @@ def _geopackage(path: Path, layer: str | None, place: Place) -> pd.DataFrame:
             (name,),
         ).fetchone() or (0, "", 0, "")
         kind = connection.execute("SELECT type FROM sqlite_master WHERE name = ?", (name,)).fetchone()
-        if kind != ("table",):  # a view can compute for ever
+        if kind != ("table",):  # a view may need endless computation
             raise _error(path, f"layer {name!r} is a {kind[0] if kind else 'name without a table'}, expected a table.")
         quoted = name.replace('"', '""')
-        # the name is one of the file's own tables, quoted as SQL asks
+        # the name is that of a table in the file, quoted by the rules of SQL
         table = pd.read_sql_query(f'SELECT * FROM "{quoted}"', connection)  # noqa: S608
     except (sqlite3.Error, pd.errors.DatabaseError) as error:
         raise _error(path, f"cannot be read as GeoPackage ({error}).") from None
@@ -270,14 +270,14 @@ def _rectangles(path: Path, blobs: list[Any], table: pd.DataFrame) -> dict[str, 
     along = sides[every, longer]
     columns["length_m"][polygon], columns["width_m"][polygon] = size[every, longer], size[every, 1 - longer]
     axis = np.degrees(np.arctan2(along[:, 0], along[:, 1]))
-    # a rectangle does not tell its front from its back: the end that is nearer to the given heading
+    # the front of a rectangle is the end nearer to the given heading
     turned = np.abs((columns["heading_deg"][polygon] - axis + 180.0) % 360.0 - 180.0) > 90.0
     columns["heading_deg"][polygon] = (axis + 180.0 * turned) % 360.0
     return columns
 
 
 def _numbers(table: pd.DataFrame, name: str, path: Path, may_be_empty: bool) -> NDArray[np.float64]:
-    """A column as numbers; NaN only where it may be empty."""
+    """Column as numbers, with NaN where it is empty and may be so."""
     import pandas as pd
 
     if name not in table:
@@ -304,7 +304,7 @@ def _texts(table: pd.DataFrame, name: str) -> NDArray[np.str_]:
 
 
 def _checked(table: pd.DataFrame, path: Path, place: Place, curves: Mapping[str, Any]) -> Objects:
-    """The table as objects; the first wrong row ends in a sentence."""
+    """Objects of a table; the first wrong row is refused in a sentence."""
     table = table.rename(columns=lambda name: str(name).strip())
     for name in table.columns:
         meant = difflib.get_close_matches(name.lower(), _COLUMNS, n=1, cutoff=0.75)

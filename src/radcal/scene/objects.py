@@ -15,7 +15,7 @@ from radcal.files import digest
 
 __all__ = ["DBSM_LIMITS", "Objects", "check_curve", "put_objects", "take_objects"]
 
-DBSM_LIMITS = (-100.0, 70.0)  # 10 km2 is more than any object has: larger numbers are square metres
+DBSM_LIMITS = (-100.0, 70.0)  # 70 dBsm (10 km2) is more than any object has; larger numbers must be square metres
 
 
 @dataclass(frozen=True)
@@ -25,23 +25,23 @@ class Objects:
     Attributes
     ----------
     x_m, y_m : ndarray of float64, shape (n,)
-        Middle, east and north of the scene's south-west corner [m].
+        Centre, east and north of the scene's south-west corner [m].
     length_m, width_m : ndarray of float64, shape (n,)
         Sides of the footprint, along and across the heading [m]; both 0 for a point scatterer.
     heading_deg : ndarray of float64, shape (n,)
         Bearing of the front, clockwise from the grid's north [deg].
     height_m : ndarray of float64, shape (n,)
-        Of the top above the ground; of a point scatterer its own [m].
+        Height of the top above the ground, or of a point scatterer itself [m].
     rcs_dbsm : ndarray of float64, shape (n,)
         Radar cross-section [dB relative to 1 m2]; NaN where it depends on the aspect.
     aspect : ndarray of int16, shape (n,)
-        Which of ``curves`` gives the cross-section, -1 where it is constant.
+        Index of the curve in ``curves`` that gives the cross-section, -1 where it is constant.
     kind : ndarray of int16, shape (n,)
-        Which of ``kinds``.
+        Index of the kind in ``kinds``.
     kinds : tuple of str
-        Names of the kinds.
+        Names of the kinds of objects, such as "car".
     curves : mapping of str to ndarray of float64, shape (k, 2)
-        Aspect [deg] and cross-section [dBsm] by aspect class.
+        Aspect [deg] and cross-section [dBsm] of each curve.
     """
 
     x_m: NDArray[np.float64]
@@ -77,8 +77,8 @@ class Objects:
         Parameters
         ----------
         bearing_deg : float
-            Direction from the objects to the radar, clockwise from the grid's north [deg]. One
-            for all: the plane of zero Doppler is across the track.
+            Direction from the objects to the radar, clockwise from the grid's north [deg]. It is the same for all
+            objects, because the plane of zero Doppler is across the track.
 
         Returns
         -------
@@ -100,7 +100,7 @@ _ARRAYS = tuple(item.name for item in fields(Objects) if item.name not in ("kind
 
 
 def check_curve(points: ArrayLike) -> str | None:
-    """Fault of a cross-section by aspect, None if there is none.
+    """Words for a fault of a cross-section by aspect, None if there is none.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def put_objects(group: h5py.Group, objects: Objects) -> None:
         group[name] = getattr(objects, name)
     text: Any = h5py.string_dtype()
     group.create_dataset("kinds", data=list(objects.kinds), dtype=text)
-    curves = group.create_group("curves", track_order=True)  # their order is what ``aspect`` counts
+    curves = group.create_group("curves", track_order=True)  # ``aspect`` is an index into this order
     for name, curve in objects.curves.items():
         curves[name] = curve
 

@@ -29,21 +29,20 @@ from radcal.scene.names import by_id, read_names
 
 __all__ = ["raster_scene"]
 
-_LOWEST_M, _HIGHEST_M = -1000.0, 9000.0  # of land, with room for mines and ellipsoidal heights
+_LOWEST_M, _HIGHEST_M = -1000.0, 9000.0  # lowest and highest land, with a margin for mines and ellipsoidal heights
 _MISSING_SHARE = 0.5
-_NEAR_CELLS = 100  # gaps are interpolated over this distance; beyond, the nearest height is taken
-# of GDAL's interpolated transformation [pixels]; it takes 1/8 otherwise, a metre of height on a slope of SRTM
+_NEAR_CELLS = 100  # distance over which gaps are interpolated; beyond it, the nearest height is taken
+# error of GDAL's interpolated transformation [pixels]; its default, 1/8, is a metre of height on a slope of SRTM
 _TOLERANCE_PX = 0.001
-_MARGIN_PX = 3  # margin read around the scene: cubic convolution reaches 2 pixels
+_MARGIN_PX = 3  # margin [pixels] that is read around the scene: cubic convolution reaches 2 pixels
 
 
 def raster_scene(config: RasterScene) -> Scene:
     """Read elevation and materials and bring both to one grid.
 
     Elevation is interpolated by cubic convolution, materials are those of the nearest pixel;
-    cells coarser than pixels are cut into parts that are not, and take the mean elevation and
-    the most frequent material of their parts.
-    Cells without elevation take it from around them and have no material.
+    cells coarser than pixels are cut into smaller parts, and take the mean elevation and the most frequent material of
+    their parts. Cells without elevation are filled from their neighbours and have no material.
 
     Parameters
     ----------
@@ -76,7 +75,7 @@ def raster_scene(config: RasterScene) -> Scene:
         grid = scene_grid(elevation, materials, config)
         heights, filled, how_heights = _heights(elevation, grid)
         ids, how_ids = _ids(materials, grid)
-        # heights between two of the raster's own are interpolated: no steeper than from one to the next
+        # interpolated heights are no steeper than the raster's own from pixel to pixel
         posting = max(grid.cell_m, *pixel_m(elevation, grid.crs, grid.box))
         slope_error = float(np.degrees(np.arctan(np.sqrt(2.0) * config.elevation_error_m / posting)))
         names = read_names(names_path, (int(k) for k in np.unique(ids)), materials.path)
@@ -125,7 +124,7 @@ def raster_scene(config: RasterScene) -> Scene:
 
 
 def _check_heights(elevation: Source) -> None:
-    """Refuse what cannot be heights in metres."""
+    """Refuse values that cannot be heights in metres."""
     dtype = np.dtype(elevation.raster.dtypes[0])
     if dtype.kind not in "fiu":
         raise elevation.error(f"holds {dtype}, expected heights as real numbers.")
@@ -136,7 +135,7 @@ def _check_heights(elevation: Source) -> None:
 
 
 def _datum(elevation: Source, config: RasterScene) -> tuple[str, str]:
-    """Vertical datum and who says so."""
+    """Vertical datum and its source."""
     of_file = vertical_datum(elevation.crs)
     given = named_datum(config.vertical_datum) if config.vertical_datum is not None else None
     if of_file is not None and given is not None and not same_datum(of_file, given):
@@ -176,14 +175,14 @@ def _window(source: Source, grid: Grid) -> tuple[np.ma.MaskedArray[Any, Any], An
         check_blocks(source.raster)
         with unchanged(source.path), bounded_memory(LARGEST_CELLS):
             return source.raster.read(1, window=window, masked=True), of_window(window, t)
-    except Exception as error:  # what the libraries raise on damaged files has no common base
+    except Exception as error:  # the libraries' exceptions for damaged files have no common base class
         raise source.error(f"cannot be read as a raster ({error}).") from None
 
 
 def _warped(
     source: Source, values: NDArray[Any], transform: Any, grid: Grid, method: str, empty: float
 ) -> NDArray[Any]:
-    """Values on the grid, row 0 in the south; ``empty`` where the raster has none."""
+    """Values on the grid, with row 0 in the south, and ``empty`` where the raster has no value."""
     import rasterio.crs
     from rasterio.enums import Resampling
     from rasterio.io import MemoryFile
@@ -196,8 +195,8 @@ def _warped(
             f"expected at most {LARGEST_CELLS:.0e}: give smaller scene.bounds or a coarser raster."
         )
     west, _, _, north = grid.box
-    # Env tells GDAL where PROJ's database is: without it, datums would be taken as equal. A WarpedVRT, which
-    # needs a file: rasterio.warp.reproject() does not heed a tolerance
+    # Env gives GDAL the path of PROJ's database, without which all datums count as equal. A WarpedVRT, which needs a
+    # file, is used because rasterio.warp.reproject() ignores a tolerance
     with rasterio.Env(), MemoryFile() as memory:
         with memory.open(
             driver="GTiff",
@@ -227,13 +226,13 @@ def _warped(
 
 
 def _blocks(fine: NDArray[Any], parts: int) -> NDArray[Any]:
-    """Cells' parts along the last axis."""
+    """Values of each cell's parts along the last axis."""
     rows, columns = fine.shape[0] // parts, fine.shape[1] // parts
     return fine.reshape(rows, parts, columns, parts).swapaxes(1, 2).reshape(rows, columns, parts**2)
 
 
 def _heights(elevation: Source, grid: Grid) -> tuple[NDArray[np.float64], NDArray[np.bool_], str]:
-    """Elevation without gaps, where it had some, and how it was resampled."""
+    """Elevation with gaps filled, mask of the gaps, and a note on the resampling."""
     from rasterio.fill import fillnodata
     from scipy.ndimage import distance_transform_edt
 
@@ -269,7 +268,7 @@ def _heights(elevation: Source, grid: Grid) -> tuple[NDArray[np.float64], NDArra
 
 
 def _ids(materials: Source, grid: Grid) -> tuple[NDArray[np.uint8], str]:
-    """Material ids and how they were resampled."""
+    """Material ids, and a note on their resampling."""
     values, transform = _window(materials, grid)
     held = values.compressed()
     if held.size == 0:

@@ -16,11 +16,11 @@ class SceneSize:
     Attributes
     ----------
     cells : int
-        Cells of the scene; pixels of one in slant range.
+        Number of cells of the scene, or of pixels of a scene in slant range.
     cell_m : float or None
         Cell size [m], None in slant range.
     resampled : int
-        The most values that any raster is read as or resampled to on the way.
+        Largest number of values to which a raster is read or resampled.
     """
 
     cells: int

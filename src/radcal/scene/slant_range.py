@@ -62,12 +62,12 @@ def _labels(path: Path, folders: Sequence[Path]) -> NDArray[Any]:
             return np.asarray(raster.read(1))
     except SceneError:
         raise
-    except Exception as error:  # what the libraries raise on damaged files has no common base
+    except Exception as error:  # the libraries' exceptions for damaged files have no common base class
         raise SceneError(f"scene.labels: {path} cannot be read as a raster ({error}).") from None
 
 
 def slant_range_scene(config: SlantRangeScene) -> Scene:
-    """Read labels and names.
+    """Scene from a label raster and the names of its labels.
 
     Raises
     ------

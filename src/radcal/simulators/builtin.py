@@ -32,7 +32,7 @@ class _Last:
 
 
 class BuiltinSimulator:
-    """Backscatter laws on facets to a multilooked complex image.
+    """Built-in simulator: a multilooked intensity image from backscatter laws on facets.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class BuiltinSimulator:
     radar : Radar
         The pass.
     laws : mapping
-        Material name to its law (``Case.laws``), or to the name of one without knots.
+        Law of each material (``Case.laws``), or the name of a law without knots.
 
     Raises
     ------
@@ -75,11 +75,11 @@ class BuiltinSimulator:
     def run(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> NDArray[np.float32]:
         """Simulate one pass; see :class:`radcal.simulators.protocol.Simulator`.
 
-        What the last run left is used where only some materials have another law: the numbers
-        are the same, bit for bit, as of a run from nothing.
+        Parts of the last run are reused where only some materials have another law; the numbers are the same, bit for
+        bit, as without the last run.
         """
         parameters = {name: tuple(parameters[name]) for name in self._laws if name in self._geometry.names}
-        last, self._last = self._last, None  # its arrays are written over, or their memory is needed
+        last, self._last = self._last, None  # the arrays of the last run are overwritten, or their memory is needed
         if last is None or last.noise_seed != noise_seed:
             cells = reflectivity(self._geometry, law_tables(self._geometry.names, self._laws, parameters))
             image = self._formation.intensity(cells, noise_seed)

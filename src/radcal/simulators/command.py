@@ -90,7 +90,7 @@ class CommandPlan:
         self.templates: list[tuple[Marked, str]] = []
         for k, item in enumerate(config.templates):
             path = expand_path(item.template, f"simulator.templates.{k}.template")
-            # latin-1 gives every byte back as it was, whatever the program's encoding
+            # latin-1 keeps every byte, whatever the program's encoding is
             text = path.read_bytes().decode("latin-1")
             marked = template(text, item.delimiter, f"simulator.templates.{k}.template: {path}").checked(known)
             self.templates.append((marked, item.file))
@@ -128,10 +128,10 @@ class CommandPlan:
             (folder / path.name).symlink_to(path.resolve())
 
     def hashes(self) -> dict[str, Any]:
-        """SHA-256 of all that the program's numbers may depend on."""
+        """SHA-256 of all files that the program's numbers may depend on."""
         config = self.config
         return {
-            # the interpreter is told by its version: an update of the system's must not void all runs
+            # the interpreter enters by its version, so that an update of the system does not invalidate all runs
             "executable": f"{platform.python_implementation()} {platform.python_version()}"
             if config.command[0] == "{python}"
             else _sha256(self.executable),
@@ -144,7 +144,7 @@ class CommandPlan:
 
 
 def check_command(case: Case) -> None:
-    """Check a case's external simulator as far as that needs no run.
+    """Check a case's external simulator as far as possible without a run.
 
     Raises
     ------
@@ -167,13 +167,13 @@ class CommandSimulator:
     materials : mapping
         Materials with their parameters' names.
     radar : Radar
-        The pass, for the input file.
+        Pass, for the input file.
     geometry : Geometry
         Image grid and pixels of the materials.
     geometry_path : path
-        The file of it, for programs that read it.
+        Path of the geometry's file, for programs that read it.
     work : path
-        Where the runs' folders are made.
+        Folder in which the runs' folders are created.
     """
 
     def __init__(
@@ -196,7 +196,7 @@ class CommandSimulator:
 
     @cached_property
     def identity(self) -> Mapping[str, Any]:
-        """Name, version, command line, how the image is read, and hashes of all files involved.
+        """Name, version, command line, settings by which the image is read, and hashes of all files involved.
 
         Raises
         ------
@@ -222,9 +222,8 @@ class CommandSimulator:
         Parameters
         ----------
         parameters : mapping
-            Material name to its parameters.
-        noise_seed : int
-            Handed to the program.
+            Parameters by material.
+        noise_seed : int Seed that the program receives.
 
         Returns
         -------
@@ -251,7 +250,7 @@ class CommandSimulator:
 
     @contextmanager
     def _folder(self, key: str, remark: str = "") -> Iterator[Path]:
-        """A new folder with the program's files in it: gone after success, kept under another name after failure."""
+        """New folder with the program's files; removed after success, kept under another name after failure."""
         folder = working_folder(self._work).absolute()
         ended = folder.name.rsplit("-", 1)[-1]
         try:
@@ -263,7 +262,7 @@ class CommandSimulator:
         except (SimulatorError, ConfigError) as error:
             text = str(error).removesuffix(".")
             text = text if text.startswith("simulator.") else f"{key}: {text}"
-            if not folder.is_dir():  # the program's own doing
+            if not folder.is_dir():  # the program wrote this file itself
                 raise type(error)(f"{text}{remark}.") from None
             kept = self._work / f"failed-{ended}"
             folder.rename(kept)
@@ -313,7 +312,7 @@ class CommandSimulator:
         return self._image(output)
 
     def _image(self, path: Path) -> NDArray[np.float32]:
-        """Read the image and check all that can be checked of it."""
+        """Read the program's image and check its size, scale and levels."""
         config = self._config.output
         shape = self._geometry.shape
         stored = shape[::-1] if config.transpose else shape
@@ -375,13 +374,13 @@ class CommandSimulator:
 
 
 def _plain(config: InputFile | None) -> dict[str, Any] | None:
-    """Part of the input file's settings in the identity; keys of later versions only where they are set."""
+    """Settings of the input file in the identity; keys of later versions enter only where they are set."""
     later = {"radar"} if config is not None and config.radar else None
     return None if config is None else config.model_dump(mode="json", exclude=later)
 
 
 def toml_text(data: Mapping[str, Any]) -> str:
-    """TOML of plain data, without what is None, which TOML cannot write."""
+    """TOML of plain data without entries that are None, which TOML cannot express."""
 
     def written(table: Mapping[str, Any]) -> dict[str, Any]:
         return {k: written(v) if isinstance(v, Mapping) else v for k, v in table.items() if v is not None}

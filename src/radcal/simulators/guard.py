@@ -1,6 +1,6 @@
 """Supervisor: forwards the exit status, kills the process group if the parent dies.
 
-It is a script of the standard library alone, and the leader of a process group of its own. Its
+The script uses only the standard library and leads a process group of its own. Its
 standard input is a pipe that radcal holds open. When radcal ends, even by SIGKILL, the pipe
 closes and the whole group is killed.
 """
@@ -35,7 +35,7 @@ def main(arguments: list[str]) -> int:
             arguments[0], arguments, os.environ, file_actions=[(os.POSIX_SPAWN_OPEN, 0, os.devnull, os.O_RDONLY, 0)]
         )
     except OSError as error:
-        # a script saved with the line ends of Windows, too, asks for an interpreter that is not there
+        # a script with Windows line ends names an interpreter that does not exist
         there = isinstance(error, FileNotFoundError) and os.path.exists(arguments[0])
         reason = "the interpreter of its first line is missing" if there else error.strerror
         sys.stderr.write(f"{arguments[0]} cannot be started: {reason}\n")
@@ -45,7 +45,7 @@ def main(arguments: list[str]) -> int:
     code = os.waitstatus_to_exitcode(status)
     if code >= 0:
         return code
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # the program has left its own dump, if it may
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # the program has written its own core dump, if that is enabled
     if -code != signal.SIGKILL:
         signal.signal(-code, signal.SIG_DFL)
     os.kill(os.getpid(), -code)
@@ -61,5 +61,5 @@ def _kill_all_when_orphaned() -> None:
 if __name__ == "__main__":
     ended = main(sys.argv[1:])
     sys.stderr.flush()
-    # not sys.exit, which would wait for what the thread reads
+    # not sys.exit, which would wait for the reading thread
     os._exit(ended)

@@ -2,9 +2,9 @@
 
 Arguments use braces, ``{dyke.X1}``; ``{{`` and ``}}`` stand for braces. Templates use markers
 between two delimiters, ``@dyke.X1@``, in the manner of PEST's template files (PEST++ users
-manual, section 2.3), where a format may follow a colon: ``@dyke.X1:14.6e@``. Without a format,
-numbers are written so that reading gives the same double again. A seed may be brought into a
-range first, ends included, ``@noise_seed:1..30000@``, before the format if there is one,
+manual, section 2.3), where a format may follow a colon: ``@dyke.X1:14.6e@``. Without a format, numbers are written with
+enough digits to recover the same double. A seed may first be mapped into a range, ends included,
+``@noise_seed:1..30000@``, before the format if there is one,
 ``@noise_seed:1..30000:6d@``.
 """
 
@@ -27,16 +27,16 @@ _WIDTH = re.compile(r"(?:.?[<>=^])?[-+ ]?z?#?0?(\d+)")
 
 @dataclass(frozen=True)
 class Marker:
-    """A place for a value.
+    """Placeholder for a value.
 
     Attributes
     ----------
     name : str
-        Such as ``dyke.X1`` or ``noise_seed``.
+        Name of the value, such as ``dyke.X1`` or ``noise_seed``.
     spec : str
         Python's format specification, empty for full precision.
     interval : (int, int) or None
-        Smallest and largest number that a seed is brought to: the smallest plus the seed modulo their count.
+        Range into which a seed is mapped: the smallest number plus the seed modulo the count of numbers.
     """
 
     name: str
@@ -45,14 +45,14 @@ class Marker:
 
     @classmethod
     def read(cls, name: str, spec: str) -> Marker:
-        """Read what stands before and after the first colon of a place."""
+        """Marker of a placeholder, from the texts before and after its first colon."""
         found = _RANGE.fullmatch(spec)
         if found is None:
             return cls(name, spec)
         return cls(name, (found[3] or "").strip(), (int(found[1]), int(found[2])))
 
     def text(self, value: float | int | str, where: str) -> str:
-        """Return the value's text, refusing one that is wider than its field."""
+        """Text of a value; one that is wider than its field is refused."""
         if self.interval is not None:
             low, high = self.interval
             value = low + int(value) % (high - low + 1)
@@ -68,14 +68,14 @@ class Marker:
 
 @dataclass(frozen=True)
 class Marked:
-    """Text with places for values.
+    """Text with placeholders for values.
 
     Attributes
     ----------
     parts : tuple of str or Marker
-        In the order of the text.
+        Texts and markers in their order.
     where : str
-        What messages call it.
+        Name of the text in messages.
     """
 
     parts: tuple[str | Marker, ...]
@@ -83,15 +83,15 @@ class Marked:
 
     @property
     def names(self) -> set[str]:
-        """Names of all values that it takes."""
+        """Names of all values that the text needs."""
         return {part.name for part in self.parts if isinstance(part, Marker)}
 
     def places(self, name: str) -> list[Marker]:
-        """All places for one value."""
+        """All placeholders of one value."""
         return [part for part in self.parts if isinstance(part, Marker) and part.name == name]
 
     def filled(self, values: Mapping[str, float | int | str]) -> str:
-        """Return the text with the values in their places.
+        """Text with values in place of the placeholders.
 
         Raises
         ------
@@ -103,12 +103,12 @@ class Marked:
         )
 
     def checked(self, known: Mapping[str, float | int | str]) -> Marked:
-        """Return itself if every name is known and every format can write its value.
+        """The text itself, after a check that every name is known and every format can write its value.
 
         Parameters
         ----------
         known : mapping
-            Values of the kind that will be filled in, by name.
+            Sample values by name, of the types that will be filled in.
 
         Raises
         ------
@@ -141,9 +141,9 @@ def argument(text: str, where: str) -> Marked:
     Parameters
     ----------
     text : str
-        Such as ``--x1={dyke.X1}``.
+        Argument such as ``--x1={dyke.X1}``.
     where : str
-        What messages call it.
+        Name of the text in messages.
 
     Raises
     ------
@@ -169,11 +169,11 @@ def template(text: str, delimiter: str, where: str) -> Marked:
     Parameters
     ----------
     text : str
-        The template; a marker does not extend over a line's end.
+        Text of the template; a marker must lie within one line.
     delimiter : str
-        The character on both sides of a marker.
+        Character on both sides of a marker.
     where : str
-        What messages call it.
+        Name of the text in messages.
 
     Raises
     ------
@@ -190,7 +190,7 @@ def template(text: str, delimiter: str, where: str) -> Marked:
             )
         for k, piece in enumerate(pieces):
             name, _, spec = piece.partition(":")
-            # no name that is known goes beyond ASCII: one that does is shown as people wrote it
+            # known names are ASCII; any other name is quoted as it was written
             name = name.encode("latin-1", "replace").decode("utf-8", "replace")
             if k % 2 == 0:
                 parts.append(piece)

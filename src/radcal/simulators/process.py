@@ -50,7 +50,7 @@ class Ended:
 
 
 def run_program(arguments: Sequence[str], folder: Path, environment: Mapping[str, str], timeout_s: float) -> Ended:
-    """Run a program in a folder, its output in files there, without a shell.
+    """Run a program in a folder without a shell; its output goes to files in the folder.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def run_program(arguments: Sequence[str], folder: Path, environment: Mapping[str
     environment : mapping
         Variables besides those of this process.
     timeout_s : float
-        After so long it is killed [s].
+        Time after which the program is killed [s].
 
     Returns
     -------
@@ -82,7 +82,7 @@ def run_program(arguments: Sequence[str], folder: Path, environment: Mapping[str
                 command,
                 cwd=folder,
                 env={**os.environ, **environment},
-                stdin=subprocess.PIPE,  # held open: its end tells the guard that this process is gone
+                stdin=subprocess.PIPE,  # kept open: when it closes, the guard knows that this process has ended
                 stdout=out,
                 stderr=err,
                 start_new_session=True,
@@ -94,7 +94,7 @@ def run_program(arguments: Sequence[str], folder: Path, environment: Mapping[str
             with contextlib.suppress(subprocess.TimeoutExpired):
                 code = process.wait(timeout_s)
         finally:
-            # also what the program left running in the background
+            # also processes that the program left in the background
             with contextlib.suppress(ProcessLookupError, PermissionError):
                 os.killpg(process.pid, signal.SIGKILL)
             process.wait()
@@ -124,7 +124,7 @@ def output_tail(folder: Path) -> str:
     Parameters
     ----------
     folder : path
-        Where it ran.
+        Folder in which the program ran.
 
     Returns
     -------

@@ -12,7 +12,7 @@ __all__ = ["Simulator"]
 
 
 class Simulator(Protocol):
-    """Function from one parameter vector per material to the image of a pass, with an identity."""
+    """Simulator of a pass: gives an image for one parameter vector per material, and has an identity."""
 
     @property
     def identity(self) -> Mapping[str, Any]:
@@ -25,7 +25,7 @@ class Simulator(Protocol):
         Parameters
         ----------
         parameters : mapping
-            Material name to its law's parameters, for every material of the scene.
+            Parameters of the law of every material of the scene, by name.
         noise_seed : int
             Seed of speckle and thermal noise; equal seeds give equal random numbers.
 

@@ -15,16 +15,16 @@ _RAW_TYPES: tuple[str, ...] = get_args(RawType)
 
 
 def read_raw(file: ImageFile, config: Output, shape: tuple[int, int]) -> Values:
-    """Read a raw file that has neither more nor fewer numbers than it should.
+    """Numbers of a raw file; a file of any other length is refused.
 
     Parameters
     ----------
     file : ImageFile
         The file.
     config : Output
-        Its numbers, byte order and header.
+        Configured type of the numbers, byte order and header.
     shape : (int, int)
-        Rows and columns as written.
+        Rows and columns in the file's order.
 
     Raises
     ------

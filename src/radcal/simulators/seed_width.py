@@ -1,7 +1,7 @@
 """Bit width of an external program's seeds, and the check that a case's seeds stay distinct.
 
-A C int takes 31 bits, and that is what a new case hands over. A case that has runs keeps the
-width that they were made with: other seeds would be other runs.
+A new case passes seeds of 31 bits, which a C int holds. A case with runs keeps the width with which they were made,
+because other seeds would make other runs.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from radcal.simulators.placeholders import SEED, Marker
 
 __all__ = ["check_seeds", "with_seed_bits"]
 
-_EARLIER = 63  # of all runs from the time before there was a choice
+_EARLIER = 63  # width of all runs made before the width could be chosen
 _INT = 31
 
 
 def with_seed_bits(case: Case, results: str | Path) -> Case:
-    """The case with the width of its seeds settled.
+    """Case in which the width of the seeds is set.
 
     Parameters
     ----------
@@ -53,9 +53,9 @@ def with_seed_bits(case: Case, results: str | Path) -> Case:
 
 
 def _recorded(folder: Path) -> int | None:
-    """Width that a case's simulator.json says, or that its runs show; None where there are neither."""
+    """Width in a case's simulator.json, or that of the seeds of its runs; None without either."""
     path = folder / "simulator.json"
-    # what is damaged is for salvage to say, whatever is wrong with it
+    # damaged files are reported by salvage
     with contextlib.suppress(Exception):
         inspect_file(path, None)
         return int(json.loads(path.read_text(encoding="utf-8"))["data"]["seed_bits"])
@@ -68,14 +68,14 @@ def _recorded(folder: Path) -> int | None:
 
 
 def check_seeds(case: Case, places: Iterable[tuple[str, Marker]]) -> None:
-    """Refuse ranges and fields that make one seed of the seeds of a case.
+    """Refuse ranges and fields that map different seeds of a case to the same number.
 
     Parameters
     ----------
     case : Case
         Sections ``seed``, ``simulator`` and ``measurement`` are read.
     places : iterable of (str, Marker)
-        Every place where the program gets its seed, and what messages call it.
+        Every placeholder of the seed, with its name in messages.
 
     Raises
     ------

@@ -16,16 +16,16 @@ __all__ = ["make_runner", "make_simulator"]
 
 
 def make_simulator(case: Case, geometry: Geometry, geometry_path: str | Path) -> Simulator:
-    """The configured simulator on a geometry.
+    """Configured simulator on a geometry.
 
     Parameters
     ----------
     case : Case
         Sections ``simulator``, ``materials`` and ``radar`` are read.
     geometry : Geometry
-        Of the pass.
+        Geometry of the pass.
     geometry_path : path
-        Its file, which an external simulator may be told.
+        Path of the geometry's file, which an external simulator may receive.
 
     Raises
     ------
@@ -40,7 +40,7 @@ def make_simulator(case: Case, geometry: Geometry, geometry_path: str | Path) ->
 
 
 def make_runner(case: Case, scene_path: str | Path, geometry_path: str | Path, runs: str | Path) -> Runner:
-    """The configured simulator behind the case's run store."""
+    """Configured simulator behind the case's run store."""
     geometry = read_geometry(geometry_path)
     simulator = make_simulator(case, geometry, geometry_path)
     return Runner(RunStore(runs), simulator, geometry, read_scene(scene_path).identity, case)

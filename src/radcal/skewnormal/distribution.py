@@ -15,7 +15,7 @@ MAX_R = float(B / np.sqrt(1.0 - B**2))  # mean over sd of the half-normal
 
 
 def direct(cp: ArrayLike) -> NDArray[np.float64]:
-    """Centred to direct parameters.
+    """Direct parameters from centred ones.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def direct(cp: ArrayLike) -> NDArray[np.float64]:
 
 
 def centred(dp: ArrayLike) -> NDArray[np.float64]:
-    """Direct to centred parameters.
+    """Centred parameters from direct ones.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def sample(dp: ArrayLike, n: int, rng: np.random.Generator) -> NDArray[np.float6
     n : int
         How many.
     rng : Generator
-        Source of the numbers.
+        Random generator.
 
     Returns
     -------

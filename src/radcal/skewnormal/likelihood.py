@@ -19,18 +19,18 @@ _ALPHA_LIMIT = 1e7  # stands for infinity
 # small alpha, e2 = int u^2 N(u)^2 / Phi(u) du / int u^4 N(u)^2 / Phi(u) du from large: c1 = 1 / (4 e2), c2 = e2 / e1
 _C1 = 0.8759126
 _C2 = 0.8562498
-_NORMAL = 0.5 * float(np.log(2.0 * np.pi) + 1.0)  # mean negative log-likelihood of a standardised sample as a normal
-_SCAN = (-1.0, -0.3, 0.1, 0.4, 0.8, 1.2, 1.7, 2.3, 3.0, 4.0)  # artanh of the share of the largest skewness
+_NORMAL = 0.5 * float(np.log(2.0 * np.pi) + 1.0)  # negative mean log-likelihood of a normal fit
+_SCAN = (-1.0, -0.3, 0.1, 0.4, 0.8, 1.2, 1.7, 2.3, 3.0, 4.0)  # start of v: artanh of the share of the largest skewness
 _STEPS = 60
 _GRADIENT = 1e-9
-_ROUNDING = 1e-14  # of a mean log-likelihood of standardised values
+_ROUNDING = 1e-14  # tolerance of a mean log-likelihood of standardised values
 # a smaller skewness changes no density by more than rounding, but divides by zero on the way to alpha
 _SHARE_FLOOR = 1e-6
 
 
 @dataclass(frozen=True)
 class Fit:
-    """A maximum likelihood fit.
+    """Maximum likelihood fit of a skew normal.
 
     Attributes
     ----------
@@ -39,9 +39,8 @@ class Fit:
     n : int
         Sample size.
     at_boundary : bool
-        The likelihood grows up to the largest skewness: alpha stands for infinity.
-    penalised : bool
-        The penalised likelihood was maximised.
+        Whether the likelihood grows up to the largest skewness, so that alpha stands for infinity.
+    penalised : bool Whether the penalised likelihood was maximised.
     """
 
     dp: NDArray[np.float64]
@@ -153,7 +152,7 @@ def search(
     """Minimise the objective by Newton's method with a positive definite matrix and step halving.
 
     The search ends where alpha is so large that the sample cannot tell the density from the
-    half-normal limit (see :func:`_limit`), unless a penalty draws it back.
+    half-normal limit (see :func:`_limit`), unless a penalty keeps alpha finite.
 
     Parameters
     ----------
@@ -162,16 +161,16 @@ def search(
     x, penalty
         As for :func:`objective`.
     free : tuple of int
-        Coordinates of u that move.
+        Coordinates of u that are varied.
     tolerance : float
-        Largest component of the gradient at which it ends.
+        Largest component of the gradient at which the search ends.
 
     Returns
     -------
     u : ndarray, shape (3,)
-        Where it ended.
+        Coordinates where the search ended.
     value : float
-        The objective there.
+        Objective at ``u``.
     """
     far = np.inf if penalty else farthest(x.size)
     moving = np.array(free)
@@ -192,12 +191,12 @@ def search(
                 break
             step *= 0.5
             expected *= 0.5
-        else:  # no step lowers it by more than rounding: what is left shows in the gradient only
+        else:  # no step lowers the objective by more than rounding; only the gradient shows the rest
             trial = objective(u + step, x, penalty)
             if np.abs(trial[1][moving]).max() < np.abs(slope).max():
                 u, value = u + step, trial[0]
             break
-        # the penalty's own cusp at alpha = 0 is reached by ever shorter steps from both sides
+        # the cusp of the penalty at alpha = 0 is approached by ever shorter steps from both sides
         caught = penalty > 0.0 and u[2] * (u[2] + step[2]) < 0.0 and max(abs(u[2]), abs(u[2] + step[2])) < 0.1
         u = u + step
         value, gradient, hessian = trial
@@ -207,7 +206,7 @@ def search(
 
 
 def farthest(n: int) -> float:
-    """Value of v whose density n values cannot tell from the limit: alpha times the smallest z is about 10.
+    """Value of v at which n values cannot tell the density from the limit: alpha times the smallest z is about 10.
 
     Parameters
     ----------
@@ -220,7 +219,7 @@ def farthest(n: int) -> float:
 def _valleys(
     x: NDArray[np.float64], sign: float, penalty: float
 ) -> list[tuple[NDArray[np.float64], tuple[float, float]]]:
-    """Minima of the objective over mean and sd on a grid of the skewness, and between which v they lie."""
+    """Local minima of the objective (minimised over mean and sd) on a grid of the skewness, as intervals of v."""
     u, path = np.array([0.0, 0.0, sign * _SCAN[0]]), []
     for v in _SCAN:
         u, value = search(np.array([u[0], u[1], sign * v]), x, penalty, (0, 1), 1e-2)
@@ -232,15 +231,15 @@ def _valleys(
 
 
 def _limit(x: NDArray[np.float64], sign: float) -> NDArray[np.float64]:
-    """Fit of the half-normal distribution, which large alpha tends to, as DP."""
+    """Direct parameters of the fitted half-normal distribution, the limit of large alpha."""
     y = sign * x
     omega = float(np.sqrt(np.mean((y - y.min()) ** 2)))
-    # the smallest value lies where Phi(alpha z) has just become 1
+    # at the smallest value Phi(alpha z) has just reached 1
     return np.array([sign * (y.min() - 6.0 * omega / _ALPHA_LIMIT), omega, sign * _ALPHA_LIMIT])
 
 
 def standardised(sample: ArrayLike) -> tuple[NDArray[np.float64], float, float]:
-    """Values less their mean over their standard deviation, the mean and the deviation.
+    """Standardised values, their mean and their standard deviation.
 
     Parameters
     ----------
@@ -273,8 +272,8 @@ def fit(sample: ArrayLike, penalised: bool = False) -> Fit:
     Newton's method. Where the likelihood grows up to the largest skewness, the limit, a
     half-normal distribution, is tried too.
 
-    The penalised log-likelihood is less by c1 log(1 + c2 alpha^2), which stands for the first
-    order bias correction of alpha: its maximum is at a finite alpha for every sample. It is
+    The penalised log-likelihood is smaller by c1 log(1 + c2 alpha^2), which is the first-order bias correction of
+    alpha: its maximum is at a finite alpha for every sample. It is
     never smooth at alpha = 0, where it always has a local maximum: a sample whose skewness is
     less than about 0.8 standard errors is fitted by a normal density.
 
@@ -283,7 +282,7 @@ def fit(sample: ArrayLike, penalised: bool = False) -> Fit:
     sample : array_like, shape (n,)
         Backscatter [dB].
     penalised : bool
-        Maximise the penalised likelihood.
+        Whether to maximise the penalised likelihood.
 
     Returns
     -------
@@ -310,7 +309,7 @@ def fit(sample: ArrayLike, penalised: bool = False) -> Fit:
     # small or very skewed samples may have several maxima, or none before the limit
     if y.size < 200 or abs(skewness) > 0.7 or limit_value < lowest + 0.05:
         for start, (below, above) in _valleys(y, sign, penalty):
-            if not below < sign * u[2] < above:  # that one is known
+            if not below < sign * u[2] < above:  # the first one is known already
                 other, value = search(start, y, penalty)
                 if value < lowest:
                     u, lowest = other, value
@@ -330,7 +329,7 @@ def covariance(sample: ArrayLike, found: Fit, effective: float | None = None) ->
     Parameters
     ----------
     sample : array_like, shape (n,)
-        What was fitted [dB].
+        Fitted values [dB].
     found : Fit
         Its fit.
     effective : float, optional

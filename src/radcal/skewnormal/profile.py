@@ -1,4 +1,4 @@
-"""Confidence intervals of a fit: Wald's for large samples, by profile likelihood elsewhere."""
+"""Confidence intervals of a fit: Wald intervals for large samples, profile likelihood otherwise."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from radcal.skewnormal.likelihood import Fit, covariance, farthest, fit, objecti
 
 __all__ = ["intervals", "likelihood_ratio"]
 
-# up to here, and from so many values, Wald intervals cover the truth in 93 to 97 % of samples
+# up to this skewness, and from this number of values, Wald intervals hold the truth in 93 to 97 % of samples
 _WALD_SKEWNESS = 0.9
 _WALD_SIZE = 1000.0
 # 95 % quantile of the likelihood ratio of the true skewness over that of chi square, by sample size and skewness;
@@ -38,14 +38,14 @@ _HOPELESS = 2.5  # excess of the root of a likelihood ratio over its critical va
 def likelihood_ratio(sample: ArrayLike, skewness: float) -> float:
     """Twice the log of the likelihood's maximum over its maximum at a given skewness.
 
-    It is unchanged by shift and scale of the sample.
+    The ratio does not depend on shift and scale of the sample.
 
     Parameters
     ----------
     sample : array_like, shape (n,)
         Backscatter [dB].
     skewness : float
-        Its supposed skewness; the half-normal limit from +-0.99527 on.
+        Assumed skewness of the sample; +-0.99527 and beyond stand for the half-normal limit.
 
     Returns
     -------
@@ -83,30 +83,28 @@ def intervals(
     """Confidence intervals of a fit's centred parameters.
 
     From 1,000 independent values, and up to a skewness of 0.9, these are the normal (Wald)
-    intervals of :func:`covariance`. Otherwise they are the values at which the profile
-    likelihood is not too far below its maximum: for mean and standard deviation by the square of
-    Student's t with n - 3 degrees of freedom, for the skewness by the quantile of the likelihood
-    ratio itself. That ratio is unchanged by shift and scale, so that its distribution depends on
-    sample size and skewness alone, and was simulated (``benchmarks/skewnormal_fit.py
-    --critical``): it is that of chi square, 1 degree of freedom, only for large samples. The 95 %
-    quantile was; those of other levels are taken as in the same proportion to chi square's.
+    intervals of :func:`covariance`. Otherwise they are the values whose likelihood ratio to the maximum is below a
+    critical value: for mean and standard deviation the square of Student's t with n - 3 degrees of freedom, for the
+    skewness the quantile of the likelihood ratio itself. The distribution of that ratio depends only on sample size and
+    skewness, and is that of chi square, 1 degree of freedom, only for large samples. Its 95 % quantile was simulated
+    (``benchmarks/skewnormal_fit.py --critical``); quantiles of other levels are assumed to be in the same proportion to
+    those of chi square.
 
-    Whichever fit was made, the likelihood is taken without penalty: the interval is about the
-    parameter, not about its estimate. At the boundary the interval of the skewness is one-sided,
-    as it is wherever the largest skewness is not rejected; each value in it has passed the same
-    test of ``1 - level``, so that its level is ``level`` there too.
+    The likelihood is always that without penalty, because the interval is one of the parameter and not of its estimate.
+    Where the largest skewness is not rejected, as at the boundary, the interval of the skewness is one-sided; it holds
+    the values that a test of ``1 - level`` does not reject, so that its level is ``level``, too.
 
     Parameters
     ----------
     sample : array_like, shape (n,)
-        What was fitted [dB].
+        Fitted values [dB].
     found : Fit
         Its fit.
     level : float
         Confidence, between 0 and 1.
     effective : float, optional
         Number of independent values that the sample stands for, by which the log-likelihood is
-        scaled; n without it. Less than 8 is taken as 8.
+        scaled; n without it. Fewer than 8 count as 8.
 
     Returns
     -------
@@ -159,11 +157,11 @@ class _Profile:
         self._least = min(objective(self._top, y)[0], self._limit(math.copysign(1.0, skewness)))
 
     def _limit(self, sign: float, mean: float | None = None, sd: float | None = None) -> float:
-        """Objective at the half-normal limit, largest likelihood over what is not given."""
+        """Objective at the half-normal limit, minimised over the parameters that are not given."""
         y = sign * self._y
         edge = float(y.min())
         if mean is None:
-            # the closer the edge is to the smallest value, the better
+            # the likelihood grows as the edge approaches the smallest value
             squares = float(np.mean((y - edge) ** 2))
             omega2 = squares if sd is None else sd**2 * (1.0 + MAX_R**2)
         else:
@@ -177,7 +175,7 @@ class _Profile:
         return 0.5 * (math.log(omega2) + squares / omega2 - math.log(2.0 / math.pi))
 
     def _ratio(self, k: int, value: float, near: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-        """Twice the log-likelihood ratio of a value of the k-th, and where it is attained."""
+        """Twice the log-likelihood ratio at a value of the k-th parameter, and the parameters that attain it."""
         free = tuple(j for j in range(3) if j != k)
         start = near.copy()
         start[k] = value
@@ -185,7 +183,7 @@ class _Profile:
         if k != 2:
             sign = math.copysign(1.0, near[2])
             least = self._limit(sign, value) if k == 0 else self._limit(sign, sd=math.exp(value))
-            # far out the likelihood is flat in v: a smaller skewness may be likelier where mean or sd move
+            # for large v the likelihood is flat in v: a smaller skewness may be likelier with another mean or sd
             start[2] = sign * min(abs(start[2]), 2.0)
             if self._y.size < 200 and abs(start[2]) > 1.2:
                 starts.append(np.array([start[0], start[1], 0.7 * sign]))
@@ -205,11 +203,11 @@ class _Profile:
 
         near = self._top
 
-        @cache  # the search starts from the value before: asked again, it might end elsewhere
+        @cache  # kept, because the search starts from the previous value and might end elsewhere when repeated
         def excess(value: float) -> float:
             nonlocal near
             ratio, near = self._ratio(k, value, near)
-            # of square roots, which grow evenly
+            # interpolation of square roots, which are nearly linear
             return math.sqrt(max(ratio, 0.0)) - math.sqrt(critical(value))
 
         if k == 2 and self.of_skewness(side * np.inf) <= critical(side * np.inf):
