@@ -160,7 +160,7 @@ def test_the_maximum_of_runs_ends_it(parts, runner):
     history, decision = calibrate(case, runner, targets)
     assert (decision.reason, decision.converged) == ("max_runs", False)
     assert not history.infill
-    assert "not settled at the maximum of 2 runs" in decision.materials["lake"].sentence
+    assert "stop criterion not met at the maximum of 2 runs" in decision.materials["lake"].sentence
 
 
 def test_steps_from_files_are_those_from_memory(parts, calibrated, tmp_path):

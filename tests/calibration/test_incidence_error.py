@@ -99,7 +99,7 @@ def test_warnings_name_the_material_and_what_to_look_at():
     exact = 1e-4 * np.eye(5)
     known = [replace(fit(x, 4.0), covariance=exact) for x in (flat, steep)]
     (line,) = incidence_warnings("field", MANGIA, *known, incidence, 4.0)
-    assert line.startswith("field: the law in classes")
+    assert line.startswith("field: the law in incidence-angle bins")
     assert "incidence_error_deg" in line
     # the same difference, badly known
     unknown = [replace(fit(x, 4.0), covariance=900.0 * np.eye(5)) for x in (flat, steep)]

@@ -145,7 +145,7 @@ def test_a_material_without_held_out_pixels_is_named():
     nothing = target.kept_out.part(np.zeros(target.kept_out.values_db.size, dtype=bool))
     check = check_laws(case, Targets({"area": replace(target, kept_out=nothing)}), history)["area"]
     assert check.held is None
-    assert any("area: validation checks nothing: no block that was kept out" in line for line in check.sentences)
+    assert any("area: validation checks nothing: no held-out block" in line for line in check.sentences)
 
 
 def test_an_error_of_the_incidence_is_not_put_down_to_the_law():

@@ -227,7 +227,7 @@ def incidence_warnings(
     gap, errors = law_gap_db(law, conditional, marginal, incidence_deg)
     if gap > _GAP_DB and errors > _GAP_ERRORS:
         lines.append(
-            f"{name}: the law in classes of incidence and the one behind the spread of all pixels differ by "
+            f"{name}: the law in incidence-angle bins and the one from the spread of all pixels differ by "
             f"{gap:.1f} dB over the incidence seen: texture, mixed ground, or an error of the local incidence "
             "(see incidence_error_deg), which flattens a law."
         )

@@ -181,12 +181,12 @@ def _check(
         )
     if held is not None and not held.rmse_law_patch_db < held.rmse_constant_db:
         sentences.append(
-            f"{name}: its law is no better than a constant: means of {held.n_blocks} blocks that were kept out are "
+            f"{name}: its law is no better than a constant: means of {held.n_blocks} held-out blocks are "
             f"{held.rmse_law_patch_db:.2f} dB off, from a constant {held.rmse_constant_db:.2f} dB."
         )
     if held is None and case.validation is not None:
         sentences.append(
-            f"{name}: validation checks nothing: no block that was kept out holds 20 of its pixels "
+            f"{name}: validation checks nothing: no held-out block holds 20 of its pixels "
             f"(validation.rows is {case.validation.rows}, keep {case.validation.keep})."
         )
     classes = law.classes

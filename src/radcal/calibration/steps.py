@@ -379,8 +379,8 @@ def progress_line(history: History, materials: Sequence[str], stop: Stop) -> str
         last = history.infill[-1]
         worst = max(materials, key=lambda name: last.moved_db[name])
         return (
-            f"run {runs:>3} (iteration {len(history.infill)}): {settled} of {len(materials)} laws settled, the last "
-            f"run would change that of {worst} by {last.moved_db[worst]:.2g} dB"
+            f"run {runs:>3} (iteration {len(history.infill)}): {settled} of {len(materials)} laws meet the stop "
+            f"criterion, the last run would change that of {worst} by {last.moved_db[worst]:.2g} dB"
         )
     best = {name: history.best(name).rms[name] for name in materials}
     if len(best) == 1:

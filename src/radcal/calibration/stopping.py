@@ -1,4 +1,4 @@
-"""When a calibration ends, and why."""
+"""Stop criteria: end of a calibration, with its reason."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Decision:
 
     @property
     def converged(self) -> bool:
-        """True when every material is within the tolerance, or its law has settled."""
+        """True when every material is within the tolerance, or its law meets the stop criterion."""
         return self.reason in ("rms", "settled")
 
 
@@ -121,7 +121,7 @@ def _judge(history: History, name: str, stop: Stop) -> Verdict:
             return Verdict(
                 "unreachable",
                 f"{name}: rms {best:.2g} after {design + k} runs, above the tolerance {stop.rms:.2g}; a multi-start "
-                "search of the surrogate, two standard errors in favour, finds nothing below "
+                "search of the surrogate, two standard errors in favour, finds no rms below "
                 f"{proposal.floor_rms:.2g} inside the bounds: the target is out of reach there.",
             )
         if proposal.mode == "exhausted":
@@ -134,7 +134,7 @@ def _judge(history: History, name: str, stop: Stop) -> Verdict:
             return Verdict(
                 "stagnation",
                 f"{name}: rms {best:.2g}, no better for {idle} runs and below a third of the sampling error "
-                f"{sampling:.2g}: the image's pixels tell no more. stop.rms asks for more.",
+                f"{sampling:.2g}: a better fit would not be significant (stop.at_sampling_error: false continues).",
             )
         if idle >= stop.stagnation_runs:
             return Verdict(
@@ -166,18 +166,18 @@ def _judge_law(history: History, name: str, stop: Stop) -> Verdict:
         if promised and not stands and cost <= best + _SETTLED:
             return Verdict(
                 "settled",
-                f"{name}: the law has settled after {design + k} runs: all runs together promised no better one, and "
+                f"{name}: stop criterion met after {design + k} runs: all runs together predicted no better law, and "
                 "the last confirmed it.",
             )
         if stands and cost <= best + _SETTLED:
             return Verdict(
                 "settled",
-                f"{name}: the law has settled after {design + k} runs: what its last run showed would change it by "
+                f"{name}: stop criterion met after {design + k} runs: the last one would change the law by "
                 f"{run.moved_db[name]:.2g} dB over the incidence seen, {np.sqrt(2.0 * run.left[name]):.2g} of its "
                 "standard error.",
             )
         if idle >= stop.stagnation_runs:
-            return Verdict("stagnation", f"{name}: the law has not settled, and is no better for {idle} runs.")
+            return Verdict("stagnation", f"{name}: stop criterion not met, and the law is no better for {idle} runs.")
     if design + len(history.infill) >= stop.max_runs:
-        return Verdict("max_runs", f"{name}: the law has not settled at the maximum of {stop.max_runs} runs.")
-    return Verdict(None, f"{name}: the law has not settled yet.")
+        return Verdict("max_runs", f"{name}: stop criterion not met at the maximum of {stop.max_runs} runs.")
+    return Verdict(None, f"{name}: stop criterion not met yet.")

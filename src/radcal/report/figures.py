@@ -79,10 +79,10 @@ def write_figures(archive: str | Path, folder: str | Path) -> list[Figure]:
             figures.append(Figure(name, title, caption, alt, png, pdf, material))
 
         add("scene", "The scene", scene(case))
-        add("incidence", "Local incidence and what it does to the backscatter", incidence(case))
+        add("incidence", "Local incidence and backscatter of the laws", incidence(case))
         add("images", "Measured, start and calibrated image", images(case))
-        add("registration", "The measured image brought onto the simulated one", registration(case))
-        add("residual", "What is left: calibrated minus measured", residual(case))
+        add("registration", "Registration of the measured image onto the simulated one", registration(case))
+        add("residual", "Residual: calibrated minus measured", residual(case))
         if len(case.materials) > 1:
             add("overview", "Densities of all materials", overview(case))
         drawings: tuple[tuple[str, str, Callable[[CaseData, MaterialData], tuple[Canvas, str, str] | None]], ...] = (
@@ -91,7 +91,7 @@ def write_figures(archive: str | Path, folder: str | Path) -> list[Figure]:
             ("held_out", "Held-out ground", held_out),
             ("cost", "Cost of each run", cost),
             ("histogram", "Measured pixels and the design", histogram),
-            ("quality", "How well a skew normal describes the pixels", quality),
+            ("quality", "Fit of a skew normal to the pixels", quality),
         )
         for material in case.materials:
             for kind, title, draw in drawings:

@@ -180,7 +180,7 @@ def _ending(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) 
         if summary["converged"]:
             return f"Converged: the stop criterion is met for {whose} after {runs}."
         if summary["stop_reason"] == "running":
-            return f"Not finished: after {runs} {whose} changed still."
+            return f"Not finished: after {runs} the stop criterion is not yet met for {whose}."
         return f"Stopped after {runs} before the stop criterion was met for the law of {who}: {reasons}."
     if len(materials) == 1:
         what, agree, is_not = f"the backscatter density of {materials[0]['name']}", "agrees", "is not"

@@ -87,7 +87,9 @@ def _law_cost(case: CaseData, material: MaterialData, costs: Array) -> tuple[Can
     rms = material.rms
     _runs(lower, case, material, np.where(rms > 0, rms, rms[rms > 0].min() / 3.0 if (rms > 0).any() else 1.0))
     if material.rms_sampling > 0:
-        lower.axhline(material.rms_sampling, label=f"what {material.measured_db.size:,} pixels can tell", **SAMPLING)
+        lower.axhline(
+            material.rms_sampling, label=f"sampling error of {material.measured_db.size:,} pixels", **SAMPLING
+        )
     lower.set_ylabel(f"densities, rms [1/{case.unit}]")
     _number_runs(lower, rms.size)
     entries: dict[str, Any] = {}
@@ -99,10 +101,10 @@ def _law_cost(case: CaseData, material: MaterialData, costs: Array) -> tuple[Can
         "looks that suit each run best. "
     )
     if case.objective == "classes":
-        caption += f"A right law leaves about {numbers}, as many as there are numbers compared (dotted). "
+        caption += f"For a right law it is about {numbers}, the number of values compared (dotted). "
     caption += (
-        "Below: root mean square difference of the simulated and the target density, which nothing here was made to "
-        f"match; another sample of {material.measured_db.size:,} pixels would move the target itself by about "
+        "Below: root mean square difference of the simulated and the target density, which the search does not "
+        f"minimise; another sample of {material.measured_db.size:,} pixels would move the target itself by about "
         f"{short(material.rms_sampling)} 1/{case.unit} (dotted)."
     )
     return (
@@ -127,13 +129,13 @@ def _density_cost(case: CaseData, material: MaterialData) -> tuple[Canvas, str, 
     axes.axhline(case.tolerance, label=f"tolerance {short(case.tolerance)}", **TOLERANCE)
     pixels = material.measured_db.size
     if material.rms_sampling > 0:
-        axes.axhline(material.rms_sampling, label=f"what {pixels:,} pixels can tell", **SAMPLING)
+        axes.axhline(material.rms_sampling, label=f"sampling error of {pixels:,} pixels", **SAMPLING)
     floor = np.full(rms.size, np.nan)
     floor[infill] = material.floor_rms
     known = np.isfinite(floor) & (floor > 0)
     if known.any():
         axes.plot(runs[known], np.maximum(floor[known], bottom), color=MUTED, linestyle="none", marker="_",
-                  markersize=9, markeredgewidth=1.8, label="floor seen by the surrogate")  # fmt: skip
+                  markersize=9, markeredgewidth=1.8, label="lower bound by the surrogate")  # fmt: skip
     top = max(float(shown.max()), float(positive.max()))
     axes.set_ylim(bottom, 2.0 * top)
     _number_runs(axes, rms.size)
@@ -146,7 +148,7 @@ def _density_cost(case: CaseData, material: MaterialData) -> tuple[Canvas, str, 
         f"convergence: another sample of {pixels:,} pixels would move the target itself by about that much."
     )
     if known.any():
-        caption += " Short bars: the smallest cost that the surrogate, in favour, still holds possible."
+        caption += " Short bars: lower bound of the rms inside the bounds, by the surrogate and two standard errors."
     if not np.all(rms > 0):
         caption += " Runs on the lower edge have a cost of 0."
     return canvas, caption, f"Cost of each run of {material.name} on a logarithmic axis, with the tolerance."
@@ -217,7 +219,8 @@ def law(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str] | Non
     )
     if asked.size:
         caption += (
-            " Dots: where the law would have to pass for the simulated pixels of each incidence-angle bin to have the "
-            "mean level of the measured ones; levels of fields vary besides, and spreads count too."
+            " Dots: level with which the law would give the simulated pixels of each incidence-angle bin the mean "
+            "of the measured ones; the law need not meet them, because levels of fields vary and the pixels' standard "
+            "deviations count, too."
         )
     return canvas, caption, f"Backscatter laws of {material.name} in dB against local incidence in degrees."

@@ -153,8 +153,9 @@ def registration(case: CaseData) -> tuple[Canvas, str, str] | None:
     axis_labels(panels, stacked)
     caption = (
         "Squares of the starting simulation between squares of the measured image, before and after registration, each "
-        "image in a gray scale of its own and averaged over 5 x 5 pixels: borders must go on across the squares. "
-        f"Right: where each pixel was fetched from; the longest arrow stands for {largest:.1f} pixels."
+        "image in a gray scale of its own and averaged over 5 x 5 pixels: borders must continue across the squares. "
+        f"Right: displacement of each pixel to its place in the measured image; the longest arrow stands for "
+        f"{largest:.1f} pixels."
     )
     if "misregistration_px" in case.registration:
         error = np.hypot(*(field - case.registration["misregistration_px"])).mean()
@@ -238,7 +239,7 @@ def residual(case: CaseData) -> tuple[Canvas, str, str] | None:
     caption = (
         f"Left: calibrated minus measured image, mean of the dB values over {_BOXCAR} x {_BOXCAR} pixels; red: "
         f"too bright, blue: too dark. With {case.looks} looks speckle alone leaves a standard deviation of at least "
-        f"{speckle:.2g} dB there. White: nothing of the scene, or no measurement. Right: the materials of the "
+        f"{speckle:.2g} dB there. White: no ground of the scene, or no measured value. Right: the materials of the "
         "scene; those marked * were calibrated, the others kept their laws."
     )
     if stacked:

@@ -138,7 +138,7 @@ def incidence(case: CaseData) -> tuple[Canvas, str, str] | None:
     second = panels[1].imshow(
         expected[::k, ::k], cmap="gray", vmin=low, vmax=max(high, low + 1.0), aspect=aspect, extent=where
     )
-    panels[1].set_title("what the calibrated laws make of it")
+    panels[1].set_title("backscatter of the calibrated laws")
     bar = canvas.colorbar(second, ax=panels[1], extend="both", fraction=0.05, pad=0.02)
     bar.set_label("\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} [dB]")
     axis_labels(panels, stacked)
