@@ -1,12 +1,11 @@
-"""Random targets through the workflow: hidden X uniform in the box, measured with independent speckle.
+"""Calibration of random targets by the workflow: hidden X uniform in the bounds, measurement with independent speckle.
 
     python benchmarks/independent_speckle.py [--quick] [--jobs 2]
 
-The images lie in place: registration is another benchmark's. Each must end within the tolerance
-or say that the target is unreachable; for the latter a dense search on the simulator itself
-(Sobol sample, then least squares from the best points) looks for anything nearer.
+The images need no registration. Each case must end within the tolerance or as unreachable; for unreachable targets a
+dense search on the simulator itself (Sobol sample, then least squares from the best points) looks for a smaller rms.
 
-Works in results/speckle_* of this project; what is there already is not run again.
+The cases are in results/speckle_* of this project; finished ones are not run again.
 """
 
 from __future__ import annotations
@@ -59,7 +58,7 @@ def run(name: str, parameters: list[float], seed: int) -> dict[str, Any]:
 
 
 def dense_search(name: str, sample: int = 256, starts: int = 6) -> float:
-    """Smallest density rms [1/dB] that a search on the simulator itself finds."""
+    """Smallest density rms [1/dB] found by a dense search on the simulator itself."""
     folder = ROOT / "results" / name
     case = load([folder / "case.yaml"])
     geometry = read_geometry(folder / "geometry.h5")

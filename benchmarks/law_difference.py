@@ -1,10 +1,10 @@
-"""How far the law found is from the hidden one, and in how many runs: the default case, many measurements.
+"""Error of the law found and number of runs: the default case with several measurements.
 
     python benchmarks/law_difference.py [--quick] [--objectives density,classes] [--design 16,2]
 
-Each measurement is the default hidden law with its own speckle and noise, in place. Reported: the largest
-difference [dB] of the two laws over the incidence seen (5-95 %), which a matched density does not bound, whether
-the law is said to be identified, and the runs of design and infill.
+Each measurement is made from the default hidden law with its own speckle and noise, and needs no registration. The
+table gives the largest difference [dB] of the two laws over the incidence seen (5-95 %), which a matched density does
+not bound, whether the law is reported as identified, and the number of design and infill runs.
 """
 
 from __future__ import annotations

@@ -1,10 +1,11 @@
-"""What the levels of target.normalisation are worth: a level error of the measurement, and wrong laws of others.
+"""Effect of target.normalisation on the law found, with an error of the level and wrong laws of other materials.
 
     python benchmarks/levels.py [--quick]
 
-The default case, in place. First the measurement is lifted by 3 dB: the shape of the law found (the law less
-its mean over the incidence seen, 5-95 %) must stay. Then the six other materials' laws are wrong by 3 dB
-(standard deviation, each by its own): the largest difference in shape between the law found and the hidden one.
+The default case without registration. First the measurement is raised by 3 dB, which must not change the shape of the
+law found (the law minus its mean over the incidence seen, 5-95 %). Then the laws of the six other materials are wrong
+by 3 dB (standard deviation, independent errors), and the largest difference in shape between the law found and the
+hidden one is reported.
 """
 
 from __future__ import annotations
@@ -36,13 +37,13 @@ WRONG_DB = 3.0
 
 
 def shape_db(parameters: Sequence[float], phi_rad: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Law less its mean [dB]."""
+    """Shape of a law: the law minus its mean [dB]."""
     values = LAWS["mangia"](phi_rad, parameters)
     return values - values.mean()
 
 
 class Bench:
-    """The default scene behind one run store."""
+    """Default case with one run store for all calibrations."""
 
     def __init__(self, folder: Path) -> None:
         self.default = Case()
@@ -57,7 +58,7 @@ class Bench:
     def found(
         self, normalisation: str, seed: int, offset_db: float, hidden: Mapping[str, list[float]]
     ) -> tuple[list[float], str, float]:
-        """X of the dyke, why the loop ended, the level taken out [dB]."""
+        """X of the dyke, reason of the end, and level subtracted [dB]."""
         case = case_from(
             {
                 "measurement": {
@@ -85,7 +86,7 @@ def main() -> None:
     lifted, wrong = {}, {}
     with tempfile.TemporaryDirectory() as folder, threadpool_limits(1):
         bench = Bench(Path(folder))
-        print("the measurement lifted by 3 dB")
+        print("the measurement raised by 3 dB")
         for normalisation in ("offset", "image"):
             one, other = (bench.found(normalisation, 2, offset, TRUTH) for offset in (0.0, 3.0))
             lifted[normalisation] = float(np.abs(shape_db(one[0], bench.phi) - shape_db(other[0], bench.phi)).max())

@@ -1,18 +1,18 @@
-"""Registration of two real images of independent speckle, ours beside scikit-image's and the authors'.
+"""Registration of two real images of independent speckle by radcal, scikit-image and the programs of GeFolki's authors.
 
     RADCAL_DATA=... [GEFOLKI=...] python benchmarks/registration.py [--quick] [--tune] [--methods ours,ilk_32]
 
-Flevoland HH is the fixed image, HV warped by a known smooth field the moving one: white noise
-under a Gaussian filter of sigma s, whose autocorrelation exp(-d^2 / (4 s^2)) falls to 1/e at 2 s,
+Flevoland HH is the fixed image; HV, warped by a known smooth field, is the moving one. The field is white noise after a
+Gaussian filter of sigma s, whose autocorrelation exp(-d^2 / (4 s^2)) falls to 1/e at 2 s,
 scaled to a largest length of 2 to 6 pixels, and no displacement at all (length 0). Crops of
-512 x 512 at random places, the mean end-point error with a margin of 40 pixels left out, medians
-over 8 draws of each length. The constants of ``radcal.measurement.gefolki`` were chosen on draws
-of even seeds (``--tune``); reported are the odd ones.
+512 x 512 at random places; the error is the mean end-point error without a margin of 40 pixels, and the median over 8
+draws of each length. The constants of ``radcal.measurement.gefolki`` were chosen on draws of even seeds
+(``--tune``); results are of odd seeds.
 
-scikit-image's flows are given the images in dB and, where that serves them better, the ranks that
-ours starts from. ``GEFOLKI`` names the folder ``python`` of the authors' own programs
-(github.com/aplyer/gefolki, GPL 3, not shipped): E-Folki with the settings of their demonstration. ``stated``
-is the standard error that ours gives, divided by the actual error, both as root mean squares.
+scikit-image's methods receive the images in dB and, where that improves them, the rank transforms that radcal uses.
+``GEFOLKI`` names the folder ``python`` of the authors' own programs
+(github.com/aplyer/gefolki, GPL 3, not shipped): E-Folki with the settings of their demonstration. ``stated`` is the
+standard error given by radcal, divided by the actual error, both as root mean squares.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def read_db(name: str) -> Image:
 
 
 def pair(hh: Image, hv: Image, length_px: int, seed: int) -> tuple[Image, Image, NDArray[np.float64]]:
-    """Fixed image, moving image and the displacement between them, of a 1/e correlation length."""
+    """Fixed image, moving image, and a displacement between them with a given 1/e correlation length."""
     rng = np.random.default_rng([length_px, seed])
     row, column = (int(rng.integers(0, n - SIZE + 1)) for n in hh.shape)
     largest = rng.uniform(2.0, 6.0)
@@ -78,7 +78,7 @@ def pair(hh: Image, hv: Image, length_px: int, seed: int) -> tuple[Image, Image,
 
 
 def standardised(image: Image) -> Image:
-    """Zero mean, unit variance, no gaps: what scikit-image's flows need."""
+    """Image with zero mean, unit variance and no gaps, for scikit-image's methods."""
     filled = np.where(np.isfinite(image), image, np.nanmedian(image))
     return ((filled - filled.mean()) / filled.std()).astype(np.float32)
 
@@ -89,7 +89,7 @@ def ilk(radius: int, prepared: Callable[[Image], Image]) -> Method:
 
 
 def stretched(image: Image) -> Image:
-    """Between 0 and 1: what the authors' programs expect."""
+    """Image between 0 and 1, for the authors' programs."""
     low, high = np.nanpercentile(image, [0.2, 99.8])
     filled = np.where(np.isfinite(image), image, np.nanmedian(image))
     return np.clip((filled - low) / (high - low), 0.0, 1.0).astype(np.float32)
@@ -109,7 +109,7 @@ def authors(folder: str) -> Method:
 
 
 def methods() -> dict[str, Method | None]:
-    """The others by name, and ours."""
+    """Methods by name, radcal's included."""
     found: dict[str, Method | None] = {"ours": None}
     found |= {f"ilk_{radius}": ilk(radius, standardised) for radius in RADII}
     found |= {f"ilk_{radius}_ranks": ilk(radius, rank_transform) for radius in RADII}
@@ -124,14 +124,14 @@ def methods() -> dict[str, Method | None]:
 
 
 def whole(fixed: Image, moving: Image) -> float:
-    """Time of all that the workflow does [s]."""
+    """Time of the whole registration in the workflow [s]."""
     start = time.perf_counter()
     print("\n" + register(fixed, Measurement(moving, "HV"), RegistrationConfig()).verdict)
     return time.perf_counter() - start
 
 
 def ours(fixed: Image, moving: Image, field: NDArray[np.float64]) -> dict[str, float]:
-    """The field and its standard error."""
+    """Error and time of radcal's field, and ratio of its standard error."""
     start = time.perf_counter()
     flow = find_flow(pyramid(fixed, moving))
     seconds = time.perf_counter() - start
@@ -141,7 +141,7 @@ def ours(fixed: Image, moving: Image, field: NDArray[np.float64]) -> dict[str, f
 
 
 def of(method: Method, fixed: Image, moving: Image, field: NDArray[np.float64]) -> dict[str, float]:
-    """Another method's field."""
+    """Error and time of another method's field."""
     start = time.perf_counter()
     found = method(fixed, moving)
     seconds = time.perf_counter() - start
@@ -189,7 +189,10 @@ def main() -> None:
                 print(f"{name:13} {row['epe_px']:7.3f} px {row['seconds']:6.2f} s{extra}", flush=True)
     if "ours" in tried:
         fixed, moving, _ = pair(hh, hv, LENGTHS_PX[0], seeds[0])
-        print(f"\nAll that the workflow does, refusals and held-out squares included: {whole(fixed, moving):.2f} s")
+        print(
+            f"\nThe whole registration of the workflow, with its checks on held-out squares: {
+                whole(fixed, moving):.2f} s"
+        )
     displaced = [draw for length in LENGTHS_PX if length for draw in by_length[length]]
     print(json.dumps(summary(displaced) | {"by_length_px": {n: summary(draws) for n, draws in by_length.items()}}))
 

@@ -1,14 +1,15 @@
-"""Whether the law found is the right one: against hidden laws, and on measured ground that was kept out.
+"""Error of the law found: against hidden laws, and on held-out ground of a measured image.
 
     python benchmarks/right_law.py [--quick] [--part synthetic|flevoland] [--objectives classes,density,likelihood]
 
 synthetic: 1,000 pixels of the default case's law with independent speckle; the simulator is the law and the
-cumulants of log-gamma speckle, without images, so that what is measured is the objective and not a surrogate.
+cumulants of log-gamma speckle, without images, so that the result depends on the objective and not on a surrogate.
 Largest difference [dB] of hidden and found law over the incidence seen (5-95 %), median and 90 % of the seeds;
-then an error of 4 degrees of the mapped incidence, untold and told.
+then with an error of 4 degrees of the mapped incidence, with and without ``incidence_error_deg``.
 
-flevoland: the fourteen surface classes of the AIRSAR image under RADCAL_DATA, rows in blocks of 20, even blocks
-kept and odd ones predicted and the reverse, means of 10 rows. Ratios are geometric means over the 28 cases.
+flevoland: the fourteen surface materials of the AIRSAR image under RADCAL_DATA, with rows in blocks of 20: even blocks
+are calibrated on and means of 10 rows of the odd ones predicted, and the reverse. Ratios are geometric means over the
+28 cases.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ ROWS, MEANS = 20, 10
 
 
 def one_area(incidence_deg: NDArray[np.float64], looks: float, rng: np.random.Generator, error_deg: float) -> Ground:
-    """Pixels of the hidden law with independent speckle, their angles mapped with an error."""
+    """Pixels of the hidden law with independent speckle, and with an error of their mapped angles."""
     level = LAW(np.radians(incidence_deg), TRUTH)
     values = level + 10.0 * np.log10(rng.gamma(looks, 1.0 / looks, incidence_deg.size))
     one = np.ones(incidence_deg.size, dtype=np.int64)
@@ -51,7 +52,7 @@ def one_area(incidence_deg: NDArray[np.float64], looks: float, rng: np.random.Ge
 
 
 def hidden(seed: int, sd_deg: float, looks: float, method: Method, error_deg: float = 0.0) -> tuple[float, GroundLaw]:
-    """Law error [dB] over the incidence that the map shows, and what was found."""
+    """Law error [dB] over the mapped incidence, and the law found."""
     rng = np.random.default_rng(seed)
     incidence = np.clip(rng.normal(45.0, sd_deg, PIXELS), 2.0, 85.0)
     ground = one_area(incidence, looks, rng, error_deg)
@@ -60,10 +61,10 @@ def hidden(seed: int, sd_deg: float, looks: float, method: Method, error_deg: fl
 
 
 def synthetic(objectives: list[str], seeds: int) -> dict[str, Any]:
-    """The hidden law, by objective, spread of the incidence and true looks."""
+    """Errors for the hidden law, by objective, standard deviation of the incidence and true looks."""
     bounds = [[0, 50]] * 4
     results: dict[str, Any] = {}
-    print(f"hidden law, {PIXELS} pixels, {seeds} seeds, looks taken for {LOOKS:g}: largest law error [dB]")
+    print(f"hidden law, {PIXELS} pixels, {seeds} seeds, looks assumed {LOOKS:g}: largest law error [dB]")
     print(f"{'objective':12} {'incidence sd':>12} {'looks':>6} {'median':>8} {'90 %':>8} {'worst':>8}")
     for objective in objectives:
         for sd_deg in (3.0, 6.0, 10.0):
@@ -80,7 +81,7 @@ def synthetic(objectives: list[str], seeds: int) -> dict[str, Any]:
 
 
 def mapped_with_errors(bounds: list[list[int]], seeds: int) -> dict[str, Any]:
-    """An error of 4 degrees of the mapped incidence, sd 6 degrees: untold, and told."""
+    """Law errors for an incidence error of 4 degrees (sd of incidence 6), without and with ``incidence_error_deg``."""
     results = {}
     for told in (0.0, 4.0):
         method = Method(LAW, bounds, LOOKS, incidence_error_deg=told)
@@ -99,7 +100,7 @@ def mapped_with_errors(bounds: list[list[int]], seeds: int) -> dict[str, Any]:
             "n": seeds,
         }
         print(
-            f"incidence mapped with an error of 4 deg, {'told' if told else 'untold'}: median law error "
+            f"incidence mapped with an error of 4 deg, {'configured' if told else 'not configured'}: median law error "
             f"{np.median(errors):.2f} dB, warned {warned} of {seeds}, warned or within 0.5 dB {safe}",
             flush=True,
         )
@@ -107,7 +108,7 @@ def mapped_with_errors(bounds: list[list[int]], seeds: int) -> dict[str, Any]:
 
 
 def flevoland_grounds(folder: Path, polarisation: str) -> dict[str, Ground]:
-    """The fourteen classes with patches, blocks of 10 rows and effective sample size."""
+    """Pixels of the fourteen materials with fields, blocks of 10 rows and effective sample size."""
     import rasterio
 
     with warnings.catch_warnings():
@@ -139,13 +140,13 @@ def geometric(values: NDArray[np.float64]) -> float:
 
 
 def flevoland(folder: Path, polarisation: str, objective: str) -> dict[str, Any]:
-    """Held-out block means of one image, both ways."""
+    """Errors of held-out block means of one image, with even and with odd blocks held out."""
     grounds = flevoland_grounds(folder, polarisation)
     method = Method(LAW, FLEVOLAND_BOUNDS, LOOKS, objective=objective)  # type: ignore[arg-type]
-    print(f"Flevoland {polarisation.upper()}, {objective}: rmse of block means [dB] on rows kept out")
+    print(f"Flevoland {polarisation.upper()}, {objective}: rmse of block means [dB] on held-out rows")
     print(
         f"{'kept':5} {'class':11} {'constant':>8} {'law':>6} {'+patch':>6} {'best':>6} {'in band':>7} {'looks':>6} "
-        f"{'between':>7} {'within':>6}  no better than a constant, says"
+        f"{'between':>7} {'within':>6}  no better than a constant, by"
     )
     rows, early = [], []
     for keep in ("even", "odd"):
@@ -217,7 +218,7 @@ def main() -> None:
         if arguments.part != "synthetic":
             data = os.environ.get("RADCAL_DATA")
             if data is None:
-                print("RADCAL_DATA is not set: Flevoland is left out")
+                print("RADCAL_DATA is not set: Flevoland is skipped")
             else:
                 shown = [o for o in objectives if o == "classes" or not arguments.quick]
                 result["flevoland"] = {

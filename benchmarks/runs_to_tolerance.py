@@ -1,9 +1,9 @@
-"""Simulator runs until the densities agree, over random reachable targets of the default case.
+"""Number of simulator runs until the densities agree, for random reachable targets of the default case.
 
     python benchmarks/runs_to_tolerance.py [--quick] [--methods radcal]
 
-Each target is the density theta(X*) that the simulator itself gives at a hidden X* uniform in
-the box, so that some X reaches it. Reported: design and infill runs until rms < 1e-5 per 1/dB.
+Each target is the density theta(X*) of the simulator at a hidden X*, uniform in the bounds, so that at least one X
+reaches it. The result is the number of design and infill runs until rms < 1e-5 per dB.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def main() -> None:
     if unknown := set(arguments.methods.split(",")) - set(METHODS):
         parser.error(f"unknown method {unknown.pop()!r}, expected some of {', '.join(METHODS)}")
 
-    # the images lie in place: registration is another benchmark's
+    # no misregistration: benchmarks/registration.py measures its correction
     case: Case = case_from(
         {"objective": "density", "measurement": {"source": "synthetic", "synthetic": {"warp_px": 0}}}
     )

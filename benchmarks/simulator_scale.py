@@ -1,12 +1,13 @@
-"""The built-in simulator at the size of a campaign, beside a pair of Fourier transforms of that size.
+"""Time of the built-in simulator for images of up to 56 km2, beside a pair of Fourier transforms of the same size.
 
     python benchmarks/simulator_scale.py [--quick]
 
 A hilly scene of 1 m cells with 24 materials in fields and 3,358 objects in a square kilometre (188,914 on 56 km2:
-trees and buildings with a footprint, a fifth of them points), seen from the side. Timed: one run from nothing, laws
-to image in dB, at the default's looks; the next one, in which one material, a tenth of the scene, has another law; a
-forward and inverse complex64 transform of the image's size (scipy.fft, 2 workers) in the same process; the geometry,
-and its file, written once for a case and read by every job. The exponent is that of a run's time against area.
+trees and buildings with a footprint, a fifth of them points), seen from the side. The times are those of one complete
+run, from laws to image in dB, at the default number of looks; of the next run, in which one material, a tenth of the
+scene, has another law; of a forward and inverse complex64 transform of the image's size (scipy.fft, 2 workers) in the
+same process; of the geometry; and of its file, which is written once for a case and read by every job. The exponent is
+that of a run's time against area.
 """
 
 from __future__ import annotations
@@ -73,7 +74,7 @@ def measure(side: int, repeats: int) -> dict[str, float]:
     x = {name: [-20.0 + k, 5.0, 10.0, 3.0] for k, name in enumerate(geometry.names)}
     image_s, rerun_s, pair_s = [], [], []
     for n in range(repeats):
-        # another seed: nothing of the last run can be used
+        # another seed, so that no part of the last run can be reused
         image_s.append(timed(simulator.run, x, n))
         x = {**x, "m1": [-20.0, 5.0, 10.0, 3.0 + 0.1 * (n + 1)]}
         rerun_s.append(timed(simulator.run, x, n))

@@ -1,4 +1,4 @@
-"""The skew-normal fit beside scipy's, on random samples of every skewness and size.
+"""The skew-normal fit compared with scipy's, on random samples of every skewness and size.
 
     python benchmarks/skewnormal_fit.py [--quick] [--critical]
 
@@ -7,9 +7,9 @@ of each uniform in it). A failure is an exception, a number that is not finite, 
 log-likelihood below that of ``scipy.stats.skewnorm.fit`` by more than 1e-6. scipy's fit is
 started from its own default. Times are medians at n = 1,000.
 
-The second table says how often the 95 % intervals of ``skewnormal.intervals`` hold the truth.
-``--critical`` prints instead what they stand on, the table of critical values of the likelihood
-ratio of a true skewness, simulated (about 10 minutes): see ``_RATIOS`` in ``skewnormal.profile``.
+The second table gives the share of samples whose 95 % intervals (``skewnormal.intervals``) hold the true parameters.
+``--critical`` instead simulates and prints the critical values that these intervals use, of the likelihood ratio of the
+true skewness (about 10 minutes): see ``_RATIOS`` in ``skewnormal.profile``.
 """
 
 from __future__ import annotations

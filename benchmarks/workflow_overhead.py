@@ -1,4 +1,4 @@
-"""What the workflow costs besides the simulator: planning, time per run, memory, and what a second core brings.
+"""Overhead of the workflow: planning, time per run, memory, and gain by a second core.
 
     python benchmarks/workflow_overhead.py [--quick]
 
@@ -7,7 +7,7 @@ Three tables, all of the design of a small case (96 x 80 pixels):
 1. planning: a dry run of designs of growing size, four runs a job; peak memory of Snakemake's process
 2. runs of radcal's own simulator, some milliseconds each, a hundred runs a job
 3. an external program that sleeps 60 s (6 s with ``--quick``): a design of 8 on one core and on two;
-   time per run beyond the sleep, from typing the command to the prompt
+   time per run beyond the sleep, for the whole command
 
 The last line is one JSON object.
 """
@@ -65,7 +65,7 @@ def exponent(sizes: list[int], seconds: list[float]) -> float:
 
 
 def designs(folder: Path, sizes: list[int], chunk: int, *options: str) -> dict[str, float]:
-    """Designs of these sizes: of the largest the time [s] and the memory [MiB], and how time grows with size."""
+    """Time [s] and memory [MiB] of the largest of several designs, and the growth of time with size."""
     print(f"\n{'runs':>7} {'jobs':>6} {'time [s]':>9} {'per run [s]':>12} {'memory [MiB]':>13}")
     seconds = []
     for size in sizes:
@@ -81,7 +81,7 @@ def designs(folder: Path, sizes: list[int], chunk: int, *options: str) -> dict[s
 
 
 def slow_runs(folder: Path, sleep_s: float, size: int = 8) -> dict[str, Any]:
-    """A design of runs that sleep, on one core and on two."""
+    """Time of a design of runs that sleep, on one core and on two."""
     print(f"\n{'cores':>6} {'design [s]':>11} {'beyond the sleep, per run [s]':>30}")
     walls = {}
     for cores in (1, 2):

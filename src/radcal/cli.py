@@ -31,8 +31,8 @@ _ELSEWHERE = ("--cores", "-c", "--jobs", "-j", "--profile", "--executor", "-e") 
 
 _RUN_HELP = """Check a case and calibrate it, in the folder of your clone.
 
-The case is checked first: what is wrong in it ends in one sentence. Then Snakemake runs the workflow, up to the
-TARGETS if any are named: reference (one run: is everything wired?), design (the initial runs), all (the default),
+The case is checked first; a fault in it is reported in one sentence. Then Snakemake runs the workflow, up to the
+TARGETS if any are named: reference (one run, to test the setup), design (the initial runs), all (the default),
 any other rule of the workflow or a file below results/. Stop it at any time: the same command continues.
 
 \b

@@ -1,14 +1,14 @@
-# The reference run and the initial design. Runs are kept in the run store, which every job asks
-# first; the files below only index it, and a job that is done again for another reason finds them there.
-# Measurement and target come first: a mistake in them ends before a run is spent. They are not ancient():
-# behind an ancient() input whose own job runs, Snakemake does not ask a job for reasons of its own, so
-# that a new seed, which changes the target too, would leave the old design in place.
+# The reference run and the initial design. Runs are kept in the run store, in which every job looks first; the files
+# below only index it, and a job that runs again finds its runs there.
+# Measurement and target come first, so that a mistake in them is found before any run. They are not ancient(): if the
+# job of an ancient() input runs, Snakemake does not check whether the following job must run, too, so that the old
+# design would remain after a change of the seed, which also changes the target.
 
 CHUNKS = range(-(-CASE.design_size // CASE.design.chunk))
 EARLIER = f"results/{CASE.design.reuse}/runs"
 
 
-# An earlier case's runs; before the reference run, which may be among them.
+# Runs of an earlier case, before the reference run, which may be among them.
 rule reuse:
     input:
         SIMULATOR,

@@ -2,7 +2,7 @@
 
 
 def verified(wildcards):
-    """Walk the iterations as far as they are needed; a missing one raises, and is then made."""
+    """Files of the iterations that are needed; a missing one raises, so that Snakemake makes it."""
     files = [checkpoints.scores.get().output.scores]
     k = 0
     while not decide(read_runs(files), CASE.calibrated, CASE.stop).ended:
@@ -12,18 +12,18 @@ def verified(wildcards):
 
 
 def earlier(wildcards):
-    """Verified proposals before this iteration."""
+    """Files of the verified proposals before this iteration."""
     return [f"{OUT}/iterations/{j}/verified.json" for j in range(int(wildcards.k))]
 
 
 def last_surrogate(wildcards):
-    """The surrogate to start the training from."""
+    """File of the surrogate from which the training starts."""
     k = int(wildcards.k)
     return f"{OUT}/iterations/{k - 1}/surrogate.h5" if k > 0 else []
 
 
-# New stop settings touch nothing but what reads this file: the walk above, and the archive. The jobs of the loop
-# take them from Snakemake's config, which makes no finished job stale.
+# New stop settings affect only the readers of this file: the walk above and the archive. The jobs of the loop read them
+# from Snakemake's config, so that no finished job runs again.
 rule stop_settings:
     output:
         stop=f"{OUT}/stop.json",

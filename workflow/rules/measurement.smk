@@ -26,7 +26,7 @@ rule measurement:
         "../scripts/measurement.py"
 
 
-# The reference run is the fixed image: its materials and slopes are where the scene has them.
+# The reference run is the fixed image, because its materials and slopes are at the scene's places.
 rule registration:
     input:
         reference=f"{OUT}/reference.json",

@@ -1,4 +1,4 @@
-# What jobs ask of a cluster. Functions, so that files are opened for jobs that run, and for no others.
+# Resources that jobs request from a cluster, as functions, so that files are opened only for jobs that run.
 
 from functools import cache
 
@@ -10,7 +10,7 @@ def case_values():
     try:
         return values_of(CASE)
     except RadcalError:
-        # the job that makes the scene will say what is wrong with its files
+        # the job that makes the scene reports problems of its files
         return {"scene": 0, "image": 0}
 
 
@@ -26,7 +26,7 @@ def memory(stage):
 
 
 def minutes(stage, runs=0):
-    """So many runs, each as long as it may take, besides what the stage itself does."""
+    """Longest time of a job with a number of runs [min]."""
 
     def runtime(wildcards):
         return runtime_minutes(

@@ -1,11 +1,11 @@
-# Scene and geometry: all that does not depend on the laws' parameters.
+# Scene and geometry, which do not depend on the laws' parameters.
 
 
 rule scene:
     input:
         [FILES[key] for key in FILES if key.startswith("scene.")],
     output:
-        # update(): a refused input leaves the earlier file where it is
+        # update(): the earlier file is kept when an input is refused
         scene=update(f"{OUT}/scene.h5"),
     log:
         f"{OUT}/logs/scene.log",
@@ -24,8 +24,8 @@ rule scene:
         "../scripts/scene.py"
 
 
-# The geometry is part of radcal's own simulator. Of a case with another simulator it stays what it was: the records
-# of finished runs hold its pixels.
+# The geometry is part of radcal's own simulator and depends on its version. For another simulator it does not change
+# with the version, because the records of finished runs hold its pixels.
 VERSION = {"version": SIMULATOR_VERSION} if CASE.simulator.kind == "builtin" else {}
 
 

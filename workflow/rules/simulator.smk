@@ -1,11 +1,11 @@
-# The simulator: what it is, and what its runs ask of a cluster.
+# The simulator's identity, and the resources that its runs request from a cluster.
 
 SYNTHETIC = CASE.measurement.source == "synthetic"
 
 
-# A new build or setting of an external simulator is another simulator: every job that simulates takes this
-# file, never as ancient(). Its sources as their inputs would not do: a job behind an ancient() input whose own
-# job runs is not asked for reasons of its own.
+# A new build or setting of an external simulator is another simulator. Every job that simulates has this file as an
+# input, never as ancient(). The simulator's sources as inputs would not be enough: if the job of an ancient() input
+# runs, Snakemake does not check whether the following job must run, too.
 rule simulator:
     input:
         [FILES[key] for key in FILES if key.startswith("simulator.")],
@@ -27,7 +27,7 @@ rule simulator:
         "../scripts/simulator.py"
 
 
-# radcal's own has neither files nor settings that change its numbers: a job saved
+# radcal's own simulator has no files or settings that change its numbers, so that it needs no such job
 SIMULATOR = (
     [rules.simulator.output.identity] if CASE.simulator.kind == "command" else []
 )

@@ -1,4 +1,4 @@
-"""Every material's best parameters together, and once more with fresh random numbers."""
+"""Simulate every material's best parameters together, and once more with fresh random numbers."""
 
 from radcal.calibration.history import read_runs
 from radcal.calibration.steps import all_parameters, noise_seed, not_fresh
@@ -12,7 +12,7 @@ with logged(snakemake.log[0], snakemake.params.case):
     history = read_runs([snakemake.input.scores, *snakemake.input.verified])
     runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     parameters = all_parameters(case, {name: history.best(name).parameters[name] for name in case.calibrated})
-    # the first is in the store already where one material is calibrated: nothing is run twice for its image
+    # with one calibrated material the first is already in the store, where its image is not needed
     records = [runner.run(parameters, noise_seed(case, fresh), image=fresh) for fresh in (False, True)]
     write_json(snakemake.output.final, [{"key": record.key, "parameters": parameters} for record in records])
     progress("final runs: the calibrated laws together, and once more with another seed")

@@ -1,4 +1,4 @@
-"""Simulate the starting parameters: one run that shows whether everything is wired."""
+"""Simulate the starting parameters: one run, which also tests the setup."""
 
 from radcal.calibration.steps import reference_parameters, reference_runs, repeatability
 from radcal.config import Case

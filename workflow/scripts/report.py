@@ -1,4 +1,4 @@
-"""Draw the figures and write the report, from the archive alone."""
+"""Draw the figures and write the report from the archive."""
 
 from radcal.jobs import logged, progress
 from radcal.listing import write_listing

@@ -1,4 +1,4 @@
-"""Take the runs of an earlier case that are this one's too."""
+"""Copy the runs of an earlier case that are also runs of this case."""
 
 from radcal.calibration.reuse import reuse_runs
 from radcal.config import Case

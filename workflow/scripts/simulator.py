@@ -1,4 +1,4 @@
-"""Write what the simulator's runs are known by."""
+"""Write the simulator's identity."""
 
 from radcal.config import Case
 from radcal.disclosure import disclosed
@@ -10,6 +10,6 @@ from radcal.simulators.sources import make_simulator
 with logged(snakemake.log[0], snakemake.params.case):
     case = Case.of_sections(snakemake.params.case)
     simulator = make_simulator(case, read_geometry(snakemake.input.geometry), snakemake.input.geometry)
-    # the width of seeds is no part of what the program is; it stands here for the next command
+    # the width of seeds is not part of the identity; it is kept here for the next command
     identity = {**disclosed(simulator.identity), "seed_bits": case.simulator.seed_bits}
     write_json(snakemake.output.identity, identity)

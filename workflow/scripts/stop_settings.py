@@ -1,4 +1,4 @@
-"""Write the stop settings, so that changing them touches nothing but what reads this file."""
+"""Write the stop settings to a file, so that a change of them affects only the readers of this file."""
 
 from radcal.config import Case
 from radcal.jobs import logged

@@ -1,4 +1,4 @@
-"""Write the summary and say how the calibration ended."""
+"""Write the summary, and print how the calibration ended."""
 
 from radcal.jobs import logged, progress
 from radcal.records import write_json
