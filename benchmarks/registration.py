@@ -189,10 +189,8 @@ def main() -> None:
                 print(f"{name:13} {row['epe_px']:7.3f} px {row['seconds']:6.2f} s{extra}", flush=True)
     if "ours" in tried:
         fixed, moving, _ = pair(hh, hv, LENGTHS_PX[0], seeds[0])
-        print(
-            f"\nThe whole registration of the workflow, with its checks on held-out squares: {
-                whole(fixed, moving):.2f} s"
-        )
+        seconds = whole(fixed, moving)
+        print(f"\nThe whole registration of the workflow, with its checks on held-out squares: {seconds:.2f} s")
     displaced = [draw for length in LENGTHS_PX if length for draw in by_length[length]]
     print(json.dumps(summary(displaced) | {"by_length_px": {n: summary(draws) for n, draws in by_length.items()}}))
 
