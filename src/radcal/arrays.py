@@ -32,7 +32,7 @@ def read_array(file: ImageFile, kind: str | None = None) -> Values:
     Raises
     ------
     RadcalError
-        The file's error: it cannot be read or does not hold the dataset or band.
+        The file cannot be read or does not hold the dataset or band (class of the file's error).
     """
     reader, called = _READERS[kind or _ENDINGS.get(file.path.suffix.lower(), "raster")]
     with reading(file, called):
@@ -59,13 +59,13 @@ def raster_band(raster: Any, file: ImageFile, window: Any = None) -> Values:
     Returns
     -------
     ndarray, shape (rows, columns)
-        float64 or complex128, NaN where the file masks it. Where the band has a scale and an offset (GDAL's raster
-        data model), the file's numbers times the scale plus the offset.
+        Numbers of the band (float64 or complex128), NaN where the file masks them. A scale and an offset of the band
+        (GDAL's raster data model) are applied.
 
     Raises
     ------
     RadcalError
-        The file's error: no such band, several to choose from, or not numbers.
+        There is no such band, there are several to choose from, or the values are not numbers.
     """
     band = file.options.band
     if file.options.dataset is not None:

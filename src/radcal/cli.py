@@ -100,7 +100,7 @@ def check_folder(folder: Path, targets: Iterable[str] = ()) -> None:
     Raises
     ------
     ConfigError
-        The folder has no Snakefile of radcal's, or a target is neither.
+        The folder has no Snakefile of radcal, or a target is neither a rule nor such a file.
     """
     from radcal.config import nearest
     from radcal.errors import ConfigError
@@ -170,7 +170,7 @@ def snakemake_command(
     Raises
     ------
     ConfigError
-        The number of cores is none, or an option would replace the case that is checked.
+        The number of cores is invalid, or an option would replace the checked case.
     """
     from radcal.errors import ConfigError
 

@@ -149,9 +149,8 @@ def to_db(values: Values, file: ImageFile) -> tuple[NDArray[np.float32], Counts]
     Raises
     ------
     RadcalError
-        The file's error: no image, or no number of it is finite, or no power positive, or real
-        numbers for complex ones; too many negative numbers for power or amplitude, or impossible
-        levels for any scale.
+        The array is not an image, has no finite number or no positive power, is real where complex numbers are
+        declared, or has too many negative numbers (power, amplitude) or impossible levels.
     """
     scale, path = file.options.scale, file.path
     check_header(file, values.shape, values.dtype)
@@ -218,7 +217,7 @@ def check_header(file: ImageFile, shape: tuple[int, ...], dtype: np.dtype[Any]) 
     Raises
     ------
     RadcalError
-        The file's error: no image, one of another size, of too many pixels, or not numbers of the scale.
+        The array is not an image, has another size or too many pixels, or its type does not fit the scale.
     """
     path, scale = file.path, file.options.scale
     if len(shape) != 2:

@@ -31,7 +31,7 @@ def bounded_memory(values: int) -> Iterator[None]:
     Raises
     ------
     MemoryError
-        What is done in the block needs more. Linux only: elsewhere nothing is bounded.
+        The block needs more memory. On other systems than Linux there is no limit.
     """
     try:
         used = int(_PAGES.read_text(encoding="ascii").split()[0]) * os.sysconf("SC_PAGE_SIZE")
@@ -78,7 +78,7 @@ def parse_xml(text: bytes) -> Any:
     Raises
     ------
     ValueError
-        It is no XML, or it declares a document type, which entities need.
+        The text is not XML, or it declares a document type, without which there are no entities.
     """
     from lxml import etree
 
@@ -105,7 +105,8 @@ def elsewhere(file: h5py.File) -> str | None:
     Returns
     -------
     str or None
-        The first external link, external storage or virtual dataset, in words; None where the file holds all itself.
+        Words on the first external link, external storage or virtual dataset; None where the file holds all data
+        itself.
     """
     found: list[str] = []
 

@@ -80,9 +80,9 @@ def open_raster(path: Path, folders: Sequence[Path] = (), **settings: str) -> It
     Raises
     ------
     RasterRefused
-        Another file than the named one would be read.
+        A file other than the named one would be read.
     rasterio.errors.RasterioError
-        It is no raster of these drivers.
+        The file is not a raster of these drivers.
     """
     from rasterio.errors import NotGeoreferencedWarning
     from rasterio.io import DatasetReader

@@ -52,13 +52,13 @@ def values_of(case: Case) -> dict[str, int]:
     Returns
     -------
     dict of str to int
-        ``scene``: the most values that the scene is made from; ``image``: the largest number of its
-        cells, its facets and the pixels of its image.
+        ``scene``: largest number of values from which the scene is made; ``image``: largest of the numbers of cells,
+        facets and pixels.
 
     Raises
     ------
     ConfigError, SceneError
-        The scene's files do not tell.
+        The size does not follow from the scene's files.
     """
     scene = scene_size(case.scene)
     image = image_size(scene, case.radar)

@@ -58,7 +58,7 @@ def salvage(folder: str | Path, case: str, patterns: Iterable[str]) -> list[str]
     Returns
     -------
     list of str
-        What was found, for the person at the terminal.
+        Sentences on the files found, for the terminal.
     """
     folder = Path(folder)
     clamp_future_mtimes(folder)

@@ -28,7 +28,7 @@ def derived_seed(seed: int, *names: str | int, bits: int = 63) -> int:
     Returns
     -------
     int
-        The leading bits of one 63-bit number; 1 in place of 0, which many programs take for "from the clock".
+        The leading bits of one 63-bit number; 1 instead of 0, which many programs interpret as a seed from the clock.
     """
     text = "/".join([str(seed), *map(str, names)])
     return int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "big") >> (64 - bits) or 1

@@ -48,7 +48,7 @@ class Session:
     Raises
     ------
     StoreError
-        Something that is no folder bears the name of the case's.
+        A file has the name of the case's folder.
     """
 
     def __init__(self, case: Case, remote: bool = False, results: str | Path = "results") -> None:

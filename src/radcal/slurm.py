@@ -44,12 +44,12 @@ def cancel_leftovers(file: str | Path) -> int:
     Returns
     -------
     int
-        How many jobs there were.
+        Number of jobs cancelled.
 
     Raises
     ------
     ClusterError
-        Slurm cannot be asked, or the jobs do not end.
+        Slurm does not answer, or the jobs do not end.
     """
     file = Path(file)
     try:

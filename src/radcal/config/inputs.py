@@ -73,7 +73,7 @@ def executable_path(word: str, key: str, environment: Mapping[str, str]) -> Path
     Raises
     ------
     ConfigError
-        There is no such program.
+        The program does not exist or is not executable.
     """
     if word == "{python}":
         return Path(sys.executable)

@@ -85,7 +85,7 @@ def check_parameters(key: str, values: Sequence[float], law: Law, name: str) -> 
     Raises
     ------
     ValueError
-        There are more or fewer than the law takes, or one lies outside the law's limits.
+        The number of values is not that of the law's parameters, or a value lies outside the law's limits.
     """
     if len(values) != len(law.names):
         raise ValueError(f"{key} has {len(values)} numbers, {_takes(law, name)}")

@@ -72,7 +72,7 @@ def incidence_edges(incidence_deg: ArrayLike, classes: int | Literal["auto"]) ->
     Returns
     -------
     ndarray, shape (m + 1,)
-        Increasing; the first and last are those of all pixels [deg].
+        Increasing edges; the first and last are the smallest and largest angle of all pixels [deg].
 
     Raises
     ------
@@ -121,8 +121,8 @@ def class_cumulants(values_db: ArrayLike, member: NDArray[np.int64], size: int) 
     Returns
     -------
     ndarray, shape (size, 3)
-        Mean [dB], variance [dB^2], third central moment [dB^3]; their biases, of order 1/n, are left. Pixels
-        that are all equal, as in a filled image, have a variance of 1e-6.
+        Mean [dB], variance [dB^2], third central moment [dB^3]; not corrected for their biases of order 1/n. Equal
+        pixels, as in a filled image, have a variance of 1e-6.
     """
     values = np.asarray(values_db, dtype=np.float64)
     count = np.bincount(member, minlength=size)

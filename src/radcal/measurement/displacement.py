@@ -32,7 +32,7 @@ def warp(image: NDArray[np.float32], displacement: NDArray[np.float64], order: i
     Returns
     -------
     ndarray of float32, shape (rows, columns)
-        ``image`` at x + d(x), NaN outside of it.
+        Values of ``image`` at x + d(x), NaN outside the image.
     """
     at = np.indices(displacement.shape[1:], dtype=np.float64) + displacement
     return np.asarray(
@@ -56,7 +56,7 @@ def compose(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[
     Returns
     -------
     ndarray, shape (2, rows, columns)
-        d(x) = first(x) + second(x + first(x)).
+        Displacement d(x) = first(x) + second(x + first(x)).
     """
     grid = np.indices(first.shape[1:], dtype=np.float64)
     return np.asarray(first + _at(second, grid + first))
@@ -73,12 +73,12 @@ def invert(displacement: NDArray[np.float64]) -> NDArray[np.float64]:
     Returns
     -------
     ndarray, shape (2, rows, columns)
-        e with e(y) = -d(y + e(y)).
+        Displacement e with e(y) = -d(y + e(y)).
 
     Raises
     ------
     ValueError
-        The iteration does not settle within 0.001 pixels: the field folds.
+        The iteration does not converge to 0.001 pixels, because the field folds.
 
     References
     ----------

@@ -46,7 +46,7 @@ _STEPS = 2
 _STEPS_MATCHED = 4
 _MISFIT = 1.2  # actual over posterior standard error: local correlations come from the same fit
 _NOISE_CELLS = 2  # side of the blocks whose gradients scatter independently [cells]
-_NOISE = 1.5  # gradients of neighbouring blocks are correlated, and the cost is flatter than they suggest
+_NOISE = 1.5  # factor on the noise: neighbouring blocks are correlated, and their scatter underestimates it
 
 
 def rank_transform(image_db: NDArray[np.float32], radius: int = _RANK_RADIUS) -> NDArray[np.float32]:
@@ -62,7 +62,7 @@ def rank_transform(image_db: NDArray[np.float32], radius: int = _RANK_RADIUS) ->
     Returns
     -------
     ndarray of float32, shape (rows, columns)
-        -1 for the smallest of the neighbourhood to 1 for its largest; 0 where there is no value.
+        Rank from -1 (smallest of the neighbourhood) to 1 (largest); 0 where there is no value.
     """
     from skimage.filters.rank import equalize  # the local histogram's distribution function at the centre
 
@@ -102,7 +102,7 @@ def local_correlation(
     Returns
     -------
     ndarray of float32, shape (rows, columns)
-        Between -1 and 1, 0 where a window holds nothing.
+        Correlation between -1 and 1, 0 where a window holds no value.
     """
     both = [uniform_filter(product, window_px) for product in (first * second, first**2, second**2)]
     norm = np.sqrt(np.maximum(both[1] * both[2], 0.0))
@@ -148,7 +148,7 @@ class Flow:
     Attributes
     ----------
     displacement_px : ndarray, shape (2, rows, columns)
-        d with fixed(x) like moving(x + d(x)) [pixels].
+        Displacement d, such that fixed(x) corresponds to moving(x + d(x)) [pixels].
     posterior : Posterior
         Posterior distribution of the field's coefficients.
     """
@@ -330,6 +330,6 @@ def gefolki(
     Returns
     -------
     ndarray, shape (2, rows, columns)
-        d with fixed(x) like moving(x + d(x)) [pixels].
+        Displacement d, such that fixed(x) corresponds to moving(x + d(x)) [pixels].
     """
     return find_flow(pyramid(fixed_db, moving_db), keep, start).displacement_px

@@ -138,12 +138,12 @@ def values_at_ground(
     Returns
     -------
     ndarray, shape (rows, columns)
-        Values of the nearest pixels, NaN outside the image and where nothing is shown.
+        Values of the nearest pixels, NaN outside the image and where a pixel shows no ground.
 
     Raises
     ------
     MeasurementError
-        The image lies elsewhere.
+        The image does not cover the scene's image.
     """
     if image.values.dtype.kind not in "fc":
         raise TypeError(f"values are {image.values.dtype}, expected floating-point numbers, which have NaN")

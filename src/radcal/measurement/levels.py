@@ -187,7 +187,7 @@ def image_levels(
     Returns
     -------
     Levels
-        Over the pixels that hold one material and have a measured value, in both images.
+        Levels from the pixels that hold one material and have a measured value in both images.
     """
     valid = (material > 0) & np.isfinite(measured_db)
     others = valid & ~np.isin(material, list(calibrated.values()))

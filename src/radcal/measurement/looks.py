@@ -52,7 +52,7 @@ def looks_of_log_variance(variance_db2: float) -> float:
     Returns
     -------
     float
-        L with (10 / ln 10)^2 trigamma(L) equal to it (Oliver and Quegan, "Understanding
+        Number L for which (10 / ln 10)^2 trigamma(L) is the variance (Oliver and Quegan, "Understanding
         Synthetic Aperture Radar Images", section 4.3).
     """
     from scipy.optimize import brentq
@@ -82,7 +82,7 @@ def estimate_looks(image_db: NDArray[np.float32], material: NDArray[np.uint8], r
     Returns
     -------
     Looks or None
-        None where too few windows fit into the materials.
+        Looks found; None where too few windows fit into the materials.
 
     References
     ----------

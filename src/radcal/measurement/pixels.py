@@ -69,8 +69,8 @@ def noise_limited(image_db: NDArray[np.float32], noise_db: NDArray[np.float64], 
     Returns
     -------
     ndarray of bool
-        True where the mean power of the 9 x 9 pixels around is below
-        noise (1 + 10^(snr_db / 10)): signal and noise add in power.
+        True where the mean power of the surrounding 9 x 9 pixels is below noise (1 + 10^(snr_db / 10)), since signal
+        and noise add in power.
     """
     level = _local_power(10.0 ** (image_db.astype(np.float64) / 10.0), (_LEVEL_PX, _LEVEL_PX))
     return np.asarray(level < 10.0 ** (noise_db[:, None] / 10.0) * (1.0 + 10.0 ** (snr_db / 10.0)))

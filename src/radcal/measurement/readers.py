@@ -95,7 +95,7 @@ def image_of(values: Values, path: Path, config: FileMeasurement, shape: tuple[i
     Raises
     ------
     MeasurementError
-        The numbers are no image of this shape or contradict the scale.
+        The numbers are not an image of this shape or contradict the scale.
     """
     image, counts = to_db(values, _file(path, config, shape))
     present = image[np.isfinite(image)]

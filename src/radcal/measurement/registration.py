@@ -81,13 +81,13 @@ def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: Re
     Returns
     -------
     Registered
-        The image unregistered, and why, where registration did not raise the correlation or moved
-        it further than ``max_displacement_px``.
+        Registered image, or the unregistered one with the reason, where the registration does not raise the correlation
+        or moves it further than ``max_displacement_px``.
 
     Raises
     ------
     MeasurementError
-        The image cannot be registered: it shares nothing with the simulated one, or is too small.
+        The image has nothing in common with the simulated one, or is too small.
     """
     moving_db, source = measurement.image_db, measurement.source
     nothing = np.zeros((2, *fixed_db.shape))

@@ -188,7 +188,7 @@ class Data:
         Raises
         ------
         scipy.linalg.LinAlgError
-            The prior is so vague, or so stiff, that numbers do not hold both.
+            The prior is so wide or so narrow that the matrix is numerically singular.
         """
         precision, log_determinant = self.lattice.precision(prior)
         factor = cholesky_banded(self.curvature + precision, overwrite_ab=True, check_finite=False)

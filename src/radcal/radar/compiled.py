@@ -42,7 +42,8 @@ def sources(package: Path) -> list[Path]:
     Returns
     -------
     list of Path
-        Modules that import this one, and those that compiled functions, or constants beside them, take values from.
+        Modules that import this one, and modules from which compiled functions, or constants of these modules, take
+        values.
     """
     waiting = [path for path in package.rglob("*.py") if b"radcal.radar.compiled" in path.read_bytes()]
     found = set(waiting)
@@ -82,10 +83,10 @@ def cache_folder(package: Path = _PACKAGE) -> str | None:
     -------
     str or None
         ``radcal-<hash>`` below the first of these that may be written: ``NUMBA_CACHE_DIR`` where it is set, the
-        package's own ``__pycache__``, the user's cache (``XDG_CACHE_HOME``, else ``~/.cache``); None if none may.
-        The hash is that of the sources, the versions of numba and llvmlite, and the processor, so that nodes of a
-        cluster with a common home do not meet in one folder unless they run the same code. Beside it, folders of
-        other hashes are removed but for the eight used last and those used within a day.
+        package's own ``__pycache__``, the user's cache (``XDG_CACHE_HOME``, else ``~/.cache``); None if none is
+        writable. The hash is that of the sources, the versions of numba and llvmlite, and the processor, so that nodes
+        of a cluster with a common home share a folder only if they run the same code. Folders of other hashes are
+        removed, except for the eight used last and those used within a day.
     """
     total = hashlib.sha256(f"{numba.__version__} {llvmlite.__version__} {binding.get_host_cpu_name()}".encode())
     total.update(binding.get_host_cpu_features().flatten().encode())

@@ -134,7 +134,7 @@ def circular_gaussian(seed: int, look: int, stream: int, shape: tuple[int, int])
     Returns
     -------
     ndarray of complex64, shape ``shape``
-        E|u|^2 = 1, real and imaginary parts independent (Goodman, "Speckle Phenomena in
+        Numbers u with E|u|^2 = 1 and independent real and imaginary parts (Goodman, "Speckle Phenomena in
         Optics", section 2.2: fully developed speckle).
     """
     n = shape[0] * shape[1]

@@ -180,7 +180,7 @@ def local_incidence_cosine(
     Returns
     -------
     ndarray, shape (ny, nx)
-        n . r with the unit normal n; negative when back-facing.
+        Product n . r of the unit normal n and the direction r to the radar; negative for surfaces that face away.
 
     References
     ----------
@@ -199,7 +199,7 @@ def make_geometry(scene: Scene, radar: Radar) -> Geometry:
     ConfigError
         The image would be too large for any machine.
     SceneError
-        The track does not clear the terrain or nothing is visible.
+        The terrain reaches the height of the track, or nothing is visible.
     """
     if scene.elevation_m is None:
         return _slant_range_geometry(scene, radar)
@@ -550,8 +550,8 @@ def write_geometry(
     Raises
     ------
     ConfigError
-        A finished calibration beside it rests on another pass. One of the same pass that another version of the
-        simulator made is replaced.
+        A finished calibration in the same folder is of another pass. A geometry of the same pass by another version of
+        the simulator is replaced.
     """
     described = None
     if radar is not None:

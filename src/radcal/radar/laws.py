@@ -140,7 +140,7 @@ def tabulated(phi_rad: ArrayLike, parameters: ArrayLike, *, angles_deg: Sequence
     Returns
     -------
     ndarray
-        sigma0 [dB], shape of ``phi_rad``. Between two knots it lies between their values.
+        sigma0 [dB], shape of ``phi_rad``. Between two knots the curve lies between their values.
 
     References
     ----------
@@ -430,7 +430,7 @@ def law_for(
     Returns
     -------
     Law
-        With nothing left in ``needs``, ready to be evaluated unless it is external.
+        Law with empty ``needs``, ready to be evaluated unless it is external.
 
     Raises
     ------

@@ -53,8 +53,8 @@ def noise_floor_db(radar: Radar, incidence_deg: ArrayLike) -> NDArray[np.float64
     Returns
     -------
     ndarray of the shape of ``incidence_deg``
-        Noise-equivalent sigma0 in the image's radiometry [dB]; between the rows of a table
-        linear in dB, beyond them its nearest.
+        Noise-equivalent sigma0 in the image's radiometry [dB]; linear in dB between the rows of a table, and constant
+        beyond its ends.
     """
     incidence = np.asarray(incidence_deg, dtype=np.float64)
     if isinstance(radar.nesz_db, float):

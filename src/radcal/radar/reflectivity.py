@@ -121,7 +121,7 @@ def reflectivity(
     Returns
     -------
     Reflectivity
-        Sum over the visible facets of weight times sigma0(phi).
+        Reflectivity: for each cell the sum of weight times sigma0(phi) over its facets.
     """
     power = np.zeros(geometry.cell_material.size, dtype=np.float32) if before is None else before.power
     _colour(

@@ -57,8 +57,8 @@ def image_size(scene: SceneSize, radar: Radar) -> ImageSize:
     Returns
     -------
     ImageSize
-        On level ground far from the track, where a ground distance d takes d cos(depression) of slant
-        range; an image leaves out what not every azimuth line reaches, and has fewer pixels.
+        Size for level ground far from the track, where a ground distance d is d cos(depression) in slant range. The
+        image itself has fewer pixels, because it ends where not every azimuth line has ground.
     """
     if scene.cell_m is None:
         return ImageSize(scene.cells, scene.cells)

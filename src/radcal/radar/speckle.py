@@ -90,9 +90,9 @@ def border_gain(taps: NDArray[np.floating], n: int) -> NDArray[np.float32]:
     Returns
     -------
     ndarray of float32, shape (n,)
-        One over the root of the energy of the taps that lie within the image, 1 where all of them do: white noise
-        that begins at the border keeps its mean power. The outermost pixel of an impulse response of 1.5 pixels
-        has 0.85 of it without (-0.7 dB).
+        Inverse square root of the energy of the taps inside the image (1 where all are inside), so that white noise
+        that begins at the border keeps its mean power. Without the gain, the outermost pixel has 0.85 of the power
+        (-0.7 dB) for an impulse response of 1.5 pixels.
     """
     reach = len(taps) // 2
     total = np.concatenate([[0.0], np.cumsum(np.asarray(taps, dtype=np.float64) ** 2)])

@@ -70,7 +70,7 @@ def texture_order(looks: float, effective: float) -> float:
     Returns
     -------
     float
-        Infinite where no texture is needed (``effective`` not below ``looks``).
+        Order of the gamma texture; infinite where no texture is needed (``effective`` not below ``looks``).
 
     References
     ----------
@@ -101,7 +101,7 @@ def texture_db(uniform: ArrayLike, order: float) -> NDArray[np.float64]:
     Returns
     -------
     ndarray
-        To be added to backscatter in dB.
+        Texture in dB, to be added to backscatter.
     """
     u = np.asarray(uniform, dtype=np.float64)
     if not np.isfinite(order):

@@ -88,8 +88,8 @@ def laid_over(slant_m: NDArray[np.float64], visible: NDArray[np.bool_], apart_m:
     Returns
     -------
     ndarray of bool, shape (ny, nx)
-        True where a visible facet further out is nearer to the radar, or one before it is
-        further from it: the active and the passive part of a layover (Schreier, "SAR
+        True where a visible facet at larger ground range has a smaller slant range, or one at smaller ground range a
+        larger slant range: the active and the passive part of a layover (Schreier, "SAR
         Geocoding: Data and Systems" (1993), chapter 6).
     """
     nearer = np.where(visible, slant_m, -np.inf)

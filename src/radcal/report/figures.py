@@ -61,7 +61,7 @@ def write_figures(archive: str | Path, folder: str | Path) -> list[Figure]:
     Returns
     -------
     list of Figure
-        The whole case first, then material by material.
+        Figures of the whole case first, then those of each material.
     """
     import matplotlib as mpl
 

@@ -27,8 +27,8 @@ def law_notes(case: Case, geometry: Geometry, parameters: Mapping[str, Sequence[
     Returns
     -------
     list of str
-        For each material, calibrated or fixed, of which more than 5 % is seen outside of its law's
-        valid angles, or whose parameters lie outside of what the law was made for.
+        One sentence for each material, calibrated or fixed, with more than 5 % of its pixels outside the law's valid
+        angles, or with parameters outside the range of the law's data.
     """
     notes = []
     for name, law in case.laws.items():

@@ -101,7 +101,7 @@ def builtin_scene(seed: int) -> Scene:
     Returns
     -------
     Scene
-        400 x 400 cells of 5 m.
+        Scene of 400 x 400 cells of 5 m.
     """
     layout, rough = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
     centres = np.arange(CELL_M / 2, _SIDE_M, CELL_M)

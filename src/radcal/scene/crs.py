@@ -45,7 +45,7 @@ def crs_of(raster: Any) -> CRS | None:
     Returns
     -------
     pyproj.CRS or None
-        Geographic, projected or compound.
+        Geographic, projected or compound CRS.
     """
     from pyproj import CRS
     from rasterio.enums import WktVersion
@@ -135,12 +135,12 @@ def named_datum(text: str) -> str:
     Returns
     -------
     str
-        The database's name; ellipsoids and ``local`` as they are.
+        Name in the database; ellipsoids and ``local`` are returned unchanged.
 
     Raises
     ------
     SceneError
-        There is no such datum.
+        The datum does not exist.
     """
     from pyproj import CRS
     from pyproj.database import query_crs_info

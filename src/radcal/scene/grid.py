@@ -151,7 +151,7 @@ def box_in(box: Box, source: CRS, target: CRS) -> Box:
     Raises
     ------
     SceneError
-        The other CRS does not reach there.
+        The other CRS is not defined in the area.
     """
     from pyproj import Transformer
 
@@ -222,7 +222,7 @@ def scene_grid(elevation: Source, materials: Source, config: RasterScene) -> Gri
     Raises
     ------
     SceneError
-        The rasters or bounds do not overlap, the CRS has no true metres, or there would be
+        The rasters or bounds do not overlap, the CRS is not in metres at true scale, or there would be
         too few or too many cells.
 
     References

@@ -69,7 +69,7 @@ class Scene:
         Raises
         ------
         SceneError
-            A configured material is not in the scene, or the scene's has no law.
+            A configured material is not in the scene, or a material of the scene has no law.
         """
         present = {self.names[k - 1] for k in np.unique(self.material) if k > 0}
         for name in materials:

@@ -32,7 +32,7 @@ def read_names(path: Path, present: Iterable[int], raster: Path) -> dict[int, st
     Raises
     ------
     SceneError
-        The file is no such object, gives a name twice, or lacks an id of the raster.
+        The file is not such an object, gives a name twice, or lacks an id of the raster.
     """
     try:
         names = {int(k): str(v) for k, v in json.loads(path.read_text(encoding="utf-8")).items() if int(k) > 0}

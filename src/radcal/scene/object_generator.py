@@ -67,12 +67,12 @@ def generate_objects(
     Returns
     -------
     Objects
-        Buildings, then trees, then cars.
+        Objects in the order buildings, trees, cars.
 
     Raises
     ------
     SceneError
-        There is no room for so many buildings, or for anything between them.
+        There is no space for so many buildings, or for other objects between them.
     """
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3)]
     plot = float(np.hypot(building.length_m[1], building.width_m[1]))  # a plot holds any building

@@ -77,12 +77,12 @@ def read_objects(
     Returns
     -------
     Objects
-        In the table's order.
+        Objects in the table's order.
 
     Raises
     ------
     SceneError
-        The file is no such table, or a row is wrong.
+        The file is not such a table, or a row is wrong.
 
     References
     ----------

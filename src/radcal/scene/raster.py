@@ -52,14 +52,14 @@ def raster_scene(config: RasterScene) -> Scene:
     Returns
     -------
     Scene
-        With ``crs``, ``transform``, ``vertical_datum``, ``notes`` and ``slope_error_deg``. The identity depends on
-        materials, elevation and cell size, which determine runs, and not on where they lie.
+        Scene with ``crs``, ``transform``, ``vertical_datum``, ``notes`` and ``slope_error_deg``. Its identity depends
+        on materials, elevation and cell size, which determine runs, and not on the position on the map.
 
     Raises
     ------
     SceneError
-        A file cannot be read or is no such raster, the two do not overlap, the CRS has no true
-        metres, or the vertical datum is not given or contradicted.
+        A file cannot be read or is not such a raster, the two do not overlap, the CRS is not in metres at true scale,
+        or the vertical datum is missing or contradictory.
 
     References
     ----------

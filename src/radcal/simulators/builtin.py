@@ -46,7 +46,7 @@ class BuiltinSimulator:
     Raises
     ------
     ConfigError
-        A law has no curve: another simulator's.
+        A law has no curve, which only external simulators can use.
     """
 
     def __init__(self, geometry: Geometry, radar: Radar, laws: Mapping[str, Law | str]) -> None:

@@ -149,7 +149,7 @@ def check_command(case: Case) -> None:
     Raises
     ------
     ConfigError, SimulatorError
-        As :class:`CommandPlan` and :func:`radcal.simulators.seed_width.check_seeds` do.
+        The same errors as of :class:`CommandPlan` and :func:`radcal.simulators.seed_width.check_seeds`.
     """
     if isinstance(case.simulator, CommandSimulation):
         plan = CommandPlan(case.simulator, case.materials)
@@ -228,12 +228,12 @@ class CommandSimulator:
         Returns
         -------
         ndarray of float32, shape (slant range, azimuth)
-            The image [dB], NaN where the program gave none outside the calibrated materials.
+            The image [dB], NaN where the program gave no value, outside the calibrated materials.
 
         Raises
         ------
         SimulatorError
-            The program failed, or what it wrote is no image of this scene.
+            The program failed, or its output is not an image of this scene.
         """
         attempts = self._config.retries + 1
         for attempt in range(1, attempts + 1):

@@ -28,7 +28,7 @@ def main(arguments: list[str]) -> int:
     Returns
     -------
     int
-        Its exit code; a program ended by a signal ends this process by the same one.
+        Exit code of the program; a signal that ended the program also ends this process.
     """
     try:
         program = os.posix_spawn(

@@ -67,12 +67,12 @@ def run_program(arguments: Sequence[str], folder: Path, environment: Mapping[str
     Returns
     -------
     Ended
-        Nothing of the program's process group is left running.
+        End of the program; no process of its group is left.
 
     Raises
     ------
     SimulatorError
-        The system refuses its arguments, or it has taken its folder away.
+        The system refuses the arguments, or the program has removed its folder.
     """
     command = [sys.executable, "-I", "-S", guard.__file__, *arguments]
     started = time.perf_counter()

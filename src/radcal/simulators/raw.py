@@ -29,7 +29,7 @@ def read_raw(file: ImageFile, config: Output, shape: tuple[int, int]) -> Values:
     Raises
     ------
     SimulatorError
-        It has another size.
+        The file has another size.
     """
     dtype = np.dtype(str(config.dtype)).newbyteorder("<" if config.byte_order in (None, "little") else ">")
     header = config.header_bytes or 0

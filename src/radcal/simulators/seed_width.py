@@ -38,8 +38,8 @@ def with_seed_bits(case: Case, results: str | Path) -> Case:
     Returns
     -------
     Case
-        ``simulator.seed_bits`` of an external program is what the case says; else what its own results record,
-        or those of the case whose runs it takes; else the default. Nothing is changed on disk.
+        Case with ``simulator.seed_bits`` of an external program from the configuration, else from its own results or
+        those of the case whose runs it reuses, else the default. No file is changed.
     """
     simulator = case.simulator
     if not isinstance(simulator, CommandSimulation) or simulator.seed_bits is not None:

@@ -119,7 +119,7 @@ def sample(dp: ArrayLike, n: int, rng: np.random.Generator) -> NDArray[np.float6
     Returns
     -------
     ndarray, shape (n,)
-        delta |U0| + sqrt(1 - delta^2) U1, scaled and shifted (Azzalini and Capitanio 2014, eq. 2.13) [dB].
+        Values delta |U0| + sqrt(1 - delta^2) U1, scaled and shifted (Azzalini and Capitanio 2014, eq. 2.13) [dB].
     """
     xi, omega, alpha = np.asarray(dp, dtype=np.float64)
     delta = alpha / np.hypot(1.0, alpha)

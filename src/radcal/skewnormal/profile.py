@@ -109,7 +109,7 @@ def intervals(
     Returns
     -------
     ndarray, shape (3, 2)
-        Lower and upper bounds of mean [dB], standard deviation [dB] and skewness, which ends at
+        Lower and upper bounds of mean [dB], standard deviation [dB] and skewness; the bound of the skewness is
         +-0.99527 where the half-normal limit is not rejected.
 
     Raises
