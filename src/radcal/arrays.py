@@ -71,7 +71,7 @@ def raster_band(raster: Any, file: ImageFile, window: Any = None) -> Values:
     if file.options.dataset is not None:
         raise file.asked(
             "dataset",
-            f"{file.options.dataset!r}, {file.path} is a raster, which has bands and no datasets: take it out.",
+            f"{file.options.dataset!r}, {file.path} is a raster, which has bands and no datasets: remove the key.",
         )
     if band is None:
         if raster.count != 1:

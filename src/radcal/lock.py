@@ -54,9 +54,7 @@ class CaseLock:
                     "it and type the same command again."
                 )
             # child processes of a killed Snakemake keep its lock until they end
-            sys.stderr.write(
-                f"radcal: waiting for what the killed snakemake {process} left at work in {self._folder}.\n"
-            )
+            sys.stderr.write(f"radcal: waiting for jobs that the killed snakemake {process} left in {self._folder}.\n")
             fcntl.flock(file, fcntl.LOCK_EX)
         file.truncate(0)
         file.write(f"{os.getpid()} {socket.gethostname()}")

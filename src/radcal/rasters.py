@@ -184,7 +184,7 @@ def _check(path: Path) -> None:
         _check_hdf5(path)
     for other in _beside(path):
         if other.suffix in (".msk", ".ovr") and _head(other)[:4] not in _TIFF:
-            raise RasterRefused(f"{other.name} beside it is no TIFF")
+            raise RasterRefused(f"{other.name} beside it is not a TIFF")
         if other.name.endswith(".aux.xml"):
             _check_metadata(_parsed(other), other.name)
 

@@ -292,9 +292,9 @@ def test_band_shape_and_plane(tmp_path):
             b'<SICD xmlns="urn:SICD:0.4.0">',
             "version is urn:SICD:0.4.0, expected one of",
         ),
-        (b"<NumRows>24<", b"<NumRows>25<", "tells of 25 x 18 pixels, its image segments hold 24 x 18"),
-        (b"<NumRows>24<", b"<NumRows>23<", "tells of 23 x 18 pixels, its image segments hold 24 x 18"),
-        (b"<NumCols>18<", b"<NumCols>81<", "tells of 24 x 81 pixels, its image segments hold 24 x 18"),
+        (b"<NumRows>24<", b"<NumRows>25<", "gives 25 x 18 pixels, its image segments hold 24 x 18"),
+        (b"<NumRows>24<", b"<NumRows>23<", "gives 23 x 18 pixels, its image segments hold 24 x 18"),
+        (b"<NumCols>18<", b"<NumCols>81<", "gives 24 x 81 pixels, its image segments hold 24 x 18"),
         (b"RE32F_IM32F", b"RE64F_IM64F", "pixel type is RE64F_IM64F, expected one of RE32F_IM32F"),
         (b"RE32F_IM32F", b"RE16I_IM16I", "24 x 18 pixels has 3456 bytes, expected 1728"),
         (b"<SideOfTrack>R", b"<SideOfTrack>L", "columns grow along the flight, SideOfTrack is L"),
@@ -305,7 +305,7 @@ def test_band_shape_and_plane(tmp_path):
         # what the library would take for tens of thousands of bands
         (b"NC2", b"NC0", "compression and bands of image segment 1 are b'NC0', expected NC and 2"),
         (b"NC2", b"C82", "compression and bands of image segment 1 are b'C82'"),
-        (b"000417001", b"000418001", "its header tells of a length of 418 bytes and of contents of 417"),
+        (b"000417001", b"000418001", "its header gives a length of 418 bytes and contents of 417"),
     ],
 )
 def test_files_that_contradict_themselves(tmp_path, old, new, words):

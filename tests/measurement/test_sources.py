@@ -402,7 +402,7 @@ def test_an_image_below_the_noise_floor_is_told_before_any_run(read: Read, image
     with pytest.raises(
         MeasurementError,
         match=r"^materials\.dyke: 0 usable pixels.* in the noise.* the image's own level there is -2[67]\.?\d* dB, "
-        r"which radar\.nesz_db and target\.snr_db take for noise: set radar\.nesz_db to ",
+        r"which radar\.nesz_db and target\.snr_db treat as noise: set radar\.nesz_db to ",
     ):
         read(dark)
     read(dark, radar={"altitude_m": 1000.0, "nesz_db": -60.0})

@@ -160,7 +160,7 @@ def test_tables_that_lead_elsewhere_or_tell_of_too_much(tmp_path: Path) -> None:
         read_objects(path, MAP)
     with h5py.File(path, "w") as file:
         file["objects/x_m"] = np.zeros(3, dtype=[("a", "f4")])
-    with pytest.raises(SceneError, match="objects/x_m is no list of one number or text"):
+    with pytest.raises(SceneError, match="objects/x_m is not a list of one number or text"):
         read_objects(path, MAP)
 
 
@@ -289,7 +289,7 @@ def test_wrong_crs_and_layers(tmp_path: Path) -> None:
     assert "the scene has no CRS" in refused(written(), LOCAL)
     assert "layer 'layer 0' has no CRS, expected EPSG:32631" in refused(written(crs=None), MAP)
     assert "is in EPSG:4326" in refused(hdf5(tmp_path, crs="EPSG:4326"), MAP)
-    assert "no known CRS" in refused(hdf5(tmp_path, crs="nowhere"), MAP)
+    assert "not a known CRS" in refused(hdf5(tmp_path, crs="nowhere"), MAP)
     assert "has the layers layer 0, layer 1: name one as scene.objects.layer" in refused(written(layers=2), MAP)
     assert "scene.objects.layer is 'cars'" in refused(written(layers=2), MAP, layer="cars")
     assert len(read_objects(written(layers=2), MAP, layer="layer 1")) == 1

@@ -364,7 +364,7 @@ def test_a_contradicted_vertical_datum_is_told(build: Build) -> None:
         ("EGM69", r"did you mean 'EGM96 height'\?"),
         ("sea", "expected a vertical datum of the EPSG database"),
         ("EPSG:32631", "says nothing about heights"),
-        ("EPSG:1", "no known CRS"),
+        ("EPSG:1", "not a known CRS"),
     ],
 )
 def test_unknown_vertical_datums(text: str, words: str) -> None:

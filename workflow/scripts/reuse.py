@@ -11,4 +11,4 @@ with logged(snakemake.log[0], snakemake.params.case):
     runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     taken = reuse_runs(case, runner, snakemake.params.earlier)
     write_json(snakemake.output.index, taken)
-    progress(f"{len(taken)} runs taken from {snakemake.params.earlier}")
+    progress(f"{len(taken)} runs reused from {snakemake.params.earlier}")

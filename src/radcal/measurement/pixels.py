@@ -211,5 +211,5 @@ def _above_noise(values_db: NDArray[np.float32]) -> str:
     """Advice about pixels that are masked as noise."""
     return (
         f"; the image's own level there is {np.nanmedian(values_db):.3g} dB, which radar.nesz_db and target.snr_db "
-        "take for noise: set radar.nesz_db to what the image was made with, for one without noise far below that level"
+        "treat as noise: set radar.nesz_db to that of the image, or far below this level for an image without noise"
     )

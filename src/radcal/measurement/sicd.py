@@ -163,10 +163,10 @@ def _check_header(file: BinaryIO) -> None:
         at += 5 + int(header[at : at + 5])
     length = int(header[354:360])
     if length != at:
-        raise ValueError(f"its header tells of a length of {length} bytes and of contents of {at}")
+        raise ValueError(f"its header gives a length of {length} bytes and contents of {at}")
     held = at + sum(subheader + data for _, subheader, data in segments)
     if (found := file.seek(0, os.SEEK_END)) < held:
-        raise ValueError(f"it has {found} bytes, its header tells of {held}")
+        raise ValueError(f"it has {found} bytes, its header gives {held}")
     seen = {_IMAGE: 0, _EXTENSION: 0}
     for kind, subheader, data in segments:
         seen[kind] = seen.get(kind, 0) + 1
@@ -210,7 +210,7 @@ def _check_segments(reader: Any, xml: Any, pixel_bytes: int) -> None:
     sizes = [(s["subheader"]["NROWS"].value, s["subheader"]["NCOLS"].value) for s in segments]
     if sum(n for n, _ in sizes) != rows or any(n != columns for _, n in sizes):
         held = ", ".join(f"{n} x {m}" for n, m in sizes) or "none"
-        raise ValueError(f"its XML tells of {rows} x {columns} pixels, its image segments hold {held}")
+        raise ValueError(f"its XML gives {rows} x {columns} pixels, its image segments hold {held}")
     for segment, (n, m) in zip(segments, sizes, strict=True):
         if segment["Data"].size != n * m * pixel_bytes:
             raise ValueError(

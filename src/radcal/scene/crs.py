@@ -151,7 +151,7 @@ def named_datum(text: str) -> str:
         try:
             crs = CRS.from_user_input(text.strip())
         except CRSError:
-            raise SceneError(f"scene.vertical_datum is {text!r}, which is no known CRS.") from None
+            raise SceneError(f"scene.vertical_datum is {text!r}, which is not a known CRS.") from None
         name = crs.name if crs.type_name == "Vertical CRS" else vertical_datum(crs)
         if name is None:
             raise SceneError(f"scene.vertical_datum is {text!r} ({crs.name}), which says nothing about heights.")

@@ -134,7 +134,7 @@ def _hdf5(path: Path, place: Place) -> tuple[pd.DataFrame, dict[str, Any]]:
             for name, data in group.items():
                 text = isinstance(data, h5py.Dataset) and h5py.check_string_dtype(data.dtype) is not None
                 if not isinstance(data, h5py.Dataset) or data.ndim != 1 or not (text or data.dtype.kind in "fiub"):
-                    raise _error(path, f"objects/{name} is no list of one number or text for each object.")
+                    raise _error(path, f"objects/{name} is not a list of one number or text for each object.")
                 if data.size > _LARGEST_TABLE:
                     raise _error(path, f"objects/{name} has {data.size} entries, expected at most {_LARGEST_TABLE}.")
                 columns[name] = data.asstr()[()] if text else data[()]
@@ -144,11 +144,11 @@ def _hdf5(path: Path, place: Place) -> tuple[pd.DataFrame, dict[str, Any]]:
                     raise _error(path, f"objects/{name} has {count} entries, objects/{next(iter(counts))} {first}.")
             found = file.get("aspect", {})
             if not isinstance(found, h5py.Group | dict):
-                raise _error(path, "aspect is no group, expected one with a dataset for each aspect class.")
+                raise _error(path, "aspect is not a group, expected one with a dataset for each aspect class.")
             curves = {}
             for name, data in found.items():
                 if not isinstance(data, h5py.Dataset) or data.dtype.kind not in "fiu" or data.size > _LARGEST_TABLE:
-                    raise _error(path, f"aspect/{name} is no dataset of numbers.")
+                    raise _error(path, f"aspect/{name} is not a dataset of numbers.")
                 if (wrong := check_curve(data[()])) is not None:
                     raise _error(path, f"aspect/{name} {wrong}.")
                 curves[name] = data[()]
@@ -173,7 +173,7 @@ def _check_crs(path: Path, text: str, name: str, place: Place) -> None:
     try:
         crs = CRS.from_user_input(text)
     except CRSError:
-        raise _error(path, f"is in {name}, which is no known CRS, expected {_short(place.crs)}.") from None
+        raise _error(path, f"is in {name}, which is not a known CRS, expected {_short(place.crs)}.") from None
     if not same_place(horizontal(crs), CRS.from_user_input(place.crs)):
         raise _error(
             path,

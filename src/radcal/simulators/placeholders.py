@@ -124,7 +124,7 @@ class Marked:
                 low, high = part.interval
                 if part.name != SEED:
                     raise ConfigError(
-                        f"{self.where}: {part.name}:{low}..{high} asks for a range, which only {SEED} is brought into."
+                        f"{self.where}: {part.name}:{low}..{high} has a range, which only {SEED} may have."
                     )
                 if not low < high:
                     raise ConfigError(f"{self.where}: the range of {SEED} is {low}..{high}, expected lower < upper.")
