@@ -179,7 +179,7 @@ def _put(group: h5py.Group, name: str, value: Any, kind: Any, about: About | Non
         made = group.create_group(name, track_order=True)
         for key, item in value.items():
             _put(made, key, item, _item(kind))
-    elif is_dataclass(kind):
+    elif isinstance(kind, type) and is_dataclass(kind):
         main = _main(kind)
         if main is None:
             made = group.create_group(name)
