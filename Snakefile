@@ -19,11 +19,11 @@ from radcal.calibration.stopping import decide
 from radcal.config.casefile import check_words
 from radcal.errors import RadcalError
 from radcal.radar import SIMULATOR_VERSION
-from radcal.session import Session
+from radcal.running.session import Session
 from radcal.simulators.command import check_command
 from radcal.simulators.seed_width import with_seed_bits
-from radcal.stages import READS
-from radcal.terminal import guard
+from radcal.running.stages import READS
+from radcal.running.terminal import guard
 
 min_version("9.10")
 guard(logger)

@@ -30,7 +30,8 @@ from radcal.radar.laws import LAWS
 from radcal.report.summary import law_difference_db
 from radcal.scene.sources import make_scene
 from radcal.simulators.builtin import BuiltinSimulator
-from radcal.store import Runner, RunStore
+from radcal.simulators.runner import Runner
+from radcal.storage.runs import RunStore
 
 
 def main() -> None:

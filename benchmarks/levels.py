@@ -30,7 +30,8 @@ from radcal.radar.geometry import make_geometry
 from radcal.radar.laws import LAWS
 from radcal.scene.sources import make_scene
 from radcal.simulators.builtin import BuiltinSimulator
-from radcal.store import Runner, RunStore
+from radcal.simulators.runner import Runner
+from radcal.storage.runs import RunStore
 
 TRUTH = {"dyke": [6.1, 14.2, 21.5, 3.3]}
 WRONG_DB = 3.0

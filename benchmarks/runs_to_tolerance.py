@@ -27,7 +27,8 @@ from radcal.radar.geometry import make_geometry
 from radcal.scene.sources import make_scene
 from radcal.seeds import derived_rng
 from radcal.simulators.builtin import BuiltinSimulator
-from radcal.store import Runner, RunStore
+from radcal.simulators.runner import Runner
+from radcal.storage.runs import RunStore
 
 METHODS = ("radcal",)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from radcal.records import seal
+from radcal.storage.sealing import seal
 
 
 @contextmanager

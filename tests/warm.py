@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 
-from radcal.jobs import die_with_parent
+from radcal.running.jobs import die_with_parent
 
 HERE = Path(__file__).resolve().parent
 SCRIPTS = HERE.parent / "workflow" / "scripts"

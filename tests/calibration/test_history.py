@@ -21,8 +21,8 @@ from radcal.calibration.stopping import decide
 from radcal.config import Stop
 from radcal.errors import StoreError
 from radcal.measurement.target import Targets
-from radcal.records import write_json
-from radcal.store import Record, RunStore
+from radcal.storage.records import write_json
+from radcal.storage.runs import Record, RunStore
 
 
 def run(kind, index, x, rms):

@@ -20,7 +20,8 @@ from radcal.radar.geometry import Geometry, make_geometry
 from radcal.scene.model import Scene
 from radcal.scene.slant_range import flat_incidence_deg
 from radcal.simulators.builtin import BuiltinSimulator
-from radcal.store import Parameters, Runner, RunStore
+from radcal.simulators.runner import Runner
+from radcal.storage.runs import Parameters, RunStore
 
 LAWS: dict[str, tuple[dict[str, Any], list[float]]] = {
     "constant_gamma": ({"bounds": [[-30, 0]]}, [-11.3]),

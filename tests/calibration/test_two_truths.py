@@ -23,7 +23,8 @@ from radcal.radar.laws import LAWS
 from radcal.report.summary import law_difference_db
 from radcal.scene.model import Scene
 from radcal.simulators.builtin import BuiltinSimulator
-from radcal.store import Runner, RunStore
+from radcal.simulators.runner import Runner
+from radcal.storage.runs import RunStore
 
 LAW = LAWS["mangia"]
 FIRST = [6.1, 14.2, 21.5, 3.3]

@@ -20,8 +20,9 @@ from sealed import DAMAGES
 from workflow_project import Project
 
 from radcal.errors import RadcalError
-from radcal.records import kind_of, read_hdf5, read_json
-from radcal.salvage import salvage
+from radcal.running.salvage import salvage
+from radcal.storage.inspection import kind_of
+from radcal.storage.records import read_hdf5, read_json
 
 SEALED = ("scene", "geometry", "measurement", "registered", "target", "calibration")
 
@@ -250,7 +251,7 @@ def test_a_job_that_fails_with_nobody_to_read_it_ends(project):
 
 def test_out_of_memory_is_a_sentence(tmp_path):
     code = (
-        "from radcal.jobs import logged\nimport resource\n"
+        "from radcal.running.jobs import logged\nimport resource\n"
         "resource.setrlimit(resource.RLIMIT_AS, (2**31, 2**31))\n"
         "import numpy as np\n"
         f"with logged({str(tmp_path / 'job.log')!r}):\n    np.ones(2**40)\n"

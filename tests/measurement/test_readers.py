@@ -18,8 +18,8 @@ from scipy.io import savemat
 
 from radcal.config import FileMeasurement
 from radcal.errors import MeasurementError
-from radcal.images import Counts
 from radcal.measurement.readers import read_image
+from radcal.reading.images import Counts
 
 POWER = np.random.default_rng(1).gamma(4, 0.025, (40, 30))
 DB = 10.0 * np.log10(POWER)
@@ -239,7 +239,7 @@ def huge(path, shape):
 @pytest.mark.parametrize("name", ["a.tif", "a.npy", "a.npz", "a.mat", "a.h5"])
 def test_sizes_are_compared_before_anything_is_read(tmp_path, name, monkeypatch):
     """With a memory that would not hold the array: what is read first ends otherwise."""
-    monkeypatch.setattr("radcal.intake._SPARE_BYTES", 200 << 20)
+    monkeypatch.setattr("radcal.reading.intake._SPARE_BYTES", 200 << 20)
     huge(tmp_path / name, (40000, 30000))
     config = FileMeasurement(path=name, scale="power")
     with pytest.raises(MeasurementError, match="has 40000 x 30000 pixels, the scene's image 40 x 30: crop or resample"):
@@ -277,7 +277,7 @@ def test_numbers_that_lie_in_another_file_are_not_read(tmp_path):
 
 def test_what_inflates_beyond_its_size_ends_in_a_sentence(tmp_path, monkeypatch):
     """A deflate stream of 600 MB in a chunk of 4,800 bytes."""
-    monkeypatch.setattr("radcal.intake._SPARE_BYTES", 300 << 20)
+    monkeypatch.setattr("radcal.reading.intake._SPARE_BYTES", 300 << 20)
     with h5py.File(tmp_path / "a.h5", "w") as file:
         data = file.create_dataset("a", (40, 30), "f4", chunks=(40, 30), compression="gzip")
         data.id.write_direct_chunk((0, 0), zlib.compress(bytes(600 << 20), 1))

@@ -18,10 +18,10 @@ from rasterio.errors import NotGeoreferencedWarning
 
 from radcal.config import FileMeasurement
 from radcal.errors import MeasurementError
-from radcal.images import Counts
 from radcal.measurement.readers import read_image
 from radcal.measurement.sicd import is_sicd
 from radcal.measurement.sources import make_measurement
+from radcal.reading.images import Counts
 
 pytestmark = pytest.mark.filterwarnings("ignore:(read|open)_text is deprecated:DeprecationWarning")  # in sarkit
 

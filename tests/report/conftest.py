@@ -20,7 +20,7 @@ from radcal.measurement.target import Target, Targets
 from radcal.radar.geometry import Geometry
 from radcal.report.archive import write_archive
 from radcal.scene.model import Scene
-from radcal.store import Record, RunStore
+from radcal.storage.runs import Record, RunStore
 
 HIDDEN = [6.1, 14.2, 21.5, 3.3]
 # the density's xi is this far from the target's in successive runs, per material

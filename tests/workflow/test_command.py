@@ -16,8 +16,8 @@ from workflow_project import COLUMNS, ROOT, ROWS, Project
 from radcal.calibration.design import design_points
 from radcal.config import input_files, load
 from radcal.errors import ConfigError
-from radcal.records import read_json
 from radcal.simulators.command import check_command
+from radcal.storage.records import read_json
 
 
 def example(project: Project, name: str) -> str:

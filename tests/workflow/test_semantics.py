@@ -19,7 +19,7 @@ from workflow_project import COLUMNS, ROOT, ROWS, Project, make_project, tiny_ca
 
 from radcal.calibration.history import read_runs
 from radcal.config import case_from
-from radcal.stages import READS, reruns_table
+from radcal.running.stages import READS, reruns_table
 
 CASE = ("--configfile", "tiny.yaml")
 # what Snakemake calls a job of each rule

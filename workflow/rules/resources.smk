@@ -2,7 +2,7 @@
 
 from functools import cache
 
-from radcal.resources import memory_mb, runtime_minutes, values_of
+from radcal.running.resources import memory_mb, runtime_minutes, values_of
 
 
 @cache

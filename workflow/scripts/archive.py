@@ -2,14 +2,14 @@
 
 from radcal.calibration.history import indexed, read_runs
 from radcal.config import Case, Stop
-from radcal.jobs import logged
-from radcal.listing import write_listing
 from radcal.measurement.registration import read_registered
 from radcal.measurement.target import read_targets
 from radcal.radar.geometry import read_geometry
-from radcal.records import read_json
 from radcal.report.archive import write_archive, write_table
+from radcal.running.jobs import logged
 from radcal.scene.model import read_scene
+from radcal.storage.listing import write_listing
+from radcal.storage.records import read_json
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = Case.of_sections(snakemake.params.case)

@@ -3,10 +3,10 @@
 from radcal.calibration.design import design_points
 from radcal.calibration.steps import design_line, noise_seed
 from radcal.config import Case
-from radcal.jobs import logged, progress
 from radcal.measurement.target import read_targets
-from radcal.records import read_json, write_json
+from radcal.running.jobs import logged, progress
 from radcal.simulators.sources import make_runner
+from radcal.storage.records import read_json, write_json
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = Case.of_sections(snakemake.params.case)

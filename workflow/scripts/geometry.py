@@ -1,8 +1,8 @@
 """Compute the geometry of the pass."""
 
 from radcal.config import Case
-from radcal.jobs import logged, progress
 from radcal.radar.geometry import make_geometry, write_geometry
+from radcal.running.jobs import logged, progress
 from radcal.scene.model import read_scene
 
 with logged(snakemake.log[0], snakemake.params.case):

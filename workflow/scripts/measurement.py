@@ -1,10 +1,10 @@
 """Read or make the measured image and check it against the scene."""
 
 from radcal.config import Case
-from radcal.jobs import logged, progress
 from radcal.measurement.model import write_measurement
 from radcal.measurement.sources import make_measurement
 from radcal.radar.geometry import read_geometry
+from radcal.running.jobs import logged, progress
 from radcal.scene.model import read_scene
 from radcal.simulators.sources import make_simulator
 

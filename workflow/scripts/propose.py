@@ -4,8 +4,8 @@ from radcal.calibration.history import read_runs, write_proposals
 from radcal.calibration.steps import propose_all
 from radcal.calibration.surrogate import read_surrogates
 from radcal.config import Case, Stop
-from radcal.jobs import logged
 from radcal.measurement.target import read_targets
+from radcal.running.jobs import logged
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = Case.of_sections(snakemake.params.case)

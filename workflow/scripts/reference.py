@@ -2,9 +2,9 @@
 
 from radcal.calibration.steps import reference_parameters, reference_runs, repeatability
 from radcal.config import Case
-from radcal.jobs import logged, progress
-from radcal.records import write_json
+from radcal.running.jobs import logged, progress
 from radcal.simulators.sources import make_runner
+from radcal.storage.records import write_json
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = Case.of_sections(snakemake.params.case)

@@ -2,9 +2,9 @@
 
 from radcal.calibration.history import indexed
 from radcal.config import Case
-from radcal.jobs import logged, progress
 from radcal.measurement.model import read_measurement
 from radcal.measurement.registration import register, write_registered
+from radcal.running.jobs import logged, progress
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = Case.of_sections(snakemake.params.case)

@@ -1,9 +1,9 @@
 """Draw the figures and write the report from the archive."""
 
-from radcal.jobs import logged, progress
-from radcal.listing import write_listing
 from radcal.report.figures import write_figures
 from radcal.report.html import write_report
+from radcal.running.jobs import logged, progress
+from radcal.storage.listing import write_listing
 
 with logged(snakemake.log[0]):
     figures = write_figures(snakemake.input.archive, snakemake.output.figures)

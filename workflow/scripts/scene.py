@@ -1,7 +1,7 @@
 """Build the scene."""
 
 from radcal.config import Case
-from radcal.jobs import logged, progress
+from radcal.running.jobs import logged, progress
 from radcal.scene.model import write_scene
 from radcal.scene.sources import make_scene
 

@@ -4,8 +4,8 @@ from radcal.calibration.class_search import class_searches
 from radcal.calibration.history import History, indexed, score, write_runs
 from radcal.calibration.steps import score_reference
 from radcal.config import Case
-from radcal.jobs import logged, progress
 from radcal.measurement.target import read_targets
+from radcal.running.jobs import logged, progress
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = Case.of_sections(snakemake.params.case)

@@ -1,11 +1,11 @@
 """Write the simulator's identity."""
 
 from radcal.config import Case
-from radcal.disclosure import disclosed
-from radcal.jobs import logged
 from radcal.radar.geometry import read_geometry
-from radcal.records import write_json
+from radcal.running.jobs import logged
 from radcal.simulators.sources import make_simulator
+from radcal.storage.disclosure import disclosed
+from radcal.storage.records import write_json
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = Case.of_sections(snakemake.params.case)

@@ -1,8 +1,8 @@
 """Write the summary, and print how the calibration ended."""
 
-from radcal.jobs import logged, progress
-from radcal.records import write_json
 from radcal.report.summary import numbered_jobs, sentences, summarise, wall_seconds
+from radcal.running.jobs import logged, progress
+from radcal.storage.records import write_json
 
 with logged(snakemake.log[0]):
     archive = snakemake.input.archive

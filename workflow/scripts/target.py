@@ -3,10 +3,10 @@
 from radcal.calibration.class_search import class_targets
 from radcal.calibration.history import indexed
 from radcal.config import Case
-from radcal.jobs import logged, progress
 from radcal.measurement.registration import read_registered
 from radcal.measurement.target import make_targets, write_targets
 from radcal.radar.geometry import read_geometry
+from radcal.running.jobs import logged, progress
 from radcal.scene.model import read_scene
 
 with logged(snakemake.log[0], snakemake.params.case):

@@ -4,7 +4,7 @@ from radcal.calibration.history import read_runs
 from radcal.calibration.steps import train_all
 from radcal.calibration.surrogate import read_surrogates, write_surrogates
 from radcal.config import Case
-from radcal.jobs import logged
+from radcal.running.jobs import logged
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = Case.of_sections(snakemake.params.case)

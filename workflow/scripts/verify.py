@@ -3,8 +3,8 @@
 from radcal.calibration.history import History, read_proposals, read_runs, write_runs
 from radcal.calibration.steps import progress_line, verify
 from radcal.config import Case, Stop
-from radcal.jobs import logged, progress
 from radcal.measurement.target import read_targets
+from radcal.running.jobs import logged, progress
 from radcal.simulators.sources import make_runner
 
 with logged(snakemake.log[0], snakemake.params.case):

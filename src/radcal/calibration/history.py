@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from radcal.calibration.class_surrogate import ClassRuns
 from radcal.errors import StoreError
 from radcal.measurement.levels import Levels
-from radcal.records import read_json, write_json
-from radcal.store import Parameters, Record, RunStore
+from radcal.storage.records import read_json, write_json
+from radcal.storage.runs import Parameters, Record, RunStore
 
 if TYPE_CHECKING:
     from radcal.calibration.class_search import ClassSearch

@@ -22,7 +22,7 @@ from radcal.calibration.steps import (
 from radcal.calibration.stopping import Decision, decide
 from radcal.config import Case
 from radcal.measurement.target import Targets
-from radcal.store import Runner
+from radcal.simulators.runner import Runner
 
 __all__ = ["calibrate"]
 

@@ -10,10 +10,11 @@ from typing import Any
 
 from radcal.calibration.steps import noise_seed, reference_parameters
 from radcal.config import Case
-from radcal.disclosure import disclosed
 from radcal.errors import ConfigError, StoreError
-from radcal.files import digest, first_difference
-from radcal.store import Runner, RunStore
+from radcal.simulators.runner import Runner
+from radcal.storage.disclosure import disclosed
+from radcal.storage.files import digest, first_difference
+from radcal.storage.runs import RunStore
 
 __all__ = ["check_reuse", "reuse_runs"]
 

@@ -21,9 +21,10 @@ from radcal.calibration.noise import noise_variance
 from radcal.calibration.stopping import decide
 from radcal.calibration.surrogate import OUTPUTS, Surrogate
 from radcal.config import Case, CommandSimulation, Optimiser, Stop
-from radcal.jobs import die_with_parent
+from radcal.running.jobs import die_with_parent
 from radcal.seeds import derived_rng, derived_seed, noise_seed
-from radcal.store import Parameters, Record, Runner
+from radcal.simulators.runner import Runner
+from radcal.storage.runs import Parameters, Record
 
 if TYPE_CHECKING:
     from radcal.measurement.target import Targets

@@ -21,7 +21,7 @@ from scipy.linalg import solve_triangular
 from radcal import skewnormal
 from radcal.calibration.class_surrogate import ClassRuns
 from radcal.errors import SurrogateError
-from radcal.records import read_hdf5, write_hdf5
+from radcal.storage.records import read_hdf5, write_hdf5
 
 __all__ = ["OUTPUTS", "Surrogate", "leave_one_out_q2", "read_surrogates", "to_direct", "write_surrogates"]
 

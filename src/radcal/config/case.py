@@ -25,9 +25,9 @@ from radcal.config.stop import Stop
 from radcal.config.surrogate import SurrogateConfig
 from radcal.config.target import TargetConfig
 from radcal.config.validation import Validation
-from radcal.disclosure import Undisclosed
 from radcal.radar.bands import same_label
 from radcal.radar.laws import EXTERNAL, LAWS, Law, law_for
+from radcal.storage.disclosure import Undisclosed
 
 __all__ = ["Case"]
 

@@ -15,7 +15,7 @@ from radcal.config.scene import BuiltinScene, RasterScene, SlantRangeScene
 from radcal.config.sentences import shown
 from radcal.config.simulator import CommandSimulation
 from radcal.errors import ConfigError
-from radcal.rasters import RasterRefused, raster_files
+from radcal.reading.rasters import RasterRefused, raster_files
 
 __all__ = ["executable_path", "expand_path", "files_below", "input_files", "vrt_folders"]
 

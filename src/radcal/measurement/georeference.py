@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.arrays import is_raster
 from radcal.config import FileMeasurement
 from radcal.errors import MeasurementError
 from radcal.measurement.readers import Places, read_raster
-from radcal.rasters import open_raster
+from radcal.reading.arrays import is_raster
+from radcal.reading.rasters import open_raster
 from radcal.scene.crs import crs_of
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.records import read_hdf5, write_hdf5
+from radcal.storage.records import read_hdf5, write_hdf5
 
 __all__ = ["Measurement", "get_measurement", "put_measurement", "read_measurement", "write_measurement"]
 

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.arrays import raster_band, read_array
 from radcal.config import FileMeasurement, vrt_folders
 from radcal.errors import MeasurementError
-from radcal.images import Counts, ImageFile, reading, to_db
 from radcal.measurement.sicd import is_sicd, read_sicd
-from radcal.rasters import open_raster
+from radcal.reading.arrays import raster_band, read_array
+from radcal.reading.images import Counts, ImageFile, reading, to_db
+from radcal.reading.rasters import open_raster
 from radcal.scene.crs import crs_of, horizontal
 
 __all__ = ["ReadImage", "image_of", "read_image", "read_raster", "read_values"]

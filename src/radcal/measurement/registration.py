@@ -14,7 +14,7 @@ from radcal.measurement.displacement import warp
 from radcal.measurement.gefolki import Level, find_flow, local_correlation, pyramid, rank_transform
 from radcal.measurement.model import Measurement, get_measurement, put_measurement
 from radcal.measurement.spline_field import Prior
-from radcal.records import read_hdf5, write_hdf5
+from radcal.storage.records import read_hdf5, write_hdf5
 
 __all__ = ["Registered", "read_registered", "register", "write_registered"]
 

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from radcal.config import FileMeasurement
 from radcal.errors import MeasurementError
-from radcal.images import ImageFile, check_header
-from radcal.intake import LARGEST_VALUES, bounded_memory, parse_xml, unchanged
+from radcal.reading.images import ImageFile, check_header
+from radcal.reading.intake import LARGEST_VALUES, bounded_memory, parse_xml, unchanged
 
 __all__ = ["SicdImage", "is_sicd", "read_sicd"]
 

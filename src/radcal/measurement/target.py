@@ -23,8 +23,8 @@ from radcal.measurement.model import Measurement
 from radcal.measurement.patches import label_patches
 from radcal.measurement.pixels import IN_THE_NOISE, eligible_pixels, noise_limited, point_targets
 from radcal.radar.radiometry import noise_floor_db
-from radcal.records import read_hdf5, write_hdf5
 from radcal.seeds import derived_rng
+from radcal.storage.records import read_hdf5, write_hdf5
 
 if TYPE_CHECKING:
     from radcal.measurement.registration import Registered

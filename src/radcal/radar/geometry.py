@@ -47,9 +47,9 @@ from radcal.radar.points import Points, not_pure
 from radcal.radar.radiometry import of_sigma0
 from radcal.radar.size import check_size, refinement
 from radcal.radar.visibility import FAR_HALF, NEAR_HALF, laid_over
-from radcal.records import read_hdf5, write_hdf5
 from radcal.scene.model import Scene
 from radcal.scene.size import SceneSize
+from radcal.storage.records import read_hdf5, write_hdf5
 
 __all__ = [
     "Geometry",

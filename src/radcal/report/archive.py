@@ -85,17 +85,17 @@ from radcal.calibration.noise import noise_sentence
 from radcal.calibration.steps import not_fresh, repeatability
 from radcal.calibration.stopping import decide
 from radcal.config import Case, Stop
-from radcal.disclosure import disclosed
 from radcal.errors import StoreError
-from radcal.files import atomic
 from radcal.measurement.registration import Registered
 from radcal.measurement.target import Targets
 from radcal.radar.geometry import Geometry
-from radcal.records import read_hdf5, write_hdf5
 from radcal.report.law_notes import law_notes
 from radcal.report.law_records import put_law
 from radcal.scene.model import Scene
-from radcal.store import Record, RunStore
+from radcal.storage.disclosure import disclosed
+from radcal.storage.files import atomic
+from radcal.storage.records import read_hdf5, write_hdf5
+from radcal.storage.runs import Record, RunStore
 
 __all__ = ["write_archive", "write_table"]
 

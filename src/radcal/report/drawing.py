@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.radar.laws import Law
-from radcal.records import read_hdf5
 from radcal.report.law_records import read_law
+from radcal.storage.records import read_hdf5
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas

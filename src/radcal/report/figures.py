@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from radcal.files import atomic
 from radcal.report.density_figures import densities, histogram, overview, quality
 from radcal.report.drawing import STYLE, CaseData, MaterialData, read_case
 from radcal.report.held_out_figures import held_out
 from radcal.report.law_figures import cost, law
 from radcal.report.map_figures import images, registration, residual
 from radcal.report.scene_figures import incidence, scene
+from radcal.storage.files import atomic
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas

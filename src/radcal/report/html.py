@@ -13,10 +13,10 @@ import h5py
 import numpy as np
 
 from radcal import skewnormal
-from radcal.files import atomic
-from radcal.records import read_hdf5
 from radcal.report.figures import Figure
 from radcal.report.summary import summarise
+from radcal.storage.files import atomic
+from radcal.storage.records import read_hdf5
 
 __all__ = ["write_report"]
 

@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 from radcal import skewnormal
 from radcal.config import Case
 from radcal.radar.laws import Law
-from radcal.records import read_hdf5
 from radcal.report.law_records import read_law
+from radcal.storage.records import read_hdf5
 
 __all__ = ["law_difference_db", "numbered_jobs", "sentences", "summarise", "wall_seconds"]
 

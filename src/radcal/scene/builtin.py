@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from radcal.files import digest
 from radcal.scene.model import Scene
+from radcal.storage.files import digest
 
 __all__ = ["CELLS", "CELL_M", "MATERIALS", "ROUGHNESS", "builtin_scene"]
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from radcal.config import RasterScene, expand_path, vrt_folders
 from radcal.errors import SceneError
-from radcal.intake import LARGEST_VALUES
-from radcal.rasters import open_raster
+from radcal.reading.intake import LARGEST_VALUES
+from radcal.reading.rasters import open_raster
 from radcal.scene.crs import METRES, crs_of, horizontal, same_place, utm
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.errors import SceneError
-from radcal.records import read_hdf5, write_hdf5
 from radcal.scene.objects import Objects, put_objects, take_objects
+from radcal.storage.records import read_hdf5, write_hdf5
 
 __all__ = ["Scene", "read_scene", "write_scene"]
 

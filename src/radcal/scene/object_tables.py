@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.errors import SceneError
-from radcal.intake import LARGEST_VALUES, bounded_memory, elsewhere, unchanged
+from radcal.reading.intake import LARGEST_VALUES, bounded_memory, elsewhere, unchanged
 from radcal.scene.objects import DBSM_LIMITS, Objects, check_curve
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radcal.files import digest
+from radcal.storage.files import digest
 
 __all__ = ["DBSM_LIMITS", "Objects", "check_curve", "put_objects", "take_objects"]
 

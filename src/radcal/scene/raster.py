@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from radcal.config import RasterScene, expand_path
 from radcal.errors import SceneError
-from radcal.files import digest
-from radcal.intake import bounded_memory, unchanged
-from radcal.rasters import check_blocks
+from radcal.reading.intake import bounded_memory, unchanged
+from radcal.reading.rasters import check_blocks
 from radcal.scene.crs import (
     METRES,
     label,
@@ -26,6 +25,7 @@ from radcal.scene.crs import (
 from radcal.scene.grid import LARGEST_CELLS, Grid, Source, box_in, opened, pixel_m, scene_grid, subdivision
 from radcal.scene.model import Scene
 from radcal.scene.names import by_id, read_names
+from radcal.storage.files import digest
 
 __all__ = ["raster_scene"]
 

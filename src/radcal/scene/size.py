@@ -56,7 +56,7 @@ def _slant_range(config: SlantRangeScene) -> SceneSize:
     from rasterio.errors import RasterioError
 
     from radcal.errors import SceneError
-    from radcal.rasters import RasterRefused, open_raster
+    from radcal.reading.rasters import RasterRefused, open_raster
 
     path = expand_path(config.labels, "scene.labels")
     try:

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from radcal.config import SlantRangeScene, expand_path, vrt_folders
 from radcal.errors import SceneError
-from radcal.files import digest
-from radcal.intake import LARGEST_VALUES, bounded_memory, unchanged
-from radcal.rasters import check_blocks, open_raster
+from radcal.reading.intake import LARGEST_VALUES, bounded_memory, unchanged
+from radcal.reading.rasters import check_blocks, open_raster
 from radcal.scene.model import Scene
 from radcal.scene.names import by_id, read_names
+from radcal.storage.files import digest
 
 __all__ = ["flat_incidence_deg", "slant_range_scene"]
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 from radcal.config import BuiltinScene, RasterScene, SceneConfig, SceneObjects, expand_path
-from radcal.files import digest
 from radcal.scene.builtin import builtin_scene
 from radcal.scene.model import Scene
 from radcal.scene.object_generator import generate_objects
@@ -13,6 +12,7 @@ from radcal.scene.object_tables import Place, read_objects
 from radcal.scene.objects import Objects
 from radcal.scene.raster import raster_scene
 from radcal.scene.slant_range import slant_range_scene
+from radcal.storage.files import digest
 
 __all__ = ["make_scene"]
 

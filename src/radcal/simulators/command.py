@@ -18,7 +18,6 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
-from radcal.arrays import read_array
 from radcal.config import (
     Case,
     CommandSimulation,
@@ -30,12 +29,13 @@ from radcal.config import (
     files_below,
 )
 from radcal.errors import ConfigError, SimulatorError, StoreError
-from radcal.files import working_folder
-from radcal.images import ImageFile, reading, to_db
+from radcal.reading.arrays import read_array
+from radcal.reading.images import ImageFile, reading, to_db
 from radcal.simulators.placeholders import SEED, Marked, Marker, argument, template
 from radcal.simulators.process import output_tail, run_program
 from radcal.simulators.raw import read_raw
 from radcal.simulators.seed_width import check_seeds
+from radcal.storage.files import working_folder
 
 if TYPE_CHECKING:
     from radcal.radar.geometry import Geometry

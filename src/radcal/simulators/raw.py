@@ -7,7 +7,7 @@ from typing import get_args
 import numpy as np
 
 from radcal.config import Output, RawType
-from radcal.images import ImageFile, Values
+from radcal.reading.images import ImageFile, Values
 
 __all__ = ["read_raw"]
 

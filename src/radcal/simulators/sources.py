@@ -10,7 +10,8 @@ from radcal.scene.model import read_scene
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.command import CommandPlan, CommandSimulator
 from radcal.simulators.protocol import Simulator
-from radcal.store import Runner, RunStore
+from radcal.simulators.runner import Runner
+from radcal.storage.runs import RunStore
 
 __all__ = ["make_runner", "make_simulator"]
 

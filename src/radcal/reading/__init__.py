@@ -1,0 +1,1 @@
+"""Arrays, rasters and images of others: checked before memory is taken, and brought to dB."""

@@ -1,0 +1,203 @@
+"""Readers of arrays by file format; the header is checked before memory is taken for the numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from radcal.reading.images import ImageFile, Values, check_header, reading
+from radcal.reading.intake import elsewhere
+from radcal.reading.rasters import check_blocks, open_raster
+
+__all__ = ["is_raster", "raster_band", "read_array"]
+
+_HDF5_SPARE_BYTES = 64 << 20  # factor by which a chunk may be larger than its dataset
+_HDF5_FILTERS = frozenset(range(1, 7))  # HDF5's own filters: deflate, shuffle, Fletcher-32, szip, n-bit, scale
+_LZF = 32000  # h5py's own
+
+
+def read_array(file: ImageFile, kind: str | None = None) -> Values:
+    """Numbers of a file without conversion; no-data becomes NaN where the format marks it.
+
+    Parameters
+    ----------
+    file : ImageFile
+        File, with the configured dataset or band.
+    kind : {'npy', 'npz', 'mat', 'hdf5', 'raster'}, optional
+        Format of the file; by its ending if missing.
+
+    Raises
+    ------
+    RadcalError
+        The file cannot be read or does not hold the dataset or band (class of the file's error).
+    """
+    reader, called = _READERS[kind or _ENDINGS.get(file.path.suffix.lower(), "raster")]
+    with reading(file, called):
+        return reader(file)
+
+
+def is_raster(path: Path) -> bool:
+    """Whether a file is read as a raster, by its ending."""
+    return path.suffix.lower() not in _ENDINGS
+
+
+def raster_band(raster: Any, file: ImageFile, window: Any = None) -> Values:
+    """Band of an open raster.
+
+    Parameters
+    ----------
+    raster : rasterio.DatasetReader
+        An open raster.
+    file : ImageFile
+        Which band.
+    window : rasterio.windows.Window, optional
+        Part of the raster to read.
+
+    Returns
+    -------
+    ndarray, shape (rows, columns)
+        Numbers of the band (float64 or complex128), NaN where the file masks them. A scale and an offset of the band
+        (GDAL's raster data model) are applied.
+
+    Raises
+    ------
+    RadcalError
+        There is no such band, there are several to choose from, or the values are not numbers.
+    """
+    band = file.options.band
+    if file.options.dataset is not None:
+        raise file.asked(
+            "dataset",
+            f"{file.options.dataset!r}, {file.path} is a raster, which has bands and no datasets: remove the key.",
+        )
+    if band is None:
+        if raster.count != 1:
+            raise file.refused(
+                f"{file.path} has {raster.count} bands, expected one: say which with {file.section}.band."
+            )
+        band = 1
+    if band > raster.count:
+        raise file.asked("band", f"{band}, {file.path} has {raster.count}.")
+    dtype = np.dtype(raster.dtypes[band - 1].replace("complex_int16", "complex64"))
+    check_header(file, raster.shape if window is None else (window.height, window.width), dtype)
+    check_blocks(raster)
+    values = raster.read(band, masked=True, window=window)
+    numbers = values.astype(np.complex128 if values.dtype.kind == "c" else np.float64).filled(np.nan)
+    scale, offset = raster.scales[band - 1], raster.offsets[band - 1]
+    if (scale, offset) != (1.0, 0.0):
+        numbers = numbers * scale + offset
+    return np.asarray(numbers)
+
+
+def _raster(file: ImageFile) -> Values:
+    with open_raster(file.path, file.folders) as raster:
+        return raster_band(raster, file)
+
+
+def _chosen(names: list[str], file: ImageFile) -> str:
+    """Name of the dataset to read."""
+    listed, chosen = ", ".join(names) or "no array", file.options.dataset
+    if chosen is None:
+        if len(names) == 1:
+            return names[0]
+        raise file.refused(f"{file.path} holds {listed}: say which with {file.section}.dataset.")
+    if chosen not in names:
+        raise file.asked("dataset", f"{chosen!r}, {file.path} holds {listed}.")
+    return chosen
+
+
+def _npy(file: ImageFile) -> Values:
+    if file.options.dataset is not None:
+        raise file.asked("dataset", f"{file.options.dataset!r}, {file.path} holds one array without a name.")
+    _check_magic(file, np.lib.format.MAGIC_PREFIX)
+    with file.path.open("rb") as content:
+        check_header(file, *_numpy_header(content))
+    return np.asarray(np.load(file.path, allow_pickle=False))
+
+
+def _numpy_header(content: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    """Shape and type of a numpy array in an open file."""
+    read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+    version = np.lib.format.read_magic(content)
+    if version not in read:
+        raise ValueError(f"its format has version {version}, expected 1.0 or 2.0")
+    shape, _, dtype = read[version](content)
+    return shape, dtype
+
+
+def _check_magic(file: ImageFile, *starts: bytes) -> None:
+    """Refuse a file that numpy would read as a pickle."""
+    with file.path.open("rb") as content:
+        if not content.read(6).startswith(starts):
+            raise ValueError("it does not begin as one does")
+
+
+def _npz(file: ImageFile) -> Values:
+    _check_magic(file, b"PK\3\4")
+    with np.load(file.path, allow_pickle=False) as archive:
+        name = _chosen(list(archive.files), file)
+        member = name if name in archive.zip.namelist() else f"{name}.npy"
+        with archive.zip.open(member) as content:
+            check_header(file, *_numpy_header(content))
+        return np.asarray(archive[name])
+
+
+def _hdf5(file: ImageFile, transposed: bool = False) -> Values:
+    """Dataset of an HDF5 file; ``transposed``: with reversed axes."""
+    import h5py
+
+    with h5py.File(file.path, "r") as content:
+        found: list[str] = []
+        content.visititems(lambda name, item: found.append(name) if isinstance(item, h5py.Dataset) else None)
+        if (what := elsewhere(content)) is not None:
+            raise file.refused(f"in {file.path} {what}, which is not followed.")
+        data = content[_chosen(found, file)]
+        check_header(file, data.shape[::-1] if transposed else data.shape, data.dtype)
+        _check_storage(data, file)
+        values = np.asarray(data[()])
+    values = values.T if transposed else values
+    return values["real"] + 1j * values["imag"] if values.dtype.names == ("real", "imag") else values
+
+
+def _check_storage(data: Any, file: ImageFile) -> None:
+    """Refuse chunks and filters with which a small dataset would need much memory."""
+    chunk = data.dtype.itemsize * int(np.prod(data.chunks, dtype=np.int64)) if data.chunks else 0
+    if chunk > data.nbytes + _HDF5_SPARE_BYTES:
+        raise file.refused(
+            f"{file.path} keeps {data.nbytes:,} bytes in chunks of {chunk:,}, expected none larger than its numbers."
+        )
+    pipeline = data.id.get_create_plist()
+    filters = [pipeline.get_filter(k)[0] for k in range(pipeline.get_nfilters())]
+    other = [number for number in filters if number not in _HDF5_FILTERS | {_LZF}]
+    if other or len(set(filters)) < len(filters):
+        raise file.refused(
+            f"{file.path} is compressed by the HDF5 filters {filters}, expected those of the library itself, each "
+            "once: repack it, for example with h5repack -f GZIP=4."
+        )
+
+
+def _mat(file: ImageFile) -> Values:
+    from scipy.io import loadmat, whosmat
+
+    try:
+        found = {name: shape for name, shape, kind in whosmat(file.path) if kind in _MATLAB_NUMBERS}
+    except NotImplementedError:  # version 7.3 is HDF5, with reversed axes
+        return _hdf5(file, transposed=True)
+    name = _chosen(list(found), file)
+    # the header does not tell whether its numbers are complex
+    check_header(file, found[name], np.dtype(np.complex128 if file.options.scale == "complex" else np.float64))
+    return np.asarray(loadmat(file.path, variable_names=[name])[name])
+
+
+_MATLAB_NUMBERS = ("double", "single", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)))
+_READERS: dict[str, tuple[Callable[[ImageFile], Values], str]] = {
+    "npy": (_npy, "a numpy array"),
+    "npz": (_npz, "numpy arrays"),
+    "mat": (_mat, "a MATLAB file"),
+    "hdf5": (_hdf5, "HDF5"),
+    "raster": (_raster, "a raster"),
+}
+_ENDINGS = {".npy": "npy", ".npz": "npz", ".mat": "mat", ".h5": "hdf5", ".hdf5": "hdf5"}

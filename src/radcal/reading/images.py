@@ -1,0 +1,265 @@
+"""Conversion of arrays from files to images in dB, for measured and for simulated images.
+
+Measurement and simulators share this code without importing each other; they differ only in the section of the
+configuration that messages name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.errors import RadcalError
+from radcal.reading.intake import LARGEST_VALUES, bounded_memory, unchanged
+
+__all__ = [
+    "LARGEST_DB",
+    "Counts",
+    "ImageFile",
+    "Options",
+    "Values",
+    "check_header",
+    "reading",
+    "to_db",
+]
+
+Values = NDArray[Any]
+_NEGATIVE_SHARE = 0.01  # share of negative pixels in a power image: noise subtraction leaves a few
+LARGEST_DB = 200.0
+"""No backscatter, however calibrated, is further from 0 dB: a scale mix-up, or damage."""
+
+
+class Options(Protocol):
+    """Options of an image file in the configuration."""
+
+    @property
+    def scale(self) -> str:
+        """Scale of the numbers: db, power, amplitude or complex."""
+        ...
+
+    @property
+    def band(self) -> int | None:
+        """Band of a raster, from 1."""
+        ...
+
+    @property
+    def dataset(self) -> str | None:
+        """Name in npz, mat or HDF5."""
+        ...
+
+
+@dataclass(frozen=True)
+class ImageFile:
+    """An image file with its options, and the keys that error messages name.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    options : Options
+        Scale, and dataset or band.
+    section, key : str
+        Section of the configuration with the options, and its key of the path.
+    error : type of RadcalError
+        Class of the error that is raised.
+    shape : (int, int) or None
+        Size that the image in the file must have; None for any size.
+    resized, turned : str
+        Advice in messages on an image of another size, and on one with rows and columns exchanged.
+    impossible_share : float
+        Share of the finite pixels up to which impossible values are masked rather than refused.
+    folders : tuple of Path
+        Folders in which the sources of a VRT may lie, besides its own.
+    """
+
+    path: Path
+    options: Options
+    section: str
+    key: str
+    error: type[RadcalError]
+    shape: tuple[int, int] | None = None
+    resized: str = ""
+    turned: str = ""
+    impossible_share: float = 0.0
+    folders: tuple[Path, ...] = ()
+
+    def refused(self, text: str) -> RadcalError:
+        """Error about the content of the file; ``text`` follows the key in the sentence."""
+        return self.error(f"{self.section}.{self.key}: {text}")
+
+    def asked(self, key: str, text: str) -> RadcalError:
+        """Error about an option that does not fit the file."""
+        return self.error(f"{self.section}.{key} is {text}")
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Number of pixels of an image, and of those without a value.
+
+    Attributes
+    ----------
+    pixels : int
+        All.
+    no_data : int
+        Number of pixels that are NaN, infinite, or masked by the file.
+    zero : int Number of pixels with zero power.
+    negative : int
+        Number of pixels with negative power, which subtraction of noise can leave.
+    impossible : int
+        Number of pixels further than :data:`LARGEST_DB` from 0 dB.
+    """
+
+    pixels: int
+    no_data: int
+    zero: int
+    negative: int
+    impossible: int = 0
+
+    def __str__(self) -> str:
+        impossible = f", {self.impossible:,} impossible (beyond +-{LARGEST_DB:g} dB)" * (self.impossible > 0)
+        return (
+            f"{self.pixels:,} pixels, {self.no_data:,} without data, {self.zero:,} zero, {self.negative:,} negative"
+            f"{impossible}: NaN in the image"
+        )
+
+
+def to_db(values: Values, file: ImageFile) -> tuple[NDArray[np.float32], Counts]:
+    """Check the numbers of an image against their declared scale and bring them to dB.
+
+    Parameters
+    ----------
+    values : ndarray, shape (rows, columns)
+        Numbers in dB, linear power, linear amplitude, or complex amplitude.
+    file : ImageFile
+        File with the scale, and words for messages.
+
+    Returns
+    -------
+    image_db : ndarray of float32, shape (rows, columns)
+        10 log10 of the power [dB], NaN where it is not positive and finite, or impossible.
+    counts : Counts
+        Numbers of NaN pixels by reason.
+
+    Raises
+    ------
+    RadcalError
+        The array is not an image, has no finite number or no positive power, is real where complex numbers are
+        declared, or has too many negative numbers (power, amplitude) or impossible levels.
+    """
+    scale, path = file.options.scale, file.path
+    check_header(file, values.shape, values.dtype)
+    finite = np.isfinite(values)
+    if not finite.any():
+        raise file.refused(f"{path} holds no finite number.")
+    if scale == "db":
+        zero, negative = values == -np.inf, 0  # the logarithm of zero power
+        image = np.where(finite, values, np.nan).astype(np.float32)
+    else:
+        size = np.abs(values) if scale == "complex" else values
+        below = finite & (size < 0)
+        negative = int(np.count_nonzero(below))
+        if negative > (_NEGATIVE_SHARE * np.count_nonzero(finite) if scale == "power" else 0):
+            raise file.refused(
+                f"{negative} of {np.count_nonzero(finite)} values of {path} are negative, which {scale} cannot be: if "
+                f"the file is in dB, set {file.section}.scale: db."
+            )
+        zero = size == 0
+        factor = 10.0 if scale == "power" else 20.0
+        with np.errstate(divide="ignore", invalid="ignore"):
+            level = factor * np.log10(size, dtype=np.float64)
+        image = np.where(finite & (size > 0), level, np.nan).astype(np.float32)
+    impossible = _without_impossible(image, file)
+    counts = Counts(
+        pixels=values.size,
+        no_data=int(np.count_nonzero(~finite & ~zero)),
+        zero=int(np.count_nonzero(zero)),
+        negative=negative,
+        impossible=impossible,
+    )
+    if not np.isfinite(image).any():
+        raise file.refused(f"{path} holds no power: {counts.zero:,} of its pixels are 0.")
+    return image, counts
+
+
+def _without_impossible(image: NDArray[np.float32], file: ImageFile) -> int:
+    """Mask impossible backscatter and return the number of pixels masked; refuse the image if there are many."""
+    wrong = np.abs(image) > LARGEST_DB  # comparisons with NaN are false
+    count, known = int(np.count_nonzero(wrong)), int(np.count_nonzero(np.isfinite(image)))
+    if count > file.impossible_share * known:
+        extreme = image[wrong][np.argmax(np.abs(image[wrong]))]
+        raise file.refused(
+            f"{file.path} holds {extreme:.4g} dB and {count:,} of {known:,} values like it, expected within "
+            f"+-{LARGEST_DB:g} dB: most likely {file.section}.scale is not {file.options.scale}, or no-data is not "
+            "declared as such."
+        )
+    image[wrong] = np.nan
+    return count
+
+
+def check_header(file: ImageFile, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
+    """Check of an array's shape and type from its header, before memory is taken for it.
+
+    Parameters
+    ----------
+    file : ImageFile
+        File with the declared scale and the size that the image must have.
+    shape : tuple of int
+        Shape of the array in the file.
+    dtype : dtype
+        Type of its numbers; complex numbers may be pairs ``real``, ``imag``, as MATLAB writes them.
+
+    Raises
+    ------
+    RadcalError
+        The array is not an image, has another size or too many pixels, or its type does not fit the scale.
+    """
+    path, scale = file.path, file.options.scale
+    if len(shape) != 2:
+        raise file.refused(f"{path} holds an array of shape {shape}, expected an image.")
+    kinds, wanted = ("c", "complex numbers") if scale == "complex" else ("fiu", "real numbers")
+    kind = "c" if dtype.names == ("real", "imag") else dtype.kind
+    if kind not in kinds:
+        raise file.refused(f"{path} holds {dtype}, expected {wanted} for {file.section}.scale: {scale}.")
+    if file.shape is not None and shape != file.shape:
+        raise file.refused(
+            f"{path} has {shape[0]} x {shape[1]} pixels, the scene's image {file.shape[0]} x {file.shape[1]}"
+            f"{file.turned if shape == file.shape[::-1] and file.turned else file.resized}."
+        )
+    if file.shape is None and shape[0] * shape[1] > LARGEST_VALUES:
+        raise file.refused(
+            f"{path} has {shape[0]} x {shape[1]} pixels, expected at most {LARGEST_VALUES:.0e}: cut out the scene's "
+            "area."
+        )
+
+
+@contextmanager
+def reading(file: ImageFile, called: str) -> Iterator[None]:
+    """Context that bounds the memory of a read, and turns exceptions of libraries into the file's error.
+
+    Parameters
+    ----------
+    file : ImageFile
+        The file.
+    called : str
+        Kind of file in messages, such as "a raster".
+    """
+    pixels = LARGEST_VALUES if file.shape is None else file.shape[0] * file.shape[1]
+    try:
+        with unchanged(file.path), bounded_memory(pixels):
+            yield
+    except RadcalError:
+        raise
+    except MemoryError:
+        raise file.refused(
+            f"{file.path} cannot be read as {called} (it takes far more memory than {pixels:,} pixels do)."
+        ) from None
+    except Exception as error:  # the libraries' exceptions for damaged files have no common base class
+        # rasterio's own text is only "see the previous exception"
+        reason = " ".join(str(error.__cause__ or error).split())
+        raise file.refused(f"{file.path} cannot be read as {called} ({reason}).") from None

@@ -1,0 +1,262 @@
+"""Rasters opened by an explicit list of GDAL drivers, after every file that they refer to has been checked.
+
+By default GDAL picks a driver by content: a ``.tif`` that holds XML is opened as a mosaic (VRT) or a map service
+(WMS), which can read any file of the machine or send network requests.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from radcal.reading.intake import LARGEST_VALUES, elsewhere, parse_xml
+
+__all__ = ["DRIVERS", "RasterRefused", "check_blocks", "open_raster", "raster_files"]
+
+DRIVERS = (
+    "GTiff",
+    "ENVI",
+    "EHdr",
+    "NITF",
+    "HDF5",
+    "HDF5Image",
+    "netCDF",
+    "JP2OpenJPEG",
+    "HFA",
+    "SRTMHGT",
+    "DTED",
+    "AAIGrid",
+    "PNG",
+    "JPEG",
+)
+"""GDAL's drivers whose files hold all numbers themselves, or in a file that is named after them."""
+
+_HEAD_BYTES = 65536  # more bytes than GDAL reads to choose a file's driver
+_MARKS = (b"<VRTDataset", b"<GDALTileIndexDataset")  # texts by which GDAL recognises a mosaic, anywhere in these bytes
+_LARGEST_XML = 50_000_000  # bytes
+# elements of a mosaic made by gdalbuildvrt and gdal_translate; only SourceFilename names a file
+_ELEMENTS = frozenset(
+    """
+    VRTDataset SRS GeoTransform Metadata MDI VRTRasterBand NoDataValue ColorInterp Description UnitType Offset Scale
+    CategoryNames Category ColorTable Entry HideNoDataValue Histograms HistItem HistMin HistMax BucketCount
+    IncludeOutOfRange Approximate HistCounts SimpleSource ComplexSource AveragedSource SourceFilename SourceBand
+    SourceProperties SrcRect DstRect NODATA ScaleOffset ScaleRatio SrcMin SrcMax DstMin DstMax Exponent Clamp LUT
+    ColorTableComponent UseMaskBand MaskBand GCPList GCP BlockXSize BlockYSize
+    """.split()  # noqa: SIM905 - a list of fifty lines reads worse
+)
+_NETWORK_OFF = {
+    "CPL_VSIL_CURL_ALLOWED_FILENAME": "/no/network/file/is/read",
+    "GDAL_VRT_ENABLE_PYTHON": "NO",
+    "GDAL_VRT_RAWRASTERBAND_ALLOWED_SOURCE": "SIBLING_OR_CHILD_OF_VRT_PATH",
+}
+
+_open = [0]  # number of open rasters: GDAL has one list of drivers for the whole process
+
+
+class RasterRefused(ValueError):
+    """Fault of a raster, in words that follow its name in a sentence."""
+
+
+@contextmanager
+def open_raster(path: Path, folders: Sequence[Path] = (), **settings: str) -> Iterator[Any]:
+    """Open a raster, without rasterio's warning where it has no georeference.
+
+    Parameters
+    ----------
+    path : path
+        A raster of one of :data:`DRIVERS`; a VRT only if its name ends with ``.vrt``.
+    folders : sequence of path
+        Folders in which the sources of a VRT may lie, besides its own.
+    **settings : str
+        GDAL's configuration options.
+
+    Yields
+    ------
+    rasterio.DatasetReader
+
+    Raises
+    ------
+    RasterRefused
+        A file other than the named one would be read.
+    rasterio.errors.RasterioError
+        The file is not a raster of these drivers.
+    """
+    from rasterio.errors import NotGeoreferencedWarning
+    from rasterio.io import DatasetReader
+
+    path = path.absolute()
+    _check(path)
+    mosaic = _is_vrt(path)
+    if mosaic:
+        path = path.resolve()
+        with _drivers_only(settings):
+            for source in _sources(path, folders):
+                DatasetReader(str(source), driver=list(DRIVERS)).close()
+    with warnings.catch_warnings(), _drivers_only(settings):
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)
+        with DatasetReader(str(path), driver=["VRT"] if mosaic else list(DRIVERS)) as raster:
+            yield raster
+
+
+def check_blocks(raster: Any) -> None:
+    """Refuse a raster with blocks larger than any image, because a block is always unpacked as a whole.
+
+    Parameters
+    ----------
+    raster : rasterio.DatasetReader
+        Open.
+
+    Raises
+    ------
+    RasterRefused
+        A block has more than :data:`radcal.reading.intake.LARGEST_VALUES` pixels.
+    """
+    for rows, columns in raster.block_shapes:
+        if rows * columns > LARGEST_VALUES:
+            raise RasterRefused(f"it has blocks of {rows} x {columns} pixels, expected at most {LARGEST_VALUES:.0e}")
+
+
+def raster_files(path: Path, folders: Sequence[Path] = ()) -> list[Path]:
+    """Other files that determine a raster: sources of a VRT, headers, world files, metadata.
+
+    Parameters
+    ----------
+    path : path
+        Any file.
+    folders : sequence of path
+        Folders as for :func:`open_raster`.
+
+    Raises
+    ------
+    RasterRefused
+        The file is a VRT that radcal does not read.
+    """
+    sources = _sources(path.resolve(), folders) if _is_vrt(path) else []
+    return [*(file for raster in (path, *sources) for file in _beside(raster)), *sources]
+
+
+def _is_vrt(path: Path) -> bool:
+    return path.suffix.lower() == ".vrt"
+
+
+def _beside(path: Path) -> list[Path]:
+    """Files that GDAL reads together with a raster, because of their names."""
+    kind = path.suffix[1:]
+    endings = (".hdr", ".prj", ".wld", *([f".{kind[0]}{kind[-1]}w", f".{kind}w"] if kind else []))
+    names = [path.with_suffix(ending) for ending in endings]
+    names += [path.with_name(path.name + ending) for ending in (".aux.xml", ".msk", ".ovr", ".hdr")]
+    return sorted({name for name in names if name != path and name.is_file()})
+
+
+@contextmanager
+def _drivers_only(settings: dict[str, str]) -> Iterator[None]:
+    """Context in which GDAL has only the allowed drivers, also for files that it opens because of a raster."""
+    import rasterio
+    from rasterio import _env
+
+    with rasterio.Env() as environment:
+        others = set(environment.drivers()) - {*DRIVERS, "VRT", "MEM"}
+    _open[0] += 1
+    try:
+        with rasterio.Env(**_NETWORK_OFF, **settings, GDAL_SKIP=",".join(sorted(others))):
+            if others:
+                # GDAL drops skipped drivers only when it registers them, which rasterio makes it do once
+                _env._have_registered_drivers = False
+                _env.GDALEnv().start()
+            yield
+    finally:
+        _open[0] -= 1
+        if not _open[0]:
+            _env._have_registered_drivers = False  # later users of GDAL have all drivers again
+
+
+def _check(path: Path) -> None:
+    """Refuse a file that makes GDAL read other files, itself or by a file beside it."""
+    if not _is_vrt(path):
+        head = _head(path)
+        if _looks_like_xml(head) or any(mark in head for mark in _MARKS):
+            raise RasterRefused(
+                f"{path.name} holds XML, which is read as a mosaic (VRT) only in a file whose name ends with .vrt"
+            )
+        _check_hdf5(path)
+    for other in _beside(path):
+        if other.suffix in (".msk", ".ovr") and _head(other)[:4] not in _TIFF:
+            raise RasterRefused(f"{other.name} beside it is not a TIFF")
+        if other.name.endswith(".aux.xml"):
+            _check_metadata(_parsed(other), other.name)
+
+
+_TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+
+
+def _head(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(_HEAD_BYTES)
+
+
+def _parsed(path: Path) -> Any:
+    """Root of an XML file."""
+    try:
+        if path.stat().st_size > _LARGEST_XML:
+            raise ValueError(f"it has {path.stat().st_size} bytes, expected at most {_LARGEST_XML}")
+        return parse_xml(path.read_bytes())
+    except (OSError, ValueError) as error:
+        raise RasterRefused(f"{path.name}: {error}") from None
+
+
+def _looks_like_xml(head: bytes) -> bool:
+    start = head.removeprefix(b"\xef\xbb\xbf").lstrip()
+    return start.startswith(b"<") or head[:2] in (b"\xff\xfe", b"\xfe\xff")
+
+
+def _check_hdf5(path: Path) -> None:
+    import h5py
+
+    if h5py.is_hdf5(path):
+        with h5py.File(path, "r") as file:
+            if (what := elsewhere(file)) is not None:
+                raise RasterRefused(f"in {path.name} {what}, which is not followed")
+
+
+def _check_metadata(root: Any, name: str) -> None:
+    """Refuse metadata that name another file for GDAL to read."""
+    for element in root.iter("MDI"):
+        if str(element.get("key", "")).upper() in ("OVERVIEW_FILE", "MASK_FILE"):
+            raise RasterRefused(f"{name} names another file as {element.get('key')}")
+
+
+def _sources(path: Path, folders: Sequence[Path]) -> list[Path]:
+    """Source files of a VRT."""
+    root = _parsed(path)
+    for element in root.iter():
+        if not isinstance(element.tag, str):
+            continue  # a comment
+        kind = f"{element.tag} {element.get('subClass', '')}".strip()
+        if kind not in _ELEMENTS:
+            raise RasterRefused(f"{path.name} has {kind}, expected a mosaic as gdalbuildvrt makes it")
+    _check_metadata(root, path.name)
+    allowed = [folder.resolve() for folder in (path.parent, *folders)]
+    sources = {
+        _source(path, str(element.text or ""), element.get("relativeToVRT") == "1", allowed)
+        for element in root.iter("SourceFilename")
+    }
+    for source in sources:
+        _check(source)
+    return sorted(sources)
+
+
+def _source(path: Path, text: str, relative: bool, allowed: Sequence[Path]) -> Path:
+    """Path of one source of a VRT; refused outside the allowed folders."""
+    expected = f"expected a file below {' or '.join(map(str, allowed))}"
+    if ":" in text or text.startswith("/vsi") or not (relative or text.startswith("/")):
+        raise RasterRefused(f"{path.name} names the source {text!r}, {expected}")
+    source = (path.parent / text).resolve()
+    if not any(source.is_relative_to(folder) for folder in allowed):
+        raise RasterRefused(f"{path.name} names the source {text!r}, {expected}")
+    if not source.is_file() or _is_vrt(source):
+        what = "which is a mosaic itself" if source.is_file() else "which is no file"
+        raise RasterRefused(f"{path.name} names the source {text!r}, {what}")
+    return source

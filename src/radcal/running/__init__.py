@@ -1,0 +1,1 @@
+"""One command on a case: lock, repair, jobs, terminal, cluster."""

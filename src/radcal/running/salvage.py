@@ -1,0 +1,169 @@
+"""Check of a results folder before jobs are planned: damaged files are renamed, so that they are made again."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from radcal.errors import DamagedError, StoreError
+from radcal.storage.files import clamp_future_mtimes
+from radcal.storage.inspection import inspect, kind_of, set_aside
+from radcal.storage.listing import faulty, listed
+from radcal.storage.provenance import provenance
+from radcal.storage.records import read_json
+from radcal.storage.runs import RunStore
+from radcal.storage.sealing import is_sealed
+
+__all__ = ["files_of", "salvage"]
+
+_MOST_BYTES = 16 * 2**20
+_SHOWN = 3  # largest number of files named in a sentence
+
+logger = logging.getLogger(__name__)
+
+
+def files_of(folder: str | Path, patterns: Iterable[str]) -> Iterator[Path]:
+    """Existing files with names of the rules' outputs.
+
+    Parameters
+    ----------
+    folder : path
+        ``results/<case>``.
+    patterns : iterable of str
+        Paths below the folder, in which ``{name}`` stands for any text.
+    """
+    for pattern in patterns:
+        yield from sorted(Path(folder).glob(re.sub(r"\{[^}]*\}", "*", pattern)))
+
+
+def salvage(folder: str | Path, case: str, patterns: Iterable[str]) -> list[str]:
+    """Set damaged files of a results folder aside, and remove indexes that list a missing run.
+
+    Time stamps in the future, from a clock that was set back since, are set to now.
+
+    Files up to 16 MiB are read whole; of larger files only header and size are checked here, and the content when a job
+    reads them.
+
+    Parameters
+    ----------
+    folder : path
+        ``results/<case>``.
+    case : str
+        Name of the case. Files of another case are set aside, too, except for records of runs, which are valid for any
+        case with the same key.
+    patterns : iterable of str
+        Outputs of the workflow's rules, as for :func:`files_of`.
+
+    Returns
+    -------
+    list of str
+        Sentences on the files found, for the terminal.
+    """
+    folder = Path(folder)
+    clamp_future_mtimes(folder)
+    sentences: list[str] = []
+    sealed = [path for path in files_of(folder, patterns) if path.suffix in (".h5", ".json")]
+    with provenance(case):
+        contents = {path: _contents(path, sentences) for path in sealed}
+    for path, data in contents.items():
+        _listing(path, listed(data), sentences)
+    kept = _records(folder / "runs", sentences)
+    _indexes(folder, {path: _keys(data) - kept for path, data in contents.items()}, sentences)
+    return sentences
+
+
+def _contents(path: Path, sentences: list[str]) -> Any:
+    """Content of a JSON file, None for any other file; a damaged file is set aside."""
+    try:
+        if path.suffix == ".json" and path.stat().st_size <= _MOST_BYTES:
+            return read_json(path)
+        inspect(path, kind_of(path), _MOST_BYTES)
+    except DamagedError as error:
+        sentences.append(_here(error))
+    except (StoreError, OSError) as error:
+        # a file that cannot be reached is reported by the job that needs it, if any does
+        logger.info("%s", error)
+    return None
+
+
+def _keys(data: Any) -> set[str]:
+    """Keys of the runs that an index lists."""
+    entries = data if isinstance(data, list) else []
+    return {entry["key"] for entry in entries if isinstance(entry, dict) and isinstance(entry.get("key"), str)}
+
+
+def _indexes(folder: Path, lost: Mapping[Path, set[str]], sentences: list[str]) -> None:
+    """Remove indexes that list lost runs; the jobs that make the indexes again simulate only these runs."""
+    lost = {path: keys for path, keys in lost.items() if keys}
+    if not lost:
+        return
+    for path in lost:
+        _remove(path)
+    keys = sorted(set().union(*lost.values()))
+    names = [path.relative_to(folder).as_posix() for path in lost]
+    files = f"{_few(names)} {'list' if len(names) > 1 else 'lists'}"
+    sentences.append(
+        f"{folder / 'runs' / keys[0]}.h5: the run is not there, though {files} it; it alone is made again where needed."
+        if len(keys) == 1
+        else f"{folder / 'runs'}: {len(keys)} runs are not there, though {files} them; they alone are made again where "
+        "needed."
+    )
+
+
+def _few(names: Sequence[str]) -> str:
+    """Text of some names and the number of the others."""
+    more = len(names) - _SHOWN
+    return ", ".join(names[:_SHOWN]) + (f" and {more} more" if more > 0 else "")
+
+
+def _listing(path: Path, checksums: Mapping[str, str], sentences: list[str]) -> None:
+    """Set aside files that differ from their listed checksums (table, report, figures); they are made again."""
+    try:
+        found = faulty(path.parent, checksums)
+    except OSError as error:
+        logger.info("%s", error)
+        return
+    if missing := [file for file in found if not file.exists()]:
+        names = _few([str(file) for file in missing])
+        sentences.append(f"{names} {'are' if len(missing) > 1 else 'is'} missing, and made again.")
+    for file, reason in found.items():
+        if file not in missing:
+            # not in the folder of the figures, which is emptied before they are drawn again
+            sentences.append(_here(set_aside(file, reason, aside=path.parent / f"{file.name}.damaged")))
+    if found:
+        _remove(path)
+
+
+def _remove(path: Path) -> None:
+    with contextlib.suppress(OSError):  # the folder is read-only, which the first job that writes there will report
+        path.unlink()
+
+
+def _here(error: StoreError) -> str:
+    """Sentence about a file that the present command makes again."""
+    return str(error).replace("type the same command again to have it made again", "it is made again where needed")
+
+
+def _records(folder: Path, sentences: list[str]) -> set[str]:
+    """Keys of the existing runs."""
+    store = RunStore(folder)
+    found = set()
+    for path in sorted(folder.glob("[!.]*.h5")):
+        try:
+            if is_sealed(path):
+                inspect(path, "run", _MOST_BYTES)
+            elif store.get(path.stem, ()) is None:
+                aside = path.with_suffix(".damaged").name
+                sentences.append(f"{path}: is damaged; set aside as {aside}; it is made again where needed.")
+                continue
+        except DamagedError as error:
+            sentences.append(_here(error))
+            continue
+        except (StoreError, OSError) as error:
+            logger.info("%s", error)
+        found.add(path.stem)
+    return found

@@ -1,0 +1,168 @@
+"""Session of one command on a case: lock, damaged files, Slurm's leftovers and messages around the jobs."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Iterable
+from pathlib import Path
+
+from radcal.config import Case
+from radcal.errors import RadcalError, StoreError
+from radcal.running.jobs import CASE, FAILURE, OWNER, PROGRESS, STARTED, Follower
+from radcal.running.salvage import files_of, salvage
+from radcal.running.simulator_change import simulator_change
+from radcal.running.slurm import cancel_leftovers, remember
+from radcal.running.terminal import Messages
+from radcal.storage.files import sweep_scripts, unwritable
+from radcal.storage.lock import CaseLock, leave
+from radcal.storage.records import REPLACE
+
+__all__ = ["Session"]
+
+_SNAKEMAKE = Path(".snakemake")
+
+
+class Session:
+    """Everything around the jobs of one command: lock on the case's folder, repair, filter of Snakemake's messages.
+
+    Jobs receive its settings through environment variables (:mod:`radcal.running.jobs`).
+
+    Parameters
+    ----------
+    case : Case
+        The configuration.
+    remote : bool
+        Whether this process is a job on a cluster, which reads the Snakefile again.
+    results : path
+        Folder of all cases.
+
+    Attributes
+    ----------
+    folder : Path
+        ``results/<case>``.
+    messages : Messages
+        Filter for Snakemake's log.
+
+    Raises
+    ------
+    StoreError
+        A file has the name of the case's folder.
+    """
+
+    def __init__(self, case: Case, remote: bool = False, results: str | Path = "results") -> None:
+        self.folder = Path(results) / case.case
+        for path in (self.folder.parent, self.folder):
+            if os.path.lexists(path) and not path.is_dir():
+                raise StoreError(
+                    f"{path} is a file, expected a folder, where results go: rename it, or give the case another name "
+                    "(case: ...)."
+                )
+        self._case = case
+        self._lock = CaseLock(self.folder)
+        self._follower: Follower | None = None
+        self._failure = (self.folder / "logs" / "failure.txt").absolute()
+        self._slurm = self.folder / ".slurm"
+        self._patterns: list[str] = []
+        self._started = remote
+        # before the first job this file belongs to an earlier command
+        self.messages = Messages(lambda: self._started and self._failure.exists())
+        os.environ[CASE] = case.case
+        os.environ[OWNER] = str(os.getpid())
+        os.environ[FAILURE] = str(self._failure)
+        for name, value in (
+            (REPLACE, "1" if case.replace else None),
+            (PROGRESS, str(self._progress) if remote else None),
+        ):
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+        if not remote:  # the time was set by the process that submitted the job
+            os.environ.pop(STARTED, None)
+        os.environ.setdefault(STARTED, str(time.time()))
+
+    @property
+    def _progress(self) -> Path:
+        return (self.folder / "logs" / "progress.txt").absolute()
+
+    def mend(self, outputs: Iterable[str]) -> None:
+        """Rename damaged files before jobs are planned, and say so; the same command makes them again.
+
+        Parameters
+        ----------
+        outputs : iterable of str
+            Outputs of the workflow's rules, with wildcards in braces.
+        """
+        self._patterns = [Path(path).relative_to(self.folder).as_posix() for path in outputs]
+        try:
+            sentences = salvage(self.folder, self._case.case, self._patterns)
+        except OSError as error:
+            path, why = error.filename or self.folder, error.strerror or error
+            leave(f"{path} cannot be read ({why}); results are there, so make it readable.")
+        for sentence in [*sentences, *simulator_change(self.folder, self._case)]:
+            _say(sentence)
+
+    def start(self, cluster: str | None = None, remote_jobs: bool = False) -> None:
+        """Lock the case's folder before the first job, or exit with a sentence.
+
+        Parameters
+        ----------
+        cluster : str, optional
+            Common name of this command's jobs in Slurm's queue.
+        remote_jobs : bool
+            Whether jobs run on other machines.
+        """
+        self._lock.acquire()
+        if refusal := self._refusal():
+            leave(refusal)
+        try:
+            if cancelled := cancel_leftovers(self._slurm):
+                _say(f"{cancelled} jobs of an earlier snakemake cancelled; finished runs are kept.")
+        except RadcalError as error:
+            leave(str(error))
+        sweep_scripts(_SNAKEMAKE / "scripts", self.folder)
+        self._failure.unlink(missing_ok=True)
+        self._started = True
+        if remote_jobs:
+            self._follower = Follower(self._progress)
+        if cluster is not None:
+            remember(self._slurm, cluster)
+
+    def end(self, failed: bool = False) -> None:
+        """Release the folder after the last job; after a failure, say how to continue."""
+        if self._follower is not None:
+            self._follower.stop()
+            self._follower = None
+        self._slurm.unlink(missing_ok=True)
+        self._lock.release()
+        runs = self.folder / "runs"
+        if self.messages.interrupted:
+            kept = len(list(runs.glob("[!.]*.h5")))
+            _say(f"stopped by Ctrl-C. {kept} finished runs are kept in {runs}; the same command goes on from there.")
+        elif failed:
+            _say(
+                f"stopped. Finished runs are kept in {runs}, logs in {self.folder / 'logs'}; once the cause is "
+                "removed, the same command continues."
+            )
+
+    def _refusal(self) -> str | None:
+        """Sentence on the first result that cannot be written, None if all can."""
+        if (path := unwritable(self.folder)) is not None:
+            return f"{path} cannot be written (Permission denied); results go there, so make it writable."
+        if (path := unwritable(_SNAKEMAKE)) is not None:
+            return f"{path} cannot be written (Permission denied); Snakemake's records go there, so make it writable."
+        # Snakemake refuses to replace such files, perhaps only after hours
+        for path in files_of(self.folder, self._patterns):
+            if not os.access(path, os.W_OK):
+                return (
+                    f"{path} is write-protected, and results of this case are to be made again: make it writable "
+                    "(chmod u+w), or give the case another name (case: ...)."
+                )
+        return None
+
+
+def _say(sentence: str) -> None:
+    sys.stderr.write(f"radcal: {sentence}\n")
+    sys.stderr.flush()

@@ -1,0 +1,97 @@
+"""Cancellation of jobs that a killed Snakemake left in Slurm's queue."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from radcal.errors import ClusterError
+from radcal.storage.files import atomic
+
+__all__ = ["cancel_leftovers", "remember"]
+
+_PATIENCE_S = 120.0  # Slurm grants a cancelled job 30 s (KillWait) unless configured otherwise
+
+
+def remember(file: str | Path, name: str) -> None:
+    """Note the common name of all Slurm jobs of a command in a file, before the first is submitted.
+
+    Parameters
+    ----------
+    file : path
+        File of the note, beside the case's results.
+    name : str
+        Slurm's job name.
+    """
+    with atomic(file) as partial:  # an incomplete name might be that of other jobs
+        partial.write_text(name + "\n", encoding="utf-8")
+
+
+def cancel_leftovers(file: str | Path) -> int:
+    """Cancel the remaining jobs of the command noted last, wait until they are gone, and delete the note.
+
+    A remaining job would write the same files as the job that replaces it.
+
+    Parameters
+    ----------
+    file : path
+        File that :func:`remember` wrote; without it, nothing is done.
+
+    Returns
+    -------
+    int
+        Number of jobs cancelled.
+
+    Raises
+    ------
+    ClusterError
+        Slurm does not answer, or the jobs do not end.
+    """
+    file = Path(file)
+    try:
+        name = file.read_text(encoding="utf-8").strip()
+    except FileNotFoundError:
+        return 0
+    found = _jobs(name, file)
+    if found:
+        _ask(["scancel", *found], file)
+        deadline = time.monotonic() + _PATIENCE_S
+        while left := _jobs(name, file):
+            if time.monotonic() > deadline:
+                raise ClusterError(
+                    f"jobs {', '.join(left)} of an earlier snakemake do not end: wait for them, then type the same "
+                    "command again."
+                )
+            time.sleep(0.5)
+    file.unlink(missing_ok=True)
+    return len(found)
+
+
+def _jobs(name: str, file: Path) -> list[str]:
+    """Numbers of the jobs of a name that are queued, running or ending."""
+    return _ask(["squeue", "--noheader", f"--user={os.geteuid()}", f"--name={name}", "--format=%A"], file).split()
+
+
+def _ask(command: Sequence[str], file: Path) -> str:
+    """Output of a Slurm command."""
+    program = shutil.which(command[0])
+    if program is None:
+        raise ClusterError(
+            f"jobs of an earlier snakemake may be in the queue of a cluster, and there is no {command[0]} here: go on "
+            f"where it was started, or, if none is left, delete {file}."
+        )
+    try:
+        done = subprocess.run([program, *command[1:]], capture_output=True, text=True, timeout=60, check=False)  # noqa: S603
+    except subprocess.TimeoutExpired:
+        raise ClusterError(f"{command[0]} does not answer: is the cluster's controller up (scontrol ping)?") from None
+    if done.returncode != 0:
+        words = (done.stderr.strip() or "no message").splitlines()[-1]
+        raise ClusterError(
+            f"{command[0]} failed ({words}): jobs of an earlier snakemake may be in the cluster's queue; try again "
+            "once it answers."
+        )
+    return done.stdout

@@ -1,0 +1,1 @@
+"""radcal's own files: written atomically, sealed with a checksum, locked, listed."""

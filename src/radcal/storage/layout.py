@@ -1,0 +1,239 @@
+"""Layout of dataclasses in HDF5: one mechanism writes and reads them all.
+
+=====================================================  =====================================================
+type of a field                                        in the file
+=====================================================  =====================================================
+``bool``, ``int``, ``float``, ``str``, ``Literal``     attribute of the group
+``tuple`` of numbers                                   attribute of the group
+numpy array                                            dataset, compressed from 1 KiB on
+``tuple[str, ...]``                                    dataset of strings, because attributes are bounded in size
+dataclass                                              group
+dataclass with :class:`Main` on one of its fields      dataset, the other fields as its attributes
+``Mapping[str, ...]`` of any of these                  group, an entry a key, in order
+any of these ``| None``                                not there where it is None
+=====================================================  =====================================================
+
+What the file does not hold has the default of its field, so that a field with a default can be added and earlier
+files are still read. ``Annotated[type, About("what it is", unit="dB")]`` puts ``description`` and ``unit`` beside a
+dataset or group.
+"""
+
+from __future__ import annotations
+
+import types
+import typing
+from collections.abc import Mapping
+from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
+from typing import Annotated, Any, Literal, TypeVar
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["About", "Main", "put", "take"]
+
+_COMPRESSED = 1024  # bytes from which compression saves more than it costs
+_TEXT = h5py.string_dtype()
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class About:
+    """Description of a field, for readers of the file.
+
+    Attributes
+    ----------
+    description : str
+        What it is.
+    unit : str
+        Of its numbers; empty where they have none.
+    """
+
+    description: str
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class Main:
+    """Mark of the field that becomes the dataset, whose attributes the dataclass's other fields are."""
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """One field: its name, its type without None and annotations, and what is said about it."""
+
+    name: str
+    kind: Any
+    about: About | None
+    main: bool
+    default: Any  # MISSING where the file must hold it
+
+
+def put(group: h5py.Group, value: Any) -> None:
+    """Write a dataclass into a group.
+
+    Parameters
+    ----------
+    group : h5py.Group
+        Empty, or without entries and attributes of the fields' names.
+    value : dataclass instance
+        Its fields have the types of the table above.
+
+    Raises
+    ------
+    TypeError
+        A field has another type.
+    """
+    for entry in _entries(type(value)):
+        _put(group, entry.name, getattr(value, entry.name), entry.kind, entry.about)
+
+
+def take(group: h5py.Group, kind: type[T]) -> T:
+    """Read a dataclass that :func:`put` wrote.
+
+    Parameters
+    ----------
+    group : h5py.Group
+        Where it stands.
+    kind : type
+        The dataclass.
+
+    Raises
+    ------
+    KeyError
+        The file lacks a field that has no default.
+    """
+    found = {}
+    for entry in _entries(kind):
+        held = group.attrs if _is_attribute(entry.kind) else group
+        if entry.name in held:
+            found[entry.name] = _take(held[entry.name], entry.kind)
+        elif entry.default is MISSING:
+            raise KeyError(f"{group.name} of {group.file.filename} lacks {entry.name}")
+    return kind(**found)
+
+
+def _entries(kind: type) -> tuple[_Entry, ...]:
+    """Fields of a dataclass as they are stored."""
+    hints = typing.get_type_hints(kind, include_extras=True)
+    return tuple(_entry(item, hints[item.name]) for item in fields(kind) if item.init)
+
+
+def _entry(item: Field[Any], hint: Any) -> _Entry:
+    """One field; None is the default of what may be None."""
+    said = typing.get_args(hint)[1:] if typing.get_origin(hint) is Annotated else ()
+    bare, optional = _without_none(typing.get_args(hint)[0] if said else hint)
+    default = item.default if item.default_factory is MISSING else item.default_factory
+    if optional and default is MISSING:
+        default = None
+    about = next((one for one in said if isinstance(one, About)), None)
+    return _Entry(item.name, bare, about, any(isinstance(one, Main) for one in said), default)
+
+
+def _without_none(hint: Any) -> tuple[Any, bool]:
+    """A type without ``None``, and whether that was allowed."""
+    if typing.get_origin(hint) in (typing.Union, types.UnionType):
+        others = [one for one in typing.get_args(hint) if one is not type(None)]
+        if len(others) == 1:
+            return others[0], True
+    return hint, False
+
+
+def _is_array(kind: Any) -> bool:
+    return kind is np.ndarray or typing.get_origin(kind) is np.ndarray
+
+
+def _is_mapping(kind: Any) -> bool:
+    return isinstance(typing.get_origin(kind), type) and issubclass(typing.get_origin(kind), Mapping)
+
+
+def _is_text_list(kind: Any) -> bool:
+    return bool(kind == tuple[str, ...])
+
+
+def _is_attribute(kind: Any) -> bool:
+    """Whether values of a type are attributes."""
+    if typing.get_origin(kind) is tuple:
+        return not _is_text_list(kind)
+    return kind in (bool, int, float, str) or typing.get_origin(kind) is Literal
+
+
+def _main(kind: Any) -> str | None:
+    """Name of the field that becomes a dataset, None where the dataclass is a group."""
+    return next((entry.name for entry in _entries(kind) if entry.main), None)
+
+
+def _put(group: h5py.Group, name: str, value: Any, kind: Any, about: About | None = None) -> None:
+    if value is None:
+        return
+    if _is_attribute(kind):
+        group.attrs[name] = value
+        return
+    made: h5py.Group | h5py.Dataset
+    if _is_array(kind):
+        made = _put_array(group, name, np.asarray(value))
+    elif _is_text_list(kind):
+        made = group.create_dataset(name, data=np.array(value, dtype=_TEXT), dtype=_TEXT)
+    elif _is_mapping(kind):
+        made = group.create_group(name, track_order=True)
+        for key, item in value.items():
+            _put(made, key, item, _item(kind))
+    elif isinstance(kind, type) and is_dataclass(kind):
+        main = _main(kind)
+        if main is None:
+            made = group.create_group(name)
+            put(made, value)
+        else:
+            made = _put_array(group, name, np.asarray(getattr(value, main)))
+            for entry in _entries(kind):
+                if entry.name != main and (one := getattr(value, entry.name)) is not None:
+                    made.attrs[entry.name] = np.array(one, dtype=_TEXT) if _is_text_list(entry.kind) else one
+    else:
+        raise TypeError(f"{name}: a {kind} has no place in the layout")
+    if about is not None:
+        made.attrs["description"] = about.description
+        if about.unit:
+            made.attrs["unit"] = about.unit
+
+
+def _put_array(group: h5py.Group, name: str, values: NDArray[Any]) -> h5py.Dataset:
+    if values.dtype.kind in "OU":
+        return group.create_dataset(name, data=values.astype(object), dtype=_TEXT)
+    packed = {"compression": "gzip", "compression_opts": 1} if values.nbytes >= _COMPRESSED else {}
+    return group.create_dataset(name, data=values, **packed)
+
+
+def _item(kind: Any) -> Any:
+    """Type of a mapping's values."""
+    return typing.get_args(kind)[1]
+
+
+def _take(held: Any, kind: Any) -> Any:
+    if _is_attribute(kind):
+        return _scalar(held, kind)
+    if _is_array(kind):
+        return held.asstr()[()] if h5py.check_string_dtype(held.dtype) else held[()]
+    if _is_text_list(kind):
+        return tuple(held.asstr()[()])
+    if _is_mapping(kind):
+        item = _item(kind)
+        names = held.attrs if _is_attribute(item) else held
+        return {name: _take(names[name], item) for name in names}
+    main = _main(kind)
+    if main is None:
+        return take(held, kind)
+    found = {main: held[()]}
+    for entry in _entries(kind):
+        if entry.name != main and entry.name in held.attrs:
+            one = held.attrs[entry.name]
+            found[entry.name] = tuple(map(str, one)) if _is_text_list(entry.kind) else _scalar(one, entry.kind)
+    return kind(**found)
+
+
+def _scalar(held: Any, kind: Any) -> Any:
+    """Python value of an attribute."""
+    if typing.get_origin(kind) is tuple:
+        return tuple(np.asarray(held).tolist())
+    value = held.item() if isinstance(held, np.generic) else held
+    return kind(value) if kind in (bool, int, float, str) else value

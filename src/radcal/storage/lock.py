@@ -1,0 +1,113 @@
+"""Advisory locks: one workflow per case, one process per run; the system releases them when the process ends."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import logging
+import os
+import socket
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NoReturn, TextIO
+
+from radcal.errors import StoreError
+from radcal.storage.files import alive, sweep
+
+__all__ = ["CaseLock", "claimed", "leave"]
+
+logger = logging.getLogger(__name__)
+
+
+class CaseLock:
+    """Exclusive lock on a case's results folder.
+
+    Parameters
+    ----------
+    folder : path
+        ``results/<case>``.
+    """
+
+    def __init__(self, folder: str | Path) -> None:
+        self._folder = Path(folder)
+        self._file: TextIO | None = None
+
+    def acquire(self) -> None:
+        """Take the lock or exit with a sentence; then remove temporary files of killed processes."""
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            file = (self._folder / ".lock").open("a+", encoding="ascii")
+        except OSError as error:
+            leave(f"{self._folder} cannot be written ({error.strerror}); results go there, so make it writable.")
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            file.seek(0)
+            process, _, host = (file.read().strip() or "unknown").partition(" ")
+            # processes on another machine cannot be checked from here
+            if not process.isdigit() or host != socket.gethostname() or alive(int(process)):
+                file.close()
+                place = f" on {host}" if host and host != socket.gethostname() else ""
+                leave(
+                    f"another snakemake (process {process}{place}) is working on {self._folder}; wait for it, or stop "
+                    "it and type the same command again."
+                )
+            # child processes of a killed Snakemake keep its lock until they end
+            sys.stderr.write(f"radcal: waiting for jobs that the killed snakemake {process} left in {self._folder}.\n")
+            fcntl.flock(file, fcntl.LOCK_EX)
+        file.truncate(0)
+        file.write(f"{os.getpid()} {socket.gethostname()}")
+        file.flush()
+        self._file = file
+        sweep(self._folder)
+
+    def release(self) -> None:
+        """Release the lock."""
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+
+@contextlib.contextmanager
+def claimed(folder: str | Path, key: str) -> Iterator[None]:
+    """Lock on one run while it is simulated; waits for another process, also on another machine, that holds it.
+
+    A killed workflow can leave jobs behind, especially on a cluster. The next command then waits for a run that such a
+    job is making, instead of making it twice.
+
+    Parameters
+    ----------
+    folder : path Folder of the run store.
+    key : str
+        Key of the run, in hexadecimal digits.
+
+    Raises
+    ------
+    StoreError
+        The folder cannot be written.
+    """
+    folder = Path(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        file = (folder / ".claims").open("a+b")
+    except OSError as error:
+        raise StoreError(f"{folder}: cannot be written ({error.strerror or error}).") from error
+    with file:
+        # one byte per run of a single file, far beyond its end, so that a kill leaves nothing to clean up
+        place = int(key, 16) % 2**62
+        try:
+            fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, place)
+        except (BlockingIOError, PermissionError):
+            logger.warning("run %s is being made by another process: waiting for it.", key)
+            fcntl.lockf(file, fcntl.LOCK_EX, 1, place)
+        except OSError as error:  # some network file systems have no locks; no result depends on the lock
+            logger.warning("%s: no locks there (%s).", folder, error)
+        yield
+
+
+def leave(sentence: str) -> NoReturn:
+    """Exit at once with a sentence, without an exception, which Snakemake would wrap; no job has started yet."""
+    sys.stderr.write(f"radcal: {sentence}\n")
+    sys.stderr.flush()
+    os._exit(1)

@@ -1,0 +1,178 @@
+"""The run store: one content-addressed HDF5 record per simulator run.
+
+A record is named by the hash of all that determines its numbers: simulator identity,
+scene, pass, law and parameters of every material, noise seed. Every stage that needs a run
+asks the store first; a run that is there is never made again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.errors import DamagedError, StoreError
+from radcal.reading.intake import elsewhere
+from radcal.storage.disclosure import disclosed
+from radcal.storage.inspection import inspect, set_aside
+from radcal.storage.records import write_hdf5
+from radcal.storage.sealing import is_sealed
+
+__all__ = ["Parameters", "Record", "RunStore"]
+
+_UNSEALED = 1  # the schema of records of the time before files had checksums of their own
+Parameters = Mapping[str, Sequence[float]]
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Record:
+    """Result of one run.
+
+    Attributes
+    ----------
+    key : str
+        Hash of the run.
+    pixels_db : mapping
+        Material to the backscatter [dB, float32] of its visible pixels, in the order of
+        ``Geometry.pixels(material)``.
+    image_db : ndarray of float32 or None
+        Whole image [dB], where it was kept.
+    seconds : float
+        Wall time of the simulator.
+    """
+
+    key: str
+    pixels_db: Mapping[str, NDArray[np.float32]]
+    image_db: NDArray[np.float32] | None
+    seconds: float
+
+    def largest_difference_db(self, other: Record) -> float:
+        """Largest absolute difference between the pixels of this run and another's [dB]."""
+        each = [np.max(np.abs(values - other.pixels_db[name]), initial=0.0) for name, values in self.pixels_db.items()]
+        return float(max(each, default=0.0))
+
+
+def _checksum(pixels_db: Mapping[str, NDArray[np.float32]], image_db: NDArray[np.float32] | None) -> str:
+    """SHA-256 of the numbers of a record that has no other checksum."""
+    total = hashlib.sha256()
+    for name in sorted(pixels_db):
+        total.update(name.encode())
+        total.update(np.ascontiguousarray(pixels_db[name], dtype="<f4").tobytes())
+    if image_db is not None:
+        total.update(np.ascontiguousarray(image_db, dtype="<f4").tobytes())
+    return total.hexdigest()
+
+
+class RunStore:
+    """Records in a folder, one file each.
+
+    Parameters
+    ----------
+    folder : path
+        ``results/<case>/runs``.
+    """
+
+    def __init__(self, folder: str | Path) -> None:
+        self.folder = Path(folder)
+
+    def path(self, key: str) -> Path:
+        """File of a record."""
+        return self.folder / f"{key}.h5"
+
+    def get(self, key: str, materials: Iterable[str], image: bool = False) -> Record | None:
+        """Return a record if it is there and holds what is asked, else None.
+
+        A damaged file is set aside under the name ``*.damaged`` and counts as missing. Records of schema 1,
+        which have a checksum of their numbers only, are read like others.
+
+        Raises
+        ------
+        StoreError
+            The file is sound as far as one can tell but cannot be read: no permission, a
+            failing disk, another version's.
+        """
+        record = self._read(key)
+        if record is None or not set(materials) <= record.pixels_db.keys() or (image and record.image_db is None):
+            return None
+        return record
+
+    def _read(self, key: str) -> Record | None:
+        path = self.path(key)
+        try:
+            number = path.stat().st_ino
+            sealed = is_sealed(path)
+            if sealed:
+                inspect(path, "run")
+            # records never change once they are visible: no lock is needed to read one
+            with h5py.File(path, "r", locking=False) as file:
+                if not sealed and (outside := elsewhere(file)) is not None:
+                    raise KeyError(outside)
+                if not sealed and file.attrs["schema"] != _UNSEALED:
+                    raise KeyError("schema")
+                if file.attrs["hash"] != key:
+                    raise KeyError("hash")
+                pixels = {name: item[()] for name, item in file["pixels_db"].items()}
+                whole = file["image_db"][()] if "image_db" in file else None
+                seconds = float(file.attrs["seconds"])
+                if not sealed and file.attrs["checksum"] != _checksum(pixels, whole):
+                    raise KeyError("checksum")
+        except FileNotFoundError:
+            return None
+        except DamagedError as error:
+            logger.warning("%s", error)
+            return None
+        except (OSError, KeyError, RuntimeError, TypeError, ValueError, AttributeError) as error:
+            # what h5py raises on a damaged file depends on where the damage is; an error number is
+            # the system's word that the file could not be reached
+            if isinstance(error, OSError) and error.errno is not None:
+                raise StoreError(
+                    f"{path}: cannot be read ({os.strerror(error.errno)}); nothing was changed."
+                ) from error
+            logger.warning("%s", set_aside(path, f"is damaged ({error})", number))
+            return None
+        return Record(key, pixels, whole, seconds)
+
+    def description(self, key: str) -> dict[str, Any]:
+        """Description of a record (:meth:`Runner.description`), with hashes in place of secrets.
+
+        Raises
+        ------
+        StoreError
+            There is no such record, or it cannot be read.
+        """
+        if self._read(key) is None:
+            raise StoreError(f"{self.path(key)}: is missing; type the same command again to have it made.")
+        try:
+            with h5py.File(self.path(key), "r", locking=False) as file:
+                return disclosed(json.loads(str(file.attrs["description"])))
+        except (OSError, KeyError, ValueError) as error:
+            raise StoreError(f"{self.path(key)}: cannot be read ({error}).") from None
+
+    def put(self, record: Record, description: Mapping[str, Any]) -> None:
+        """Write a record; it becomes visible complete, with what an earlier one of the same run held besides."""
+        earlier = self._read(record.key)
+        if earlier is not None:
+            image = record.image_db if record.image_db is not None else earlier.image_db
+            record = Record(record.key, {**earlier.pixels_db, **record.pixels_db}, image, record.seconds)
+        with write_hdf5(self.path(record.key), "run") as file:
+            file.attrs["hash"] = record.key
+            file.attrs["description"] = json.dumps(disclosed(description), sort_keys=True)
+            file.attrs["seconds"] = record.seconds
+            file.attrs["unit"] = "dB"
+            for name, values in record.pixels_db.items():
+                file.create_dataset(f"pixels_db/{name}", data=values, dtype="f4", compression="gzip")
+            if record.image_db is not None:
+                file.create_dataset(
+                    "image_db", data=record.image_db, dtype="f4", compression="gzip", compression_opts=1
+                )

@@ -1,0 +1,237 @@
+"""Rasters that would have GDAL read other files or the network: refused, with a listener that hears nothing."""
+
+from __future__ import annotations
+
+import threading
+import warnings
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+import rasterio
+from rasterio.errors import NotGeoreferencedWarning, RasterioError
+
+from radcal.reading.rasters import DRIVERS, RasterRefused, check_blocks, open_raster, raster_files
+
+VALUES = np.arange(48, dtype=np.float32).reshape(6, 8) + 3.0
+
+
+def write(path: Path, **profile: Any) -> Path:
+    path.parent.mkdir(exist_ok=True)
+    keys = {"driver": "GTiff", "height": 6, "width": 8, "count": 1, "dtype": "float32"} | profile
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)
+        with rasterio.open(path, "w", **keys) as raster:
+            raster.write(VALUES[: keys["height"], : keys["width"]], 1)
+    return path
+
+
+def vrt(source: object, relative: int = 1, band: str = "", before: str = "") -> str:
+    return (
+        f'<VRTDataset rasterXSize="8" rasterYSize="6">{before}<VRTRasterBand dataType="Float32" band="1"{band}>'
+        f'<SimpleSource><SourceFilename relativeToVRT="{relative}">{source}</SourceFilename><SourceBand>1</SourceBand>'
+        "</SimpleSource></VRTRasterBand></VRTDataset>"
+    )
+
+
+def wms(url: str) -> str:
+    return (
+        f'<GDAL_WMS><Service name="TMS"><ServerUrl>{url}/${{z}}/${{x}}/${{y}}.png</ServerUrl></Service><DataWindow>'
+        "<UpperLeftX>0</UpperLeftX><UpperLeftY>1</UpperLeftY><LowerRightX>1</LowerRightX><LowerRightY>0</LowerRightY>"
+        "<SizeX>8</SizeX><SizeY>6</SizeY></DataWindow><Projection>EPSG:4326</Projection><BandsCount>1</BandsCount>"
+        "</GDAL_WMS>"
+    )
+
+
+@pytest.fixture(scope="module")
+def requests() -> Iterator[tuple[str, list[str]]]:
+    """Address of a server of this machine, and what it was asked for."""
+    heard: list[str] = []
+
+    class Listener(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            heard.append(self.path)
+            self.send_error(404)
+
+        do_HEAD = do_POST = do_GET
+
+        def log_message(self, *_: object) -> None:
+            pass
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Listener)
+    thread = threading.Thread(target=server.serve_forever, daemon=True)
+    thread.start()
+    yield f"http://127.0.0.1:{server.server_port}", heard
+    server.shutdown()
+    thread.join()
+    server.server_close()
+
+
+def read(path: Path, **keys: Any) -> np.ndarray:
+    with open_raster(path, **keys) as raster:
+        return np.asarray(raster.read(1, masked=True).filled(np.nan))
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Path:
+    write(tmp_path / "other" / "secret.tif")
+    write(tmp_path / "own" / "tile.tif")
+    return tmp_path / "own"
+
+
+def test_a_tif_that_holds_a_mosaic_of_another_file_is_refused(place: Path) -> None:
+    path = place / "image.tif"
+    path.write_text(vrt(place.parent / "other/secret.tif", 0))
+    with rasterio.open(path) as raster:  # what GDAL does by itself
+        np.testing.assert_array_equal(raster.read(1), VALUES)
+    with pytest.raises(RasterRefused, match=r"image\.tif holds XML, which is read as a mosaic \(VRT\) only in a file"):
+        read(path)
+    # wherever the mark stands that GDAL looks for
+    path.write_text("\0" + vrt(place.parent / "other/secret.tif", 0))
+    with pytest.raises(RasterRefused, match="holds XML"):
+        read(path)
+
+
+@pytest.mark.parametrize("name", ["vsicurl", "http", "streaming", "wms", "msk", "srs", "aux", "tag"])
+def test_no_request_is_sent(place: Path, requests: tuple[str, list[str]], name: str) -> None:
+    url, heard = requests
+    if name in ("vsicurl", "http", "streaming"):
+        path = place / "a.vrt"
+        start = {"vsicurl": "/vsicurl/", "http": "", "streaming": "/vsicurl_streaming/"}[name]
+        path.write_text(vrt(f"{start}{url}/a.tif", 0))
+    elif name == "wms":
+        path = place / "a.tif"
+        path.write_text(wms(url))
+    else:
+        path = write(place / "a.tif")
+        overviews = f'<Metadata domain="OVERVIEWS"><MDI key="OVERVIEW_FILE">/vsicurl/{url}/o</MDI></Metadata>'
+        if name == "msk":
+            (place / "a.tif.msk").write_text(wms(url))
+        elif name in ("srs", "aux"):
+            inner = f"<SRS>{url}/srs</SRS>" if name == "srs" else overviews
+            (place / "a.tif.aux.xml").write_text(f"<PAMDataset>{inner}</PAMDataset>")
+        else:
+            with rasterio.open(path, "r+") as raster:
+                raster.update_tags(ns="OVERVIEWS", OVERVIEW_FILE=f"/vsicurl/{url}/o")
+    heard.clear()
+    if name in ("srs", "tag"):
+        np.testing.assert_array_equal(read(path), VALUES)
+    else:
+        with pytest.raises(RasterRefused):
+            read(path)
+    assert heard == []
+
+
+def test_the_listener_hears_what_gdal_does_by_itself(place: Path, requests: tuple[str, list[str]]) -> None:
+    url, heard = requests
+    path = place / "a.tif"
+    path.write_text(vrt(f"/vsicurl/{url}/by_itself.tif", 0))
+    with pytest.raises(RasterioError), rasterio.open(path) as raster:
+        raster.read(1)
+    assert any("by_itself" in request for request in heard)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (vrt("../other/secret.tif"), r"names the source '\.\./other/secret\.tif', expected a file below .*own"),
+        (vrt("link.tif"), "'link.tif', expected a file below"),
+        (vrt("tile.tif", 0), "'tile.tif', expected a file below"),  # relative to wherever the command is typed
+        (vrt("NETCDF:tile.tif:a"), "names the source 'NETCDF:tile.tif:a'"),
+        (vrt("/vsizip/x.zip/y.tif", 0), "names the source '/vsizip/x.zip/y.tif'"),
+        (vrt("missing.tif"), "'missing.tif', which is no file"),
+        (vrt("inner.vrt"), "'inner.vrt', which is a mosaic itself"),
+        (vrt("service.tif"), "service.tif holds XML"),
+        (
+            vrt("tile.tif", band=' subClass="VRTDerivedRasterBand"'),
+            "VRTRasterBand VRTDerivedRasterBand, expected a mos",
+        ),
+        (
+            '<VRTDataset rasterXSize="8" rasterYSize="6"><VRTRasterBand dataType="Byte" band="1" subClass='
+            '"VRTRawRasterBand"><SourceFilename>/etc/passwd</SourceFilename></VRTRasterBand></VRTDataset>',
+            "VRTRawRasterBand",
+        ),
+        (vrt("tile.tif", before="<OverviewList>2</OverviewList>"), "has OverviewList, expected a mosaic"),
+        (
+            vrt("&e;", before="").replace("<VRTDataset", '<!DOCTYPE x [<!ENTITY e SYSTEM "tile.tif">]><VRTDataset', 1),
+            "ty",
+        ),
+        ("<VRTDataset", "a.vrt: its XML cannot be parsed"),
+    ],
+)
+def test_what_a_mosaic_may_not_name(place: Path, content: str, words: str) -> None:
+    (place / "link.tif").symlink_to(place.parent / "other/secret.tif")
+    (place / "inner.vrt").write_text(vrt("tile.tif"))
+    (place / "service.tif").write_text(wms("http://127.0.0.1:9"))
+    (place / "a.vrt").write_text(content)
+    with pytest.raises(RasterRefused, match=words):
+        read(place / "a.vrt")
+    with pytest.raises(RasterRefused, match=words):
+        raster_files(place / "a.vrt")
+
+
+def test_a_mosaic_of_its_own_folder_is_read_and_its_sources_are_inputs(place: Path) -> None:
+    other = place.parent / "other"
+    for name, source, relative, folders in (
+        ("a.vrt", "tile.tif", 1, ()),
+        ("b.vrt", place / "tile.tif", 0, ()),
+        ("c.vrt", "../other/secret.tif", 1, (other,)),
+    ):
+        (place / name).write_text(vrt(source, relative))
+        np.testing.assert_array_equal(read(place / name, folders=folders), VALUES)
+    (other / "secret.tif.aux.xml").write_text("<PAMDataset/>")
+    assert raster_files(place / "a.vrt") == [place / "tile.tif"]
+    assert raster_files(place / "c.vrt", (other,)) == [other / "secret.tif.aux.xml", other / "secret.tif"]
+    link = place.parent / "link.vrt"
+    link.symlink_to(place / "a.vrt")
+    np.testing.assert_array_equal(read(link), VALUES)
+
+
+def test_headers_and_world_files_are_inputs(tmp_path: Path) -> None:
+    path = write(tmp_path / "image.img", driver="ENVI")
+    np.testing.assert_array_equal(read(path), VALUES)
+    assert tmp_path / "image.hdr" in raster_files(path)
+    (tmp_path / "a.tfw").write_text("1\n0\n0\n-1\n0\n0\n")
+    assert raster_files(write(tmp_path / "a.tif")) == [tmp_path / "a.tfw"]
+
+
+def test_only_the_allowed_drivers_are_there_while_a_raster_is_open(place: Path) -> None:
+    """What GDAL opens on a raster's behalf, such as a mask, is bound to the list, too."""
+    (place / "a.vrt").write_text(vrt("tile.tif"))
+    with open_raster(place / "tile.tif"), open_raster(place / "a.vrt") as raster:
+        with rasterio.Env() as environment:
+            assert set(environment.drivers()) <= {*DRIVERS, "VRT", "MEM"}
+            assert {"GTiff", "VRT"} <= set(environment.drivers())
+        with open_raster(place / "tile.tif"):
+            pass
+        with rasterio.Env() as environment:
+            assert "WMS" not in environment.drivers()
+        assert raster.driver == "VRT"
+    with rasterio.Env() as environment:
+        assert {"WMS", "HTTP"} <= set(environment.drivers())
+
+
+def test_hdf5_that_leads_elsewhere_is_no_raster(tmp_path: Path) -> None:
+    (tmp_path / "numbers").write_bytes(VALUES.tobytes())
+    with h5py.File(tmp_path / "a.tif", "w") as file:
+        file.create_dataset("x", (6, 8), "f4", external=[(str(tmp_path / "numbers"), 0, VALUES.nbytes)])
+    with pytest.raises(RasterRefused, match=r"in a\.tif 'x' keeps its numbers in another file, which is not followed"):
+        read(tmp_path / "a.tif")
+
+
+def test_blocks_larger_than_any_image_are_refused(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.tif", tiled=True, blockxsize=16384, blockysize=16384, compress="deflate", SPARSE_OK=True)
+    with open_raster(path) as raster, pytest.raises(RasterRefused, match="blocks of 16384 x 16384 pixels, expected at"):
+        check_blocks(raster)
+
+
+def test_other_drivers_are_not_asked(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.bmp", driver="BMP", dtype="uint8")
+    with rasterio.open(path) as raster:
+        assert raster.driver == "BMP"
+    with pytest.raises(RasterioError, match="not recognized as being in a supported file format"):
+        read(path)

@@ -1,0 +1,43 @@
+from __future__ import annotations
+
+import hashlib
+import pickle
+
+from radcal.config import Case, case_from
+from radcal.storage.disclosure import Undisclosed, disclosed
+
+SECRET = "s3cr3t"
+HASH = hashlib.sha256(SECRET.encode()).hexdigest()
+
+
+def test_values_are_hashed_wherever_a_simulator_stands() -> None:
+    identity = {"kind": "command", "environment": {"KEY": SECRET, "B": "2"}}
+    for data in (identity, {"simulator": identity, "seed": 1}):
+        copy = disclosed(data)
+        found = copy.get("simulator", copy)
+        assert found["environment_sha256"]["KEY"] == HASH
+        assert found["environment_sha256"]["B"] != "2"
+        assert "environment" not in found
+        assert disclosed(copy) == copy
+    assert identity["environment"]["KEY"] == SECRET
+    # without variables, and for other simulators, files stay what they were
+    for plain in ({"kind": "command", "environment": {}}, {"simulator": {"kind": "builtin"}}, {"seed": 2}):
+        assert disclosed(plain) == plain
+
+
+def test_sections_carry_the_values_and_do_not_print_them() -> None:
+    simulator = {
+        "kind": "command",
+        "command": ["{python}", "{input}"],
+        "input": {},
+        "output": {"file": "a.npy", "scale": "db"},
+        "environment": {"KEY": SECRET},
+    }
+    sections = case_from({"simulator": simulator}).sections("simulator", "seed")
+    assert HASH in repr(sections)
+    assert SECRET not in repr(sections)
+    again = pickle.loads(pickle.dumps(sections))
+    assert Case.of_sections(again).simulator.environment == {"KEY": SECRET}
+    assert isinstance(again["simulator"]["environment"], Undisclosed)
+    without = case_from({"simulator": simulator | {"environment": {}}}).sections("simulator")
+    assert "'environment': {}" in repr(without)

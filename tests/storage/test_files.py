@@ -1,0 +1,164 @@
+from __future__ import annotations
+
+import json
+import os
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from radcal.errors import StoreError
+from radcal.storage.files import atomic, clamp_future_mtimes, digest, first_difference, sweep, working_folder
+
+
+def left_in(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_what_is_dated_in_the_future_is_dated_now_in_its_order(tmp_path: Path) -> None:
+    now = time.time_ns()
+    ages = {"old.h5": -50, "first.h5": 10, "second.json": 20, "iterations/third.h5": 30, "runs/a.h5": 40}
+    for name, seconds in ages.items():
+        path = tmp_path / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("")
+        os.utime(path, ns=(now, now + seconds * 10**9))
+    old, record = (tmp_path / name for name in ("old.h5", "runs/a.h5"))
+    kept = old.stat().st_mtime_ns, record.stat().st_mtime_ns
+    assert clamp_future_mtimes(tmp_path) >= 3
+    assert (old.stat().st_mtime_ns, record.stat().st_mtime_ns) == kept
+    stamps = [(tmp_path / name).stat().st_mtime_ns for name in ages if name != "runs/a.h5"]
+    assert stamps == sorted(set(stamps))
+    assert stamps[-1] <= time.time_ns()
+
+
+def test_files_behind_links_keep_their_dates(tmp_path: Path) -> None:
+    later = time.time_ns() + 60 * 10**9
+    mine = tmp_path / "mine"
+    results = tmp_path / "results" / "case"
+    for name in ("data/a.tif", "b.tif", "c.tif"):
+        (mine / name).parent.mkdir(parents=True, exist_ok=True)
+        (mine / name).write_text("")
+        os.utime(mine / name, ns=(later, later))
+    (results / "work").mkdir(parents=True)
+    (results / "work" / "data").symlink_to(mine / "data")
+    (results / "work" / "b.tif").symlink_to(mine / "b.tif")
+    os.link(mine / "c.tif", results / "work" / "c.tif")
+    (results / "own.json").write_text("")
+    os.utime(results / "own.json", ns=(later, later))
+    assert clamp_future_mtimes(results) == 1
+    assert (results / "own.json").stat().st_mtime_ns <= time.time_ns()
+    assert {path.stat().st_mtime_ns for path in mine.rglob("*.tif")} == {later}
+
+
+def test_the_first_difference_is_named_with_both_values() -> None:
+    theirs = {"pass": {"looks": 4, "band": "X"}, "seed": 1}
+    assert first_difference(theirs, {"pass": {"looks": 8, "band": "X"}, "seed": 2}) == "pass.looks is 4 there, 8 here"
+    assert first_difference(theirs, {"pass": {"looks": 4}, "seed": 1}) == "pass.band is 'X' there, None here"
+
+
+def test_atomic_shows_the_file_only_when_complete(tmp_path: Path) -> None:
+    path = tmp_path / "deep" / "er" / "a.txt"
+    with atomic(path) as partial:
+        partial.write_text("whole")
+        assert not path.exists()
+        assert partial.parent == path.parent
+    assert path.read_text() == "whole"
+    assert left_in(path.parent) == ["a.txt"]
+
+
+def test_atomic_failure_leaves_neither_file_nor_partial(tmp_path: Path) -> None:
+    with pytest.raises(ZeroDivisionError), atomic(tmp_path / "a.txt") as partial:
+        partial.write_text("half")
+        raise ZeroDivisionError
+    assert left_in(tmp_path) == []
+
+
+def test_atomic_failure_keeps_the_old_file(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text("old")
+    with pytest.raises(KeyboardInterrupt), atomic(path) as partial:
+        partial.write_text("half of new")
+        raise KeyboardInterrupt
+    assert path.read_text() == "old"
+    assert left_in(tmp_path) == ["a.txt"]
+
+
+def test_full_disk_is_a_store_error(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    with pytest.raises(StoreError, match=r"a\.txt: cannot be written \(No space left on device\)"), atomic(path):
+        raise OSError(28, "No space left on device")
+    assert left_in(tmp_path) == []
+
+
+def test_folder_in_the_way_is_a_store_error(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StoreError, match="cannot be written"), atomic(tmp_path / "file" / "a.txt"):
+        pytest.fail("the block must not run")
+    (tmp_path / "a.txt").mkdir()
+    with pytest.raises(StoreError, match="cannot be written"), atomic(tmp_path / "a.txt") as partial:
+        partial.write_text("")
+    assert left_in(tmp_path) == ["a.txt", "file"]
+
+
+def test_digest_is_of_the_data_not_of_its_order() -> None:
+    assert digest({"a": 1, "b": [1, 2]}) == digest({"b": [1, 2], "a": 1})
+    assert digest([1, 2]) != digest([2, 1])
+    assert digest({"a": 1.0}) != digest({"a": 1.0 + 2**-52})
+    assert len(digest({})) == 20
+    assert int(digest({}), 16) >= 0
+    # the same in every session and on every machine
+    assert digest({"a": 1}) == digest(json.loads('{"a": 1}')) == "015abd7f5cc57a2dd94b"
+
+
+def test_digest_refuses_nan() -> None:
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        digest({"x": float("nan")})
+
+
+def test_sweep_removes_partials_of_dead_processes_only(tmp_path: Path) -> None:
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    host = socket.gethostname()
+    dead = tmp_path / "runs" / f".partial-{host}-{gone.pid}-a-b.h5"
+    kept = [
+        tmp_path / f".partial-{host}-{os.getpid()}-a.h5",
+        tmp_path / f".partial-{host}-{os.getppid()}-a.h5",
+        tmp_path / f".partial-elsewhere.{host}-{gone.pid}-a.h5",
+        tmp_path / "a.h5",
+        tmp_path / f"partial-{host}-{gone.pid}-a.h5",
+    ]
+    dead.parent.mkdir()
+    for path in [dead, *kept]:
+        path.write_text("")
+    assert sweep(tmp_path) == 1
+    assert not dead.exists()
+    assert all(path.exists() for path in kept)
+    assert sweep(tmp_path) == 0
+
+
+def test_partial_of_a_killed_process_is_swept(tmp_path: Path) -> None:
+    code = (
+        "import os, sys; from radcal.storage.files import atomic\n"
+        "with atomic(sys.argv[1]) as partial:\n partial.write_text('half'); os._exit(9)"
+    )
+    subprocess.run([sys.executable, "-c", code, str(tmp_path / "a.txt")], check=False)
+    assert [name.startswith(".partial-") for name in left_in(tmp_path)] == [True]
+    assert sweep(tmp_path) == 1
+    assert left_in(tmp_path) == []
+
+
+def test_working_folders_of_dead_processes_are_swept(tmp_path: Path) -> None:
+    mine = working_folder(tmp_path / "work")
+    (mine / "file").write_text("kept")
+    name = mine.name.replace(f"-{os.getpid()}-", "-999999999-")
+    dead = mine.with_name(name)
+    dead.mkdir()
+    (dead / "inner").mkdir()
+    (dead / "inner/file").write_text("gone")
+    assert sweep(tmp_path) == 1
+    assert (mine / "file").read_text() == "kept"
+    assert not dead.exists()

@@ -1,0 +1,160 @@
+"""Layout of dataclasses in HDF5, read back and looked at with h5py alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import h5py
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+from numpy.typing import NDArray
+
+from radcal.storage.layout import About, Main, put, take
+
+
+@dataclass(frozen=True)
+class Inner:
+    level_db: float
+    flags: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Curve:
+    values: Annotated[NDArray[np.float64], Main()]
+    law: str
+    names: tuple[str, ...] = ()
+    frequency_ghz: float | None = None
+
+
+@dataclass(frozen=True)
+class Outer:
+    count: int
+    fixed: bool
+    source: str
+    mode: Literal["a", "b"]
+    shape: tuple[int, int]
+    names: tuple[str, ...]
+    image_db: Annotated[NDArray[np.float32], About("image of the pass", unit="dB")]
+    inner: Inner
+    curves: Mapping[str, Curve]
+    parts: Mapping[str, Inner]
+    reasons: Mapping[str, int]
+    arrays: Annotated[Mapping[str, NDArray[np.float64]], About("anything")]
+    other: Inner | None = None
+    maybe_db: float | None = None
+    later: float = 2.5
+    notes: tuple[str, ...] = field(default_factory=tuple)
+
+
+def example(**changed: Any) -> Outer:
+    values: dict[str, Any] = {
+        "count": 3,
+        "fixed": True,
+        "source": "a file, näher bezeichnet",
+        "mode": "b",
+        "shape": (4, 7),
+        "names": ("Wald", "Wasser"),
+        "image_db": np.arange(1200, dtype=np.float32).reshape(30, 40),
+        "inner": Inner(-3.5, np.array([True, False])),
+        "curves": {"z": Curve(np.array([1.0, -2.0]), "mangia"), "a": Curve(np.empty(0), "external", ("u",), 1.3)},
+        "parts": {"b": Inner(1.0, np.zeros(0, dtype=np.bool_)), "a": Inner(2.0, np.ones((2, 1), dtype=np.bool_))},
+        "reasons": {"in shadow": 4, "near an edge": 0},
+        "arrays": {"q": np.array([np.nan, np.inf])},
+    }
+    return Outer(**{**values, **changed})
+
+
+def kept(value: Outer, path: Path) -> Outer:
+    with h5py.File(path, "w") as file:
+        put(file, value)
+    with h5py.File(path, "r") as file:
+        return take(file, Outer)
+
+
+def test_what_was_written_is_read(tmp_path: Path) -> None:
+    written = example(other=Inner(0.25, np.array([False])), maybe_db=-7.0, notes=("one", "two"))
+    found = kept(written, tmp_path / "a.h5")
+    for name in ("count", "fixed", "source", "mode", "shape", "names", "reasons", "maybe_db", "later", "notes"):
+        assert getattr(found, name) == getattr(written, name)
+        assert type(getattr(found, name)) is type(getattr(written, name))
+    assert found.image_db.dtype == np.float32
+    np.testing.assert_array_equal(found.image_db, written.image_db)
+    np.testing.assert_array_equal(found.arrays["q"], written.arrays["q"])
+    assert found.other is not None
+    assert found.other.level_db == 0.25
+    assert list(found.curves) == ["z", "a"], "in the order in which they were written, not in that of the alphabet"
+    assert list(found.parts) == ["b", "a"]
+    assert (found.curves["a"].names, found.curves["a"].frequency_ghz, found.curves["a"].law) == (
+        ("u",),
+        1.3,
+        "external",
+    )
+    assert found.curves["z"].frequency_ghz is None
+    np.testing.assert_array_equal(found.curves["z"].values, [1.0, -2.0])
+
+
+def test_the_file_is_what_the_table_says(tmp_path: Path) -> None:
+    kept(example(), tmp_path / "a.h5")
+    with h5py.File(tmp_path / "a.h5", "r") as file:
+        assert {**file.attrs, "shape": list(file.attrs["shape"])} == {
+            "count": 3,
+            "fixed": True,
+            "source": "a file, näher bezeichnet",
+            "mode": "b",
+            "shape": [4, 7],
+            "later": 2.5,
+        }
+        assert set(file) == {"names", "image_db", "inner", "curves", "parts", "reasons", "arrays", "notes"}
+        assert dict(file["image_db"].attrs) == {"description": "image of the pass", "unit": "dB"}
+        assert file["image_db"].compression == "gzip"
+        assert file["inner/flags"].compression is None
+        assert dict(file["arrays"].attrs) == {"description": "anything"}
+        assert file["inner"].attrs["level_db"] == -3.5
+        assert dict(file["reasons"].attrs) == {"in shadow": 4, "near an edge": 0}
+        assert isinstance(file["curves/z"], h5py.Dataset)
+        assert file["curves/z"].attrs["law"] == "mangia"
+        assert file["curves/a"].attrs["names"].tolist() == ["u"]
+
+
+def test_a_field_with_a_default_may_be_missing_and_no_other(tmp_path: Path) -> None:
+    kept(example(), tmp_path / "a.h5")
+    with h5py.File(tmp_path / "a.h5", "r+") as file:
+        del file.attrs["later"], file["notes"]
+        assert take(file, Outer).later == 2.5
+        assert take(file, Outer).notes == ()
+        del file["inner"].attrs["level_db"]
+        with pytest.raises(KeyError, match=r"/inner of .*a\.h5 lacks level_db"):
+            take(file, Outer)
+
+
+def test_a_type_without_a_place_is_refused(tmp_path: Path) -> None:
+    @dataclass
+    class Wrong:
+        things: list[int]
+
+    with h5py.File(tmp_path / "a.h5", "w") as file, pytest.raises(TypeError, match=r"things: a list\[int\] has no"):
+        put(file, Wrong([1]))
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=40, deadline=None)
+@given(
+    values=arrays.arrays(st.sampled_from(["f8", "f4", "i8", "u2", "?"]), arrays.array_shapes(min_dims=0, min_side=0)),
+    names=st.lists(st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"])), max_size=4),
+    count=st.integers(-(2**63), 2**63 - 1),
+    level=st.floats(),
+)
+def test_any_array_text_and_number_comes_back(
+    values: NDArray[Any], names: list[str], count: int, level: float, tmp_path: Path
+) -> None:
+    found = kept(example(arrays={"q": values}, names=tuple(names), count=count, later=level), tmp_path / "a.h5")
+    np.testing.assert_array_equal(found.arrays["q"], values)
+    assert found.arrays["q"].dtype == values.dtype
+    assert found.names == tuple(names)
+    assert found.count == count
+    np.testing.assert_equal(found.later, level)

@@ -1,0 +1,262 @@
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sealed import changed
+
+from radcal.errors import DamagedError, StoreError
+from radcal.storage.inspection import SCHEMAS, inspect
+from radcal.storage.provenance import provenance
+from radcal.storage.records import read_hdf5, read_json, write_hdf5, write_json
+from radcal.storage.sealing import seal
+
+X = np.arange(3000, dtype=np.float32)
+
+
+def left_in(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def write(path: Path, kind: str = "scene", values: np.ndarray = X) -> Path:
+    with write_hdf5(path, kind) as file:
+        file.create_dataset("x", data=values, compression="gzip")
+        file.attrs["name"] = "a"
+    return path
+
+
+def test_hdf5_appears_whole_or_not_at_all(tmp_path: Path) -> None:
+    with write_hdf5(tmp_path / "a.h5", "scene") as file:
+        file["x"] = [1.0, 2.0]
+        assert not (tmp_path / "a.h5").exists()
+    with read_hdf5(tmp_path / "a.h5", "scene") as file:
+        assert file["x"][()].tolist() == [1.0, 2.0]
+    with pytest.raises(ZeroDivisionError), write_hdf5(tmp_path / "b.h5", "scene") as file:
+        file["x"] = [1.0]
+        raise ZeroDivisionError
+    assert left_in(tmp_path) == ["a.h5"]
+
+
+def test_three_lines_of_h5py_read_it_with_where_it_comes_from(tmp_path: Path) -> None:
+    config = {"seed": 3, "radar": {"looks": 4}}
+    with provenance("dyke", config):
+        write(tmp_path / "a.h5")
+    with h5py.File(tmp_path / "a.h5") as file:
+        np.testing.assert_array_equal(file["x"], X)
+        attributes = dict(file.attrs)
+        assert json.loads(file["config"].asstr()[()]) == config
+    assert (attributes["kind"], attributes["schema"], attributes["case"]) == ("scene", 2, "dyke")
+    assert attributes["created"].endswith("+00:00")
+    assert json.loads(attributes["versions"])["numpy"] == np.__version__
+    assert attributes["radcal"]
+
+
+def test_the_checksum_is_that_of_coreutils(tmp_path: Path) -> None:
+    import subprocess
+
+    path = write(tmp_path / "a.h5")
+    words = path.read_bytes()[:512].split(b"\n")[0].split()
+    tail = subprocess.run(["tail", "-c", "+513", str(path)], capture_output=True, check=True).stdout
+    found = subprocess.run(["sha256sum"], input=tail, capture_output=True, check=True).stdout.split()[0]
+    assert words[2] == found
+    assert int(words[4]) == len(tail)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.data())
+def test_no_single_bit_passes(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
+    folder = tmp_path_factory.mktemp("bits")
+    if data.draw(st.booleans()):
+        path, kind = write(folder / "a.h5"), "scene"
+    else:
+        path, kind = folder / "a.json", None
+        write_json(path, {"x": [1.5, 2.5], "y": "text"})
+    content = bytearray(path.read_bytes())
+    content[data.draw(st.integers(0, len(content) - 1))] ^= 1 << data.draw(st.integers(0, 7))
+    path.write_bytes(content)
+    with pytest.raises(DamagedError, match=r"a\.(h5|json): .* set aside as a\.damaged; type the same command"):
+        inspect(path, kind)
+    assert left_in(folder) == ["a.damaged"]
+    assert (folder / "a.damaged").read_bytes() == bytes(content)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10**6), st.booleans())
+def test_no_cut_or_lengthened_file_passes(tmp_path_factory: pytest.TempPathFactory, at: int, longer: bool) -> None:
+    path = write(tmp_path_factory.mktemp("cuts") / "a.h5")
+    content = path.read_bytes()
+    at %= len(content)
+    path.write_bytes(content + bytes(at + 1) if longer else content[:at])
+    with pytest.raises(DamagedError, match="is damaged"), read_hdf5(path, "scene"):
+        pytest.fail("it was opened")
+
+
+def test_of_a_large_file_header_and_size_are_compared_first(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.h5")
+    content = bytearray(path.read_bytes())
+    place = content.index(b"SNOD" if b"SNOD" in content else b"TREE") + 200
+    content[place] ^= 1
+    path.write_bytes(content)
+    inspect(path, "scene", most_bytes=600)
+    path.write_bytes(content[:-1])
+    with pytest.raises(DamagedError, match="is damaged"):
+        inspect(path, "scene", most_bytes=600)
+
+
+def test_another_kind_version_or_case_is_named_and_set_aside(tmp_path: Path) -> None:
+    with provenance("dyke"):
+        path = write(tmp_path / "a.h5", "scene")
+    with provenance("dyke"), read_hdf5(path, "scene"):
+        pass
+    with read_hdf5(path, "scene"):  # a script of one's own
+        pass
+    copy = Path(shutil.copy(path, tmp_path / "b.h5"))
+    with pytest.raises(DamagedError, match="kind 'scene', expected 'geometry'"), read_hdf5(copy, "geometry"):
+        pass
+    copy = Path(shutil.copy(path, tmp_path / "c.h5"))
+    with provenance("paper"), pytest.raises(DamagedError, match="belongs to the case 'dyke', expected 'paper'"):
+        inspect(copy, "scene")
+    with changed(path) as file:
+        file.attrs["schema"] = 99
+    with pytest.raises(DamagedError, match="written with schema 99, this radcal reads 2"):
+        inspect(path, "scene")
+    assert left_in(tmp_path) == ["a.damaged", "b.damaged", "c.damaged"]
+
+
+def test_a_file_without_checksum_is_of_an_earlier_version(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.attrs["schema"] = 2
+    with pytest.raises(DamagedError, match="no checksum"), read_hdf5(tmp_path / "a.h5", "scene"):
+        pass
+
+
+def test_what_is_made_again_without_a_difference_stays_byte_for_byte(tmp_path: Path) -> None:
+    with provenance("dyke", {"seed": 1}):
+        path = write(tmp_path / "a.h5")
+    before, stamp = path.read_bytes(), path.stat().st_mtime_ns
+    time.sleep(1.1)  # longer than the resolution of the time that it holds
+    with provenance("dyke", {"seed": 2}):
+        write(path)
+    assert path.read_bytes() == before
+    assert path.stat().st_mtime_ns > stamp
+    with provenance("dyke", {"seed": 2}):
+        write(path, values=X + 1)
+    assert path.read_bytes() != before
+    with read_hdf5(path, "scene") as file:
+        assert json.loads(file["config"].asstr()[()]) == {"seed": 2}
+
+
+def test_a_damaged_file_is_no_reason_to_keep_it(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.h5")
+    content = bytearray(path.read_bytes())
+    content[-1] ^= 1
+    path.write_bytes(content)
+    write(path)
+    inspect(path, "scene")
+
+
+def test_a_sealed_file_that_leads_elsewhere_is_set_aside(tmp_path: Path) -> None:
+    for name, make in {
+        "link": lambda file: file.__setitem__("y", h5py.ExternalLink("other.h5", "/x")),
+        "storage": lambda file: file.create_dataset("y", (4,), "u1", external=[("/etc/hostname", 0, 4)]),
+    }.items():
+        path = write(tmp_path / f"{name}.h5")
+        with h5py.File(path, "r+") as file:
+            make(file)
+        seal(path)
+        with pytest.raises(DamagedError, match=r"is not what radcal wrote \('y' .* another file\); set aside"):
+            inspect(path, "scene")
+
+
+def test_the_schemas_in_the_documents_are_those_of_the_code() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "records.md").read_text(encoding="utf-8")
+    told = dict(re.findall(r"^\| `[^`]+` \| (\w+) (\d+) \|", page, flags=re.MULTILINE))
+    assert {kind: int(number) for kind, number in told.items()} == dict(SCHEMAS)
+
+
+def test_seal_is_for_changes_on_purpose(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.h5")
+    with h5py.File(path, "r+") as file:
+        file["x"][0] = -1.0
+    seal(path)
+    with read_hdf5(path, "scene") as file:
+        assert file["x"][0] == -1.0
+
+
+def test_a_file_that_cannot_be_reached_is_not_damaged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write(tmp_path / "a.h5")
+
+    def refuse(*_: object, **__: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "open", refuse)
+    with pytest.raises(StoreError, match=r"a\.h5: cannot be read \(Permission denied\); nothing was changed"):
+        inspect(path, "scene")
+    monkeypatch.undo()
+    inspect(path, "scene")
+    with pytest.raises(StoreError, match="is missing; type the same command again"):
+        inspect(tmp_path / "b.h5", "scene")
+
+
+def test_a_folder_that_refuses_the_renaming_says_what_to_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write(tmp_path / "a.h5")
+    path.write_bytes(b"")
+
+    def refuse(*_: object) -> None:
+        raise OSError(30, "Read-only file system")
+
+    monkeypatch.setattr(Path, "replace", refuse)
+    with pytest.raises(DamagedError, match=r"cannot be set aside \(Read-only file system\); remove it"):
+        inspect(path, "scene")
+
+
+def test_json_round_trip(tmp_path: Path) -> None:
+    data = {"a": [1, 2.5, None, True], "é": "ü", "data": 1, "sha256": 2}
+    write_json(tmp_path / "a.json", data)
+    assert read_json(tmp_path / "a.json") == data
+    assert json.loads((tmp_path / "a.json").read_text())["data"] == data
+    write_json(tmp_path / "b.json", [1, {"a": 2}])
+    assert read_json(tmp_path / "b.json") == [1, {"a": 2}]
+    write_json(tmp_path / "c.json", {"case": "x", "runs": 3}, flat=True)
+    assert read_json(tmp_path / "c.json") == {"case": "x", "runs": 3}
+    assert json.loads((tmp_path / "c.json").read_text())["runs"] == 3
+
+
+def test_json_made_again_is_the_same_file(tmp_path: Path) -> None:
+    for name in ("a.json", "b.json"):
+        with provenance("dyke", {"seed": len(name)}):
+            write_json(tmp_path / name, [{"key": "k"}])
+    assert (tmp_path / "a.json").read_bytes() == (tmp_path / "b.json").read_bytes()
+
+
+def test_json_of_another_case_is_set_aside(tmp_path: Path) -> None:
+    with provenance("dyke"):
+        write_json(tmp_path / "a.json", [1])
+        assert read_json(tmp_path / "a.json") == [1]
+    with provenance("paper"), pytest.raises(DamagedError, match="belongs to the case 'dyke'"):
+        read_json(tmp_path / "a.json")
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_json_refuses_what_is_not_a_number(tmp_path: Path, value: float) -> None:
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        write_json(tmp_path / "a.json", {"a": value})
+    assert left_in(tmp_path) == []
+
+
+@pytest.mark.parametrize("content", [b"", b'{"a": 1', b"\xff\xfe\x00", b'{"a": 1}'])
+def test_damaged_json_is_set_aside(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "a.json").write_bytes(content)
+    with pytest.raises(DamagedError, match=r"a\.json: is damaged, or an earlier version wrote it"):
+        read_json(tmp_path / "a.json")
+    assert left_in(tmp_path) == ["a.damaged"]
+    with pytest.raises(StoreError, match=r"a\.json: is missing"):
+        read_json(tmp_path / "a.json")

@@ -1,0 +1,489 @@
+from __future__ import annotations
+
+import errno
+import fcntl
+import hashlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from sealed import changed
+
+from radcal.config import Case
+from radcal.errors import SimulatorError, StoreError
+from radcal.radar.geometry import Geometry
+from radcal.radar.laws import LAWS, Law
+from radcal.simulators.runner import Runner
+from radcal.storage.files import digest
+from radcal.storage.runs import Record, RunStore
+
+X = {"dyke": [6.1, 14.2, 21.5, 3.3], "grass": [10.0, 14.0, 6.0, 4.0]}
+
+
+class Counting:
+    """A simulator that counts its calls; the image depends on X and the seed."""
+
+    def __init__(self, shape: tuple[int, int], version: int = 1) -> None:
+        self.shape, self.version, self.calls = shape, version, 0
+
+    @property
+    def identity(self) -> Mapping[str, Any]:
+        return {"kind": "counting", "version": self.version}
+
+    def run(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> np.ndarray:
+        self.calls += 1
+        noise = np.random.default_rng(noise_seed).standard_normal(self.shape)
+        return (noise + parameters["dyke"][0]).astype(np.float32)
+
+
+@pytest.fixture
+def simulator(geometry: Geometry) -> Counting:
+    return Counting(geometry.shape)
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> RunStore:
+    return RunStore(tmp_path / "runs")
+
+
+@pytest.fixture
+def runner(store: RunStore, simulator: Counting, geometry: Geometry, case: Case) -> Runner:
+    return Runner(store, simulator, geometry, "scene", case)
+
+
+def files(store: RunStore) -> list[str]:
+    return sorted(path.name for path in store.folder.glob("[!.]*")) if store.folder.exists() else []
+
+
+def test_a_run_is_simulated_once(runner: Runner, store: RunStore, simulator: Counting, geometry: Geometry) -> None:
+    first = runner.run(X, 7)
+    again = runner.run(X, 7)
+    assert simulator.calls == 1
+    assert files(store) == [f"{first.key}.h5"]
+    assert again.key == first.key
+    assert again.seconds == first.seconds >= 0
+    image = simulator.run(X, 7)
+    assert list(first.pixels_db) == list(again.pixels_db) == ["dyke"]
+    for record in (first, again):
+        np.testing.assert_array_equal(record.pixels_db["dyke"], image.ravel()[geometry.pixels("dyke")])
+        assert record.pixels_db["dyke"].dtype == np.float32
+        assert record.image_db is None
+
+
+def test_a_run_with_the_pixels_of_another_geometry_is_made_again(
+    runner: Runner, store: RunStore, simulator: Counting, geometry: Geometry, case: Case
+) -> None:
+    """A later version may see a little more or less of the ground: pixels in an order of their own."""
+    material = geometry.material.copy()
+    material[tuple(np.argwhere(material == 1)[3])] = 0
+    other = replace(geometry, material=material)
+    key = Runner(store, simulator, other, "scene", case).run(X, 7).key
+    image = simulator.run(X, 7)
+    calls = simulator.calls
+    for _ in range(2):
+        found = runner.run(X, 7)
+        assert found.key == key
+        np.testing.assert_array_equal(found.pixels_db["dyke"], image.ravel()[geometry.pixels("dyke")])
+    assert simulator.calls == calls + 1
+
+
+def test_another_session_finds_the_run(
+    runner: Runner, store: RunStore, simulator: Counting, geometry: Geometry, case: Case
+) -> None:
+    key = runner.run(X, 7).key
+    tuples = {name: tuple(np.float64(v) for v in x) for name, x in reversed(X.items())}
+    assert Runner(RunStore(store.folder), simulator, geometry, "scene", case).run(tuples, 7).key == key
+    assert simulator.calls == 1
+
+
+def test_key_changes_with_all_that_changes_the_numbers(
+    store: RunStore, geometry: Geometry, build_case: Callable[..., Case], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(LAWS, "other", Law(LAWS["mangia"].function, *(getattr(LAWS["mangia"], n) for n in
+                                           ("names", "units", "bounds"))))  # fmt: skip
+    simulator, case = Counting(geometry.shape), build_case()
+    radar = {"altitude_m": 1000.0}
+    grass = {"parameters": X["grass"]}
+    keys = [
+        Runner(store, simulator, geometry, "scene", case).run(X, 7).key,
+        Runner(store, simulator, geometry, "scene", case).run({**X, "dyke": [6.1, 14.2, 21.5, 3.3 + 1e-15]}, 7).key,
+        Runner(store, simulator, geometry, "scene", case).run({**X, "grass": [10.0, 14.0, 6.0, 4.5]}, 7).key,
+        Runner(store, simulator, geometry, "scene", case).run({"dyke": X["grass"], "grass": X["dyke"]}, 7).key,
+        Runner(store, simulator, geometry, "scene", case).run(X, 8).key,
+        Runner(store, simulator, geometry, "other scene", case).run(X, 7).key,
+        Runner(store, Counting(geometry.shape, 2), geometry, "scene", case).run(X, 7).key,
+    ]
+    changes = [
+        {"radar": radar | change}
+        for change in ({"altitude_m": 1001.0}, {"looks": 3}, {"nesz_db": -21.0}, {"look_side": "left"}, {"band": "C"})
+    ]
+    changes.append({"materials": {"dyke": {"calibrate": True, "law": "other"}, "grass": grass}})
+    keys += [Runner(store, simulator, geometry, "scene", build_case(**change)).run(X, 7).key for change in changes]
+    assert len(set(keys)) == len(keys) == 13
+
+
+def test_key_of_a_run_is_that_of_earlier_versions(store: RunStore, geometry: Geometry, case: Case) -> None:
+    # finished runs are found under this name in every results folder there is
+    description = Runner(store, Counting(geometry.shape), geometry, "scene", case).description(X, 7)
+    assert digest(description) == "785489fb591a27106056"
+    assert "frequency_ghz" not in description["pass"]
+
+
+def test_values_of_the_environment_are_in_the_key_and_not_in_the_record(
+    store: RunStore, geometry: Geometry, case: Case
+) -> None:
+    class Secretive(Counting):
+        @property
+        def identity(self) -> Mapping[str, Any]:
+            return {"kind": "command", "environment": {"KEY": "s3cr3t", "EMPTY": ""}}
+
+    runner = Runner(store, Secretive(geometry.shape), geometry, "scene", case)
+    record = runner.run(X, 7)
+    # the key that such runs always had
+    assert record.key == digest(runner.description(X, 7)) == "982df8fa1fdab920ecb2"
+    assert b"s3cr3t" not in store.path(record.key).read_bytes()
+    described = store.description(record.key)["simulator"]
+    assert described["environment_sha256"]["KEY"] == hashlib.sha256(b"s3cr3t").hexdigest()
+    assert "environment" not in described
+    # records of before hold the values: found as they are, and told of without them
+    with changed(store.path(record.key)) as file:
+        file.attrs["description"] = json.dumps(runner.description(X, 7))
+    assert store.get(record.key, ["dyke"]) is not None
+    assert "s3cr3t" not in json.dumps(store.description(record.key))
+
+
+def test_key_knows_frequency_and_knots(store: RunStore, geometry: Geometry, build_case: Callable[..., Case]) -> None:
+    def key(angles: list[float], **radar: float) -> str:
+        table = {"calibrate": True, "law": "tabulated", "angles_deg": angles, "bounds": [[-30, 0]] * 2}
+        case = build_case(
+            materials={"dyke": table, "grass": {"parameters": X["grass"]}},
+            measurement={"synthetic": {"parameters": {"dyke": [-9, -12]}}},
+            radar={"altitude_m": 1000.0, **radar},
+        )
+        runner = Runner(store, Counting(geometry.shape), geometry, "scene", case)
+        return digest(runner.description({"dyke": [-9.0, -12.0], "grass": X["grass"]}, 7))
+
+    keys = [key([20, 40]), key([20, 41]), key([20, 40], frequency_ghz=9.6), key([20, 40], frequency_ghz=9.65)]
+    assert len(set(keys)) == 4
+
+
+def test_a_reference_run_of_another_law_is_another_run(
+    store: RunStore, geometry: Geometry, build_case: Callable[..., Case]
+) -> None:
+    grass = {"parameters": X["grass"]}
+    start = {"law": "constant_gamma", "parameters": [-9.0]}
+    listed = build_case(materials={"dyke": {"calibrate": True, "start": X["dyke"]}, "grass": grass})
+    named = build_case(materials={"dyke": {"calibrate": True, "start": start}, "grass": grass})
+    simulator = Counting(geometry.shape)
+    keys = [
+        digest(Runner(store, simulator, geometry, "scene", case).description(X, 7))
+        for case in (listed, listed.at_start, named)
+    ]
+    assert set(keys) == {"785489fb591a27106056"}
+    parameters = {**X, "dyke": [-9.0]}
+    description = Runner(store, simulator, geometry, "scene", named.at_start).description(parameters, 7)
+    assert description["materials"]["dyke"] == {"law": "constant_gamma", "parameters": [-9.0]}
+
+
+def test_key_does_not_change_with_how_runs_are_used(
+    store: RunStore, geometry: Geometry, build_case: Callable[..., Case]
+) -> None:
+    simulator = Counting(geometry.shape)
+    grass = {"parameters": X["grass"]}
+    changes: list[dict[str, Any]] = [
+        {},
+        {"case": "other", "seed": 99},
+        {"target": {"pixels": 60, "margin_px": 3}},
+        {"stop": {"rms": 1e-3, "max_runs": 30, "stagnation_runs": 5}},
+        {"optimiser": {"population": 20, "objective": "rms"}},
+        {"surrogate": {"outputs": "direct"}},
+        {"design": {"sampler": "monte_carlo", "size": 3}},
+        {"measurement": {"source": "synthetic", "synthetic": {"seed": 8, "offset_db": 2.0}}},
+        {"materials": {"dyke": {"calibrate": True, "bounds": [[0, 60]] * 4, "start": [1, 1, 1, 1]}, "grass": grass}},
+        {"materials": {"grass": grass, "dyke": {"calibrate": True}}},
+    ]
+    keys = {Runner(store, simulator, geometry, "scene", build_case(**change)).run(X, 7).key for change in changes}
+    assert len(keys) == 1
+    assert simulator.calls == 1
+
+
+def truncate(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+def empty(path: Path) -> None:
+    path.write_bytes(b"")
+
+
+def garbage(path: Path) -> None:
+    path.write_bytes(np.random.default_rng(0).bytes(5000))
+
+
+def other_hash(path: Path) -> None:
+    with changed(path) as file:
+        file.attrs["hash"] = "0" * 20
+
+
+def no_pixels(path: Path) -> None:
+    with changed(path) as file:
+        del file["pixels_db"]
+
+
+def no_attributes(path: Path) -> None:
+    with changed(path) as file:
+        del file.attrs["seconds"]
+
+
+@pytest.mark.parametrize(
+    "damage", [truncate, empty, garbage, other_hash, no_pixels, no_attributes], ids=lambda f: f.__name__
+)
+def test_damaged_record_is_set_aside_and_made_again(
+    runner: Runner, store: RunStore, simulator: Counting, damage: Callable[[Path], None],
+    caplog: pytest.LogCaptureFixture,
+) -> None:  # fmt: skip
+    first = runner.run(X, 7)
+    path = store.path(first.key)
+    damage(path)
+    again = runner.run(X, 7)
+    assert simulator.calls == 2
+    np.testing.assert_array_equal(again.pixels_db["dyke"], first.pixels_db["dyke"])
+    assert files(store) == [f"{first.key}.damaged", f"{first.key}.h5"]
+    assert f"{first.key}.damaged" in caplog.text
+    assert "made again" in caplog.text
+    runner.run(X, 7)
+    assert simulator.calls == 2
+
+
+def test_flipped_byte_in_the_pixels_is_noticed(runner: Runner, store: RunStore, simulator: Counting) -> None:
+    first = runner.run(X, 7)
+    path = store.path(first.key)
+    with h5py.File(path) as file:
+        chunk = file["pixels_db/dyke"].id.get_chunk_info(0)
+    content = bytearray(path.read_bytes())
+    content[chunk.byte_offset + chunk.size // 2] ^= 0xFF
+    path.write_bytes(content)
+    np.testing.assert_array_equal(runner.run(X, 7).pixels_db["dyke"], first.pixels_db["dyke"])
+    assert simulator.calls == 2
+
+
+def test_asking_for_the_image_upgrades_the_record(runner: Runner, store: RunStore, simulator: Counting) -> None:
+    assert runner.run(X, 7).image_db is None
+    whole = runner.run(X, 7, image=True)
+    assert simulator.calls == 2
+    np.testing.assert_array_equal(whole.image_db, simulator.run(X, 7))
+    calls = simulator.calls
+    np.testing.assert_array_equal(runner.run(X, 7, image=True).image_db, whole.image_db)
+    assert runner.run(X, 7).image_db is not None
+    assert simulator.calls == calls
+    assert len(files(store)) == 1
+
+
+def test_keep_images_keeps_them(
+    store: RunStore, simulator: Counting, geometry: Geometry, build_case: Callable[..., Case]
+) -> None:
+    keeping = Runner(store, simulator, geometry, "scene", build_case(simulator={"keep_images": True}))
+    keeping.run(X, 7)
+    np.testing.assert_array_equal(keeping.run(X, 7, image=True).image_db, simulator.run(X, 7))
+    assert simulator.calls == 2
+
+
+def test_calibrating_one_more_material_upgrades_the_record(
+    runner: Runner, store: RunStore, simulator: Counting, geometry: Geometry, build_case: Callable[..., Case]
+) -> None:
+    runner.run(X, 7)
+    both = build_case(materials={"dyke": {"calibrate": True}, "grass": {"calibrate": True}})
+    record = Runner(store, simulator, geometry, "scene", both).run(X, 7)
+    assert set(record.pixels_db) == {"dyke", "grass"}
+    runner.run(X, 7)
+    assert simulator.calls == 2
+
+
+class Broken(Counting):
+    def __init__(self, shape: tuple[int, int], image: np.ndarray) -> None:
+        super().__init__(shape)
+        self.image = image
+
+    def run(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> np.ndarray:
+        return self.image
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_pixels_that_are_not_finite_leave_no_record(
+    store: RunStore, geometry: Geometry, case: Case, bad: float
+) -> None:
+    image = np.zeros(geometry.shape, dtype=np.float32)
+    image.ravel()[geometry.pixels("dyke")[:3]] = bad
+    n = geometry.pixels("dyke").size
+    with pytest.raises(
+        SimulatorError, match=rf"run \w+: 3 of {n} pixels of 'dyke' .*dyke = \[6\.1, 14\.2, 21\.5, 3\.3\]"
+    ):
+        Runner(store, Broken(geometry.shape, image), geometry, "scene", case).run(X, 7)
+    assert files(store) == []
+
+
+def test_nan_where_no_calibrated_material_is_seen_is_kept(store: RunStore, geometry: Geometry, case: Case) -> None:
+    image = np.full(geometry.shape, np.nan, dtype=np.float32)
+    image.ravel()[geometry.pixels("dyke")] = 1.0
+    record = Runner(store, Broken(geometry.shape, image), geometry, "scene", case).run(X, 7)
+    assert (record.pixels_db["dyke"] == 1).all()
+
+
+@pytest.mark.parametrize("shape", [(10, 10), (5,), ()])
+def test_image_of_another_size_leaves_no_record(
+    store: RunStore, geometry: Geometry, case: Case, shape: tuple[int, ...]
+) -> None:
+    rows, columns = geometry.shape
+    with pytest.raises(SimulatorError, match=rf"the simulator's image has .* expected \({rows}, {columns}\)"):
+        Runner(store, Broken(geometry.shape, np.zeros(shape)), geometry, "scene", case).run(X, 7)
+    assert files(store) == []
+
+
+def test_simulator_that_fails_leaves_no_record(store: RunStore, geometry: Geometry, case: Case) -> None:
+    class Failing(Counting):
+        def run(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> np.ndarray:
+            raise SimulatorError("no licence.")
+
+    with pytest.raises(SimulatorError, match="no licence"):
+        Runner(store, Failing(geometry.shape), geometry, "scene", case).run(X, 7)
+    assert files(store) == []
+
+
+def test_record_says_where_it_comes_from(runner: Runner, store: RunStore) -> None:
+    key = runner.run(X, 7).key
+    with h5py.File(store.path(key)) as file:
+        assert file.attrs["unit"] == "dB"
+        assert file.attrs["radcal"]
+        assert file.attrs["created"].endswith("+00:00")
+        description = json.loads(file.attrs["description"])
+        assert file["pixels_db/dyke"].dtype == np.float32
+    assert description == runner.description(X, 7)
+    assert description["materials"]["dyke"] == {"law": "mangia", "parameters": X["dyke"]}
+    assert description["noise_seed"] == 7
+    assert description["simulator"] == {"kind": "counting", "version": 1}
+    assert description["pass"]["altitude_m"] == 1000.0
+
+
+def test_record_that_cannot_be_written_leaves_nothing(store: RunStore) -> None:
+    record = Record("a" * 20, {"dyke": np.zeros(5, dtype=np.float32)}, None, 0.1)
+    with pytest.raises(TypeError):
+        store.put(record, {"not": {"json", "data"}})
+    assert files(store) == []
+    assert store.get(record.key, ["dyke"]) is None
+    store.put(record, {})
+    assert store.get(record.key, ["dyke"]) is not None
+    assert store.get(record.key, ["dyke", "grass"]) is None
+
+
+def test_record_of_another_schema_is_refused_and_kept(runner: Runner, store: RunStore, simulator: Counting) -> None:
+    key = runner.run(X, 7).key
+    with changed(store.path(key)) as file:
+        file.attrs["schema"] = 99
+    with pytest.raises(StoreError, match=rf"{key}\.h5: written with schema 99"):
+        runner.run(X, 7)
+    assert files(store) == [f"{key}.h5"]
+    assert simulator.calls == 1
+
+
+def test_record_that_cannot_be_reached_is_no_damaged_record(
+    runner: Runner, store: RunStore, simulator: Counting, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    key = runner.run(X, 7).key
+
+    def refuse(*_: Any, **__: Any) -> None:
+        raise OSError(errno.EMFILE, "too many open files")
+
+    monkeypatch.setattr(h5py, "File", refuse)
+    with pytest.raises(StoreError, match=rf"{key}\.h5: cannot be read"):
+        runner.run(X, 7)
+    monkeypatch.undo()
+    assert runner.run(X, 7).key == key
+    assert simulator.calls == 1
+    assert files(store) == [f"{key}.h5"]
+
+
+def test_a_locked_record_can_be_read(runner: Runner, store: RunStore, simulator: Counting) -> None:
+    key = runner.run(X, 7).key
+    with store.path(key).open("rb") as handle:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        assert runner.run(X, 7).key == key
+    assert simulator.calls == 1
+
+
+def test_a_record_keeps_what_an_earlier_one_held(store: RunStore) -> None:
+    store.put(Record("k", {"a": np.zeros(2, np.float32)}, np.ones((2, 2), np.float32), 0.1), {})
+    store.put(Record("k", {"b": np.ones(2, np.float32)}, None, 0.1), {})
+    record = store.get("k", ["a", "b"], image=True)
+    assert record is not None
+    np.testing.assert_array_equal(record.pixels_db["a"], [0, 0])
+
+
+def outside(build_case: Callable[..., Case], radar: dict[str, Any], **simulator: Any) -> Case:
+    """A case of an external program."""
+    law = {"calibrate": True, "law": "external", "names": ["a", "n"], "bounds": [[0, 50], [0, 50]]}
+    return build_case(
+        simulator={"kind": "command", "command": ["sh"], "output": {"file": "i.npy", "scale": "db"}, **simulator},
+        materials={"dyke": law, "grass": {"law": "external"}},
+        measurement={"synthetic": {"parameters": {"dyke": [9, 12]}}},
+        radar={"altitude_m": 1000.0, **radar},
+    )
+
+
+OUTSIDE = {"dyke": [6.1, 14.0], "grass": []}
+
+
+def test_what_a_program_is_not_told_is_no_part_of_its_runs(
+    store: RunStore, simulator: Counting, geometry: Geometry, build_case: Callable[..., Case]
+) -> None:
+    def run(radar: dict[str, Any], **options: Any) -> Record:
+        return Runner(store, simulator, geometry, "scene", outside(build_case, radar, **options)).run(OUTSIDE, 7)
+
+    first = run({"nesz_db": -20.0})
+    for radar in ({"nesz_db": -60.0}, {"looks": 1}, {"range_resolution_m": 3.0, "azimuth_resolution_m": 9.0}):
+        assert run(radar).key == first.key
+    assert simulator.calls == 1
+    # what the image's grid, its masks of materials or the program's input file may depend on
+    told: dict[str, Any] = {"input": {}}
+    others = [run({"altitude_m": 1001.0}), run({"radiometry": "beta0"}), run({}, **told), run({"looks": 1}, **told)]
+    assert len({first.key, *(record.key for record in others)}) == 5
+    assert simulator.calls == 5
+    # an input file without the pass tells nothing either
+    assert run({"looks": 1}, input={"radar": False}).key == run({}, input={"radar": False}).key
+
+
+def test_runs_of_external_programs_of_earlier_versions_are_found(
+    store: RunStore, simulator: Counting, geometry: Geometry, build_case: Callable[..., Case]
+) -> None:
+    case = outside(build_case, {"nesz_db": -33.0})
+    runner = Runner(store, simulator, geometry, "scene", case)
+    # as it was: the whole pass, whatever the program is told
+    full = {**runner.description(OUTSIDE, 7), "pass": case.radar.model_dump(mode="json", exclude={"frequency_ghz"})}
+    values = np.linspace(0.0, 1.0, geometry.pixels("dyke").size, dtype=np.float32)
+    store.put(Record(digest(full), {"dyke": values}, None, 1.5), full)
+    assert digest(full) != digest(runner.description(OUTSIDE, 7))
+    # with the settings of that time, and with others that concern masks alone
+    for radar in ({"nesz_db": -33.0}, {"nesz_db": -40.0, "looks": 2}):
+        found = Runner(store, simulator, geometry, "scene", outside(build_case, radar)).run(OUTSIDE, 7)
+        assert found.key == digest(full)
+        np.testing.assert_array_equal(found.pixels_db["dyke"], values)
+    assert simulator.calls == 0
+    Runner(store, simulator, geometry, "scene", outside(build_case, {"altitude_m": 900.0})).run(OUTSIDE, 7)
+    assert simulator.calls == 1
+
+
+def test_key_knows_which_parameters_are_whole(
+    store: RunStore, geometry: Geometry, build_case: Callable[..., Case]
+) -> None:
+    case = outside(build_case, {})
+    whole = case.materials["dyke"].model_copy(update={"integer": ["n"]})
+    other = case.model_copy(update={"materials": {**case.materials, "dyke": whole}})
+    plain, counted = (
+        Runner(store, Counting(geometry.shape), geometry, "scene", item).description(OUTSIDE, 7)
+        for item in (case, other)
+    )
+    assert counted["materials"]["dyke"].pop("integer") == ["n"]
+    assert counted == plain
