@@ -164,7 +164,7 @@ def test_what_a_killed_snakemake_left_is_waited_for(tmp_path, capfd):
         lock.acquire()
         assert other.wait(timeout=10) == 0
         lock.release()
-    assert "waiting for what the killed snakemake 999999999 left" in capfd.readouterr().err
+    assert "waiting for jobs that the killed snakemake 999999999 left" in capfd.readouterr().err
 
 
 def test_a_job_whose_snakemake_has_ended_does_nothing(tmp_path, monkeypatch):
