@@ -154,6 +154,8 @@ def test_a_type_without_a_place_is_refused(tmp_path: Path) -> None:
     "changed",
     [
         {"later": float("nan")},
+        {"shape": (4, 7, 1)},
+        {"shape": (4, 7.0)},
         {"count": 3.0},
         {"names": ("Wasser", "Wald")},
         {"image_db": np.arange(1200, dtype=np.float64).reshape(30, 40)},
@@ -167,6 +169,7 @@ def test_a_type_without_a_place_is_refused(tmp_path: Path) -> None:
 )
 def test_the_same_is_so_to_the_last_bit(changed: dict[str, Any]) -> None:
     assert same(example(), example())
+    assert not same(Inner(-0.0, np.empty(0)), Inner(0.0, np.empty(0)))
     assert same(example(**changed), example(**changed))
     assert not same(example(**changed), example())
     assert not same(example(), example(**changed))

@@ -131,7 +131,11 @@ def same(one: Any, other: Any) -> bool:
         return False
     if is_dataclass(one):
         return all(same(getattr(one, entry.name), getattr(other, entry.name)) for entry in _entries(type(one)))
-    return bool(one == other or (one != one and other != other))  # NaN is the same as NaN
+    if isinstance(one, tuple):
+        return len(one) == len(other) and all(map(same, one, other))
+    if isinstance(one, float):  # NaN is NaN, and 0 is not -0
+        return bool(one.hex() == other.hex())
+    return bool(one == other)
 
 
 def _entries(kind: type) -> tuple[_Entry, ...]:
