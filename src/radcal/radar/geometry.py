@@ -154,20 +154,22 @@ def write_geometry(
     described = None
     if radar is not None:
         described = _recorded_pass(Path(path), radar.model_dump_json(), set(immaterial))
-    with write_hdf5(path, "geometry", protected=not _replaceable(path, geometry, described)) as file:
+
+    def alike(file: h5py.File) -> bool:
+        return bool(file.attrs.get("pass") == described and same(take(file, Geometry), geometry))
+
+    with write_hdf5(path, "geometry", protected=not _outdated(path, described), alike=alike) as file:
         if described is not None:
             file.attrs["pass"] = described
         file.attrs["simulator"] = SIMULATOR_VERSION
         put(file, geometry)
 
 
-def _replaceable(path: str | Path, geometry: Geometry, described: str | None) -> bool:
-    """Whether a file is of the same pass, and holds this geometry or that of another version of the simulator."""
+def _outdated(path: str | Path, described: str | None) -> bool:
+    """Whether a file is the geometry of a pass as another version of the simulator has it."""
     try:
         with read_hdf5(path, "geometry") as file:
-            if file.attrs.get("pass") != described:
-                return False
-            return file.attrs.get("simulator") != SIMULATOR_VERSION or same(take(file, Geometry), geometry)
+            return bool(file.attrs.get("pass") == described and file.attrs.get("simulator") != SIMULATOR_VERSION)
     except StoreError:
         return False
 

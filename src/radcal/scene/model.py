@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.errors import SceneError, StoreError
+from radcal.errors import SceneError
 from radcal.scene.objects import Objects
 from radcal.storage.layout import put, same, take
 from radcal.storage.records import read_hdf5, write_hdf5
@@ -92,16 +92,8 @@ def write_scene(path: str | Path, scene: Scene) -> None:
     ConfigError
         A finished calibration beside it rests on another scene.
     """
-    with write_hdf5(path, "scene", protected=not _holds(path, scene)) as file:
+    with write_hdf5(path, "scene", protected=True, alike=lambda file: same(take(file, Scene), scene)) as file:
         put(file, scene)
-
-
-def _holds(path: str | Path, scene: Scene) -> bool:
-    """Whether a file holds a scene, as this version or an earlier one packed it."""
-    try:
-        return same(read_scene(path), scene)
-    except StoreError:
-        return False
 
 
 def read_scene(path: str | Path) -> Scene:
