@@ -24,9 +24,9 @@ from radcal.calibration.loop import calibrate
 from radcal.config import Case, load
 from radcal.measurement.registration import register
 from radcal.measurement.sources import make_measurement
-from radcal.measurement.target import make_targets
-from radcal.radar.geometry import make_geometry
+from radcal.measurement.target_fit import make_targets
 from radcal.radar.laws import LAWS
+from radcal.radar.projection import make_geometry
 from radcal.report.summary import law_difference_db
 from radcal.scene.sources import make_scene
 from radcal.simulators.builtin import BuiltinSimulator

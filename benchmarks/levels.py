@@ -25,9 +25,9 @@ from radcal.calibration.steps import noise_seed, reference_parameters
 from radcal.config import Case, case_from
 from radcal.measurement.registration import register
 from radcal.measurement.sources import make_measurement
-from radcal.measurement.target import make_targets
-from radcal.radar.geometry import make_geometry
+from radcal.measurement.target_fit import make_targets
 from radcal.radar.laws import LAWS
+from radcal.radar.projection import make_geometry
 from radcal.scene.sources import make_scene
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.runner import Runner

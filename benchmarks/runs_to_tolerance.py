@@ -22,8 +22,8 @@ from radcal.calibration.loop import calibrate
 from radcal.calibration.steps import all_parameters, noise_seed
 from radcal.config import Case, case_from
 from radcal.measurement.sources import make_measurement
-from radcal.measurement.target import make_target
-from radcal.radar.geometry import make_geometry
+from radcal.measurement.target_fit import make_target
+from radcal.radar.projection import make_geometry
 from radcal.scene.sources import make_scene
 from radcal.seeds import derived_rng
 from radcal.simulators.builtin import BuiltinSimulator

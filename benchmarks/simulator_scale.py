@@ -27,7 +27,8 @@ from scipy import fft
 from scipy.ndimage import gaussian_filter
 
 from radcal.config import Radar
-from radcal.radar.geometry import Geometry, make_geometry, read_geometry, write_geometry
+from radcal.radar.geometry import Geometry, read_geometry, write_geometry
+from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
 from radcal.scene.object_generator import generate_objects
 from radcal.scene.objects import Objects

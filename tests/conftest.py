@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from radcal.config import Case, Radar, case_from
-from radcal.radar.geometry import Geometry, make_geometry
+from radcal.radar.geometry import Geometry
+from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
 
 pytest_plugins = ["workflow_fixtures"]

@@ -1,4 +1,4 @@
-"""Direction of imports: from the code of ``src/radcal``, no circle and no step against the flow of data.
+"""Direction of imports and sizes: from the code of ``src/radcal``, no circle, no step against the flow of data.
 
 A *room* is a package or a top-level module of ``radcal``. Every import counts, wherever it stands:
 
@@ -28,7 +28,7 @@ FLOW: list[tuple[str, list[str]]] = [
     ("geometry and image formation", ["radar"]),
     ("simulator", ["simulators"]),
     ("measurement", ["measurement"]),
-    ("target", ["measurement.target", "measurement.class_target"]),
+    ("target", ["measurement.target", "measurement.target_fit", "measurement.class_target"]),
     ("design", ["calibration.design"]),
     ("surrogate", ["calibration.surrogate", "calibration.class_surrogate"]),
     ("proposal", ["calibration.infill", "calibration.lattice", "calibration.class_search"]),
@@ -42,6 +42,17 @@ EXCEPTIONS: dict[Edge, str] = {
     ("config", "radar.laws"): "names, lengths and ranges of parameters are checked against the registry of laws",
     ("config", "scene.objects"): "kinds of objects are checked against a list that knows no configuration",
     ("calibration.history", "calibration.class_search"): "the type of a search, in the signature of `score`",
+}
+
+MODULE_LINES, FUNCTION_LINES = 400, 60  # the latter without its docstring
+
+# What is larger all the same: module or function, or the room of both, and the reason. This list only shrinks.
+LARGE: dict[str, str] = {
+    "calibration": "its modules are replaced",
+    "report.archive.write_archive": "becomes a layout that writes itself",
+    "report.law_figures.law": "is split",
+    "report.map_figures.residual": "is split",
+    "report.scene_figures.scene": "is split",
 }
 
 
@@ -202,6 +213,45 @@ def test_an_exception_without_need_is_named(tmp_path: Path) -> None:
     needed, without_need, gone = ("config", "radar.laws"), ("config", "seeds"), ("config", "scene.objects")
     assert faults(edges - {needed}) == []
     assert unneeded(edges, dict.fromkeys((needed, without_need, gone), "a reason")) == [without_need, gone]
+
+
+def large(root: Path) -> dict[str, int]:
+    """Lines of every module and function that has more than it may, by its name without ``radcal.``."""
+    found: dict[str, int] = {}
+    for path in root.rglob("*.py"):
+        name = ".".join(path.relative_to(root).with_suffix("").parts)
+        text = path.read_text(encoding="utf-8")
+        if len(text.splitlines()) > MODULE_LINES:
+            found[name] = len(text.splitlines())
+        for node in ast.walk(ast.parse(text)):
+            if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                continue
+            first, last = node.lineno, node.end_lineno or 0
+            if ast.get_docstring(node) is not None:
+                first += (node.body[0].end_lineno or 0) - node.body[0].lineno + 1
+            code = last - first + 1
+            if code > FUNCTION_LINES:
+                found[f"{name}.{node.name}"] = code
+    return found
+
+
+def test_no_module_and_no_function_is_large() -> None:
+    found = large(SOURCE)
+    assert {name: size for name, size in found.items() if name not in LARGE and room(name) not in LARGE} == {}
+    small = [one for one in LARGE if one not in {*found, *map(room, found)}]
+    assert small == [], "delete these from the list: it only shrinks"
+
+
+def test_large_modules_and_functions_are_found(tmp_path: Path) -> None:
+    docstring = '    """Much said.\n' + "\n    of it" * 80 + '\n    """\n'
+    body = "    x = 1\n" * 59
+    (tmp_path / "scene").mkdir()
+    (tmp_path / "scene/model.py").write_text(f"class A:\n  def f():\n{docstring}{body}")
+    assert large(tmp_path) == {}
+    (tmp_path / "scene/model.py").write_text(f"class A:\n  def f():\n{docstring}{body}    return x\n")
+    assert large(tmp_path) == {"scene.model.f": 61}
+    (tmp_path / "scene/grid.py").write_text("x = 1\n" * 401)
+    assert large(tmp_path) == {"scene.model.f": 61, "scene.grid": 401}
 
 
 def drawn(folder: Path, files: Mapping[str, str]) -> set[Edge]:

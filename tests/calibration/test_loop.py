@@ -10,8 +10,9 @@ from radcal.calibration.loop import calibrate
 from radcal.calibration.steps import design_line, progress_line, propose_all, train_all
 from radcal.config import Stop, case_from
 from radcal.measurement.sources import make_measurement
-from radcal.measurement.target import Targets, make_target
-from radcal.radar.geometry import make_geometry
+from radcal.measurement.target import Targets
+from radcal.measurement.target_fit import make_target
+from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
 from radcal.scene.slant_range import flat_incidence_deg
 from radcal.simulators.builtin import BuiltinSimulator

@@ -15,8 +15,10 @@ from radcal.calibration.steps import noise_seed, repeatability
 from radcal.calibration.stopping import Decision
 from radcal.config import Case, case_from
 from radcal.measurement.model import Measurement
-from radcal.measurement.target import Target, Targets, make_target
-from radcal.radar.geometry import Geometry, make_geometry
+from radcal.measurement.target import Target, Targets
+from radcal.measurement.target_fit import make_target
+from radcal.radar.geometry import Geometry
+from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
 from radcal.scene.slant_range import flat_incidence_deg
 from radcal.simulators.builtin import BuiltinSimulator

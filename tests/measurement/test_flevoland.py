@@ -16,8 +16,10 @@ from radcal.measurement.model import Measurement
 from radcal.measurement.pixels import point_targets
 from radcal.measurement.readers import read_image
 from radcal.measurement.registration import register
-from radcal.measurement.target import Targets, make_target, make_targets
-from radcal.radar.geometry import Geometry, make_geometry
+from radcal.measurement.target import Targets
+from radcal.measurement.target_fit import make_target, make_targets
+from radcal.radar.geometry import Geometry
+from radcal.radar.projection import make_geometry
 from radcal.scene.sources import make_scene
 
 pytestmark = pytest.mark.skipif("RADCAL_DATA" not in os.environ, reason="RADCAL_DATA is not set: no measured data")

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import gzip
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,28 +12,15 @@ import pytest
 
 from radcal.config import Radar
 from radcal.errors import ConfigError, SceneError
-from radcal.radar.geometry import (
-    Geometry,
-    local_incidence_cosine,
-    make_geometry,
-    read_geometry,
-    write_geometry,
-)
+from radcal.radar.geometry import Geometry, read_geometry, write_geometry
+from radcal.radar.lines import local_incidence_cosine
+from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
+from radcal.storage.layout import same
 
 ALTITUDE = 1000.0
 SIDE = 200.0  # of the tiny scenes [m]
 Build = Callable[..., Scene]
-
-
-def assert_equal(a: Geometry, b: Geometry) -> None:
-    for field in fields(Geometry):
-        x, y = getattr(a, field.name), getattr(b, field.name)
-        if isinstance(x, np.ndarray):
-            assert x.dtype == y.dtype
-            np.testing.assert_array_equal(x, y)
-        else:
-            assert x == y
 
 
 def plane_incidence_deg(radar: Radar, shape: tuple[int, int], across: float, along: float) -> np.ndarray:
@@ -293,7 +281,7 @@ def test_left_mirrors_right(scene: Scene, radar: Radar) -> None:
     ground = left.ground.copy()  # the scene's columns run east whichever way the radar looks
     ground[1] = scene.material.shape[1] - 1 - ground[1]
     np.testing.assert_allclose(ground, right.ground, atol=1e-4)
-    assert_equal(replace(left, ground=right.ground), right)
+    assert same(replace(left, ground=right.ground), right)
     other = make_geometry(scene, radar.model_copy(update={"look_side": "left"}))
     assert not np.array_equal(other.material, right.material)
     # the dyke is in the west: near for a radar that looks east, far for one that looks west
@@ -336,7 +324,39 @@ def test_margin_leaves_out_pixels_near_another_material(geometry: Geometry, name
 
 def test_hdf5_round_trip_is_exact(geometry: Geometry, tmp_path: Path) -> None:
     write_geometry(tmp_path / "geometry.h5", geometry)
-    assert_equal(read_geometry(tmp_path / "geometry.h5"), geometry)
+    assert same(read_geometry(tmp_path / "geometry.h5"), geometry)
+
+
+def test_a_file_of_an_earlier_version_is_the_same_geometry(tmp_path: Path) -> None:
+    """``geometry_5.h5.gz`` is what this was written as when every dataclass had a reader and a writer of its own."""
+    small = Geometry(
+        shape=(3, 2),
+        names=("Wald", "Gras"),
+        cell_start=np.array([0, 1, 2, 2, 4, 5, 6], dtype=np.int32),
+        cell_material=np.array([1, 2, 1, 2, 2, 3], dtype=np.uint8),
+        facet_start=np.array([0, 2, 3, 4, 6, 7, 8], dtype=np.int32),
+        facet_incidence=np.arange(8, dtype=np.uint16) * 4097,
+        facet_weight=np.sqrt(np.arange(1, 9, dtype=np.float32)),
+        material=np.array([[1, 2], [0, 0], [2, 0]], dtype=np.uint8),
+        incidence_deg=np.array([[30.5, 31.25], [np.nan, 33.1], [34.2, 35.3]], dtype=np.float32),
+        layover=np.array([[False, True], [False, False], [True, False]]),
+        shadow=np.array([[False, False], [True, False], [False, True]]),
+        flat_incidence_deg=np.array([30.1, 32.2, 34.3]),
+        ground=np.arange(12, dtype=np.float32).reshape(2, 3, 2) / 7,
+        point_row=np.array([0.1, 1.7]),
+        point_column=np.array([1.3, -0.2]),
+        point_amplitude=np.array([2.5, 0.4], dtype=np.float32),
+        point_number=np.array([7, 3], dtype=np.uint32),
+    )
+    path = tmp_path / "geometry.h5"
+    path.write_bytes(gzip.decompress(Path(__file__).with_name("geometry_5.h5.gz").read_bytes()))
+    assert same(read_geometry(path), small)
+    # a finished calibration rests on it, however its file is packed
+    (tmp_path / "calibration.h5").touch()
+    with pytest.raises(ConfigError, match="holds a finished calibration of another geometry"):
+        write_geometry(path, replace(small, shadow=~small.shadow), Radar())
+    write_geometry(path, small, Radar())
+    assert same(read_geometry(path), small)
 
 
 def test_geometry_of_another_version_of_the_simulator_is_replaced(
@@ -351,9 +371,9 @@ def test_geometry_of_another_version_of_the_simulator_is_replaced(
         write_geometry(path, geometry, radar)
     with pytest.raises(ConfigError, match="holds a finished calibration of another geometry"):
         write_geometry(path, better, radar.model_copy(update={"altitude_m": 1001.0}))
-    assert_equal(read_geometry(path), geometry)
+    assert same(read_geometry(path), geometry)
     write_geometry(path, better, radar)
-    assert_equal(read_geometry(path), better)
+    assert same(read_geometry(path), better)
     with pytest.raises(ConfigError, match="holds a finished calibration of another geometry"):
         write_geometry(path, geometry, radar)
 

@@ -13,9 +13,10 @@ from scipy import signal, special, stats
 from radcal.config import Radar
 from radcal.errors import ConfigError
 from radcal.radar.gaussian import circular_gaussian
-from radcal.radar.geometry import Geometry, make_geometry
+from radcal.radar.geometry import Geometry
 from radcal.radar.image import ImageFormation, decibels
 from radcal.radar.laws import LAWS, Law
+from radcal.radar.projection import make_geometry
 from radcal.radar.reflectivity import law_tables, reflectivity, uniform
 from radcal.radar.speckle import impulse_response
 from radcal.scene.model import Scene

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from radcal.config import Case
 from radcal.errors import ConfigError
-from radcal.radar.laws import LAWS, Law, constant_gamma, law_for, laws_table, mangia, tabulated, ulaby_dobson
+from radcal.radar.laws import LAWS, Law, law_for, laws_table
+from radcal.radar.laws.curves import constant_gamma, mangia, tabulated, ulaby_dobson
 
 X = (6.1, 14.2, 21.5, 3.3)
 FREQUENCY_GHZ = 9.5

@@ -14,8 +14,9 @@ from scipy.signal import windows
 
 from radcal.config import Radar
 from radcal.radar.gaussian import circular_gaussian
-from radcal.radar.geometry import local_incidence_cosine, make_geometry
 from radcal.radar.image import ImageFormation
+from radcal.radar.lines import local_incidence_cosine
+from radcal.radar.projection import make_geometry
 from radcal.radar.reflectivity import Reflectivity, uniform
 from radcal.radar.speckle import impulse_response
 from radcal.scene.model import Scene

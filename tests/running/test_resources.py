@@ -14,7 +14,7 @@ from rasterio.transform import from_origin
 
 from radcal.config import BuiltinScene, Radar, RasterScene, SlantRangeScene, case_from
 from radcal.errors import ConfigError, SceneError
-from radcal.radar.geometry import make_geometry
+from radcal.radar.projection import make_geometry
 from radcal.radar.size import ImageSize, check_size, image_size, refinement
 from radcal.running.resources import memory_mb, runtime_minutes, values_of
 from radcal.scene.builtin import builtin_scene

@@ -7,7 +7,8 @@ import pytest
 
 from radcal.config import BuiltinScene, Case, Radar
 from radcal.errors import SceneError
-from radcal.radar.geometry import Geometry, make_geometry
+from radcal.radar.geometry import Geometry
+from radcal.radar.projection import make_geometry
 from radcal.scene.builtin import MATERIALS, ROUGHNESS, builtin_scene
 from radcal.scene.model import Scene, read_scene, write_scene
 from radcal.scene.sources import make_scene

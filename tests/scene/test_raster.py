@@ -17,7 +17,7 @@ from sealed import changed
 
 from radcal.config import Radar, RasterScene
 from radcal.errors import ConfigError, SceneError
-from radcal.radar.geometry import make_geometry
+from radcal.radar.projection import make_geometry
 from radcal.scene.crs import named_datum, same_datum, transformation_note, vertical_datum
 from radcal.scene.model import Scene, read_scene, write_scene
 from radcal.scene.raster import raster_scene

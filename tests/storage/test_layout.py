@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from numpy.typing import NDArray
 
-from radcal.storage.layout import About, Main, put, take
+from radcal.storage.layout import About, Main, put, same, take
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,7 @@ class Inner:
 class Curve:
     values: Annotated[NDArray[np.float64], Main()]
     law: str
+    remark: str | None
     names: tuple[str, ...] = ()
     frequency_ghz: float | None = None
 
@@ -42,6 +43,7 @@ class Outer:
     names: tuple[str, ...]
     image_db: Annotated[NDArray[np.float32], About("image of the pass", unit="dB")]
     inner: Inner
+    given: Inner | None
     curves: Mapping[str, Curve]
     parts: Mapping[str, Inner]
     reasons: Mapping[str, int]
@@ -62,7 +64,11 @@ def example(**changed: Any) -> Outer:
         "names": ("Wald", "Wasser"),
         "image_db": np.arange(1200, dtype=np.float32).reshape(30, 40),
         "inner": Inner(-3.5, np.array([True, False])),
-        "curves": {"z": Curve(np.array([1.0, -2.0]), "mangia"), "a": Curve(np.empty(0), "external", ("u",), 1.3)},
+        "given": None,
+        "curves": {
+            "z": Curve(np.array([1.0, -2.0]), "mangia", None),
+            "a": Curve(np.empty(0), "external", "u?", ("u",), 1.3),
+        },
         "parts": {"b": Inner(1.0, np.zeros(0, dtype=np.bool_)), "a": Inner(2.0, np.ones((2, 1), dtype=np.bool_))},
         "reasons": {"in shadow": 4, "near an edge": 0},
         "arrays": {"q": np.array([np.nan, np.inf])},
@@ -96,7 +102,9 @@ def test_what_was_written_is_read(tmp_path: Path) -> None:
         "external",
     )
     assert found.curves["z"].frequency_ghz is None
+    assert (found.curves["z"].remark, found.curves["a"].remark, found.given) == (None, "u?", None)
     np.testing.assert_array_equal(found.curves["z"].values, [1.0, -2.0])
+    assert same(found, written)
 
 
 def test_the_file_is_what_the_table_says(tmp_path: Path) -> None:
@@ -140,6 +148,31 @@ def test_a_type_without_a_place_is_refused(tmp_path: Path) -> None:
 
     with h5py.File(tmp_path / "a.h5", "w") as file, pytest.raises(TypeError, match=r"things: a list\[int\] has no"):
         put(file, Wrong([1]))
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"later": float("nan")},
+        {"shape": (4, 7, 1)},
+        {"shape": (4, 7.0)},
+        {"count": 3.0},
+        {"names": ("Wasser", "Wald")},
+        {"image_db": np.arange(1200, dtype=np.float64).reshape(30, 40)},
+        {"image_db": np.arange(1200, dtype=np.float32).reshape(40, 30)},
+        {"inner": Inner(-3.5, np.array([True, True]))},
+        {"given": Inner(-3.5, np.array([True, False]))},
+        {"reasons": {"near an edge": 0, "in shadow": 4}},
+        {"arrays": {"q": np.array([np.nan, -np.inf])}},
+        {"arrays": {"q": np.array(["nan", "inf"], dtype=object)}},
+    ],
+)
+def test_the_same_is_so_to_the_last_bit(changed: dict[str, Any]) -> None:
+    assert same(example(), example())
+    assert not same(Inner(-0.0, np.empty(0)), Inner(0.0, np.empty(0)))
+    assert same(example(**changed), example(**changed))
+    assert not same(example(**changed), example())
+    assert not same(example(), example(**changed))
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=40, deadline=None)

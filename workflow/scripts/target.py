@@ -4,7 +4,8 @@ from radcal.calibration.class_search import class_targets
 from radcal.calibration.history import indexed
 from radcal.config import Case
 from radcal.measurement.registration import read_registered
-from radcal.measurement.target import make_targets, write_targets
+from radcal.measurement.target import write_targets
+from radcal.measurement.target_fit import make_targets
 from radcal.radar.geometry import read_geometry
 from radcal.running.jobs import logged, progress
 from radcal.scene.model import read_scene

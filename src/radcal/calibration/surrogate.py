@@ -7,7 +7,7 @@ import io
 import sys
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec, module_from_spec
@@ -21,6 +21,7 @@ from scipy.linalg import solve_triangular
 from radcal import skewnormal
 from radcal.calibration.class_surrogate import ClassRuns
 from radcal.errors import SurrogateError
+from radcal.storage.layout import put, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
 __all__ = ["OUTPUTS", "Surrogate", "leave_one_out_q2", "read_surrogates", "to_direct", "write_surrogates"]
@@ -401,20 +402,43 @@ def _learnt(dp: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack([mean, np.log(sd), skewness], axis=-1)
 
 
+@dataclass(frozen=True)
+class _Kriging:
+    """Data and hyper-parameters of a :class:`Surrogate`, under the names of its arguments and attributes."""
+
+    outputs: Outputs
+    status: tuple[str, ...]
+    bounds: NDArray[np.float64]
+    integer: NDArray[np.bool_]
+    parameters: NDArray[np.float64]
+    dp: NDArray[np.float64]
+    theta: NDArray[np.float64]
+    nugget: NDArray[np.float64]
+    q2: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, surrogate: Surrogate) -> _Kriging:
+        return cls(**{item.name: getattr(surrogate, item.name) for item in fields(cls)})
+
+    def rebuilt(self) -> Surrogate:
+        surrogate = Surrogate(self.bounds, self.parameters, self.dp, self.outputs, integer=self.integer)
+        return surrogate.restore(self.theta, self.nugget, self.q2, self.status)
+
+
+@dataclass(frozen=True)
+class _Stored:
+    """Content of a file: one mapping or the other, as the objective asks."""
+
+    densities: Mapping[str, _Kriging]
+    classes: Mapping[str, ClassRuns]
+
+
 def write_surrogates(path: str | Path, surrogates: Mapping[str, Surrogate | ClassRuns]) -> None:
     """Store surrogates as data and hyper-parameters, atomically; of classes of incidence the data are all."""
-    with write_hdf5(path, "surrogate", track_order=True) as file:
-        materials = file.create_group("materials", track_order=True)
-        for name, surrogate in surrogates.items():
-            group = materials.create_group(name)
-            if isinstance(surrogate, ClassRuns):
-                group.attrs["outputs"] = "classes"
-                group["parameters"], group["cumulants"] = surrogate.parameters, surrogate.cumulants
-                continue
-            group.attrs["outputs"] = surrogate.outputs
-            group.attrs["status"] = surrogate.status
-            for key in ("bounds", "integer", "parameters", "dp", "theta", "nugget", "q2"):
-                group[key] = getattr(surrogate, key)
+    densities = {name: _Kriging.of(one) for name, one in surrogates.items() if isinstance(one, Surrogate)}
+    classes = {name: one for name, one in surrogates.items() if isinstance(one, ClassRuns)}
+    with write_hdf5(path, "surrogate") as file:
+        put(file, _Stored(densities, classes))
 
 
 def read_surrogates(path: str | Path) -> dict[str, Surrogate | ClassRuns]:
@@ -426,17 +450,5 @@ def read_surrogates(path: str | Path) -> dict[str, Surrogate | ClassRuns]:
         The file is missing, damaged, or of another version or case.
     """
     with read_hdf5(path, "surrogate") as file:
-        return {name: _rebuilt(group) for name, group in file["materials"].items()}
-
-
-def _rebuilt(group: Any) -> Surrogate | ClassRuns:
-    if group.attrs["outputs"] == "classes":
-        return ClassRuns(group["parameters"][()], group["cumulants"][()])
-    surrogate = Surrogate(
-        group["bounds"][()],
-        group["parameters"][()],
-        group["dp"][()],
-        str(group.attrs["outputs"]),  # type: ignore[arg-type]
-        integer=group["integer"][()] if "integer" in group else None,
-    )
-    return surrogate.restore(group["theta"][()], group["nugget"][()], group["q2"][()], list(group.attrs["status"]))
+        stored = take(file, _Stored)
+    return {**{name: one.rebuilt() for name, one in stored.densities.items()}, **stored.classes}

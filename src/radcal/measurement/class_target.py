@@ -5,16 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from radcal.measurement.classes import Classes, class_cumulants, winsorised
 from radcal.measurement.patches import Spread
 
-__all__ = ["ClassTarget", "put_classes", "take_classes"]
-
-_ARRAYS = ("edges_deg", "member", "count", "effective", "cumulants", "nodes_deg")
+__all__ = ["ClassTarget"]
 
 
 @dataclass(frozen=True)
@@ -68,29 +65,3 @@ class ClassTarget:
         """
         member = self.classes.member
         return class_cumulants(winsorised(values_db, member), member, self.classes.size)
-
-
-def put_classes(group: h5py.Group, target: ClassTarget) -> None:
-    """Write a material's classes into a group of HDF5."""
-    for key in _ARRAYS:
-        group[key] = getattr(target.classes, key)
-    group["first"] = target.first
-    group.attrs["between_db"], group.attrs["within_db"] = target.spread.between, target.spread.within
-    for key in ("objective", "looks", "free_looks", "priors", "incidence_error_deg", "noise_db", "first_looks"):
-        group.attrs[key] = getattr(target, key)
-
-
-def take_classes(group: h5py.Group) -> ClassTarget:
-    """Read what :func:`put_classes` wrote."""
-    return ClassTarget(
-        classes=Classes(**{key: group[key][()] for key in _ARRAYS}),
-        spread=Spread(float(group.attrs["between_db"]), float(group.attrs["within_db"])),
-        objective=str(group.attrs["objective"]),  # type: ignore[arg-type]
-        looks=float(group.attrs["looks"]),
-        free_looks=bool(group.attrs["free_looks"]),
-        priors=bool(group.attrs["priors"]),
-        incidence_error_deg=float(group.attrs["incidence_error_deg"]),
-        noise_db=float(group.attrs["noise_db"]),
-        first=group["first"][()],
-        first_looks=float(group.attrs["first_looks"]),
-    )

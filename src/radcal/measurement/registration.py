@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from radcal.config import RegistrationConfig
 from radcal.errors import MeasurementError
 from radcal.measurement.displacement import warp
-from radcal.measurement.gefolki import Level, find_flow, local_correlation, pyramid, rank_transform
-from radcal.measurement.model import Measurement, get_measurement, put_measurement
+from radcal.measurement.gefolki import Flow, Level, find_flow, local_correlation, pyramid, rank_transform
+from radcal.measurement.model import Measurement
 from radcal.measurement.spline_field import Prior
+from radcal.storage.layout import put, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
 __all__ = ["Registered", "read_registered", "register", "write_registered"]
@@ -114,17 +115,8 @@ def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: Re
     furthest = float(np.hypot(*field).max())
     raised = float((after - before).mean()) >= _LEAST_GAIN
     # an image that is used unregistered must have something in common as it is
-    z = _z(after if raised and furthest <= config.max_displacement_px else before)
-    mirrored = _mirrored(levels, prior)
-    if z < _SIGNIFICANT or _common(ranks, both) < _MIRRORED * max(mirrored.values()):
-        best = max(mirrored, key=lambda name: mirrored[name])
-        fits = mirrored[best] > _FITS * _common(ranks, both)
-        hint = f"it fits {best}" if fits else "is it the same area, seen from the same side, not turned or mirrored?"
-        raise MeasurementError(
-            f"registration: {source} has nothing in common with the simulated image ({found}, standard error "
-            f"{_standard_error(after):.3f}): {hint} If it lies on the simulated image's pixels already, set "
-            "registration.method: none."
-        )
+    correlation = after if raised and furthest <= config.max_displacement_px else before
+    _check_agreement(source, levels, flow, correlation, f"{found}, standard error {_standard_error(after):.3f}")
     if furthest > config.max_displacement_px:
         return _kept(
             measurement,
@@ -156,6 +148,22 @@ def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: Re
         verdict=f"registered with {config.method}: moved by {typical:.1f} pixels (rms, at most {furthest:.1f}) with a "
         f"standard error of {np.median(uncertainty):.2f}; {found}.",
     )
+
+
+def _check_agreement(
+    source: str, levels: list[Level], flow: Flow, correlation: NDArray[np.float64], found: str
+) -> None:
+    """Raise if the images have nothing in common: by their squares, or because mirrored ones agree as well."""
+    common = _common((levels[0].fixed, levels[0].moving), flow.displacement_px)
+    mirrored = _mirrored(levels, flow.posterior.prior)
+    best = max(mirrored, key=lambda name: mirrored[name])
+    if _z(correlation) < _SIGNIFICANT or common < _MIRRORED * mirrored[best]:
+        fits = mirrored[best] > _FITS * common
+        hint = f"it fits {best}" if fits else "is it the same area, seen from the same side, not turned or mirrored?"
+        raise MeasurementError(
+            f"registration: {source} has nothing in common with the simulated image ({found}): {hint} If it lies on "
+            "the simulated image's pixels already, set registration.method: none."
+        )
 
 
 def _kept(
@@ -255,17 +263,10 @@ def _ilk(
     return np.asarray(shift + optical_flow_ilk(fixed, moving, radius=32))
 
 
-_ARRAYS = ("unregistered_db", "displacement_px", "uncertainty_px", "correlation")
-
-
 def write_registered(path: str | Path, registered: Registered) -> None:
     """Write a registered image to HDF5, atomically."""
     with write_hdf5(path, "registered") as file:
-        put_measurement(file.create_group("measurement"), registered.measurement)
-        for name in _ARRAYS:
-            file.create_dataset(name, data=getattr(registered, name), compression="gzip", compression_opts=1)
-        for name in ("method", "applied", "verdict"):
-            file.attrs[name] = getattr(registered, name)
+        put(file, registered)
 
 
 def read_registered(path: str | Path) -> Registered:
@@ -277,10 +278,4 @@ def read_registered(path: str | Path) -> Registered:
         The file is missing, damaged, or of another version or case.
     """
     with read_hdf5(path, "registered") as file:
-        return Registered(
-            measurement=get_measurement(file["measurement"]),
-            **{name: file[name][()] for name in _ARRAYS},
-            method=str(file.attrs["method"]),
-            applied=bool(file.attrs["applied"]),
-            verdict=str(file.attrs["verdict"]),
-        )
+        return take(file, Registered)

@@ -115,7 +115,7 @@ def _synthetic(case: Case, synthetic: Synthetic, simulator: Simulator) -> Measur
     return Measurement(
         image_db + np.float32(synthetic.offset_db),
         f"synthetic, seed {synthetic.seed}",
-        {name: hidden[name] for name in case.calibrated},
+        {name: tuple(hidden[name]) for name in case.calibrated},
         field.astype(np.float32) if field is not None else None,
     )
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from radcal.errors import SceneError
-from radcal.scene.objects import Objects, put_objects, take_objects
+from radcal.scene.objects import Objects
+from radcal.storage.layout import put, same, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
 __all__ = ["Scene", "read_scene", "write_scene"]
@@ -85,24 +85,15 @@ class Scene:
 
 
 def write_scene(path: str | Path, scene: Scene) -> None:
-    """Write a scene to HDF5, atomically."""
-    with write_hdf5(path, "scene", protected=True) as file:
-        file.attrs["identity"] = scene.identity
-        file.attrs["cell_m"] = scene.cell_m
-        if scene.slope_error_deg:
-            file.attrs["slope_error_deg"] = scene.slope_error_deg
-        file["names"] = list(scene.names)
-        file.create_dataset("material", data=scene.material, compression="gzip")
-        for name in ("elevation_m", "incidence_deg"):
-            if (array := getattr(scene, name)) is not None:
-                file.create_dataset(name, data=array, compression="gzip")
-        for name in ("crs", "transform", "vertical_datum"):
-            if (value := getattr(scene, name)) is not None:
-                file.attrs[name] = value
-        # a dataset, because HDF5 limits the size of attributes
-        file.create_dataset("notes", data=list(scene.notes), dtype=h5py.string_dtype())
-        if scene.objects is not None:
-            put_objects(file.create_group("objects"), scene.objects)
+    """Write a scene to HDF5, atomically.
+
+    Raises
+    ------
+    ConfigError
+        A finished calibration beside it rests on another scene.
+    """
+    with write_hdf5(path, "scene", protected=True, alike=lambda file: same(take(file, Scene), scene)) as file:
+        put(file, scene)
 
 
 def read_scene(path: str | Path) -> Scene:
@@ -114,17 +105,4 @@ def read_scene(path: str | Path) -> Scene:
         The file is missing, damaged, or of another version or case.
     """
     with read_hdf5(path, "scene") as file:
-        return Scene(
-            identity=str(file.attrs["identity"]),
-            names=tuple(file["names"].asstr()[()]),
-            material=file["material"][()],
-            elevation_m=file["elevation_m"][()] if "elevation_m" in file else None,
-            cell_m=float(file.attrs["cell_m"]),
-            incidence_deg=file["incidence_deg"][()] if "incidence_deg" in file else None,
-            crs=str(file.attrs["crs"]) if "crs" in file.attrs else None,
-            transform=tuple(float(v) for v in file.attrs["transform"]) if "transform" in file.attrs else None,
-            vertical_datum=str(file.attrs["vertical_datum"]) if "vertical_datum" in file.attrs else None,
-            notes=tuple(file["notes"].asstr()[()]) if "notes" in file else (),
-            objects=take_objects(file["objects"]) if "objects" in file else None,
-            slope_error_deg=float(file.attrs.get("slope_error_deg", 0.0)),
-        )
+        return take(file, Scene)

@@ -5,15 +5,13 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any
 
-import h5py
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radcal.storage.files import digest
 
-__all__ = ["DBSM_LIMITS", "Objects", "check_curve", "put_objects", "take_objects"]
+__all__ = ["DBSM_LIMITS", "Objects", "check_curve"]
 
 DBSM_LIMITS = (-100.0, 70.0)  # 70 dBsm (10 km2) is more than any object has; larger numbers must be square metres
 
@@ -41,7 +39,7 @@ class Objects:
     kinds : tuple of str
         Names of the kinds of objects, such as "car".
     curves : mapping of str to ndarray of float64, shape (k, 2)
-        Aspect [deg] and cross-section [dBsm] of each curve.
+        Aspect [deg] and cross-section [dBsm] of each curve, in the order of the indices ``aspect``.
     """
 
     x_m: NDArray[np.float64]
@@ -124,23 +122,3 @@ def check_curve(points: ArrayLike) -> str | None:
         wrong = curve[np.argmax(np.abs(curve[:, 1])), 1]
         return f"has a cross-section of {wrong:g}, expected {low:g} to {high:g} dBsm (10 log10 of square metres)"
     return None
-
-
-def put_objects(group: h5py.Group, objects: Objects) -> None:
-    """Write objects into an HDF5 group."""
-    for name in _ARRAYS:
-        group[name] = getattr(objects, name)
-    text: Any = h5py.string_dtype()
-    group.create_dataset("kinds", data=list(objects.kinds), dtype=text)
-    curves = group.create_group("curves", track_order=True)  # ``aspect`` is an index into this order
-    for name, curve in objects.curves.items():
-        curves[name] = curve
-
-
-def take_objects(group: h5py.Group) -> Objects:
-    """Read objects that :func:`put_objects` wrote."""
-    return Objects(
-        **{name: group[name][()] for name in _ARRAYS},
-        kinds=tuple(group["kinds"].asstr()[()]),
-        curves={name: curve[()] for name, curve in group["curves"].items()},
-    )

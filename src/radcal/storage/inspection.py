@@ -23,10 +23,10 @@ __all__ = ["SCHEMAS", "check_case", "inspect", "inspect_file", "kind_of", "set_a
 SCHEMAS: Mapping[str, int] = {
     "scene": 2,
     "geometry": 5,
-    "measurement": 1,
-    "registered": 1,
-    "target": 3,
-    "surrogate": 3,
+    "measurement": 2,
+    "registered": 2,
+    "target": 4,
+    "surrogate": 4,
     "run": 2,
     "calibration": 2,
 }

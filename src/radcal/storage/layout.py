@@ -30,7 +30,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["About", "Main", "put", "take"]
+__all__ = ["About", "Main", "put", "same", "take"]
 
 _COMPRESSED = 1024  # bytes from which compression saves more than it costs
 _TEXT = h5py.string_dtype()
@@ -109,9 +109,33 @@ def take(group: h5py.Group, kind: type[T]) -> T:
         held = group.attrs if _is_attribute(entry.kind) else group
         if entry.name in held:
             found[entry.name] = _take(held[entry.name], entry.kind)
+        elif entry.default is None:
+            found[entry.name] = None
         elif entry.default is MISSING:
             raise KeyError(f"{group.name} of {group.file.filename} lacks {entry.name}")
     return kind(**found)
+
+
+def same(one: Any, other: Any) -> bool:
+    """Whether two dataclasses, or two values of their fields, are equal bit for bit, types and order included."""
+    if isinstance(one, np.ndarray):
+        alike = isinstance(other, np.ndarray) and (one.dtype, one.shape) == (other.dtype, other.shape)
+        return alike and (one.tolist() == other.tolist() if one.dtype == object else one.tobytes() == other.tobytes())
+    if isinstance(one, Mapping):
+        return (
+            isinstance(other, Mapping)
+            and list(one) == list(other)
+            and all(same(item, other[key]) for key, item in one.items())
+        )
+    if type(one) is not type(other):
+        return False
+    if is_dataclass(one):
+        return all(same(getattr(one, entry.name), getattr(other, entry.name)) for entry in _entries(type(one)))
+    if isinstance(one, tuple):
+        return len(one) == len(other) and all(map(same, one, other))
+    if isinstance(one, float):  # NaN is NaN, and 0 is not -0
+        return bool(one.hex() == other.hex())
+    return bool(one == other)
 
 
 def _entries(kind: type) -> tuple[_Entry, ...]:
@@ -223,9 +247,13 @@ def _take(held: Any, kind: Any) -> Any:
     main = _main(kind)
     if main is None:
         return take(held, kind)
-    found = {main: held[()]}
+    found: dict[str, Any] = {main: held[()]}
     for entry in _entries(kind):
-        if entry.name != main and entry.name in held.attrs:
+        if entry.name == main:
+            continue
+        if entry.name not in held.attrs:
+            found |= {entry.name: None} if entry.default is None else {}
+        else:
             one = held.attrs[entry.name]
             found[entry.name] = tuple(map(str, one)) if _is_text_list(entry.kind) else _scalar(one, entry.kind)
     return kind(**found)

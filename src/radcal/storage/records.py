@@ -12,7 +12,7 @@ import json
 import os
 import platform
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -36,7 +36,13 @@ _PACKAGES = ("numpy", "scipy", "h5py")
 
 
 @contextlib.contextmanager
-def write_hdf5(path: str | Path, kind: str, track_order: bool = False, protected: bool = False) -> Iterator[h5py.File]:
+def write_hdf5(
+    path: str | Path,
+    kind: str,
+    track_order: bool = False,
+    protected: bool = False,
+    alike: Callable[[h5py.File], bool] = lambda _: False,
+) -> Iterator[h5py.File]:
     """Open a new HDF5 file that becomes visible under ``path`` only when complete, with checksum and provenance.
 
     If the file there holds the same already, it is left as it is but for its time stamp: what was made again
@@ -54,6 +60,8 @@ def write_hdf5(path: str | Path, kind: str, track_order: bool = False, protected
     protected : bool
         Refuse to change the file while a finished calibration that rests on it stands beside it, unless the
         environment variable :data:`REPLACE` is set.
+    alike : callable, optional
+        Whether a protected file of other bytes holds the same, as an earlier version packed it: it is then replaced.
 
     Raises
     ------
@@ -75,7 +83,7 @@ def write_hdf5(path: str | Path, kind: str, track_order: bool = False, protected
             yield file
         content = hashlib.sha256(made.getbuffer()[BLOCK:]).hexdigest()
         if protected and REPLACE not in os.environ:
-            _protect(path, kind, content)
+            _protect(path, kind, content, alike)
         if _holds(path, kind, content):
             shutil.copyfile(path, partial)
             return
@@ -95,7 +103,7 @@ def write_hdf5(path: str | Path, kind: str, track_order: bool = False, protected
             partial.write_bytes(whole)
 
 
-def _protect(path: Path, kind: str, content: str) -> None:
+def _protect(path: Path, kind: str, content: str, alike: Callable[[h5py.File], bool]) -> None:
     """Raise if a finished calibration rests on a file of other content."""
     if not (path.parent / "calibration.h5").is_file():
         return
@@ -104,7 +112,7 @@ def _protect(path: Path, kind: str, content: str) -> None:
     except (Fault, OSError, StoreError):
         return  # nothing that could be kept
     with h5py.File(path, "r", locking=False) as file:
-        if file.attrs["content"] == content:
+        if file.attrs["content"] == content or alike(file):
             return
         theirs = disclosed(json.loads(file["config"].asstr()[()])) if "config" in file else {}
         made_by = str(file.attrs["radcal"])

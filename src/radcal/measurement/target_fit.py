@@ -1,0 +1,244 @@
+"""Fit of targets: the pixels drawn of each material, the levels, and the skew normal fitted to what they hold."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal import skewnormal
+from radcal.config import Case, Radar, TargetConfig, Validation
+from radcal.errors import MeasurementError
+from radcal.measurement.goodness import effective_sample_size, goodness_of_fit
+from radcal.measurement.ground import Blocks, Ground
+from radcal.measurement.levels import Levels, image_levels, offset_levels
+from radcal.measurement.looks import estimate_looks, local_looks
+from radcal.measurement.model import Measurement
+from radcal.measurement.patches import label_patches
+from radcal.measurement.pixels import IN_THE_NOISE, eligible_pixels, noise_limited, point_targets
+from radcal.measurement.target import Target, Targets
+from radcal.radar.radiometry import noise_floor_db
+from radcal.seeds import derived_rng
+
+if TYPE_CHECKING:
+    from radcal.measurement.registration import Registered
+    from radcal.radar.geometry import Geometry
+
+__all__ = ["KEPT_OUT", "make_levels", "make_target", "make_targets", "sampling_rms"]
+
+# parameters are kept to this share of the standard deviation, a thousandth of what 1,000 pixels tell: what
+# changes them by rounding only, such as another level of the same image, does not change the calibration
+_SETTLED = 1e-5
+_LEVEL_PIXELS = 1000  # of each reference material
+KEPT_OUT = "held out to check the law"  # a reason why pixels are not in the target
+
+
+def sampling_rms(
+    dp: NDArray[np.float64], n: int, rng: np.random.Generator, draws: int = 40, penalised: bool = False
+) -> float:
+    """Density rms between a skew normal and the fit to a sample of it.
+
+    Parameters
+    ----------
+    dp : ndarray, shape (3,)
+        Direct parameters.
+    n : int
+        Sample size (independent values).
+    rng : Generator
+        Source of the samples.
+    draws : int
+        Number of samples.
+    penalised : bool
+        Whether they are fitted by penalised likelihood.
+
+    Returns
+    -------
+    float
+        Median over the samples [1/dB]: parametric bootstrap (Efron and Tibshirani 1993, section 6.5).
+    """
+    fits = (skewnormal.fit(skewnormal.sample(dp, n, rng), penalised) for _ in range(draws))
+    return float(np.median([skewnormal.density_rms(found.dp, dp) for found in fits]))
+
+
+def _settled(dp: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Direct parameters whose centred ones are rounded."""
+    mean, sd, skewness = skewnormal.centred(dp)
+    step = _SETTLED * 2.0 ** np.floor(np.log2(sd))
+    rounded = [np.round(mean / step) * step, np.round(sd / step) * step, np.round(skewness / _SETTLED) * _SETTLED]
+    return skewnormal.direct(rounded)
+
+
+def make_target(
+    name: str,
+    geometry: Geometry,
+    measurement: Measurement,
+    config: TargetConfig,
+    seed: int,
+    uncertainty_px: NDArray[np.float32] | None = None,
+    *,
+    levels: Levels | None = None,
+    flags: Mapping[str, NDArray[np.bool_]] | None = None,
+    radar: Radar | None = None,
+    validation: Validation | None = None,
+) -> Target:
+    """Draw a material's pixels without replacement and fit their density.
+
+    Parameters
+    ----------
+    name, geometry, measurement, config, uncertainty_px, flags
+        As for :func:`~radcal.measurement.pixels.eligible_pixels`.
+    seed : int
+        Of the draw.
+    levels : Levels, optional
+        What is taken out of the measured values.
+    radar : Radar, optional
+        Resolutions and pixel spacings, for the looks.
+    validation : Validation, optional
+        Which blocks are held out.
+
+    Raises
+    ------
+    MeasurementError
+        Not enough pixels.
+    FitError
+        The pixels cannot be fitted.
+    """
+    blocks = Blocks.of(validation, geometry.shape[0])
+    part = blocks.parts_of(np.arange(geometry.incidence_deg.size), geometry.shape[1])
+    out = np.zeros(part.shape, dtype=np.bool_)
+    if validation is not None and validation.keep != "both":
+        out = ~blocks.kept(part, validation.keep)
+        flags = {**(flags or {}), KEPT_OUT: out.reshape(geometry.shape)}
+    eligible = eligible_pixels(name, geometry, measurement, config, uncertainty_px, flags)
+    rng = derived_rng(seed, "target", name)
+    drawn = np.sort(rng.choice(eligible.pixels, size=min(config.pixels, eligible.pixels.size), replace=False))
+    values = Levels.apply(measurement.image_db.ravel()[drawn], (levels or Levels()).measured)
+    penalised = config.fit == "penalised"
+    fit = skewnormal.fit(values, penalised)
+    effective = effective_sample_size(measurement.image_db, eligible.pixels, drawn)
+    patches = label_patches(geometry.material == geometry.names.index(name) + 1).ravel()
+    kept_out = None
+    if out.any():
+        others = {reason: flag for reason, flag in (flags or {}).items() if reason != KEPT_OUT}
+        with_it = eligible_pixels(name, geometry, measurement, config, uncertainty_px, others).pixels
+        kept_out = _ground(with_it[out[with_it]], geometry, measurement, levels, patches, part)
+    return Target(
+        pixels=drawn,
+        order=np.searchsorted(geometry.pixels(name), drawn),
+        values_db=values,
+        incidence_deg=geometry.incidence_deg.ravel()[drawn],
+        dp=fit.dp if fit.at_boundary else _settled(fit.dp),
+        eligible=int(eligible.pixels.size),
+        at_boundary=fit.at_boundary,
+        effective=effective,
+        rms_sampling=sampling_rms(fit.dp, max(8, round(effective)), rng, penalised=penalised),
+        cp_error=np.sqrt(np.diagonal(skewnormal.covariance(values, fit, effective))),
+        cp_interval=skewnormal.intervals(values, fit, effective=effective),
+        goodness=goodness_of_fit(values, fit.dp, rng, effective, penalised=penalised),
+        penalised=penalised,
+        left_out=eligible.left_out,
+        looks=local_looks(measurement.image_db, eligible.pixels, radar) if radar is not None else float("nan"),
+        patch=patches[drawn],
+        block=part[drawn],
+        kept_out=kept_out,
+    )
+
+
+def _ground(
+    pixels: NDArray[np.int64], geometry: Geometry, measurement: Measurement, levels: Levels | None,
+    patches: NDArray[np.int64], parts: NDArray[np.int64],
+) -> Ground:  # fmt: skip
+    """Pixels of an image with the areas that they lie in; areas are given for the whole image."""
+    every = effective_sample_size(measurement.image_db, pixels, pixels) / pixels.size if pixels.size else 1.0
+    return Ground(
+        values_db=Levels.apply(measurement.image_db.ravel()[pixels], (levels or Levels()).measured),
+        incidence_deg=geometry.incidence_deg.ravel()[pixels].astype(np.float64),
+        patch=patches[pixels],
+        block=parts[pixels],
+        independent=every,  # correlated as the target's are, but all of them and not some
+    )
+
+
+def make_targets(case: Case, geometry: Geometry, registered: Registered, reference_db: NDArray[np.float32]) -> Targets:
+    """Targets of all calibrated materials, and the levels.
+
+    Parameters
+    ----------
+    case : Case
+        Sections ``seed``, ``materials``, ``radar``, ``target`` and ``validation`` are read.
+    geometry : Geometry
+        Of the pass.
+    registered : Registered
+        The measured image.
+    reference_db : ndarray, shape (rows, columns)
+        The reference run's image [dB].
+
+    Raises
+    ------
+    MeasurementError
+        A material has too few pixels, or no reference material says the level.
+    FitError
+        The pixels cannot be fitted.
+    """
+    measurement, config = registered.measurement, case.target
+    levels = make_levels(case, geometry, registered, reference_db)
+    level = 0.0 if config.normalisation == "none" else levels.offset_db
+    noise_db = noise_floor_db(case.radar, geometry.flat_incidence_deg) + level
+    flags = {IN_THE_NOISE: noise_limited(measurement.image_db, noise_db, config.snr_db)}
+    looks = estimate_looks(measurement.image_db, geometry.material, case.radar)
+    if config.leave_out_point_targets:
+        flags["point targets"] = point_targets(measurement.image_db, geometry.material, case.radar)
+    return Targets(
+        {
+            name: make_target(
+                name,
+                geometry,
+                measurement,
+                config,
+                case.seed,
+                registered.uncertainty_px,
+                levels=levels,
+                flags=flags,
+                radar=case.radar,
+                validation=case.validation,
+            )
+            for name in case.calibrated
+        },
+        levels,
+        looks.looks if looks is not None else float("nan"),
+    )
+
+
+def make_levels(case: Case, geometry: Geometry, registered: Registered, reference_db: NDArray[np.float32]) -> Levels:
+    """Levels of the measured image against the reference run; arguments as for :func:`make_targets`.
+
+    Raises
+    ------
+    MeasurementError
+        ``offset`` is asked for and no reference material has enough pixels.
+    """
+    measurement, config = registered.measurement, case.target
+    if config.normalisation == "image":
+        calibrated = {name: geometry.names.index(name) + 1 for name in case.calibrated}
+        return image_levels(measurement.image_db, reference_db, geometry.material, calibrated)
+    differences, refused = {}, ""
+    for name in case.reference_materials:
+        try:
+            eligible = eligible_pixels(name, geometry, measurement, config, registered.uncertainty_px)
+        except MeasurementError as error:
+            refused = str(error)
+            continue
+        rng = derived_rng(case.seed, "levels", name)
+        drawn = np.sort(rng.choice(eligible.pixels, size=min(_LEVEL_PIXELS, eligible.pixels.size), replace=False))
+        effective = effective_sample_size(measurement.image_db, eligible.pixels, drawn)
+        measured, simulated = (
+            image.ravel()[drawn].astype(np.float64) for image in (measurement.image_db, reference_db)
+        )
+        error_db = float(np.sqrt((measured.var() + simulated.var()) / effective))
+        if error_db > 0.0:
+            differences[name] = (float(measured.mean() - simulated.mean()), error_db)
+    if config.normalisation == "offset" and not differences:
+        raise MeasurementError(f"target.normalisation: offset needs a material that says the level; {refused}")
+    return offset_levels(config.normalisation, differences)

@@ -1,0 +1,109 @@
+"""Backscatter laws: sigma0 in dB as a function of the local incidence angle.
+
+``LAWS`` is the registry; a module of this package holds the laws of a family, formula and entry. What a law needs to
+know besides its parameters (carrier frequency, polarisation, knots) is bound to it once, by :func:`law_for`; from then
+on every law is ``law(phi_rad, parameters) -> sigma0 [dB]``.
+
+A law of the name ``EXTERNAL`` is not in the registry: it has names and units of parameters, but no curve, because only
+the simulator can compute its backscatter.
+
+Every law of the registry is finite from 0 to 90 degrees. Where a power vanishes at grazing incidence, the cosine is
+limited to at least 1e-6 (incidence of 89.99994 degrees). Outside of its valid angles a law is
+extrapolated by its own formula.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from radcal.errors import ConfigError
+from radcal.radar.laws.curves import CURVES
+from radcal.radar.laws.law import EXTERNAL, Law
+from radcal.radar.laws.soil import SOIL
+
+__all__ = ["EXTERNAL", "LAWS", "Law", "external_law", "law_for", "laws_table"]
+
+LAWS: dict[str, Law] = {**CURVES, **SOIL}
+
+
+def external_law(names: Sequence[str], units: Sequence[str] | None = None) -> Law:
+    """Law without a curve, whose parameters only the simulator understands.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Name of each parameter; there may be none.
+    units : sequence of str, optional
+        Unit of each parameter; no units if missing.
+
+    Returns
+    -------
+    Law
+        Without a curve.
+    """
+    return Law(None, names=tuple(names), units=tuple(units) if units is not None else ("",) * len(names))
+
+
+def law_for(
+    name: str,
+    *,
+    frequency_ghz: float | None = None,
+    polarisation: str | None = None,
+    angles_deg: Sequence[float] | None = None,
+    names: Sequence[str] | None = None,
+    units: Sequence[str] | None = None,
+) -> Law:
+    """Law of a name, with the conditions that it needs bound to it.
+
+    Parameters
+    ----------
+    name : str
+        A key of ``LAWS``, or ``EXTERNAL``.
+    frequency_ghz : float, optional
+        Carrier frequency [GHz].
+    polarisation : str, optional
+        Transmitted and received, such as "HH".
+    angles_deg : sequence of float, optional
+        Knots of a tabulated law [deg].
+    names, units : sequence of str, optional
+        Parameters of an external law.
+
+    Returns
+    -------
+    Law
+        Law with empty ``needs``, ready to be evaluated unless it is external.
+
+    Raises
+    ------
+    ConfigError
+        The law is unknown or needs something that is not given.
+    """
+    if name == EXTERNAL:
+        return external_law(names or (), units)
+    if name not in LAWS:
+        raise ConfigError(f"law is {name!r}, expected one of {[*sorted(LAWS), EXTERNAL]}.")
+    law = LAWS[name].bound(frequency_ghz=frequency_ghz, polarisation=polarisation, angles_deg=angles_deg)
+    if law.needs:
+        keys = {"angles_deg": "angles_deg of the material"}
+        missing = keys.get(law.needs[0], f"radar.{law.needs[0]}")
+        raise ConfigError(f"{missing} is missing: law {name!r} depends on it.")
+    return law
+
+
+def laws_table() -> str:
+    """All laws as a table and remarks in Markdown, for the documentation."""
+    lines = [
+        "| law | sigma0 [dB] | parameters | default bounds | made for | also needs | source |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    keys = {"frequency_ghz": "`radar.frequency_ghz`", "polarisation": "`radar.polarisation`"}
+    for name, law in LAWS.items():
+        parameters = ", ".join(
+            f"`{key}`{f' [{unit}]' if unit else ''}" for key, unit in zip(law.names, law.units, strict=True)
+        )
+        bounds = ", ".join(f"{low:g} to {high:g}" for low, high in law.bounds) if law.bounds else "none"
+        valid = "its knots" if not law.names else f"{law.valid_deg[0]:g} to {law.valid_deg[1]:g} deg"
+        needs = ", ".join(keys.get(key, f"`{key}`") for key in law.needs) or "nothing"
+        cells = (f"`{name}`", law.formula, parameters or "sigma0 [dB] at each knot", bounds, valid, needs, law.source)
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join([*lines, "", *(f"- `{name}`: {law.remark}" for name, law in LAWS.items())]) + "\n"

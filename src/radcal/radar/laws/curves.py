@@ -1,0 +1,170 @@
+"""Laws of terrain of any kind: curves whose parameters are levels and shapes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radcal.radar.laws.law import Law, cosine
+
+__all__ = ["CURVES", "constant_gamma", "mangia", "tabulated", "ulaby_dobson"]
+
+
+def mangia(phi_rad: ArrayLike, parameters: ArrayLike) -> NDArray[np.float64]:
+    r"""Four-parameter law, equation 1 of the paper.
+
+    .. math:: \sigma^0_{dB}(\phi; X) = X_1 + X_2 \cos\phi + X_3 \exp(-X_4 \phi^2)
+
+    Parameters
+    ----------
+    phi_rad : array_like
+        Local incidence angle [rad], any shape.
+    parameters : array_like, shape (4,)
+        X1, X2, X3 [dB] and X4 [1/rad^2].
+
+    Returns
+    -------
+    ndarray
+        sigma0 [dB], shape of ``phi_rad``.
+
+    References
+    ----------
+    "Calibration of a Radar Cross-section Model using a Surrogate Model Optimization
+    Algorithm", eq. 1.
+    """
+    phi = np.asarray(phi_rad, dtype=np.float64)
+    x1, x2, x3, x4 = np.asarray(parameters, dtype=np.float64)
+    return np.asarray(x1 + x2 * np.cos(phi) + x3 * np.exp(-x4 * phi**2))
+
+
+def ulaby_dobson(phi_rad: ArrayLike, parameters: ArrayLike) -> NDArray[np.float64]:
+    r"""Six-parameter law of the mean backscatter of terrain.
+
+    .. math:: \sigma^0_{dB}(\phi; P) = P_1 + P_2 \exp(-P_3 \phi) + P_4 \cos(P_5 \phi + P_6)
+
+    Parameters
+    ----------
+    phi_rad : array_like
+        Local incidence angle [rad], any shape.
+    parameters : array_like, shape (6,)
+        P1, P2 [dB], P3 [1/rad], P4 [dB], P5 (no unit) and P6 [rad].
+
+    Returns
+    -------
+    ndarray
+        sigma0 [dB], shape of ``phi_rad``.
+
+    References
+    ----------
+    Ulaby and Dobson, "Handbook of Radar Scattering Statistics for Terrain", Artech House (1989);
+    it gives P1 to P6 by terrain, band and polarisation.
+    """
+    phi = np.asarray(phi_rad, dtype=np.float64)
+    p1, p2, p3, p4, p5, p6 = np.asarray(parameters, dtype=np.float64)
+    return np.asarray(p1 + p2 * np.exp(-p3 * phi) + p4 * np.cos(p5 * phi + p6))
+
+
+def constant_gamma(phi_rad: ArrayLike, parameters: ArrayLike) -> NDArray[np.float64]:
+    r"""One-parameter law of constant gamma0, the backscatter per area across the beam.
+
+    .. math:: \sigma^0_{dB}(\phi; \gamma) = \gamma_{dB} + 10 \log_{10} \cos\phi
+
+    Parameters
+    ----------
+    phi_rad : array_like
+        Local incidence angle [rad], any shape. Its cosine is limited to at least 1e-6.
+    parameters : array_like, shape (1,)
+        gamma [dB].
+
+    Returns
+    -------
+    ndarray
+        sigma0 [dB], shape of ``phi_rad``.
+
+    References
+    ----------
+    Long, "Radar Reflectivity of Land and Sea", 3rd edition, Artech House (2001); Richards,
+    "Fundamentals of Radar Signal Processing", 2nd edition, McGraw-Hill (2014), eq. 2.64 (with the
+    grazing angle, whose sine is the cosine of the incidence).
+    """
+    (gamma_db,) = np.asarray(parameters, dtype=np.float64)
+    return np.asarray(gamma_db + 10.0 * np.log10(cosine(np.asarray(phi_rad, dtype=np.float64))))
+
+
+def tabulated(phi_rad: ArrayLike, parameters: ArrayLike, *, angles_deg: Sequence[float]) -> NDArray[np.float64]:
+    """Curve through sigma0 at given angles, without overshoot, constant beyond the first and last.
+
+    Parameters
+    ----------
+    phi_rad : array_like
+        Local incidence angle [rad], any shape.
+    parameters : array_like, shape (n,)
+        sigma0 at the knots [dB].
+    angles_deg : sequence of float, shape (n,)
+        Knots, increasing, at least two [deg].
+
+    Returns
+    -------
+    ndarray
+        sigma0 [dB], shape of ``phi_rad``. Between two knots the curve lies between their values.
+
+    References
+    ----------
+    Fritsch and Butland, "A method for constructing local monotone piecewise cubic interpolants",
+    SIAM J. Sci. Stat. Comput. 5 (1984), as ``scipy.interpolate.PchipInterpolator`` implements it.
+    """
+    from scipy.interpolate import PchipInterpolator
+
+    knots = np.asarray(angles_deg, dtype=np.float64)
+    with np.errstate(over="ignore"):  # the harmonic mean of slopes that all but vanish
+        curve = PchipInterpolator(knots, np.asarray(parameters, dtype=np.float64))
+    angle = np.degrees(np.asarray(phi_rad, dtype=np.float64))
+    return np.asarray(curve(np.clip(angle, knots[0], knots[-1])))
+
+
+CURVES: dict[str, Law] = {
+    "mangia": Law(
+        mangia,
+        names=("X1", "X2", "X3", "X4"),
+        units=("dB", "dB", "dB", "1/rad2"),
+        bounds=((0.0, 50.0),) * 4,
+        formula="X1 + X2 cos(phi) + X3 exp(-X4 phi^2)",
+        source='"Calibration of a Radar Cross-section Model using a Surrogate Model Optimization Algorithm", eq. 1',
+        remark="The bounds are the paper's; real sigma0 in dB needs X1 below 0.",
+    ),
+    "ulaby_dobson": Law(
+        ulaby_dobson,
+        names=("P1", "P2", "P3", "P4", "P5", "P6"),
+        units=("dB", "dB", "1/rad", "dB", "", "rad"),
+        # the exponential of a larger value overflows
+        limits=((-1000.0, 1000.0),) * 2 + ((-100.0, 100.0),) + ((-1000.0, 1000.0),) * 3,
+        valid_deg=(0.0, 70.0),
+        formula="P1 + P2 exp(-P3 phi) + P4 cos(P5 phi + P6)",
+        source="Ulaby and Dobson, Handbook of Radar Scattering Statistics for Terrain, Artech House (1989)",
+        remark="P1 to P6 are tabulated there by terrain, band and polarisation, each with its own range of angles "
+        "(many tables end at 70 deg): give parameters or bounds, there are no defaults.",
+    ),
+    "constant_gamma": Law(
+        constant_gamma,
+        names=("gamma",),
+        units=("dB",),
+        valid_deg=(30.0, 80.0),
+        formula="gamma + 10 log10(cos(phi))",
+        source="Long, Radar Reflectivity of Land and Sea, 3rd edition, Artech House (2001)",
+        remark="Describes the plateau between steep and grazing incidence. Where the plateau ends depends on the "
+        "terrain; 30 to 80 deg is radcal's convention, no figure of the source. gamma has no default bounds.",
+    ),
+    "tabulated": Law(
+        tabulated,
+        names=(),
+        units=(),
+        needs=("angles_deg",),
+        formula="curve through sigma0 at the angles of the material's angles_deg",
+        source="Fritsch and Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300-304 (PCHIP)",
+        remark="As many parameters as angles, each sigma0 in dB at that angle; no overshoot between two of them, "
+        "constant beyond the first and the last. No default bounds: where the target is one density of all angles, a "
+        "rising curve can give the same density as the falling truth, and only the bounds tell them apart.",
+    ),
+}

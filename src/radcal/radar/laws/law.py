@@ -1,0 +1,98 @@
+"""Backscatter law: a curve of sigma0 over the local incidence angle, and what is known about its parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radcal.errors import ConfigError
+
+__all__ = ["EXTERNAL", "Law", "cosine"]
+
+EXTERNAL = "external"  # name of the law of a material whose backscatter only the simulator knows
+_LEAST_COSINE = 1e-6
+Intervals = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class Law:
+    """Backscatter law with names, units, bounds and limits of its parameters.
+
+    Attributes
+    ----------
+    function : callable or None
+        ``(phi_rad, parameters) -> sigma0 [dB]``; the conditions in ``needs`` are keyword arguments. None: only the
+        simulator knows the curve.
+    names, units : tuple of str
+        Name and unit of each parameter; empty for a law whose knots are not yet bound.
+    bounds : tuple of (float, float) or None
+        Default bounds of the search; None where no publication gives any.
+    valid_deg : (float, float)
+        Incidence angles that the law was made for [deg].
+    limits : tuple of (float, float) or None
+        Range in which a parameter has a meaning; None: no limits.
+    needs : tuple of str
+        Conditions that must still be bound: ``frequency_ghz``, ``polarisation``, ``angles_deg``.
+    doubt : callable or None
+        ``(parameters) -> str | None``, a sentence where the parameters lie outside the range of the law's data; the
+        conditions in ``needs`` are keyword arguments.
+    formula, source, remark : str Texts for the documentation.
+    """
+
+    function: Callable[..., NDArray[np.float64]] | None
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    bounds: Intervals | None = None
+    valid_deg: tuple[float, float] = (0.0, 90.0)
+    limits: Intervals | None = None
+    needs: tuple[str, ...] = ()
+    doubt: Callable[..., str | None] | None = None
+    formula: str = ""
+    source: str = ""
+    remark: str = ""
+
+    def __call__(self, phi_rad: ArrayLike, parameters: ArrayLike) -> NDArray[np.float64]:
+        """Evaluate the law: angle [rad] to sigma0 [dB]; a ConfigError if it has no curve."""
+        if self.function is None:
+            raise ConfigError(
+                f"law {EXTERNAL!r} of the parameters {list(self.names)} has no curve, expected a law of radcal's own: "
+                "only the simulator knows what backscatter they make."
+            )
+        return self.function(phi_rad, parameters)
+
+    @property
+    def has_curve(self) -> bool:
+        """Whether the law can be evaluated; external laws can only be simulated."""
+        return self.function is not None
+
+    def bound(self, **conditions: Any) -> Law:
+        """Law with these conditions bound; those that are None or not needed are ignored."""
+        known = {key: value for key, value in conditions.items() if key in self.needs and value is not None}
+        law = replace(
+            self,
+            function=partial(self.function, **known) if self.function is not None else None,
+            doubt=partial(self.doubt, **known) if self.doubt is not None else None,
+            needs=tuple(key for key in self.needs if key not in known),
+        )
+        if "angles_deg" in known:
+            angles = [float(angle) for angle in known["angles_deg"]]
+            names = tuple(f"sigma0_{angle:.10g}deg" for angle in angles)
+            law = replace(law, names=names, units=("dB",) * len(angles), valid_deg=(angles[0], angles[-1]))
+        return law
+
+    def outside(self, incidence_deg: ArrayLike) -> float:
+        """Share of angles [deg] outside the law's valid angles; angles that are not finite are not counted."""
+        angle = np.asarray(incidence_deg, dtype=np.float64)
+        angle = angle[np.isfinite(angle)]
+        low, high = self.valid_deg
+        return float(np.mean((angle < low) | (angle > high))) if angle.size else 0.0
+
+
+def cosine(phi: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Cosine of an incidence angle, limited to at least 1e-6, so that powers in dB stay finite."""
+    return np.asarray(np.maximum(np.cos(phi), _LEAST_COSINE))

@@ -1,0 +1,120 @@
+"""Laws of bare soil, whose parameters are physical: permittivity and roughness."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radcal.radar.laws.law import Law, cosine
+
+__all__ = ["SOIL", "oh1992"]
+
+_LIGHT_CM_GHZ = 29.9792458  # speed of light [cm GHz]
+
+
+def oh1992(
+    phi_rad: ArrayLike, parameters: ArrayLike, *, frequency_ghz: float, polarisation: str
+) -> NDArray[np.float64]:
+    r"""Empirical backscatter of bare soil.
+
+    With :math:`k` the wavenumber, :math:`s` the rms height and :math:`\Gamma_h, \Gamma_v, \Gamma_0`
+    the Fresnel reflectivities at incidence :math:`\phi` and at nadir:
+
+    .. math::
+
+        \sigma^0_{vv} &= 0.7 \left[1 - e^{-0.65 (ks)^{1.8}}\right]
+            \frac{\cos^3\phi}{\sqrt{p}} \left[\Gamma_v(\phi) + \Gamma_h(\phi)\right] \\
+        \sigma^0_{hh} &= p\, \sigma^0_{vv}, \quad
+            \sqrt{p} = 1 - \left(\frac{2\phi}{\pi}\right)^{1/(3\Gamma_0)} e^{-ks} \\
+        \sigma^0_{hv} &= q\, \sigma^0_{vv}, \quad q = 0.23 \sqrt{\Gamma_0} \left(1 - e^{-ks}\right)
+
+    Parameters
+    ----------
+    phi_rad : array_like
+        Local incidence angle [rad], any shape. Its cosine is limited to at least 1e-6.
+    parameters : array_like, shape (3,)
+        Relative permittivity of the soil, real part and (positive) imaginary part, and rms height
+        of its surface [cm].
+    frequency_ghz : float
+        Carrier frequency [GHz].
+    polarisation : {'HH', 'HV', 'VH', 'VV'}
+        HV and VH are the same.
+
+    Returns
+    -------
+    ndarray
+        sigma0 [dB], shape of ``phi_rad``.
+
+    References
+    ----------
+    Oh, Sarabandi and Ulaby, "An empirical model and an inversion technique for radar scattering
+    from bare soil surfaces", IEEE Trans. Geosci. Remote Sens. 30 (1992) 370-381; the same as model
+    PRISM-1 in Ulaby and Long, "Microwave Radar and Radiometric Remote Sensing" (2014), section 10-5.
+    """
+    phi = np.clip(np.asarray(phi_rad, dtype=np.float64), 0.0, 0.5 * np.pi)
+    real, imaginary, height_cm = (float(x) for x in np.asarray(parameters, dtype=np.float64))
+    permittivity = complex(real, -imaginary)
+    ks = _ks(height_cm, frequency_ghz)
+
+    cosine_phi = cosine(phi)
+    refracted = np.sqrt(permittivity - np.sin(phi) ** 2)
+    gamma_h = np.abs((cosine_phi - refracted) / (cosine_phi + refracted)) ** 2
+    gamma_v = np.abs((permittivity * cosine_phi - refracted) / (permittivity * cosine_phi + refracted)) ** 2
+    gamma_0 = abs((1.0 - permittivity**0.5) / (1.0 + permittivity**0.5)) ** 2
+
+    # logarithms keep the digits of a small angle to the power 1 / (3 Gamma0) and of 1 - exp of a small roughness
+    share = np.log(np.maximum(2.0 * phi / np.pi, np.finfo(np.float64).tiny))
+    root_p = -np.expm1(share / (3.0 * gamma_0) - ks)
+    sigma0 = -0.7 * np.expm1(-0.65 * ks**1.8) * cosine_phi**3 / root_p * (gamma_v + gamma_h)
+    if polarisation == "HH":
+        sigma0 = sigma0 * root_p**2
+    elif polarisation in ("HV", "VH"):
+        sigma0 = sigma0 * (-0.23 * np.sqrt(gamma_0) * np.expm1(-ks))
+    return np.asarray(10.0 * np.log10(sigma0))
+
+
+def _ks(height_cm: float, frequency_ghz: float) -> float:
+    """Wavenumber times rms height."""
+    return float(2.0 * np.pi * frequency_ghz / _LIGHT_CM_GHZ * height_cm)
+
+
+# of the surfaces measured: rms heights of 0.32 to 3.02 cm seen at 1.5 to 9.5 GHz, and volumetric moistures
+# of 0.09 to 0.31, the latter turned into permittivity by the polynomial of Topp, Davis and Annan,
+# "Electromagnetic determination of soil water content", Water Resour. Res. 16 (1980), eq. 6
+_OH_KS = (0.1, 6.0)
+_OH_PERMITTIVITY = (5.0, 18.0)
+
+
+def _oh1992_doubt(parameters: ArrayLike, *, frequency_ghz: float, polarisation: str) -> str | None:  # noqa: ARG001
+    real, _, height_cm = (float(x) for x in np.asarray(parameters, dtype=np.float64))
+    ks = _ks(height_cm, frequency_ghz)
+    if not _OH_KS[0] <= float(f"{ks:.2g}") <= _OH_KS[1]:
+        return f"its roughness ks is {ks:.2g}, the surfaces behind the law had {_OH_KS[0]:g} to {_OH_KS[1]:g}"
+    if not _OH_PERMITTIVITY[0] <= real <= _OH_PERMITTIVITY[1]:
+        return (
+            f"its permittivity is {real:.3g}, the soils behind the law had {_OH_PERMITTIVITY[0]:g} to "
+            f"{_OH_PERMITTIVITY[1]:g} (volumetric moisture of 0.09 to 0.31)"
+        )
+    return None
+
+
+SOIL: dict[str, Law] = {
+    "oh1992": Law(
+        oh1992,
+        names=("permittivity_real", "permittivity_imaginary", "rms_height"),
+        units=("", "", "cm"),
+        bounds=(_OH_PERMITTIVITY, (0.0, 6.0), (0.32, 3.02)),
+        # from dry minerals to water; without any roughness there is no backscatter, which has no value in dB
+        limits=((2.0, 90.0), (0.0, 50.0), (0.01, 100.0)),
+        valid_deg=(10.0, 70.0),
+        needs=("frequency_ghz", "polarisation"),
+        doubt=_oh1992_doubt,
+        formula="10 log10 of VV = 0.7 (1 - exp(-0.65 (ks)^1.8)) cos^3(phi) (Gv + Gh) / sqrt(p), HH = p VV, HV = q VV",
+        source="Oh, Sarabandi and Ulaby, IEEE Trans. Geosci. Remote Sens. 30 (1992) 370-381",
+        remark="Bare soil. sqrt(p) = 1 - (2 phi / pi)^(1 / (3 G0)) exp(-ks), q = 0.23 sqrt(G0) (1 - exp(-ks)), G the "
+        "Fresnel reflectivities, k the wavenumber, s the rms height. Behind it: ks of 0.1 to 6, kl of 2.6 to 19.7 "
+        "(l the correlation length, on which it does not depend), volumetric moisture of 0.09 to 0.31 (a permittivity "
+        "of 5 to 18 by Topp et al., 1980), 1.5 to 9.5 GHz. In moist soil the imaginary part hardly matters: do not "
+        "read it as known.",
+    ),
+}

@@ -1,0 +1,269 @@
+"""Projection of a scene into the image of one pass: its geometry."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.config import Radar
+from radcal.errors import SceneError
+from radcal.radar.facets import ANGLES_PER_RADIAN, cells_of, count_facets, fill_facets, order_facets, shade
+from radcal.radar.footprints import Boxes, Spots, share_out, to_boxes_and_spots
+from radcal.radar.geometry import Geometry
+from radcal.radar.lines import Lines, fill_lines
+from radcal.radar.points import Points, not_pure
+from radcal.radar.radiometry import of_sigma0
+from radcal.radar.size import check_size, refinement
+from radcal.scene.model import Scene
+from radcal.scene.size import SceneSize
+
+__all__ = ["make_geometry"]
+
+_MOST_NAMES = 254  # largest number of materials, besides objects
+_CELLS_AT_ONCE = 256  # number of the scene's rows in a block, which bounds memory
+
+
+def make_geometry(scene: Scene, radar: Radar) -> Geometry:
+    """Geometry of a scene in one pass.
+
+    Raises
+    ------
+    ConfigError
+        The image would be too large for any machine.
+    SceneError
+        The terrain reaches the height of the track, or nothing is visible.
+    """
+    if scene.elevation_m is None:
+        return _slant_range_geometry(scene, radar)
+    check_size(SceneSize(scene.material.size, scene.cell_m, scene.material.size), radar)
+    return _terrain_geometry(scene, radar)
+
+
+def _slant_range_geometry(scene: Scene, radar: Radar) -> Geometry:
+    """Geometry of a slant-range scene: one facet for each labelled pixel, incidence by row."""
+    assert scene.incidence_deg is not None  # noqa: S101 - a scene has either elevation or incidence
+    rows, columns = shape = (scene.material.shape[0], scene.material.shape[1])
+    labelled = scene.material > 0
+    if not labelled.any():
+        raise SceneError("no part of the scene is visible to the radar.")
+    cells = int(np.count_nonzero(labelled))
+    weight = of_sigma0(radar.radiometry, scene.incidence_deg)
+    angles = np.round(np.radians(scene.incidence_deg) * ANGLES_PER_RADIAN).astype(np.uint16)
+    return Geometry(
+        shape=shape,
+        names=scene.names,
+        cell_start=np.concatenate([[0], np.cumsum(labelled)]).astype(np.int32),
+        cell_material=scene.material[labelled],
+        facet_start=np.arange(cells + 1, dtype=np.int32),
+        facet_incidence=np.broadcast_to(angles[:, None], shape)[labelled],
+        facet_weight=np.broadcast_to(weight[:, None], shape)[labelled].astype(np.float32),
+        material=scene.material,
+        incidence_deg=np.where(labelled, scene.incidence_deg[:, None], np.nan).astype(np.float32),
+        layover=np.zeros(shape, dtype=np.bool_),
+        shadow=np.zeros(shape, dtype=np.bool_),
+        flat_incidence_deg=scene.incidence_deg.astype(np.float64),
+        ground=np.full((2, rows, columns), np.nan, dtype=np.float32),
+    )
+
+
+def _terrain_geometry(scene: Scene, radar: Radar) -> Geometry:
+    """Geometry of a scene with terrain: facets of the refined elevation model, seen from a straight track."""
+    elevation = scene.elevation_m
+    assert elevation is not None  # noqa: S101 - checked by the caller
+    material = scene.material
+    if radar.look_side == "left":  # ground range grows westward
+        elevation, material = elevation[:, ::-1], material[:, ::-1]
+    k = refinement(scene.cell_m, radar)
+    step = scene.cell_m / k
+    ny, nx = elevation.shape
+    mean = float(elevation.mean())
+    track = mean + radar.altitude_m
+    if track <= elevation.max():
+        raise SceneError(
+            f"radar.altitude_m is {radar.altitude_m:g} m above the scene's mean, the terrain rises "
+            f"{elevation.max() - mean:.0f} m: fly higher."
+        )
+    centre = radar.altitude_m / np.tan(np.radians(radar.depression_deg))
+    edges = np.arange(nx * k + 1) * step - nx * scene.cell_m / 2 + centre
+    if edges[0] <= 0.0:
+        raise SceneError(
+            f"radar.depression_deg {radar.depression_deg:g} at radar.altitude_m {radar.altitude_m:g} puts the track "
+            "over the scene: lower the depression angle or fly higher."
+        )
+    # slant range is counted from a point near the scene, for which single precision is enough
+    base = float(np.hypot(radar.altitude_m, edges[0]))
+    lines = Lines.empty(ny * k, nx * k)
+    standing = _standing(scene, radar, elevation, k, step)
+    near, far = 0.0, np.inf
+    for first in range(0, ny, _CELLS_AT_ONCE):
+        last = min(ny, first + _CELLS_AT_ONCE)
+        near_line, far_line = fill_lines(
+            elevation, first, last, k, step, edges, track, base, radar.range_spacing_m, lines, standing
+        )
+        near, far = max(near, near_line), min(far, far_line)
+    points = Points.none()
+    if standing is not None:
+        boxes, spots = standing
+        share_out(
+            lines.near_m, lines.far_m, lines.state, lines.area, lines.area.view(np.int32), boxes.rcs_m2, boxes.extent
+        )
+        points = _points(spots, radar, near, step)
+
+    # rows from the first to the last range that every azimuth line reaches, so that the image lies within the scene
+    rows = int((far - near) / radar.range_spacing_m)
+    columns = int(ny * scene.cell_m / radar.azimuth_spacing_m)
+    if rows < 8 or columns < 8:
+        raise SceneError(f"the image of the scene would have {rows} x {columns} pixels: use a finer pixel spacing.")
+    return _pixels(scene, radar, np.ascontiguousarray(material), lines, k, step, near, base, (rows, columns), points)
+
+
+def _standing(
+    scene: Scene, radar: Radar, elevation: NDArray[np.float64], k: int, step: float
+) -> tuple[Boxes, Spots] | None:
+    """Objects on the refined elevation model, None where there are none."""
+    if scene.objects is None or not len(scene.objects):
+        return None
+    if len(scene.names) > _MOST_NAMES:
+        raise SceneError(
+            f"scene.objects: the scene has {len(scene.names)} material ids, expected at most {_MOST_NAMES} beside "
+            "objects."
+        )
+    standing = to_boxes_and_spots(scene.objects, elevation, radar.look_side, k, step)
+    mean = float(elevation.mean())
+    if standing[0].top_m.size and mean + radar.altitude_m <= standing[0].top_m.max():
+        raise SceneError(
+            f"radar.altitude_m is {radar.altitude_m:g} m above the scene's mean, an object rises "
+            f"{standing[0].top_m.max() - mean:.0f} m: fly higher."
+        )
+    return standing
+
+
+def _pixels(
+    scene: Scene, radar: Radar, material: NDArray[np.uint8], lines: Lines, k: int, step: float, near: float,
+    base: float, shape: tuple[int, int], points: Points,
+) -> Geometry:  # fmt: skip
+    """Distribute the facets over the pixels that they reach."""
+    rows, columns = shape
+    per_column = radar.azimuth_spacing_m / step  # lines
+    near_row, far_row, layover, shadow, counts = _counted(lines, radar, near - base, per_column, shape)
+    total = int(counts.sum(dtype=np.int64))
+    start = np.zeros(rows * columns + 1, dtype=np.int32)
+    np.cumsum(counts, out=start[1:])
+    facet_material = np.empty(total, dtype=np.uint8)
+    incidence = np.empty(total, dtype=np.uint16)
+    weight = np.empty(total, dtype=np.float32)
+    place = np.empty((2, total), dtype=np.float32)
+    local = radar.radiometry == "sigma0_local"
+    # beyond all ids where there is no object
+    objects = len(scene.names) + 1 if scene.objects is not None else 256
+    fill_facets(
+        near_row, far_row, lines.state, lines.incidence, lines.area, material, k, per_column, rows, columns, start,
+        not local, objects, facet_material, incidence, weight, place,
+    )  # fmt: skip
+    middles = np.arange(0.5, rows, dtype=np.float64)
+    flat = _flat_incidence_deg(radar, near + middles * radar.range_spacing_m)
+    per_area = _per_area(radar, flat).astype(np.float32)
+    cells = np.empty(rows * columns, dtype=np.uint16)
+    pure = np.zeros(rows * columns, dtype=np.uint8)
+    mean_incidence = np.full(rows * columns, np.nan, dtype=np.float32)
+    ground = np.full((2, rows * columns), np.nan, dtype=np.float32)
+    # for sigma0_local, divided by a pixel's width in lines, too
+    of_ground = np.full(rows, 1.0 / per_column, dtype=np.float32) if local else per_area
+    order_facets(
+        start, columns, facet_material, incidence, weight, place, of_ground, per_area, objects, cells, pure,
+        mean_incidence, ground,
+    )  # fmt: skip
+    cell_start, cell_material, facet_start = _cells(cells, start, facet_material)
+    # refined lines and facets converted to the scene's cells, with east to the right for either look side
+    ground = (ground + np.float32(0.5)) / np.float32(k) - np.float32(0.5)
+    if radar.look_side == "left":
+        ground[1] = scene.material.shape[1] - 1 - ground[1]
+    not_pure(points, radar, pure.reshape(shape))
+    return Geometry(
+        shape=shape,
+        names=scene.names,
+        cell_start=cell_start,
+        cell_material=cell_material,
+        facet_start=facet_start,
+        facet_incidence=incidence,
+        facet_weight=weight,
+        material=pure.reshape(shape),
+        incidence_deg=mean_incidence.reshape(shape),
+        layover=layover,
+        shadow=shadow | (cells == 0).reshape(shape),
+        flat_incidence_deg=flat,
+        ground=ground.reshape(2, *shape),
+        point_row=points.row,
+        point_column=points.column,
+        point_amplitude=points.amplitude,
+        point_number=points.number,
+    )
+
+
+def _cells(
+    cells: NDArray[np.uint16], start: NDArray[np.int32], facet_material: NDArray[np.uint8]
+) -> tuple[NDArray[np.int32], NDArray[np.uint8], NDArray[np.int32]]:
+    """First cell of each pixel, material and first facet of each cell, from the pixels' numbers of cells."""
+    cell_start = np.zeros(cells.size + 1, dtype=np.int32)
+    np.cumsum(cells, out=cell_start[1:])
+    cell_material = np.empty(int(cell_start[-1]), dtype=np.uint8)
+    facet_start = np.empty(int(cell_start[-1]) + 1, dtype=np.int32)
+    facet_start[-1] = facet_material.size
+    cells_of(start, cell_start, facet_material, cell_material, facet_start)
+    return cell_start, cell_material, facet_start
+
+
+def _counted(
+    lines: Lines, radar: Radar, near_m: float, per_column: float, shape: tuple[int, int]
+) -> tuple[NDArray[Any], ...]:
+    """First and last row of every facet, masks of layover and shadow, and number of facets' parts in every pixel."""
+    rows, columns = shape
+    to_rows = (near_m, radar.range_spacing_m)
+    near_row, far_row = (_rows(slant, *to_rows) for slant in (lines.near_m, lines.far_m))
+    counts = np.zeros(rows * columns, dtype=np.uint16)
+    layover, shadow = np.zeros((2, rows, columns), dtype=np.bool_)
+    count_facets(near_row, far_row, lines.state, per_column, rows, columns, counts, layover, shadow)
+    for line, nearest, furthest in lines.hidden:
+        shade(line, _rows(nearest, *to_rows), _rows(furthest, *to_rows), per_column, shadow)
+    total = int(counts.sum(dtype=np.int64))
+    if total == 0:
+        raise SceneError("no part of the scene is visible to the radar.")
+    if total >= 2**31:
+        raise SceneError(
+            f"the image would hold {total:,} parts of facets, more than {2**31:,}: use a coarser pixel spacing or a "
+            "smaller scene."
+        )
+    return near_row, far_row, layover, shadow, counts
+
+
+def _rows(slant_m: NDArray[np.float32], near_m: float, spacing_m: float) -> NDArray[np.float32]:
+    """Slant ranges as fractional rows of the image, from the near edge of the first row."""
+    return ((slant_m - near_m) / spacing_m).astype(np.float32)
+
+
+def _points(spots: Spots, radar: Radar, near: float, step: float) -> Points:
+    """Visible point scatterers in the image, and those beyond its border whose sidelobes reach into it."""
+    seen = np.isfinite(spots.slant_m)
+    slant = np.asarray(spots.slant_m[seen], dtype=np.float64)
+    row = (slant - near) / radar.range_spacing_m - 0.5
+    order = np.argsort(row, kind="stable")
+    amplitude = np.sqrt(spots.rcs_m2[seen] * _per_area(radar, _flat_incidence_deg(radar, slant)))
+    return Points(
+        row[order],
+        (spots.place[seen, 0] * step / radar.azimuth_spacing_m - 0.5)[order],
+        amplitude.astype(np.float32)[order],
+        spots.number[seen][order],
+    )
+
+
+def _flat_incidence_deg(radar: Radar, slant_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Incidence on flat ground at a slant range [deg]."""
+    return np.degrees(np.arccos(np.minimum(radar.altitude_m / slant_m, 1.0)))
+
+
+def _per_area(radar: Radar, flat_incidence_deg: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Inverse of a pixel's reference area in the radiometry [1/m2]; for ``sigma0_local`` that of sigma0."""
+    area = radar.range_spacing_m * radar.azimuth_spacing_m / np.sin(np.radians(flat_incidence_deg))
+    return np.asarray(of_sigma0(radar.radiometry, flat_incidence_deg) / area)
