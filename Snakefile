@@ -22,7 +22,7 @@ from radcal.radar import SIMULATOR_VERSION
 from radcal.running.session import Session
 from radcal.simulators.command import check_command
 from radcal.simulators.seed_width import with_seed_bits
-from radcal.running.stages import READS
+from radcal.config.stages import STAGES
 from radcal.running.terminal import guard
 
 min_version("9.10")

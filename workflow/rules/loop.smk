@@ -32,7 +32,7 @@ rule stop_settings:
     retries: 0
     threads: 1
     params:
-        case=CASE.sections(*READS["stop_settings"]),
+        case=STAGES["stop_settings"].params(CASE),
     message:
         "stop settings"
     script:
@@ -56,7 +56,7 @@ rule train:
         mem_mb=memory("light"),
         runtime=60,
     params:
-        case=CASE.sections(*READS["train"]),
+        case=STAGES["train"].params(CASE),
     message:
         "train {wildcards.k}"
     script:
@@ -81,7 +81,7 @@ rule propose:
         mem_mb=memory("light"),
         runtime=60,
     params:
-        case=CASE.sections(*READS["propose"]),
+        case=STAGES["propose"].params(CASE),
     message:
         "propose {wildcards.k}"
     script:
@@ -108,7 +108,7 @@ checkpoint verify:
         mem_mb=memory("run"),
         runtime=minutes("run", 1),
     params:
-        case=CASE.sections(*READS["verify"]),
+        case=STAGES["verify"].params(CASE),
         runs=f"{OUT}/runs",
     message:
         "verify {wildcards.k}"

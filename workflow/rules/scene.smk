@@ -17,7 +17,7 @@ rule scene:
         mem_mb=memory("scene"),
         runtime=minutes("scene"),
     params:
-        case=CASE.sections(*READS["scene"]),
+        case=STAGES["scene"].params(CASE),
     message:
         "scene"
     script:
@@ -45,7 +45,7 @@ rule geometry:
         runtime=minutes("geometry"),
     params:
         **VERSION,
-        case=CASE.sections(*READS["geometry"]),
+        case=STAGES["geometry"].params(CASE),
         immaterial=sorted(CASE.simulator.not_told),
     message:
         "geometry of the pass"

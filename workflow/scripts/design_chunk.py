@@ -2,14 +2,14 @@
 
 from radcal.calibration.design import design_points
 from radcal.calibration.steps import design_line, noise_seed
-from radcal.config import Case
+from radcal.config import stages
 from radcal.measurement.target import read_targets
 from radcal.running.jobs import logged, progress
 from radcal.simulators.sources import make_runner
 from radcal.storage.records import read_json, write_json
 
 with logged(snakemake.log[0], snakemake.params.case):
-    case = Case.of_sections(snakemake.params.case)
+    case = stages.DesignChunk.model_validate(snakemake.params.case)
     runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     targets = read_targets(snakemake.input.target)
     reused = [entry["parameters"] for file in snakemake.input.reused for entry in read_json(file)]

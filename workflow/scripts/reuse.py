@@ -1,13 +1,13 @@
 """Take the runs of an earlier case that are this one's too."""
 
 from radcal.calibration.reuse import reuse_runs
-from radcal.config import Case
+from radcal.config import stages
 from radcal.running.jobs import logged, progress
 from radcal.simulators.sources import make_runner
 from radcal.storage.records import write_json
 
 with logged(snakemake.log[0], snakemake.params.case):
-    case = Case.of_sections(snakemake.params.case)
+    case = stages.Reuse.model_validate(snakemake.params.case)
     runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     taken = reuse_runs(case, runner, snakemake.params.earlier)
     write_json(snakemake.output.index, taken)

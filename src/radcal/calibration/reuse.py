@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from radcal.calibration.steps import noise_seed, reference_parameters
-from radcal.config import Case
+from radcal.config import Case, stages
 from radcal.errors import ConfigError, StoreError
 from radcal.simulators.runner import Runner
 from radcal.storage.disclosure import disclosed
@@ -21,13 +21,13 @@ __all__ = ["check_reuse", "reuse_runs"]
 logger = logging.getLogger(__name__)
 
 
-def reuse_runs(case: Case, runner: Runner, earlier: str | Path) -> list[dict[str, Any]]:
+def reuse_runs(case: stages.Reuse, runner: Runner, earlier: str | Path) -> list[dict[str, Any]]:
     """Take an earlier case's runs that this case could have made, with other parameters of what it calibrates.
 
     Parameters
     ----------
-    case : Case
-        Sections ``seed`` and ``materials`` are read.
+    case : stages.Reuse
+        What this case simulates.
     runner : Runner
         The simulator behind this case's run store, which takes the records.
     earlier : path
@@ -46,7 +46,7 @@ def reuse_runs(case: Case, runner: Runner, earlier: str | Path) -> list[dict[str
     """
     store = RunStore(earlier)
     seed = noise_seed(case)
-    reference = reference_parameters(case)
+    reference = reference_parameters(case.materials)
     taken: list[dict[str, Any]] = []
     unlike: Counter[str] = Counter()
     for path in sorted(Path(earlier).glob("[!.]*.h5")):
@@ -82,7 +82,7 @@ def reuse_runs(case: Case, runner: Runner, earlier: str | Path) -> list[dict[str
     return taken
 
 
-def _calibrated(case: Case, description: Mapping[str, Any]) -> dict[str, list[float]]:
+def _calibrated(case: stages.Reuse, description: Mapping[str, Any]) -> dict[str, list[float]]:
     """A run's parameters of the materials that are calibrated here."""
     materials = description.get("materials", {})
     return {name: materials[name]["parameters"] for name in case.calibrated if name in materials}
@@ -98,7 +98,7 @@ def check_reuse(case: Case, results: str | Path) -> None:
     Parameters
     ----------
     case : Case
-        Section ``design`` is read.
+        The configuration.
     results : path
         Folder of all cases' results.
 

@@ -21,7 +21,7 @@ def simulator_change(folder: str | Path, case: Case) -> list[str]:
     folder : path
         ``results/<case>``.
     case : Case
-        Section ``simulator`` is read.
+        The configuration.
 
     Returns
     -------
