@@ -1,5 +1,8 @@
 # The loop: train(k), propose(k), verify(k), and on to k + 1 until the stop settings are met.
 
+from radcal.calibration.history import read_runs
+from radcal.calibration.stopping import decide
+
 
 def verified(wildcards):
     """Walk the iterations as far as they are needed; a missing one raises, and is then made."""

@@ -1,5 +1,7 @@
 # Scene and geometry: all that does not depend on the laws' parameters.
 
+from radcal.radar import SIMULATOR_VERSION
+
 
 rule scene:
     input:

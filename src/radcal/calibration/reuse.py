@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from radcal.calibration.steps import noise_seed, reference_parameters
-from radcal.config import Case, stages
+from radcal.config import stages
 from radcal.errors import ConfigError, StoreError
 from radcal.simulators.runner import Runner
 from radcal.storage.disclosure import disclosed
 from radcal.storage.files import digest, first_difference
 from radcal.storage.runs import RunStore
 
-__all__ = ["check_reuse", "reuse_runs"]
+__all__ = ["reuse_runs"]
 
 logger = logging.getLogger(__name__)
 
@@ -90,26 +90,3 @@ def _calibrated(case: stages.Reuse, description: Mapping[str, Any]) -> dict[str,
 
 def _inside(x: list[float], box: list[tuple[float, float]]) -> bool:
     return len(x) == len(box) and all(low <= value <= high for value, (low, high) in zip(x, box, strict=True))
-
-
-def check_reuse(case: Case, results: str | Path) -> None:
-    """Refuse a ``design.reuse`` without runs before any job starts.
-
-    Parameters
-    ----------
-    case : Case
-        The configuration.
-    results : path
-        Folder of all cases' results.
-
-    Raises
-    ------
-    ConfigError
-        There is no such case, or it has no runs.
-    """
-    name = case.design.reuse
-    if name is None or any((Path(results) / name / "runs").glob("[!.]*.h5")):
-        return
-    others = sorted(path.parent.name for path in Path(results).glob("*/runs") if any(path.glob("[!.]*.h5")))
-    known = f"one of {', '.join(others)}" if others else "a case that has runs, of which there are none"
-    raise ConfigError(f"design.reuse is {name!r}, which has no runs in {results}/{name}/runs, expected {known}.")
