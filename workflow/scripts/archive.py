@@ -1,6 +1,6 @@
 """Gather every run and iteration in one file and one table."""
 
-from radcal.calibration.history import indexed, read_runs
+from radcal.calibration.history import read_runs
 from radcal.config import Stop, stages
 from radcal.measurement.registration import read_registered
 from radcal.measurement.target import read_targets
@@ -10,6 +10,7 @@ from radcal.running.jobs import logged
 from radcal.scene.model import read_scene
 from radcal.storage.listing import write_listing
 from radcal.storage.records import read_json
+from radcal.storage.run_index import indexed
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = stages.Archive.model_validate(snakemake.params.case)

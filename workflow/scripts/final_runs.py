@@ -5,7 +5,7 @@ from radcal.calibration.steps import all_parameters, noise_seed, not_fresh
 from radcal.config import stages
 from radcal.running.jobs import logged, progress
 from radcal.simulators.sources import make_runner
-from radcal.storage.records import write_json
+from radcal.storage.run_index import IndexedRun, write_index
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = stages.FinalRuns.model_validate(snakemake.params.case)
@@ -14,7 +14,7 @@ with logged(snakemake.log[0], snakemake.params.case):
     parameters = all_parameters(case.materials, {name: history.best(name).parameters[name] for name in case.calibrated})
     # the first is in the store already where one material is calibrated: nothing is run twice for its image
     records = [runner.run(parameters, noise_seed(case, fresh), image=fresh) for fresh in (False, True)]
-    write_json(snakemake.output.final, [{"key": record.key, "parameters": parameters} for record in records])
+    write_index(snakemake.output.final, [IndexedRun(record.key, parameters) for record in records])
     progress("final runs: the calibrated laws together, and once more with another seed")
     if sentence := not_fresh(case.simulator, records):
         progress(sentence)

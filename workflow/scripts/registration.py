@@ -1,10 +1,10 @@
 """Register the measured image onto the reference run's."""
 
-from radcal.calibration.history import indexed
 from radcal.config import stages
 from radcal.measurement.model import read_measurement
 from radcal.measurement.registration import register, write_registered
 from radcal.running.jobs import logged, progress
+from radcal.storage.run_index import indexed
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = stages.Registration.model_validate(snakemake.params.case)

@@ -1,13 +1,13 @@
 """Draw the pixels of every calibrated material and fit their densities."""
 
 from radcal.calibration.class_search import class_targets
-from radcal.calibration.history import indexed
 from radcal.config import stages
 from radcal.measurement.registration import read_registered
 from radcal.measurement.target import make_targets, write_targets
 from radcal.radar.geometry import read_geometry
 from radcal.running.jobs import logged, progress
 from radcal.scene.model import read_scene
+from radcal.storage.run_index import indexed
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = stages.Target.model_validate(snakemake.params.case)

@@ -14,6 +14,7 @@ from radcal.errors import ConfigError, StoreError
 from radcal.simulators.runner import Runner
 from radcal.storage.disclosure import disclosed
 from radcal.storage.files import digest, first_difference
+from radcal.storage.run_index import IndexedRun
 from radcal.storage.runs import RunStore
 
 __all__ = ["reuse_runs"]
@@ -21,7 +22,7 @@ __all__ = ["reuse_runs"]
 logger = logging.getLogger(__name__)
 
 
-def reuse_runs(case: stages.Reuse, runner: Runner, earlier: str | Path) -> list[dict[str, Any]]:
+def reuse_runs(case: stages.Reuse, runner: Runner, earlier: str | Path) -> list[IndexedRun]:
     """Take an earlier case's runs that this case could have made, with other parameters of what it calibrates.
 
     Parameters
@@ -35,8 +36,8 @@ def reuse_runs(case: stages.Reuse, runner: Runner, earlier: str | Path) -> list[
 
     Returns
     -------
-    list of dict
-        ``key`` and ``parameters`` of each, in the order of the keys; the reference run, which counts for
+    list of IndexedRun
+        In the order of the keys; the reference run, which counts for
         itself, is taken but not listed.
 
     Raises
@@ -47,7 +48,7 @@ def reuse_runs(case: stages.Reuse, runner: Runner, earlier: str | Path) -> list[
     store = RunStore(earlier)
     seed = noise_seed(case)
     reference = reference_parameters(case.materials)
-    taken: list[dict[str, Any]] = []
+    taken: list[IndexedRun] = []
     unlike: Counter[str] = Counter()
     for path in sorted(Path(earlier).glob("[!.]*.h5")):
         try:
@@ -70,7 +71,7 @@ def reuse_runs(case: stages.Reuse, runner: Runner, earlier: str | Path) -> list[
             unlike["its record does not hold the pixels of every calibrated material"] += 1
             continue
         if parameters != reference:
-            taken.append({"key": path.stem, "parameters": parameters})
+            taken.append(IndexedRun(path.stem, parameters))
     for reason, count in unlike.items():
         logger.info("%d runs of %s not taken: %s", count, earlier, reason)
     if not taken:
