@@ -6,46 +6,31 @@ snakemake --cores 2 reference                           one run: is everything w
 snakemake --cores 2 design                              the initial runs only
 """
 
-import re
 import sys
 
 from snakemake.logging import logger
 from snakemake.utils import min_version
 
-from radcal import config as configuration
-from radcal.calibration.history import read_runs
-from radcal.calibration.reuse import check_reuse
-from radcal.calibration.stopping import decide
-from radcal.config.casefile import check_words
-from radcal.errors import RadcalError
-from radcal.radar import SIMULATOR_VERSION
-from radcal.running.session import Session
-from radcal.simulators.command import check_command
-from radcal.simulators.seed_width import with_seed_bits
-from radcal.running.stages import READS
-from radcal.running.terminal import guard
+from radcal.config.stages import STAGES
+from radcal.running.session import is_dry_run, open_session
+from radcal.running.slurm import job_name
 
 min_version("9.10")
-guard(logger)
 
 if not workflow.configfiles:
 
     configfile: "config/config.yaml"
 
 
-try:
-    check_words(workflow.config_settings.config_args or ())
-    CASE = with_seed_bits(configuration.load(workflow.configfiles, config), "results")
-    FILES = configuration.input_files(CASE)
-    check_command(CASE)
-    check_reuse(CASE, "results")
-    SESSION = Session(CASE, remote=workflow.remote_exec)
-except RadcalError as error:
-    sys.exit(f"radcal: {error}")
-
-OUT = f"results/{CASE.case}"
+SESSION = open_session(
+    workflow.configfiles,
+    config,
+    workflow.config_settings.config_args or (),
+    remote=workflow.remote_exec,
+    logger=logger,
+)
+CASE, FILES, OUT = SESSION.case, SESSION.inputs, SESSION.folder
 config["stop"] = CASE.sections("stop")["stop"]  # as scripts are to see it
-logger.addFilter(SESSION.messages)
 
 
 include: "workflow/rules/resources.smk"
@@ -69,9 +54,7 @@ def results(wildcards):
 
 
 # The jobs' own processes read this page too, and a dry run changes nothing.
-if workflow.is_main_process and not any(
-    re.fullmatch("--dry-?run|-[a-z]*n[a-z]*", word) for word in sys.argv
-):
+if workflow.is_main_process and not is_dry_run(sys.argv):
     SESSION.mend(OUTPUTS)
 
 
@@ -104,16 +87,7 @@ rule design:
 
 
 onstart:
-    # of Snakemake's plugin for Slurm: the name of all jobs of this invocation
-    slurm = workflow.executor_plugin.name == "slurm"
-    SESSION.start(
-        cluster=(
-            getattr(workflow.scheduler._executor, "run_uuid", None)
-            if slurm
-            else None
-        ),
-        remote_jobs=not workflow.local_exec,
-    )
+    SESSION.start(job_name(workflow), remote_jobs=not workflow.local_exec)
 
 
 onsuccess:

@@ -71,7 +71,7 @@ def dense_search(name: str, sample: int = 256, starts: int = 6) -> float:
     mean, sd, skewness = target.cp
 
     def simulate(unit: np.ndarray) -> np.ndarray:
-        parameters = all_parameters(case, {"dyke": (low + unit * (high - low)).tolist()})
+        parameters = all_parameters(case.materials, {"dyke": (low + unit * (high - low)).tolist()})
         return skewnormal.fit(simulator.run(parameters, noise_seed(case)).ravel()[pixels]).dp
 
     def moments(unit: np.ndarray) -> np.ndarray:

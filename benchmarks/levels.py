@@ -71,7 +71,7 @@ class Bench:
             }
         )
         measurement = make_measurement(case, self.geometry, self.simulator)
-        reference = self.runner.run(reference_parameters(case), noise_seed(case), image=True).image_db
+        reference = self.runner.run(reference_parameters(case.materials), noise_seed(case), image=True).image_db
         assert reference is not None  # asked for
         registered = register(reference, measurement, case.registration)
         targets = make_targets(case, self.geometry, registered, reference)

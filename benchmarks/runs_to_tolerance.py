@@ -58,7 +58,7 @@ def main() -> None:
     for truth in truths:
         with tempfile.TemporaryDirectory() as folder, threadpool_limits(1):
             runner = Runner(RunStore(Path(folder)), simulator, geometry, scene.identity, case)
-            hidden = runner.run(all_parameters(case, {"dyke": truth.tolist()}), noise_seed(case))
+            hidden = runner.run(all_parameters(case.materials, {"dyke": truth.tolist()}), noise_seed(case))
             dp = skewnormal.fit(hidden.pixels_db["dyke"][target.order]).dp
             history, decision = calibrate(case, runner, {"dyke": dataclasses.replace(target, dp=dp)})
         runs = history.count("design") + history.count("infill")

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from radcal.config import Case
+    from radcal.config import SimulatorConfig
+    from radcal.config.stages import Simulation
 
 __all__ = ["derived_rng", "derived_seed", "measurement_seed", "noise_seed"]
 
@@ -34,14 +35,14 @@ def derived_seed(seed: int, *names: str | int, bits: int = 63) -> int:
     return int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "big") >> (64 - bits) or 1
 
 
-def noise_seed(case: Case, fresh: bool = False) -> int:
+def noise_seed(case: Simulation, fresh: bool = False) -> int:
     """Seed of speckle and thermal noise: one for all runs of a case, another for the final check."""
     return derived_seed(case.seed, "runs", "fresh" if fresh else "common", bits=case.simulator.seed_width)
 
 
-def measurement_seed(case: Case, seed: int) -> int:
+def measurement_seed(simulator: SimulatorConfig, seed: int) -> int:
     """Seed of a synthetic measurement's speckle and thermal noise."""
-    return derived_seed(seed, "measurement", "noise", bits=case.simulator.seed_width)
+    return derived_seed(seed, "measurement", "noise", bits=simulator.seed_width)
 
 
 def derived_rng(seed: int, *names: str | int) -> np.random.Generator:

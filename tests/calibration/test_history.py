@@ -4,13 +4,11 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
-import pytest
 
 from radcal.calibration.history import (
     History,
     Proposal,
     Run,
-    indexed,
     read_proposals,
     read_runs,
     score,
@@ -19,10 +17,8 @@ from radcal.calibration.history import (
 )
 from radcal.calibration.stopping import decide
 from radcal.config import Stop
-from radcal.errors import StoreError
 from radcal.measurement.target import Targets
-from radcal.storage.records import write_json
-from radcal.storage.runs import Record, RunStore
+from radcal.storage.runs import Record
 
 
 def run(kind, index, x, rms):
@@ -93,13 +89,3 @@ def test_score_asks_every_target():
     found = score("design", 4, record, {"a": [1.0], "b": [2.0], "fixed": [3.0]}, targets)
     assert found.rms == {"a": 0.0, "b": 1.0}
     assert found.parameters == {"a": [1.0], "b": [2.0]}
-
-
-def test_a_listed_run_that_is_gone_is_named(tmp_path):
-    write_json(tmp_path / "index.json", [{"key": "abc", "parameters": {}}])
-    with pytest.raises(StoreError, match=r"abc\.h5.*index\.json"):
-        list(indexed([tmp_path / "index.json"], tmp_path, ["dyke"]))
-    store = RunStore(tmp_path)
-    store.put(Record("abc", {"dyke": np.zeros(3, np.float32)}, None, 0.2), {})
-    (record, _), *_ = indexed([tmp_path / "index.json"], tmp_path, ["dyke"])
-    assert record.key == "abc"

@@ -8,7 +8,6 @@ import pytest
 import yaml
 from config_samples import (
     COMMAND,
-    FIXED,
     GAMMA,
     NO_TRUTH,
     OH,
@@ -268,19 +267,6 @@ def test_configuration_is_frozen(path: tuple[str, ...], value: object) -> None:
         setattr(section, path[-1], value)
 
 
-def test_sections_rebuild_a_case_without_the_rest() -> None:
-    case = case_from(flat() | {"materials": FIXED, "measurement": {"source": "file", "path": "a.tif", "scale": "db"}})
-    sections = case.sections("scene", "radar", "materials", "measurement")
-    assert yaml.safe_load(yaml.safe_dump(sections)) == sections  # plain data
-    part = Case.of_sections(sections)
-    assert (part.scene, part.radar, part.materials) == (case.scene, case.radar, case.materials)
-    assert part.measurement == case.measurement
-    assert part.calibrated == ["dyke"]
-    for name in ("stop", "target", "seed", "design"):
-        with pytest.raises(AttributeError):
-            getattr(part, name)
-
-
 def test_the_default_truth_does_not_bind_other_materials() -> None:
     case = case_from({"materials": {"grass": {"calibrate": True}}})
     assert case.calibrated == ["grass"]
@@ -303,15 +289,6 @@ def test_a_start_of_another_law_is_only_the_reference_runs() -> None:
     assert reference.laws["dyke"].valid_deg == (20.0, 50.0)
     assert reference.calibrated == ["dyke"]
     assert reference.at_start == reference
-
-
-def test_start_by_law_survives_a_rules_params() -> None:
-    case = case_from(
-        {**dyke(start={"law": "constant_gamma", "parameters": [-9.0]}), **synthetic(parameters={"dyke": X})}
-    )
-    again = Case.of_sections(case.sections("materials", "radar"))
-    assert again.start_with_another_law == ["dyke"]
-    assert again.at_start.laws["dyke"].names == ("gamma",)
 
 
 def test_laws_know_the_pass() -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from config_samples import flat, mapped, measured
 
-from radcal.config import Case, FileMeasurement, case_from, expand_path, input_files
+from radcal.config import Case, FileMeasurement, case_from, check_reuse, expand_path, input_files
 from radcal.errors import ConfigError
 
 
@@ -82,3 +82,17 @@ def test_what_a_raster_is_read_together_with_is_an_input_too(tmp_path: Path) -> 
         input_files(case_from(flat(**keys) | measured(path=str(paths["names.json"]))))
     with pytest.raises(ConfigError, match=r"scene\.vrt_folders\.0: the file .*gone does not exist"):
         input_files(case_from(flat(**keys, vrt_folders=[str(tmp_path / "gone")]) | measured(path=str(tmp_path / "x"))))
+
+
+def test_an_earlier_case_without_runs_is_refused(tmp_path: Path) -> None:
+    case = case_from({"design": {"reuse": "first"}})
+    with pytest.raises(ConfigError, match=r"'first', .* expected a case that has runs, of which there are none\.$"):
+        check_reuse(case, tmp_path)
+    for name, record in (("first", ".partial-a.h5"), ("second", "a.h5")):
+        (tmp_path / name / "runs").mkdir(parents=True)
+        (tmp_path / name / "runs" / record).touch()
+    with pytest.raises(ConfigError, match=r"which has no runs in .*/first/runs, expected one of second\.$"):
+        check_reuse(case, tmp_path)
+    (tmp_path / "first" / "runs" / "b.h5").touch()
+    check_reuse(case, tmp_path)
+    check_reuse(case_from({}), tmp_path / "nowhere")

@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 from config_samples import COMMAND, FIXED, NO_TRUTH, SOIL, TABLE, WHOLE, X, dyke, message, outside, synthetic
 
-from radcal.config import Case, case_from
+from radcal.config import case_from
+from radcal.config.stages import Scene
 from radcal.errors import ConfigError
 
 
@@ -52,7 +53,7 @@ def test_parameters_of_an_external_law() -> None:
     soil, lake = case.materials["soil"], case.materials["lake"]
     assert (soil.parameter_names, soil.parameter_units, soil.start_parameters) == (("mv", "s"), ("", ""), [0.5, 5e9])
     assert (lake.parameter_names, lake.parameter_units, lake.start_parameters) == ((), (), [])
-    assert Case.of_sections(case.sections("materials")).materials == case.materials
+    assert Scene.model_validate(Scene.params(case)).materials == case.materials
     assert (case.laws["soil"].names, case.laws["soil"].units) == (("mv", "s"), ("", ""))
     assert case.at_start == case
     with pytest.raises(ConfigError, match=r"parameters \['mv', 's'\] has no curve"):

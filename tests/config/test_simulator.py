@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 from config_samples import COMMAND, NO_TRUTH, SOIL, TRUE_SOIL, WHOLE, X, outside
 
-from radcal.config import Case, case_from, load
+from radcal.config import case_from, load
+from radcal.config.stages import Simulator
 from radcal.errors import ConfigError
 
 
@@ -18,7 +19,7 @@ def test_unquoted_placeholders_are_what_was_meant(tmp_path: Path) -> None:
     case = load([tmp_path / "a.yaml"])
     assert case.simulator.command == ["sim", "{input}", "{soil.mv}", "a"]
     # what a job gets is what the workflow read
-    assert Case.of_sections(case.sections("simulator")).simulator == case.simulator
+    assert Simulator.model_validate(Simulator.params(case)).simulator == case.simulator
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ import h5py
 import matplotlib as mpl
 import numpy as np
 import pytest
+from matplotlib.text import Text
 from sealed import changed
 
 from radcal.report import drawing, map_figures
@@ -42,7 +43,7 @@ def drawn(canvas):
     width, height = canvas.bbox.width, canvas.bbox.height
     outside = []
     texts = [t for axes in canvas.axes for t in (*axes.texts, axes.title, axes.xaxis.label, axes.yaxis.label)]
-    texts += [axes.get_title(loc="left") and axes._left_title for axes in canvas.axes if axes.axison]
+    texts += [t for axes in canvas.axes if axes.axison for t in axes.get_children() if isinstance(t, Text)]
     texts += [t for legend in canvas.legends for t in legend.get_texts()]
     for text in texts:
         if text and text.get_text():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import subprocess
 import sys
@@ -11,7 +12,7 @@ import pytest
 
 from radcal.errors import StoreError
 from radcal.running.jobs import CASE, FAILURE, OWNER, PROGRESS, STARTED
-from radcal.running.session import Session
+from radcal.running.session import Session, is_dry_run, open_session
 from radcal.storage.provenance import provenance
 from radcal.storage.records import REPLACE, write_json
 
@@ -23,6 +24,57 @@ def _folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for name in (CASE, FAILURE, OWNER, PROGRESS, STARTED, REPLACE):
         monkeypatch.setenv(name, "before")  # put back afterwards, whatever the session sets
+
+
+def test_a_command_opens_the_session_of_its_case(tmp_path, caplog):
+    (tmp_path / "mine.yaml").write_text("case: mine\nstop: {rms: 1.0e-3}\n")
+    logger = logging.getLogger("of snakemake")
+    session = open_session(["mine.yaml"], {"stop": {"rms": 1e-3}, "seed": "7"}, ["seed=7"], False, logger)
+    assert (session.case.case, session.case.seed, session.case.stop.rms) == ("mine", 7, 1e-3)
+    assert (session.folder, session.inputs) == (Path("results/mine"), {})
+    assert logger.filters == [session.messages]
+    remote = open_session(["mine.yaml"], {"design": {"reuse": None}}, [], True, logging.getLogger("of a job"))
+    assert remote.case.seed == 1
+    assert PROGRESS in os.environ
+
+
+@pytest.mark.parametrize(
+    ("text", "words", "said"),
+    [
+        ("stop: {rmss: 1}", [], "mine.yaml: unknown key stop.rmss (did you mean 'rms'?)"),
+        ("seed: 1", ["seed=1", "seed=2"], "--config: seed is given twice"),
+        (
+            "measurement: {source: file, path: no.tif, scale: db}",
+            [],
+            "measurement.path: the file no.tif does not exist",
+        ),
+        ("design: {reuse: earlier}", [], "design.reuse is 'earlier', which has no runs in results/earlier/runs"),
+        ("simulator: {kind: command, command: [./no], output: {file: i.npy, scale: db}}", [], "simulator.command"),
+    ],
+)
+def test_a_case_that_is_refused_ends_in_one_sentence(tmp_path, text, words, said):
+    (tmp_path / "mine.yaml").write_text(text)
+    with pytest.raises(SystemExit) as ended:
+        open_session(["mine.yaml"], {}, words, False, logging.getLogger("of snakemake"))
+    assert str(ended.value).startswith(f"radcal: {said}")
+    assert "\n" not in str(ended.value)
+    assert not Path("results").exists()
+
+
+@pytest.mark.parametrize(
+    ("command", "expected"),
+    [
+        ("snakemake -n", True),
+        ("snakemake --cores 2 -qnp reference", True),
+        ("snakemake --dry-run", True),
+        ("snakemake --dryrun --configfile n.yaml", True),
+        ("snakemake --cores 2 --nolock design", False),
+        ("snakemake --configfile -n.yaml", False),
+        ("snakemake -c 2", False),
+    ],
+)
+def test_a_dry_run_is_known_by_its_words(command, expected):
+    assert is_dry_run(command.split()) is expected
 
 
 def test_jobs_hear_of_their_case(build_case):

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from radcal.errors import ClusterError
-from radcal.running.slurm import cancel_leftovers, remember
+from radcal.running.slurm import cancel_leftovers, job_name, remember
 
 SQUEUE = """#!{python}
 import sys
@@ -34,6 +35,12 @@ def queue(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (tmp_path / name).chmod(0o755)
     monkeypatch.setenv("PATH", str(tmp_path))
     return path
+
+
+@pytest.mark.parametrize(("executor", "expected"), [("slurm", "b1f6"), ("local", None), ("cluster-generic", None)])
+def test_only_jobs_on_slurm_have_a_name_in_its_queue(executor, expected):
+    scheduler = SimpleNamespace(_executor=SimpleNamespace(run_uuid="b1f6"))
+    assert job_name(SimpleNamespace(executor_plugin=SimpleNamespace(name=executor), scheduler=scheduler)) == expected
 
 
 def test_the_jobs_of_the_name_are_cancelled_and_no_others(queue, tmp_path):

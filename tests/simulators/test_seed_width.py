@@ -48,7 +48,7 @@ def put_run(folder: Path, key: str, seed: int, kind: str = "command") -> None:
 def test_a_new_case_has_seeds_that_a_c_int_holds(tmp_path: Path) -> None:
     case = with_seed_bits(case_of(["{noise_seed}"]), tmp_path)
     assert case.simulator.seed_width == 31
-    seeds = [noise_seed(case), noise_seed(case, fresh=True), measurement_seed(case, 2)]
+    seeds = [noise_seed(case), noise_seed(case, fresh=True), measurement_seed(case.simulator, 2)]
     assert len({seed for seed in seeds if 0 < seed < 2**31}) == 3
     assert noise_seed(case_from({})) == derived_seed(1, "runs", "common")  # radcal's own has 63
 

@@ -3,7 +3,8 @@ from __future__ import annotations
 import hashlib
 import pickle
 
-from radcal.config import Case, case_from
+from radcal.config import case_from
+from radcal.config.stages import Simulation
 from radcal.storage.disclosure import Undisclosed, disclosed
 
 SECRET = "s3cr3t"
@@ -33,11 +34,11 @@ def test_sections_carry_the_values_and_do_not_print_them() -> None:
         "output": {"file": "a.npy", "scale": "db"},
         "environment": {"KEY": SECRET},
     }
-    sections = case_from({"simulator": simulator}).sections("simulator", "seed")
+    sections = Simulation.params(case_from({"simulator": simulator}))
     assert HASH in repr(sections)
     assert SECRET not in repr(sections)
     again = pickle.loads(pickle.dumps(sections))
-    assert Case.of_sections(again).simulator.environment == {"KEY": SECRET}
+    assert Simulation.model_validate(again).simulator.environment == {"KEY": SECRET}
     assert isinstance(again["simulator"]["environment"], Undisclosed)
-    without = case_from({"simulator": simulator | {"environment": {}}}).sections("simulator")
+    without = Simulation.params(case_from({"simulator": simulator | {"environment": {}}}))
     assert "'environment': {}" in repr(without)

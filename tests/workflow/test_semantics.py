@@ -19,7 +19,8 @@ from workflow_project import COLUMNS, ROOT, ROWS, Project, make_project, tiny_ca
 
 from radcal.calibration.history import read_runs
 from radcal.config import case_from
-from radcal.running.stages import READS, reruns_table
+from radcal.config.stages import STAGES
+from radcal.running.reruns import reruns_table
 
 CASE = ("--configfile", "tiny.yaml")
 # what Snakemake calls a job of each rule
@@ -76,22 +77,14 @@ def contents(project: Project, case: str = "tiny") -> dict[str, bytes]:
 def test_the_table_in_the_documents_is_that_of_the_code():
     page = (ROOT / "docs" / "reruns.md").read_text()
     assert reruns_table() in page
-    assert set(CHANGES) | {"case", "replace"} == {key for sections in READS.values() for key in sections} | {"replace"}
-
-
-def test_each_rule_takes_the_sections_that_the_table_says():
-    """A job's ``params`` are its own rule's sections: what the table says is what Snakemake compares."""
-    text = "\n".join(path.read_text() for path in sorted((ROOT / "workflow" / "rules").glob("*.smk")))
-    rules = dict(re.findall(r"(?ms)^(?:rule|checkpoint) (\w+):\n(.*?)(?=^\S|\Z)", text))
-    taken = {rule: re.findall(r"CASE\.sections\((.*)\)", body) for rule, body in rules.items()}
-    assert {rule: found for rule, found in taken.items() if found} == {rule: [f'*READS["{rule}"]'] for rule in READS}
+    assert set(CHANGES) | {"case"} == {key for stage in STAGES.values() for key in stage.model_fields}
 
 
 @pytest.mark.parametrize("section", CHANGES)
 def test_a_changed_section_changes_what_those_rules_take(section):
     old, new = case_from(tiny_case()), case_from(tiny_case(**{section: CHANGES[section]}))
-    changed = {rule for rule, sections in READS.items() if old.sections(*sections) != new.sections(*sections)}
-    assert changed == {rule for rule, sections in READS.items() if section in sections}
+    changed = {rule for rule, stage in STAGES.items() if stage.params(old) != stage.params(new)}
+    assert changed == {rule for rule, stage in STAGES.items() if section in stage.model_fields}
 
 
 @pytest.mark.parametrize("section", ["target", "optimiser"])
@@ -103,7 +96,7 @@ def test_a_changed_section_makes_again_what_the_table_says(finished, section):
     jobs = re.findall(
         r"^(?:Local job|Job|Checkpoint)[^:]*: (.+)\nReason: Params have changed", planned, flags=re.MULTILINE
     )
-    expected = {rule for rule, sections in READS.items() if section in sections} & set(MESSAGES.values())
+    expected = {rule for rule, stage in STAGES.items() if section in stage.model_fields} & set(MESSAGES.values())
     assert jobs, planned
     assert {MESSAGES.get(job, job) for job in jobs} <= expected
     assert expected - rules <= (LOOP if "scores" in rules else set())

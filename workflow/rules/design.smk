@@ -25,7 +25,7 @@ rule reuse:
         mem_mb=memory("run"),
         runtime=minutes("run"),
     params:
-        case=CASE.sections(*READS["reuse"]),
+        case=STAGES["reuse"].params(CASE),
         runs=f"{OUT}/runs",
         earlier=EARLIER,
     message:
@@ -55,7 +55,7 @@ rule reference_run:
         mem_mb=memory("run"),
         runtime=minutes("run", 2),
     params:
-        case=CASE.sections(*READS["reference_run"]),
+        case=STAGES["reference_run"].params(CASE),
         runs=f"{OUT}/runs",
     message:
         "reference run"
@@ -81,7 +81,7 @@ rule design_chunk:
         mem_mb=memory("run"),
         runtime=minutes("run", CASE.design.chunk),
     params:
-        case=CASE.sections(*READS["design_chunk"]),
+        case=STAGES["design_chunk"].params(CASE),
         runs=f"{OUT}/runs",
     message:
         "design, chunk {wildcards.chunk}"
@@ -107,7 +107,7 @@ checkpoint scores:
         mem_mb=memory("light"),
         runtime=minutes("light"),
     params:
-        case=CASE.sections(*READS["scores"]),
+        case=STAGES["scores"].params(CASE),
         runs=f"{OUT}/runs",
     message:
         "scores of the design"

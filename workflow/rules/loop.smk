@@ -1,5 +1,8 @@
 # The loop: train(k), propose(k), verify(k), and on to k + 1 until the stop settings are met.
 
+from radcal.calibration.history import read_runs
+from radcal.calibration.stopping import decide
+
 
 def verified(wildcards):
     """Files of the iterations that are needed; a missing one raises, so that Snakemake makes it."""
@@ -32,7 +35,7 @@ rule stop_settings:
     retries: 0
     threads: 1
     params:
-        case=CASE.sections(*READS["stop_settings"]),
+        case=STAGES["stop_settings"].params(CASE),
     message:
         "stop settings"
     script:
@@ -56,7 +59,7 @@ rule train:
         mem_mb=memory("light"),
         runtime=60,
     params:
-        case=CASE.sections(*READS["train"]),
+        case=STAGES["train"].params(CASE),
     message:
         "train {wildcards.k}"
     script:
@@ -81,7 +84,7 @@ rule propose:
         mem_mb=memory("light"),
         runtime=60,
     params:
-        case=CASE.sections(*READS["propose"]),
+        case=STAGES["propose"].params(CASE),
     message:
         "propose {wildcards.k}"
     script:
@@ -108,7 +111,7 @@ checkpoint verify:
         mem_mb=memory("run"),
         runtime=minutes("run", 1),
     params:
-        case=CASE.sections(*READS["verify"]),
+        case=STAGES["verify"].params(CASE),
         runs=f"{OUT}/runs",
     message:
         "verify {wildcards.k}"

@@ -19,7 +19,7 @@ rule measurement:
         mem_mb=memory("measurement"),
         runtime=minutes("measurement", 1 if SYNTHETIC else 0),
     params:
-        case=CASE.sections(*READS["measurement"]),
+        case=STAGES["measurement"].params(CASE),
     message:
         "measured image"
     script:
@@ -43,7 +43,7 @@ rule registration:
         mem_mb=memory("registration"),
         runtime=minutes("registration"),
     params:
-        case=CASE.sections(*READS["registration"]),
+        case=STAGES["registration"].params(CASE),
         runs=f"{OUT}/runs",
     message:
         "registration"
@@ -69,7 +69,7 @@ rule target:
         mem_mb=memory("target"),
         runtime=minutes("target"),
     params:
-        case=CASE.sections(*READS["target"]),
+        case=STAGES["target"].params(CASE),
         runs=f"{OUT}/runs",
     message:
         "target densities"

@@ -20,7 +20,7 @@ rule final_runs:
         mem_mb=memory("run"),
         runtime=minutes("run", 2),
     params:
-        case=CASE.sections(*READS["final_runs"]),
+        case=STAGES["final_runs"].params(CASE),
         runs=f"{OUT}/runs",
     message:
         "final runs"
@@ -52,7 +52,7 @@ rule archive:
         mem_mb=memory("report"),
         runtime=minutes("report"),
     params:
-        case=CASE.sections(*READS["archive"]),
+        case=STAGES["archive"].params(CASE),
         runs=f"{OUT}/runs",
     message:
         "archive of all runs"

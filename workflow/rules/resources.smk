@@ -2,6 +2,7 @@
 
 from functools import cache
 
+from radcal.errors import RadcalError
 from radcal.running.resources import memory_mb, runtime_minutes, values_of
 
 

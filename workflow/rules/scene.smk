@@ -1,5 +1,7 @@
 # Scene and geometry, which do not depend on the laws' parameters.
 
+from radcal.radar import SIMULATOR_VERSION
+
 
 rule scene:
     input:
@@ -17,7 +19,7 @@ rule scene:
         mem_mb=memory("scene"),
         runtime=minutes("scene"),
     params:
-        case=CASE.sections(*READS["scene"]),
+        case=STAGES["scene"].params(CASE),
     message:
         "scene"
     script:
@@ -45,7 +47,7 @@ rule geometry:
         runtime=minutes("geometry"),
     params:
         **VERSION,
-        case=CASE.sections(*READS["geometry"]),
+        case=STAGES["geometry"].params(CASE),
         immaterial=sorted(CASE.simulator.not_told),
     message:
         "geometry of the pass"

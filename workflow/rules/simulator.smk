@@ -20,7 +20,7 @@ rule simulator:
         mem_mb=memory("run"),
         runtime=minutes("run"),
     params:
-        case=CASE.sections(*READS["simulator"]),
+        case=STAGES["simulator"].params(CASE),
     message:
         "simulator"
     script:

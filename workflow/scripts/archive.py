@@ -1,7 +1,7 @@
 """Gather every run and iteration in one file and one table."""
 
-from radcal.calibration.history import indexed, read_runs
-from radcal.config import Case, Stop
+from radcal.calibration.history import read_runs
+from radcal.config import Stop, stages
 from radcal.measurement.registration import read_registered
 from radcal.measurement.target import read_targets
 from radcal.radar.geometry import read_geometry
@@ -10,9 +10,10 @@ from radcal.running.jobs import logged
 from radcal.scene.model import read_scene
 from radcal.storage.listing import write_listing
 from radcal.storage.records import read_json
+from radcal.storage.run_index import indexed
 
 with logged(snakemake.log[0], snakemake.params.case):
-    case = Case.of_sections(snakemake.params.case)
+    case = stages.Archive.model_validate(snakemake.params.case)
     history = read_runs([snakemake.input.scores, *snakemake.input.verified])
     stop = Stop.model_validate(read_json(snakemake.input.stop))
     final = [record for record, _ in indexed([snakemake.input.final], snakemake.params.runs, case.calibrated)]

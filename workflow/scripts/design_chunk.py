@@ -2,22 +2,22 @@
 
 from radcal.calibration.design import design_points
 from radcal.calibration.steps import design_line, noise_seed
-from radcal.config import Case
+from radcal.config import stages
 from radcal.measurement.target import read_targets
 from radcal.running.jobs import logged, progress
 from radcal.simulators.sources import make_runner
-from radcal.storage.records import read_json, write_json
+from radcal.storage.run_index import IndexedRun, read_index, write_index
 
 with logged(snakemake.log[0], snakemake.params.case):
-    case = Case.of_sections(snakemake.params.case)
+    case = stages.DesignChunk.model_validate(snakemake.params.case)
     runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     targets = read_targets(snakemake.input.target)
-    reused = [entry["parameters"] for file in snakemake.input.reused for entry in read_json(file)]
+    reused = [run.parameters for file in snakemake.input.reused for run in read_index(file)]
     points = design_points(case, reused)
     first = int(snakemake.wildcards.chunk) * case.design.chunk
     index = []
     for k, parameters in list(enumerate(points))[first : first + case.design.chunk]:
         record = runner.run(parameters, noise_seed(case))
-        index.append({"key": record.key, "parameters": parameters})
+        index.append(IndexedRun(record.key, parameters))
         progress(design_line(k + 1, len(points), record, targets))
-    write_json(snakemake.output.index, index)
+    write_index(snakemake.output.index, index)

@@ -2,19 +2,19 @@
 
 from radcal.calibration.history import read_runs
 from radcal.calibration.steps import all_parameters, noise_seed, not_fresh
-from radcal.config import Case
+from radcal.config import stages
 from radcal.running.jobs import logged, progress
 from radcal.simulators.sources import make_runner
-from radcal.storage.records import write_json
+from radcal.storage.run_index import IndexedRun, write_index
 
 with logged(snakemake.log[0], snakemake.params.case):
-    case = Case.of_sections(snakemake.params.case)
+    case = stages.FinalRuns.model_validate(snakemake.params.case)
     history = read_runs([snakemake.input.scores, *snakemake.input.verified])
     runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
-    parameters = all_parameters(case, {name: history.best(name).parameters[name] for name in case.calibrated})
+    parameters = all_parameters(case.materials, {name: history.best(name).parameters[name] for name in case.calibrated})
     # with one calibrated material the first is already in the store, where its image is not needed
     records = [runner.run(parameters, noise_seed(case, fresh), image=fresh) for fresh in (False, True)]
-    write_json(snakemake.output.final, [{"key": record.key, "parameters": parameters} for record in records])
+    write_index(snakemake.output.final, [IndexedRun(record.key, parameters) for record in records])
     progress("final runs: the calibrated laws together, and once more with another seed")
-    if sentence := not_fresh(case, records):
+    if sentence := not_fresh(case.simulator, records):
         progress(sentence)

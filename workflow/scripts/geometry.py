@@ -1,13 +1,12 @@
 """Compute the geometry of the pass."""
 
-from radcal.config import Case
-from radcal.radar.geometry import write_geometry
-from radcal.radar.projection import make_geometry
+from radcal.config import stages
+from radcal.radar.geometry import make_geometry, write_geometry
 from radcal.running.jobs import logged, progress
 from radcal.scene.model import read_scene
 
 with logged(snakemake.log[0], snakemake.params.case):
-    case = Case.of_sections(snakemake.params.case)
+    case = stages.Geometry.model_validate(snakemake.params.case)
     geometry = make_geometry(read_scene(snakemake.input.scene), case.radar)
     write_geometry(snakemake.output.geometry, geometry, case.radar, snakemake.params.immaterial)
     progress(f"geometry: image of {geometry.shape[0]} x {geometry.shape[1]} pixels")

@@ -1,6 +1,6 @@
 """Read or make the measured image and check it against the scene."""
 
-from radcal.config import Case
+from radcal.config import stages
 from radcal.measurement.model import write_measurement
 from radcal.measurement.sources import make_measurement
 from radcal.radar.geometry import read_geometry
@@ -9,7 +9,7 @@ from radcal.scene.model import read_scene
 from radcal.simulators.sources import make_simulator
 
 with logged(snakemake.log[0], snakemake.params.case):
-    case = Case.of_sections(snakemake.params.case)
+    case = stages.Measurement.model_validate(snakemake.params.case)
     scene = read_scene(snakemake.input.scene)
     geometry = read_geometry(snakemake.input.geometry)
     simulator = make_simulator(case, geometry, snakemake.input.geometry)

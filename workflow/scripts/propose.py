@@ -3,12 +3,12 @@
 from radcal.calibration.history import read_runs, write_proposals
 from radcal.calibration.steps import propose_all
 from radcal.calibration.surrogate import read_surrogates
-from radcal.config import Case, Stop
+from radcal.config import Stop, stages
 from radcal.measurement.target import read_targets
 from radcal.running.jobs import logged
 
 with logged(snakemake.log[0], snakemake.params.case):
-    case = Case.of_sections(snakemake.params.case)
+    case = stages.Propose.model_validate(snakemake.params.case)
     history = read_runs([snakemake.input.scores, *snakemake.input.verified])
     targets = read_targets(snakemake.input.target)
     stop = Stop.model_validate(snakemake.config["stop"])

@@ -1,20 +1,19 @@
 """Simulate the starting parameters: one run, which also tests the setup."""
 
 from radcal.calibration.steps import reference_parameters, reference_runs, repeatability
-from radcal.config import Case
+from radcal.config import stages
 from radcal.running.jobs import logged, progress
 from radcal.simulators.sources import make_runner
-from radcal.storage.records import write_json
+from radcal.storage.run_index import IndexedRun, write_index
 
 with logged(snakemake.log[0], snakemake.params.case):
-    case = Case.of_sections(snakemake.params.case)
+    case = stages.ReferenceRun.model_validate(snakemake.params.case)
     runner = make_runner(case.at_start, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     first, *again = reference_runs(case, runner)
     differences = [first.largest_difference_db(record) for record in again]
-    index = [{"key": record.key, "parameters": reference_parameters(case)} for record in (first, *again)]
-    for entry, difference in zip(index[1:], differences, strict=True):
-        entry["difference_db"] = difference
-    write_json(snakemake.output.index, index)
+    start = reference_parameters(case.materials)
+    repeated = [IndexedRun(record.key, start, db) for record, db in zip(again, differences, strict=True)]
+    write_index(snakemake.output.index, [IndexedRun(first.key, start), *repeated])
     progress(f"reference run: {first.seconds:.1f} s for {first.image_db.shape} pixels")
-    if sentence := repeatability(case, differences):
+    if sentence := repeatability(case.simulator, differences):
         progress(sentence)

@@ -1,13 +1,13 @@
 """Register the measured image onto the reference run's."""
 
-from radcal.calibration.history import indexed
-from radcal.config import Case
+from radcal.config import stages
 from radcal.measurement.model import read_measurement
 from radcal.measurement.registration import register, write_registered
 from radcal.running.jobs import logged, progress
+from radcal.storage.run_index import indexed
 
 with logged(snakemake.log[0], snakemake.params.case):
-    case = Case.of_sections(snakemake.params.case)
+    case = stages.Registration.model_validate(snakemake.params.case)
     measurement = read_measurement(snakemake.input.measurement)
     reference, _ = next(indexed([snakemake.input.reference], snakemake.params.runs, case.calibrated, image=True))
     registered = register(reference.image_db, measurement, case.registration)

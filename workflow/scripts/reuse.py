@@ -1,14 +1,14 @@
 """Copy the runs of an earlier case that are also runs of this case."""
 
 from radcal.calibration.reuse import reuse_runs
-from radcal.config import Case
+from radcal.config import stages
 from radcal.running.jobs import logged, progress
 from radcal.simulators.sources import make_runner
-from radcal.storage.records import write_json
+from radcal.storage.run_index import write_index
 
 with logged(snakemake.log[0], snakemake.params.case):
-    case = Case.of_sections(snakemake.params.case)
+    case = stages.Reuse.model_validate(snakemake.params.case)
     runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     taken = reuse_runs(case, runner, snakemake.params.earlier)
-    write_json(snakemake.output.index, taken)
+    write_index(snakemake.output.index, taken)
     progress(f"{len(taken)} runs reused from {snakemake.params.earlier}")

@@ -1,12 +1,12 @@
 """Build the scene."""
 
-from radcal.config import Case
+from radcal.config import stages
 from radcal.running.jobs import logged, progress
 from radcal.scene.model import write_scene
 from radcal.scene.sources import make_scene
 
 with logged(snakemake.log[0], snakemake.params.case):
-    case = Case.of_sections(snakemake.params.case)
+    case = stages.Scene.model_validate(snakemake.params.case)
     scene = make_scene(case.scene, list(case.materials))
     write_scene(snakemake.output.scene, scene)
     progress(f"scene: {scene.material.shape[0]} x {scene.material.shape[1]} cells, {len(case.materials)} materials")

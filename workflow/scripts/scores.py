@@ -1,14 +1,15 @@
 """Score the reference run and the design against the targets."""
 
 from radcal.calibration.class_search import class_searches
-from radcal.calibration.history import History, indexed, score, write_runs
+from radcal.calibration.history import History, score, write_runs
 from radcal.calibration.steps import score_reference
-from radcal.config import Case
+from radcal.config import stages
 from radcal.measurement.target import read_targets
 from radcal.running.jobs import logged, progress
+from radcal.storage.run_index import indexed
 
 with logged(snakemake.log[0], snakemake.params.case):
-    case = Case.of_sections(snakemake.params.case)
+    case = stages.Scores.model_validate(snakemake.params.case)
     targets = read_targets(snakemake.input.target)
     reference = [record for record, _ in indexed([snakemake.input.reference], snakemake.params.runs, case.calibrated)]
     searches = class_searches(case, targets)

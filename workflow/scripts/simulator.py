@@ -1,6 +1,6 @@
 """Write the simulator's identity."""
 
-from radcal.config import Case
+from radcal.config import stages
 from radcal.radar.geometry import read_geometry
 from radcal.running.jobs import logged
 from radcal.simulators.sources import make_simulator
@@ -8,7 +8,7 @@ from radcal.storage.disclosure import disclosed
 from radcal.storage.records import write_json
 
 with logged(snakemake.log[0], snakemake.params.case):
-    case = Case.of_sections(snakemake.params.case)
+    case = stages.Simulator.model_validate(snakemake.params.case)
     simulator = make_simulator(case, read_geometry(snakemake.input.geometry), snakemake.input.geometry)
     # the width of seeds is not part of the identity; it is kept here for the next command
     identity = {**disclosed(simulator.identity), "seed_bits": case.simulator.seed_bits}

@@ -1,17 +1,17 @@
 """Draw the pixels of every calibrated material and fit their densities."""
 
 from radcal.calibration.class_search import class_targets
-from radcal.calibration.history import indexed
-from radcal.config import Case
+from radcal.config import stages
 from radcal.measurement.registration import read_registered
 from radcal.measurement.target import write_targets
 from radcal.measurement.target_fit import make_targets
 from radcal.radar.geometry import read_geometry
 from radcal.running.jobs import logged, progress
 from radcal.scene.model import read_scene
+from radcal.storage.run_index import indexed
 
 with logged(snakemake.log[0], snakemake.params.case):
-    case = Case.of_sections(snakemake.params.case)
+    case = stages.Target.model_validate(snakemake.params.case)
     reference, _ = next(indexed([snakemake.input.reference], snakemake.params.runs, case.calibrated, image=True))
     registered = read_registered(snakemake.input.registered)
     geometry = read_geometry(snakemake.input.geometry)

@@ -2,13 +2,13 @@
 
 from radcal.calibration.history import History, read_proposals, read_runs, write_runs
 from radcal.calibration.steps import progress_line, verify
-from radcal.config import Case, Stop
+from radcal.config import Stop, stages
 from radcal.measurement.target import read_targets
 from radcal.running.jobs import logged, progress
 from radcal.simulators.sources import make_runner
 
 with logged(snakemake.log[0], snakemake.params.case):
-    case = Case.of_sections(snakemake.params.case)
+    case = stages.Verify.model_validate(snakemake.params.case)
     runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     proposals = read_proposals(snakemake.input.proposal)
     run = verify(proposals, read_targets(snakemake.input.target), runner, case, int(snakemake.wildcards.k))

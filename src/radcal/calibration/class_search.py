@@ -18,7 +18,7 @@ from radcal.calibration.expected import Forward, LawForward
 from radcal.calibration.grounds import GroundLaw, Method, curve_prior, fit_grounds, ground_residuals, limited
 from radcal.calibration.incidence_error import registration_error_deg
 from radcal.calibration.law_fit import LOOKS, LawFit, fit_law
-from radcal.config import BuiltinSimulation, Case, Optimiser
+from radcal.config import BuiltinSimulation, Optimiser, stages
 from radcal.measurement.class_target import ClassTarget
 from radcal.measurement.ground import Ground
 from radcal.measurement.target import Target, Targets
@@ -34,7 +34,11 @@ __all__ = ["ClassSearch", "class_searches", "class_targets"]
 
 
 def class_targets(
-    case: Case, targets: Targets, geometry: Geometry, registered: Registered, slope_error_deg: float = 0.0
+    case: stages.Target,
+    targets: Targets,
+    geometry: Geometry,
+    registered: Registered,
+    slope_error_deg: float = 0.0,
 ) -> Targets:
     """Divide the targets' pixels by incidence, and find how patches spread.
 
@@ -43,8 +47,8 @@ def class_targets(
 
     Parameters
     ----------
-    case : Case
-        Sections ``materials``, ``radar``, ``simulator``, ``objective`` and ``target`` are read.
+    case : stages.Target
+        Laws, objective and settings of the target.
     targets : Targets
         By calibrated material.
     geometry : Geometry
@@ -106,7 +110,7 @@ def class_targets(
     )
 
 
-def _noise_db(case: Case, geometry: Geometry, target: Target) -> float:
+def _noise_db(case: stages.Target, geometry: Geometry, target: Target) -> float:
     """Mean power of the noise that radcal's own simulator adds to a target's pixels [dB]."""
     if not isinstance(case.simulator, BuiltinSimulation):
         return float("-inf")
@@ -114,13 +118,13 @@ def _noise_db(case: Case, geometry: Geometry, target: Target) -> float:
     return float(10.0 * np.log10(np.mean(10.0 ** (floor_db / 10.0))))
 
 
-def class_searches(case: Case, targets: Targets) -> dict[str, ClassSearch]:
+def class_searches(case: stages.Scores | stages.Archive, targets: Targets) -> dict[str, ClassSearch]:
     """What judges the runs of each material in classes of incidence; empty where the objective is the density.
 
     Parameters
     ----------
-    case : Case
-        Sections ``seed``, ``materials`` and ``radar`` are read.
+    case : stages.Scores or stages.Archive
+        Laws, bounds and seed.
     targets : Targets
         By calibrated material.
     """

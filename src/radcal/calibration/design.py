@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.config import Case
+from radcal.config import stages
 from radcal.seeds import derived_rng
 
 __all__ = ["design_points", "sample_unit"]
@@ -63,7 +63,7 @@ def _fill_strata(points: NDArray[np.float64], rng: np.random.Generator) -> NDArr
     return added
 
 
-def _points(case: Case, box: NDArray[np.float64]) -> NDArray[np.float64]:
+def _points(case: stages.DesignChunk, box: NDArray[np.float64]) -> NDArray[np.float64]:
     """First points of the sequence in the box of all calibrated materials, shape (design size, d)."""
     integer = np.concatenate([np.array(case.materials[name].integers, dtype=np.bool_) for name in case.calibrated])
     low, high = box.T
@@ -84,7 +84,9 @@ def _points(case: Case, box: NDArray[np.float64]) -> NDArray[np.float64]:
         drawn *= 2
 
 
-def design_points(case: Case, reused: Sequence[Mapping[str, Sequence[float]]] = ()) -> list[dict[str, list[float]]]:
+def design_points(
+    case: stages.DesignChunk, reused: Sequence[Mapping[str, Sequence[float]]] = ()
+) -> list[dict[str, list[float]]]:
     """Parameters of every material for each run of the design.
 
     Calibrated materials share the runs. The design fills the box of all their parameters
@@ -92,8 +94,8 @@ def design_points(case: Case, reused: Sequence[Mapping[str, Sequence[float]]] = 
 
     Parameters
     ----------
-    case : Case
-        Sections ``seed``, ``materials``, ``objective`` and ``design`` are read.
+    case : stages.DesignChunk
+        Sampler, size and box of the design.
     reused : sequence of mapping, optional
         Parameters of runs of an earlier case: each stands for a run of the design.
 

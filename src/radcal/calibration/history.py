@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.calibration.class_surrogate import ClassRuns
-from radcal.errors import StoreError
 from radcal.measurement.levels import Levels
 from radcal.storage.records import read_json, write_json
-from radcal.storage.runs import Parameters, Record, RunStore
+from radcal.storage.runs import Parameters, Record
 
 if TYPE_CHECKING:
     from radcal.calibration.class_search import ClassSearch
@@ -24,7 +23,6 @@ __all__ = [
     "History",
     "Proposal",
     "Run",
-    "indexed",
     "read_proposals",
     "read_runs",
     "score",
@@ -293,42 +291,3 @@ def write_proposals(path: str | Path, proposals: Mapping[str, Proposal]) -> None
 def read_proposals(path: str | Path) -> dict[str, Proposal]:
     """Read proposals that :func:`write_proposals` wrote."""
     return {name: Proposal(**data) for name, data in read_json(path).items()}
-
-
-def indexed(
-    files: Iterable[str | Path], runs: str | Path, materials: Sequence[str], image: bool = False
-) -> Iterator[tuple[Record, dict[str, list[float]]]]:
-    """Records and parameters that index files list, in order.
-
-    Parameters
-    ----------
-    files : iterable of path
-        JSON lists of ``{"key", "parameters"}``.
-    runs : path
-        Folder of the run store.
-    materials : sequence of str
-        What the records must hold.
-    image : bool
-        Whether they must hold the whole image too.
-
-    Raises
-    ------
-    StoreError
-        A listed run is not in the store.
-    """
-    store = RunStore(runs)
-    for file in files:
-        for entry in read_json(file):
-            record = store.get(entry["key"], materials, image)
-            if record is None and not store.path(entry["key"]).is_file():
-                raise StoreError(
-                    f"{store.path(entry['key'])}: missing or damaged, though {file} lists it; type the same command "
-                    "again to make this run again."
-                )
-            if record is None:
-                wanted = [*materials, *(["the whole image"] if image else [])]
-                raise StoreError(
-                    f"{store.path(entry['key'])}: missing or without {', '.join(wanted)}, though {file} lists it; "
-                    f"delete {file} and type the same command again to make this run again."
-                )
-            yield record, entry["parameters"]

@@ -15,7 +15,7 @@ from radcal.calibration.grounds import GroundLaw, Method, density_fit, marginal_
 from radcal.calibration.history import History, Run
 from radcal.calibration.incidence_error import incidence_warnings
 from radcal.calibration.validation import HeldOut, cross_validate, held_out
-from radcal.config import Case
+from radcal.config import stages
 from radcal.measurement.classes import FEWEST, make_classes
 from radcal.measurement.ground import Blocks, Ground
 from radcal.measurement.patches import Spread, spreads
@@ -69,13 +69,13 @@ class LawCheck:
     sentences: list[str]
 
 
-def check_laws(case: Case, targets: Targets, history: History) -> dict[str, LawCheck]:
+def check_laws(case: stages.Archive, targets: Targets, history: History) -> dict[str, LawCheck]:
     """Check the best run's law of every material.
 
     Parameters
     ----------
-    case : Case
-        Sections ``seed``, ``materials``, ``radar``, ``objective`` and ``validation`` are read.
+    case : stages.Archive
+        The configuration.
     targets : Targets
         By calibrated material.
     history : History
@@ -115,7 +115,7 @@ def texture_note(checks: Mapping[str, LawCheck]) -> str:
     )
 
 
-def _of_density(case: Case, name: str, target: Target, run: Run) -> GroundLaw:
+def _of_density(case: stages.Archive, name: str, target: Target, run: Run) -> GroundLaw:
     """What one density says of the law of a run."""
     looks = float(case.radar.looks)
     method = Method(case.laws[name], case.materials[name].box, looks, "density", 1, free_looks=False, priors=False)
@@ -127,7 +127,7 @@ def _of_density(case: Case, name: str, target: Target, run: Run) -> GroundLaw:
     return GroundLaw(ground, method, classes, _ALONE, fit, correction)
 
 
-def _start_db(case: Case, name: str, ground: Ground) -> NDArray[np.float64] | None:
+def _start_db(case: stages.Archive, name: str, ground: Ground) -> NDArray[np.float64] | None:
     """Expected mean of dB values of the starting law, at the sensor's looks; None for a law without a curve."""
     law = case.at_start.laws[name]
     if not law.has_curve:
@@ -136,7 +136,7 @@ def _start_db(case: Case, name: str, ground: Ground) -> NDArray[np.float64] | No
     return np.asarray(level + log_speckle_cumulants(float(case.radar.looks))[0])
 
 
-def _held(case: Case, name: str, target: Target, law: GroundLaw) -> HeldOut | None:
+def _held(case: stages.Archive, name: str, target: Target, law: GroundLaw) -> HeldOut | None:
     """Prediction of ground that was kept out; with ``both``, of each half from the other."""
     if case.validation is None:
         return None
@@ -153,7 +153,12 @@ def _held(case: Case, name: str, target: Target, law: GroundLaw) -> HeldOut | No
 
 
 def _check(
-    case: Case, name: str, target: Target, law: GroundLaw | None, run: Run, searches: Mapping[str, ClassSearch]
+    case: stages.Archive,
+    name: str,
+    target: Target,
+    law: GroundLaw | None,
+    run: Run,
+    searches: Mapping[str, ClassSearch],
 ) -> LawCheck:
     nominal = float(case.radar.looks)
     nothing = np.empty(0)

@@ -20,7 +20,7 @@ from radcal.calibration.steps import (
     verify,
 )
 from radcal.calibration.stopping import Decision, decide
-from radcal.config import Case
+from radcal.config import Case, stages
 from radcal.measurement.target import Targets
 from radcal.simulators.runner import Runner
 
@@ -62,20 +62,22 @@ def calibrate(
     ValueError
         A start names another law and there is no ``reference``.
     """
-    seed = noise_seed(case)
+    simulation, scores = stages.Verify.of(case), stages.Scores.of(case)
+    train, proposal = stages.Train.of(case), stages.Propose.of(case)
+    seed = noise_seed(simulation)
     others = case.start_with_another_law
     if others and reference is None:
         raise ValueError(f"materials {others} start with another law: expected a reference runner")
-    runs = score_reference(case, reference_runs(case, reference or runner), targets)
-    searches = class_searches(case, targets)
-    for k, parameters in enumerate(design_points(case)):
+    runs = score_reference(scores, reference_runs(stages.ReferenceRun.of(case), reference or runner), targets)
+    searches = class_searches(scores, targets)
+    for k, parameters in enumerate(design_points(stages.DesignChunk.of(case))):
         runs.append(score("design", k, runner.run(parameters, seed), parameters, targets, searches=searches))
     history, surrogates, k = History(runs), None, 0
     report(history)
     while not (decision := decide(history, list(targets), case.stop)).ended:
-        surrogates = train_all(history, case, k, surrogates)
-        proposals = propose_all(surrogates, targets, history, case, k, case.stop)
-        history = History([*history.runs, verify(proposals, targets, runner, case, k)])
+        surrogates = train_all(history, train, k, surrogates)
+        proposals = propose_all(surrogates, targets, history, proposal, k, case.stop)
+        history = History([*history.runs, verify(proposals, targets, runner, simulation, k)])
         report(history)
         k += 1
     return history, decision

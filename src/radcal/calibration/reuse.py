@@ -9,25 +9,26 @@ from pathlib import Path
 from typing import Any
 
 from radcal.calibration.steps import noise_seed, reference_parameters
-from radcal.config import Case
+from radcal.config import stages
 from radcal.errors import ConfigError, StoreError
 from radcal.simulators.runner import Runner
 from radcal.storage.disclosure import disclosed
 from radcal.storage.files import digest, first_difference
+from radcal.storage.run_index import IndexedRun
 from radcal.storage.runs import RunStore
 
-__all__ = ["check_reuse", "reuse_runs"]
+__all__ = ["reuse_runs"]
 
 logger = logging.getLogger(__name__)
 
 
-def reuse_runs(case: Case, runner: Runner, earlier: str | Path) -> list[dict[str, Any]]:
+def reuse_runs(case: stages.Reuse, runner: Runner, earlier: str | Path) -> list[IndexedRun]:
     """Take an earlier case's runs that this case could have made, with other parameters of what it calibrates.
 
     Parameters
     ----------
-    case : Case
-        Sections ``seed`` and ``materials`` are read.
+    case : stages.Reuse
+        What this case simulates.
     runner : Runner
         The simulator behind this case's run store, which takes the records.
     earlier : path
@@ -35,8 +36,8 @@ def reuse_runs(case: Case, runner: Runner, earlier: str | Path) -> list[dict[str
 
     Returns
     -------
-    list of dict
-        ``key`` and ``parameters`` of each, in the order of the keys; the reference run, which counts for
+    list of IndexedRun
+        In the order of the keys; the reference run, which counts for
         itself, is taken but not listed.
 
     Raises
@@ -46,8 +47,8 @@ def reuse_runs(case: Case, runner: Runner, earlier: str | Path) -> list[dict[str
     """
     store = RunStore(earlier)
     seed = noise_seed(case)
-    reference = reference_parameters(case)
-    taken: list[dict[str, Any]] = []
+    reference = reference_parameters(case.materials)
+    taken: list[IndexedRun] = []
     unlike: Counter[str] = Counter()
     for path in sorted(Path(earlier).glob("[!.]*.h5")):
         try:
@@ -70,7 +71,7 @@ def reuse_runs(case: Case, runner: Runner, earlier: str | Path) -> list[dict[str
             unlike["its record does not hold the pixels of every calibrated material"] += 1
             continue
         if parameters != reference:
-            taken.append({"key": path.stem, "parameters": parameters})
+            taken.append(IndexedRun(path.stem, parameters))
     for reason, count in unlike.items():
         logger.info("%d runs of %s not taken: %s", count, earlier, reason)
     if not taken:
@@ -82,7 +83,7 @@ def reuse_runs(case: Case, runner: Runner, earlier: str | Path) -> list[dict[str
     return taken
 
 
-def _calibrated(case: Case, description: Mapping[str, Any]) -> dict[str, list[float]]:
+def _calibrated(case: stages.Reuse, description: Mapping[str, Any]) -> dict[str, list[float]]:
     """A run's parameters of the materials that are calibrated here."""
     materials = description.get("materials", {})
     return {name: materials[name]["parameters"] for name in case.calibrated if name in materials}
@@ -90,26 +91,3 @@ def _calibrated(case: Case, description: Mapping[str, Any]) -> dict[str, list[fl
 
 def _inside(x: list[float], box: list[tuple[float, float]]) -> bool:
     return len(x) == len(box) and all(low <= value <= high for value, (low, high) in zip(x, box, strict=True))
-
-
-def check_reuse(case: Case, results: str | Path) -> None:
-    """Refuse a ``design.reuse`` without runs before any job starts.
-
-    Parameters
-    ----------
-    case : Case
-        Section ``design`` is read.
-    results : path
-        Folder of all cases' results.
-
-    Raises
-    ------
-    ConfigError
-        There is no such case, or it has no runs.
-    """
-    name = case.design.reuse
-    if name is None or any((Path(results) / name / "runs").glob("[!.]*.h5")):
-        return
-    others = sorted(path.parent.name for path in Path(results).glob("*/runs") if any(path.glob("[!.]*.h5")))
-    known = f"one of {', '.join(others)}" if others else "a case that has runs, of which there are none"
-    raise ConfigError(f"design.reuse is {name!r}, which has no runs in {results}/{name}/runs, expected {known}.")

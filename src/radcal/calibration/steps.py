@@ -20,7 +20,7 @@ from radcal.calibration.infill import propose
 from radcal.calibration.noise import noise_variance
 from radcal.calibration.stopping import decide
 from radcal.calibration.surrogate import OUTPUTS, Surrogate
-from radcal.config import Case, CommandSimulation, Optimiser, Stop
+from radcal.config import CommandSimulation, Material, Optimiser, SimulatorConfig, Stop, stages
 from radcal.running.jobs import die_with_parent
 from radcal.seeds import derived_rng, derived_seed, noise_seed
 from radcal.simulators.runner import Runner
@@ -50,18 +50,18 @@ _Job = TypeVar("_Job")
 _Result = TypeVar("_Result")
 
 
-def reference_parameters(case: Case) -> dict[str, list[float]]:
+def reference_parameters(materials: Mapping[str, Material]) -> dict[str, list[float]]:
     """Parameters of the reference run: every material at its start, for the laws of ``Case.at_start``."""
-    return {name: material.start_parameters for name, material in case.materials.items()}
+    return {name: material.start_parameters for name, material in materials.items()}
 
 
-def reference_runs(case: Case, runner: Runner) -> list[Record]:
+def reference_runs(case: stages.ReferenceRun, runner: Runner) -> list[Record]:
     """The starting parameters simulated, and once more if it must be found out whether that repeats.
 
     Parameters
     ----------
-    case : Case
-        Sections ``seed``, ``simulator`` and ``materials`` are read.
+    case : stages.ReferenceRun
+        Starting parameters, seed and simulator.
     runner : Runner
         The simulator behind the run store, of ``case.at_start``: starts may be of other laws.
 
@@ -71,20 +71,20 @@ def reference_runs(case: Case, runner: Runner) -> list[Record]:
         One, with the whole image, or two: radcal's own simulator is deterministic, and of another
         it may be declared.
     """
-    parameters, seed = reference_parameters(case), noise_seed(case)
+    parameters, seed = reference_parameters(case.materials), noise_seed(case)
     records = [runner.run(parameters, seed, image=True)]
     if isinstance(case.simulator, CommandSimulation) and case.simulator.deterministic is None:
         records.append(runner.run(parameters, seed, repeat=True))
     return records
 
 
-def score_reference(case: Case, records: Sequence[Record], targets: Targets) -> list[Run]:
+def score_reference(case: stages.Scores, records: Sequence[Record], targets: Targets) -> list[Run]:
     """Score the reference run and its repetition, with how far their pixels differ.
 
     Parameters
     ----------
-    case : Case
-        Sections ``seed``, ``materials`` and ``radar`` are read.
+    case : stages.Scores
+        Starting parameters, laws and seed.
     records : sequence of Record
         What :func:`reference_runs` gave.
     targets : mapping
@@ -96,7 +96,7 @@ def score_reference(case: Case, records: Sequence[Record], targets: Targets) -> 
         As many as records; ``rms_sampling`` is the first's, ``repeat_db`` [dB] that of all others,
         ``repeat_variance`` that of those which differ from the first.
     """
-    start, others = reference_parameters(case), case.start_with_another_law
+    start, others = reference_parameters(case.materials), case.start_with_another_law
     searches = class_searches(case, targets)
     runs = [
         score("reference", k, record, start, targets, other_law=others, searches=searches)
@@ -111,7 +111,7 @@ def score_reference(case: Case, records: Sequence[Record], targets: Targets) -> 
     return runs
 
 
-def _repeat_variance(case: Case, first: Record, again: Record, targets: Targets) -> dict[str, list[float]]:
+def _repeat_variance(case: stages.Scores, first: Record, again: Record, targets: Targets) -> dict[str, list[float]]:
     pair = [(record.pixels_db, targets.levels.simulated(record.pixels_db)) for record in (first, again)]
     found = {}
     for name, target in targets.items():
@@ -122,13 +122,13 @@ def _repeat_variance(case: Case, first: Record, again: Record, targets: Targets)
     return found
 
 
-def repeatability(case: Case, differences_db: Sequence[float]) -> str:
+def repeatability(simulator: SimulatorConfig, differences_db: Sequence[float]) -> str:
     """Say whether equal parameters give equal runs, and what follows.
 
     Parameters
     ----------
-    case : Case
-        Section ``simulator`` is read.
+    simulator : SimulatorConfig
+        Section of the configuration.
     differences_db : sequence of float
         Largest difference of each repeated reference run's pixels from the first's [dB].
 
@@ -138,7 +138,7 @@ def repeatability(case: Case, differences_db: Sequence[float]) -> str:
         A sentence, empty where nothing is to be said.
     """
     smooths = "the surrogate smooths over runs instead of passing through them."
-    if isinstance(case.simulator, CommandSimulation) and case.simulator.deterministic is False:
+    if isinstance(simulator, CommandSimulation) and simulator.deterministic is False:
         return f"The simulator is declared not to be deterministic: {smooths}"
     if not differences_db:
         return ""
@@ -150,13 +150,13 @@ def repeatability(case: Case, differences_db: Sequence[float]) -> str:
     )
 
 
-def not_fresh(case: Case, final: Sequence[Record]) -> str:
+def not_fresh(simulator: SimulatorConfig, final: Sequence[Record]) -> str:
     """Say so where another seed gives the same pixels, bit for bit: the last run then checks nothing.
 
     Parameters
     ----------
-    case : Case
-        Section ``simulator`` is read.
+    simulator : SimulatorConfig
+        Section of the configuration.
     final : sequence of two Record
         The calibrated laws with common and with fresh random numbers.
 
@@ -167,7 +167,7 @@ def not_fresh(case: Case, final: Sequence[Record]) -> str:
     """
     if final[0].largest_difference_db(final[1]) > 0:
         return ""
-    if isinstance(case.simulator, CommandSimulation) and case.simulator.seedless:
+    if isinstance(simulator, CommandSimulation) and simulator.seedless:
         return "The simulator takes no seed: no run has fresh random numbers, and no rms of any is given."
     return (
         "The final run with another seed gives the same pixels as the one that it repeats, bit for bit: the seed does "
@@ -176,15 +176,15 @@ def not_fresh(case: Case, final: Sequence[Record]) -> str:
     )
 
 
-def _noisy(history: History, case: Case) -> bool:
+def _noisy(history: History, simulator: SimulatorConfig) -> bool:
     """Whether equal parameters give unequal runs."""
-    declared = case.simulator.deterministic if isinstance(case.simulator, CommandSimulation) else True
+    declared = simulator.deterministic if isinstance(simulator, CommandSimulation) else True
     return any(history.repeat_db) if declared is None else not declared
 
 
-def all_parameters(case: Case, calibrated: Parameters) -> dict[str, list[float]]:
+def all_parameters(materials: Mapping[str, Material], calibrated: Parameters) -> dict[str, list[float]]:
     """Complete the calibrated materials' parameters with the fixed ones."""
-    return {**reference_parameters(case), **{name: list(x) for name, x in calibrated.items()}}
+    return {**reference_parameters(materials), **{name: list(x) for name, x in calibrated.items()}}
 
 
 def _train(job: tuple[Surrogate, NDArray[np.float64] | None, bool]) -> Surrogate:
@@ -217,7 +217,7 @@ def _each(function: Callable[[_Job], _Result], jobs: Sequence[_Job], processes: 
 
 def train_all(
     history: History,
-    case: Case,
+    case: stages.Train,
     iteration: int,
     previous: Mapping[str, Surrogate | ClassRuns] | None,
     processes: int = 1,
@@ -228,8 +228,8 @@ def train_all(
     ----------
     history : History
         Runs so far.
-    case : Case
-        Sections ``simulator``, ``materials`` and ``surrogate`` are read.
+    case : stages.Train
+        Bounds, and settings of the training.
     iteration : int
         Number of the iteration, from 0.
     previous : mapping, optional
@@ -252,7 +252,7 @@ def train_all(
                 case.materials[name].box,
                 *history.training(name),
                 case.surrogate.outputs,
-                noisy=_noisy(history, case),
+                noisy=_noisy(history, case.simulator),
                 noise_variance=history.noise_variance(name),
                 integer=case.materials[name].integers,
             ),
@@ -273,7 +273,7 @@ def propose_all(
     surrogates: Mapping[str, Surrogate | ClassRuns],
     targets: Targets,
     history: History,
-    case: Case,
+    case: stages.Propose,
     iteration: int,
     stop: Stop,
     processes: int = 1,
@@ -286,8 +286,8 @@ def propose_all(
         By material.
     history : History
         Runs so far.
-    case : Case
-        Sections ``seed``, ``materials``, ``radar`` and ``optimiser`` are read.
+    case : stages.Propose
+        Laws, bounds, seed, and settings of the search.
     iteration : int
         Number of the iteration.
     stop : Stop
@@ -338,9 +338,11 @@ def propose_all(
     return {name: found.get(name) or Proposal(list(best[name].parameters[name]), "ended") for name in targets}
 
 
-def verify(proposals: Mapping[str, Proposal], targets: Targets, runner: Runner, case: Case, iteration: int) -> Run:
+def verify(
+    proposals: Mapping[str, Proposal], targets: Targets, runner: Runner, case: stages.Verify, iteration: int
+) -> Run:
     """Simulate the proposals in one run and score it."""
-    parameters = all_parameters(case, {name: proposal.parameters for name, proposal in proposals.items()})
+    parameters = all_parameters(case.materials, {name: proposal.parameters for name, proposal in proposals.items()})
     record = runner.run(parameters, noise_seed(case))
     return score("infill", iteration, record, parameters, targets, proposals, searches=class_searches(case, targets))
 

@@ -7,7 +7,7 @@ from them (``python -m radcal.config``). Unknown keys are refused. All models ar
 
 from radcal.config.case import Case
 from radcal.config.design import Design
-from radcal.config.inputs import executable_path, expand_path, files_below, input_files, vrt_folders
+from radcal.config.inputs import check_reuse, executable_path, expand_path, files_below, input_files, vrt_folders
 from radcal.config.loading import case_from, load
 from radcal.config.materials import Material, Start
 from radcal.config.measurement import FileMeasurement, MeasurementConfig, Synthetic, SyntheticMeasurement
@@ -60,6 +60,7 @@ __all__ = [
     "Template",
     "Validation",
     "case_from",
+    "check_reuse",
     "default_yaml",
     "executable_path",
     "expand_path",

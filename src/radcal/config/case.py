@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import math
 import re
-import typing
-from collections.abc import Mapping
-from typing import Any, Literal, Self
+from typing import Any, Self
 
-from pydantic import Field, TypeAdapter, ValidationInfo, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from radcal.config.design import Design
 from radcal.config.limits import Seed
 from radcal.config.materials import DEFAULT_LAW, Material, check_parameters, default_materials
 from radcal.config.measurement import FileMeasurement, MeasurementConfig, Synthetic, SyntheticMeasurement
 from radcal.config.optimiser import Optimiser
+from radcal.config.part import Part
 from radcal.config.radar import Radar
 from radcal.config.registration import RegistrationConfig
 from radcal.config.scene import BuiltinScene, SceneConfig
-from radcal.config.sections import TAGS, CaseName, Section
+from radcal.config.sections import TAGS, CaseName, Objective
 from radcal.config.sentences import nearest
 from radcal.config.simulator import BuiltinSimulation, CommandSimulation, SimulatorConfig
 from radcal.config.stop import Stop
@@ -26,16 +25,9 @@ from radcal.config.surrogate import SurrogateConfig
 from radcal.config.target import TargetConfig
 from radcal.config.validation import Validation
 from radcal.radar.bands import same_label
-from radcal.radar.laws import EXTERNAL, LAWS, Law, law_for
-from radcal.storage.disclosure import Undisclosed
+from radcal.radar.laws import EXTERNAL, LAWS
 
 __all__ = ["Case"]
-
-_DESIGN_SIZE = {
-    "classes": 2,
-    "likelihood": 2,
-    "density": 16,
-}  # runs; the surrogate of bins knows law and speckle without any run
 
 
 def _with_fitting_stop(data: dict[str, Any]) -> dict[str, Any]:
@@ -48,14 +40,15 @@ def _with_fitting_stop(data: dict[str, Any]) -> dict[str, Any]:
     return {**data, "stop": {**stop, "at_sampling_error": True}} if kind == "command" else data
 
 
-class Case(Section):
+class Case(Part):
     """Configuration of one calibration."""
 
     case: CaseName = Field("dyke", description="name of the case and of its folder below results/")
     replace: bool = Field(False, description="whether results of another scene or pass in that folder may be replaced")
     seed: Seed = Field(1, description="seed of all random draws that have no seed of their own")
+    # factories: a section that is made here would have its validator built in every job
     scene: SceneConfig = Field(BuiltinScene(), description="source of elevation, materials and objects")
-    radar: Radar = Radar()
+    radar: Radar = Field(default_factory=Radar)
     simulator: SimulatorConfig = Field(BuiltinSimulation(), description="radcal's own simulator or any other program")
     materials: dict[str, Material] = Field(
         default_factory=default_materials, min_length=1, description="surface materials by name, and their laws"
@@ -63,17 +56,17 @@ class Case(Section):
     measurement: MeasurementConfig = Field(
         SyntheticMeasurement(), description="the measured image in a file, or a synthetic one"
     )
-    registration: RegistrationConfig = RegistrationConfig()
-    objective: Literal["classes", "density", "likelihood"] = Field(
+    registration: RegistrationConfig = Field(default_factory=RegistrationConfig)
+    objective: Objective = Field(
         "classes",
         description="classes, likelihood: the law, by incidence-angle bin (docs/right_law.md); density: the histogram",
     )
-    target: TargetConfig = TargetConfig()
+    target: TargetConfig = Field(default_factory=TargetConfig)
     validation: Validation | None = Field(None, description="held-out ground, on which the laws are checked")
-    design: Design = Design()
-    surrogate: SurrogateConfig = SurrogateConfig()
-    optimiser: Optimiser = Optimiser()
-    stop: Stop = Stop()
+    design: Design = Field(default_factory=Design)
+    surrogate: SurrogateConfig = Field(default_factory=SurrogateConfig)
+    optimiser: Optimiser = Field(default_factory=Optimiser)
+    stop: Stop = Field(default_factory=Stop)
 
     @model_validator(mode="before")
     @classmethod
@@ -243,69 +236,3 @@ class Case(Section):
                 f"measurement.carrier_band is {measurement.carrier_band!r}, radar.band is {self.radar.band!r}: "
                 "bands are never mixed, set both to the image's"
             )
-
-    @property
-    def calibrated(self) -> list[str]:
-        """Names of the materials to calibrate, in the order of the file."""
-        return [name for name, material in self.materials.items() if material.calibrate]
-
-    @property
-    def design_size(self) -> int:
-        """Number of runs of the design."""
-        return _DESIGN_SIZE[self.objective] if self.design.size == "auto" else self.design.size
-
-    @property
-    def laws(self) -> dict[str, Law]:
-        """Every material's law for this pass, ready to be evaluated unless it is external."""
-        return {
-            name: law_for(
-                material.law,
-                frequency_ghz=self.radar.frequency_ghz,
-                polarisation=self.radar.polarisation,
-                angles_deg=material.angles_deg,
-                names=material.names,
-                units=material.units,
-            )
-            for name, material in self.materials.items()
-        }
-
-    @property
-    def at_start(self) -> Case:
-        """Case of the reference run: each material with the law of its start."""
-        return self.model_copy(
-            update={"materials": {name: material.at_start for name, material in self.materials.items()}}
-        )
-
-    @property
-    def start_with_another_law(self) -> list[str]:
-        """Names of the calibrated materials whose reference run is made with another law."""
-        return [name for name, material in self.materials.items() if material.starts_with_another_law]
-
-    @property
-    def reference_materials(self) -> list[str]:
-        """Names of the fixed materials from which the measured image's level is estimated."""
-        if self.target.reference_materials is not None:
-            return list(self.target.reference_materials)
-        return [name for name, material in self.materials.items() if not material.calibrate]
-
-    def sections(self, *names: str) -> dict[str, Any]:
-        """Return the named sections as plain data, for a rule's ``params``."""
-        sections = self.model_dump(mode="json", include=set(names))
-        if environment := sections.get("simulator", {}).get("environment"):
-            sections["simulator"]["environment"] = Undisclosed(environment)
-        return sections
-
-    @classmethod
-    def of_sections(cls, sections: Mapping[str, Any]) -> Case:
-        """Rebuild a case from :meth:`sections`; reading any other section is an AttributeError.
-
-        A job can thus not depend on a key that its rule does not declare.
-        """
-        checked = {
-            name: TypeAdapter[Any](typing.cast(Any, cls.model_fields[name].annotation)).validate_python(value)
-            for name, value in sections.items()
-        }
-        case = cls.model_construct(**checked)
-        for name in cls.model_fields.keys() - checked.keys():
-            del case.__dict__[name]
-        return case

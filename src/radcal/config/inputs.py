@@ -1,4 +1,4 @@
-"""Paths of the files and programs that a case names; a missing one is refused in one sentence."""
+"""Files, programs and earlier runs that a case names: found, and refused in one sentence where they are missing."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from radcal.config.simulator import CommandSimulation
 from radcal.errors import ConfigError
 from radcal.reading.rasters import RasterRefused, raster_files
 
-__all__ = ["executable_path", "expand_path", "files_below", "input_files", "vrt_folders"]
+__all__ = ["check_reuse", "executable_path", "expand_path", "files_below", "input_files", "vrt_folders"]
 
 
 def expand_path(text: str, key: str, folder: bool = False) -> Path:
@@ -122,6 +122,29 @@ def input_files(case: Case) -> dict[str, Path]:
     if isinstance(case.simulator, CommandSimulation):
         files |= _simulator_files(case.simulator)
     return files
+
+
+def check_reuse(case: Case, results: str | Path) -> None:
+    """Refuse a ``design.reuse`` without runs before any job starts.
+
+    Parameters
+    ----------
+    case : Case
+        The configuration.
+    results : path
+        Folder of all cases' results.
+
+    Raises
+    ------
+    ConfigError
+        There is no such case, or it has no runs.
+    """
+    name = case.design.reuse
+    if name is None or any((Path(results) / name / "runs").glob("[!.]*.h5")):
+        return
+    others = sorted(path.parent.name for path in Path(results).glob("*/runs") if any(path.glob("[!.]*.h5")))
+    known = f"one of {', '.join(others)}" if others else "a case that has runs, of which there are none"
+    raise ConfigError(f"design.reuse is {name!r}, which has no runs in {results}/{name}/runs, expected {known}.")
 
 
 def vrt_folders(config: SlantRangeScene | RasterScene | FileMeasurement) -> tuple[Path, ...]:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict
 
-__all__ = ["TAGS", "CaseName", "Section"]
+__all__ = ["TAGS", "CaseName", "Objective", "Section"]
 
 _LONGEST_NAME = 100  # file systems take 255 bytes, and files named after a case add theirs
 
@@ -23,10 +23,12 @@ def _case_name(value: str) -> str:
     return value
 
 
+Objective = Literal["classes", "density", "likelihood"]
 CaseName = Annotated[str, AfterValidator(_case_name)]
 
 
 class Section(BaseModel):
     """A frozen section of the configuration that refuses unknown keys."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    # a validator is built where it is used first: a job has use for those of its stage alone
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from radcal import skewnormal
-from radcal.config import Case, FileMeasurement, Radar, Synthetic, expand_path, vrt_folders
+from radcal.config import FileMeasurement, Radar, Synthetic, expand_path, stages, vrt_folders
 from radcal.errors import FitError, MeasurementError
 from radcal.measurement.displacement import invert, warp
 from radcal.measurement.georeference import (
@@ -35,13 +35,15 @@ __all__ = ["make_measurement", "smooth_warp"]
 _WARP_SIGMA_PX = 60.0  # smoothing of a synthetic displacement field
 
 
-def make_measurement(case: Case, geometry: Geometry, simulator: Simulator, scene: Scene | None = None) -> Measurement:
+def make_measurement(
+    case: stages.Measurement, geometry: Geometry, simulator: Simulator, scene: Scene | None = None
+) -> Measurement:
     """Read or make the measurement and check that every calibrated material can be fitted.
 
     Parameters
     ----------
-    case : Case
-        The configuration.
+    case : stages.Measurement
+        Source of the image, and what it must suit.
     geometry : Geometry
         Image grid and material masks.
     simulator : Simulator
@@ -94,10 +96,10 @@ def smooth_warp(shape: tuple[int, int], rms_px: float, rng: np.random.Generator)
     return np.asarray(field * rms_px / np.sqrt(np.mean((field**2).sum(axis=0))))
 
 
-def _synthetic(case: Case, synthetic: Synthetic, simulator: Simulator) -> Measurement:
+def _synthetic(case: stages.Measurement, synthetic: Synthetic, simulator: Simulator) -> Measurement:
     hidden = {name: material.start_parameters for name, material in case.materials.items()}
     hidden.update({name: x for name, x in synthetic.parameters.items() if name in hidden})
-    image_db = simulator.run(hidden, measurement_seed(case, synthetic.seed))
+    image_db = simulator.run(hidden, measurement_seed(case.simulator, synthetic.seed))
     field = None
     if synthetic.warp_px > 0:
         field = smooth_warp(

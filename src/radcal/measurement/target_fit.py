@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal import skewnormal
-from radcal.config import Case, Radar, TargetConfig, Validation
+from radcal.config import Radar, TargetConfig, Validation, stages
 from radcal.errors import MeasurementError
 from radcal.measurement.goodness import effective_sample_size, goodness_of_fit
 from radcal.measurement.ground import Blocks, Ground
@@ -161,13 +161,15 @@ def _ground(
     )
 
 
-def make_targets(case: Case, geometry: Geometry, registered: Registered, reference_db: NDArray[np.float32]) -> Targets:
+def make_targets(
+    case: stages.Target, geometry: Geometry, registered: Registered, reference_db: NDArray[np.float32]
+) -> Targets:
     """Targets of all calibrated materials, and the levels.
 
     Parameters
     ----------
-    case : Case
-        Sections ``seed``, ``materials``, ``radar``, ``target`` and ``validation`` are read.
+    case : stages.Target
+        Materials, pass, seed, and settings of the target.
     geometry : Geometry
         Of the pass.
     registered : Registered
@@ -211,7 +213,9 @@ def make_targets(case: Case, geometry: Geometry, registered: Registered, referen
     )
 
 
-def make_levels(case: Case, geometry: Geometry, registered: Registered, reference_db: NDArray[np.float32]) -> Levels:
+def make_levels(
+    case: stages.Target, geometry: Geometry, registered: Registered, reference_db: NDArray[np.float32]
+) -> Levels:
     """Levels of the measured image against the reference run; arguments as for :func:`make_targets`.
 
     Raises

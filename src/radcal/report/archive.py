@@ -84,7 +84,7 @@ from radcal.calibration.law_check import LawCheck, check_laws, texture_note
 from radcal.calibration.noise import noise_sentence
 from radcal.calibration.steps import not_fresh, repeatability
 from radcal.calibration.stopping import decide
-from radcal.config import Case, Stop
+from radcal.config import Stop, stages
 from radcal.errors import StoreError
 from radcal.measurement.registration import Registered
 from radcal.measurement.target import Targets
@@ -108,7 +108,7 @@ _PACKAGES = ("radcal", "numpy", "scipy", "smt", "platypus-opt", "h5py", "snakema
 def write_archive(
     path: str | Path,
     *,
-    case: Case,
+    case: stages.Archive,
     stop: Stop,
     history: History,
     scene: Scene,
@@ -124,7 +124,7 @@ def write_archive(
     ----------
     path : path
         The file.
-    case, stop : Case, Stop
+    case, stop : stages.Archive, Stop
         Configuration.
     history : History
         Reference, design and verified proposals.
@@ -149,7 +149,7 @@ def write_archive(
             f"{store.path(history.runs[0].key)}: the reference run is missing or without its image; delete "
             f"{Path(runs).parent / 'reference.json'} and type the same command again to make it again."
         )
-    repeated = [sentence] if (sentence := repeatability(case, history.repeat_db)) else []
+    repeated = [sentence] if (sentence := repeatability(case.simulator, history.repeat_db)) else []
     if case.surrogate.outputs == "centred":
         known = {name: history.noise_variance(name) for name in targets}
         repeated += [noise_sentence(name, variance) for name, variance in known.items() if variance is not None]
@@ -159,7 +159,7 @@ def write_archive(
     checks = check_laws(case, targets, history)
     looks = {name: checks[name].looks for name in searches}
     repeated += [note] if (note := texture_note(checks)) else []
-    repeated += [note] if (note := not_fresh(case, final)) else []
+    repeated += [note] if (note := not_fresh(case.simulator, final)) else []
     calibrated_db, fresh_db = (_textured(final[k].pixels_db, searches, looks, fresh=k == 1) for k in range(2))
     start_db = _textured(reference.pixels_db, searches, history.runs[0].looks)
     final_scores = {"final": targets.score(calibrated_db), "fresh": targets.score(fresh_db)}

@@ -13,7 +13,6 @@ from radcal.report.drawing import (
     DESIGN,
     FOUND,
     PALE,
-    REASONS,
     START,
     TARGET,
     Array,
@@ -24,6 +23,7 @@ from radcal.report.drawing import (
     short,
     shortened,
 )
+from radcal.report.reasons import REASONS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -166,7 +166,7 @@ def overview(case: CaseData) -> tuple[Canvas, str, str]:
         lines = textwrap.wrap(shortened(material.name, 2 * width - 4), width)
         axes.set_title(
             "\n".join(line.replace("$", r"\$") for line in lines)
-            + f"\nrms {short(material.rms[material.best])}: {REASONS.get(material.reason, material.reason)}",
+            + f"\nrms {short(material.rms[material.best])}: {REASONS[material.reason].label}",
             fontsize=10.0,
         )
         axes.tick_params(labelsize=9.5)

@@ -226,13 +226,3 @@ def add_legend(canvas: Canvas, entries: tuple[Sequence[Any], Sequence[str]], col
             return
         legend.remove()
         columns -= 1
-
-
-REASONS = {
-    "rms": "converged",
-    "settled": "stop criterion met",
-    "unreachable": "unreachable",
-    "stagnation": "stagnated",
-    "max_runs": "out of runs",
-    "running": "unfinished",
-}

@@ -14,6 +14,7 @@ import numpy as np
 
 from radcal import skewnormal
 from radcal.report.figures import Figure
+from radcal.report.reasons import REASONS
 from radcal.report.summary import summarise
 from radcal.storage.files import atomic
 from radcal.storage.records import read_hdf5
@@ -24,20 +25,6 @@ _AT_BOUND = 1e-3  # share of the interval between bounds within which a value is
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _MINUS = "\N{MINUS SIGN}"
 _TIMES = "\N{NARROW NO-BREAK SPACE}\N{MULTIPLICATION SIGN}\N{NARROW NO-BREAK SPACE}"
-_REASONS = {
-    "rms": "within the tolerance",
-    "settled": "the stop criterion is met",
-    "unreachable": "no parameters inside the bounds seem to reach the target",
-    "stagnation": "no longer getting better",
-    "max_runs": "maximum number of runs",
-    "running": "not finished",
-}
-_SHORT = {
-    "rms": "tolerance reached",
-    "settled": "stop criterion met",
-    "max_runs": "maximum of runs",
-    "running": "not finished",
-}
 
 
 def _number(value: float | None, digits: int = 3) -> str:
@@ -108,17 +95,18 @@ def _material(name: str, summary: Mapping[str, Any], group: h5py.Group) -> dict[
             strict=True,
         )
     ]
+    words = REASONS[summary["stop_reason"]]
     return {
         **summary,
         "name": name,
         "other_start": None if same_law else {"law": summary["start_law"], "parameters": group["start"][()].tolist()},
-        "reason": _REASONS.get(summary["stop_reason"], summary["stop_reason"]),
-        "short_reason": _SHORT.get(summary["stop_reason"], summary["stop_reason"]),
+        "reason": words.clause,
+        "short_reason": words.cell,
         "parameters": parameters,
         "at_bounds": [p for p in parameters if p["at"]],
         "target": _theta(summary["target"]),
         "calibrated": _theta(summary["calibrated"]),
-        "within": summary["stop_reason"] in ("rms", "settled"),
+        "within": words.met,
         "low": float(low),
         "high": float(high),
         "drawn": int(group["pixels"].shape[0]),

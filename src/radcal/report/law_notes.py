@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from radcal.config import Case
+from radcal.config import stages
 from radcal.radar.geometry import Geometry
 
 __all__ = ["law_notes"]
@@ -12,13 +12,13 @@ __all__ = ["law_notes"]
 _SHARE = 0.05  # share of a material's pixels outside the law's angles above which a note is made
 
 
-def law_notes(case: Case, geometry: Geometry, parameters: Mapping[str, Sequence[float]]) -> list[str]:
+def law_notes(case: stages.Archive, geometry: Geometry, parameters: Mapping[str, Sequence[float]]) -> list[str]:
     """Sentences about laws that are extrapolated.
 
     Parameters
     ----------
-    case : Case
-        Sections ``materials`` and ``radar`` are read.
+    case : stages.Archive
+        Laws by material.
     geometry : Geometry
         Geometry with the incidence of every material's visible pixels.
     parameters : mapping

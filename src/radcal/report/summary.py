@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radcal import skewnormal
-from radcal.config import Case
+from radcal.config import stages
 from radcal.radar.laws import Law
 from radcal.report.law_records import read_law
 from radcal.storage.records import read_hdf5
@@ -62,8 +62,8 @@ def numbered_jobs(archive: str | Path) -> dict[str, int]:
     with read_hdf5(archive, "calibration") as file:
         iterations = int(np.count_nonzero(file["runs/kind"].asstr()[()] == "infill"))
         config = json.loads(str(file.attrs["config"]))
-    case = Case.of_sections({key: config[key] for key in ("objective", "design")})
-    chunks = -(-case.design_size // case.design.chunk)
+    sizes = stages.DesignSize.model_validate({key: config[key] for key in stages.DesignSize.model_fields})
+    chunks = -(-sizes.design_size // sizes.design.chunk)
     return {"design": chunks, **dict.fromkeys(("train", "propose", "verify"), iterations)}
 
 

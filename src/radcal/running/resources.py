@@ -47,7 +47,7 @@ def values_of(case: Case) -> dict[str, int]:
     Parameters
     ----------
     case : Case
-        Sections ``scene`` and ``radar`` are read.
+        The configuration.
 
     Returns
     -------

@@ -2,26 +2,70 @@
 
 from __future__ import annotations
 
+import logging
 import os
+import re
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
-from radcal.config import Case
+from radcal.config import Case, check_reuse, input_files, load
+from radcal.config.casefile import check_words
 from radcal.errors import RadcalError, StoreError
 from radcal.running.jobs import CASE, FAILURE, OWNER, PROGRESS, STARTED, Follower
 from radcal.running.salvage import files_of, salvage
 from radcal.running.simulator_change import simulator_change
 from radcal.running.slurm import cancel_leftovers, remember
-from radcal.running.terminal import Messages
+from radcal.running.terminal import Messages, guard
+from radcal.simulators.command import check_command
+from radcal.simulators.seed_width import with_seed_bits
 from radcal.storage.files import sweep_scripts, unwritable
 from radcal.storage.lock import CaseLock, leave
 from radcal.storage.records import REPLACE
 
-__all__ = ["Session"]
+__all__ = ["Session", "is_dry_run", "open_session"]
 
 _SNAKEMAKE = Path(".snakemake")
+_RESULTS = Path("results")
+
+
+def open_session(
+    files: Sequence[str | Path], config: Mapping[str, Any], words: Sequence[str], remote: bool, logger: logging.Logger
+) -> Session:
+    """Session of a Snakemake command, its case loaded and checked; exit with a sentence where the case is refused.
+
+    Parameters
+    ----------
+    files : sequence of path
+        Configuration files.
+    config : mapping
+        Snakemake's merged configuration.
+    words : sequence of str
+        What the command line has after ``--config``.
+    remote : bool
+        Whether this process is a job on a cluster.
+    logger : logging.Logger
+        Snakemake's, which takes the session's filter.
+    """
+    guard(logger)
+    try:
+        check_words(words)
+        case = with_seed_bits(load(files, config), _RESULTS)
+        inputs = input_files(case)
+        check_command(case)
+        check_reuse(case, _RESULTS)
+        session = Session(case, remote, inputs=inputs)
+    except RadcalError as error:
+        sys.exit(f"radcal: {error}")
+    logger.addFilter(session.messages)
+    return session
+
+
+def is_dry_run(words: Iterable[str]) -> bool:
+    """Whether a command line asks for a dry run, which Snakemake does not tell while it reads the Snakefile."""
+    return any(re.fullmatch("--dry-?run|-[a-z]*n[a-z]*", word) for word in words)
 
 
 class Session:
@@ -37,9 +81,13 @@ class Session:
         Whether this process is a job on a cluster, which reads the Snakefile again.
     results : path
         Folder of all cases.
+    inputs : mapping, optional
+        Files that the case reads, by configuration key.
 
     Attributes
     ----------
+    case, inputs
+        As given.
     folder : Path
         ``results/<case>``.
     messages : Messages
@@ -51,7 +99,13 @@ class Session:
         A file has the name of the case's folder.
     """
 
-    def __init__(self, case: Case, remote: bool = False, results: str | Path = "results") -> None:
+    def __init__(
+        self,
+        case: Case,
+        remote: bool = False,
+        results: str | Path = _RESULTS,
+        inputs: Mapping[str, Path] | None = None,
+    ) -> None:
         self.folder = Path(results) / case.case
         for path in (self.folder.parent, self.folder):
             if os.path.lexists(path) and not path.is_dir():
@@ -59,7 +113,7 @@ class Session:
                     f"{path} is a file, expected a folder, where results go: rename it, or give the case another name "
                     "(case: ...)."
                 )
-        self._case = case
+        self.case, self.inputs = case, dict(inputs or {})
         self._lock = CaseLock(self.folder)
         self._follower: Follower | None = None
         self._failure = (self.folder / "logs" / "failure.txt").absolute()
@@ -97,11 +151,11 @@ class Session:
         """
         self._patterns = [Path(path).relative_to(self.folder).as_posix() for path in outputs]
         try:
-            sentences = salvage(self.folder, self._case.case, self._patterns)
+            sentences = salvage(self.folder, self.case.case, self._patterns)
         except OSError as error:
             path, why = error.filename or self.folder, error.strerror or error
             leave(f"{path} cannot be read ({why}); results are there, so make it readable.")
-        for sentence in [*sentences, *simulator_change(self.folder, self._case)]:
+        for sentence in [*sentences, *simulator_change(self.folder, self.case)]:
             _say(sentence)
 
     def start(self, cluster: str | None = None, remote_jobs: bool = False) -> None:

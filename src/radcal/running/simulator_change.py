@@ -7,7 +7,7 @@ from pathlib import Path
 from radcal.config import Case
 from radcal.errors import StoreError
 from radcal.radar import SIMULATOR_VERSION
-from radcal.storage.records import read_json
+from radcal.storage.run_index import read_index
 from radcal.storage.runs import RunStore
 
 __all__ = ["simulator_change"]
@@ -21,7 +21,7 @@ def simulator_change(folder: str | Path, case: Case) -> list[str]:
     folder : path
         ``results/<case>``.
     case : Case
-        Section ``simulator`` is read.
+        The configuration.
 
     Returns
     -------
@@ -33,7 +33,7 @@ def simulator_change(folder: str | Path, case: Case) -> list[str]:
     if case.simulator.kind != "builtin" or not (folder / "reference.json").is_file():
         return []
     try:
-        key = read_json(folder / "reference.json")[0]["key"]
+        key = read_index(folder / "reference.json")[0].key
         theirs = RunStore(folder / "runs").description(key)["simulator"]
     except (StoreError, KeyError, IndexError, TypeError):
         return []  # what is damaged has its own sentence

@@ -8,13 +8,28 @@ import subprocess
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from radcal.errors import ClusterError
 from radcal.storage.files import atomic
 
-__all__ = ["cancel_leftovers", "remember"]
+__all__ = ["cancel_leftovers", "job_name", "remember"]
 
 _PATIENCE_S = 120.0  # Slurm grants a cancelled job 30 s (KillWait) unless configured otherwise
+
+
+def job_name(workflow: Any) -> str | None:
+    """Name that all Slurm jobs of a command bear in the queue, None where jobs do not run on Slurm.
+
+    Parameters
+    ----------
+    workflow : snakemake.workflow.Workflow
+        After its scheduler has been made, as in ``onstart``. Snakemake's plugin for Slurm draws the name.
+    """
+    if workflow.executor_plugin.name != "slurm":
+        return None
+    name: str | None = getattr(workflow.scheduler._executor, "run_uuid", None)
+    return name
 
 
 def remember(file: str | Path, name: str) -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
-from radcal.config import Case, Material, Radar
+from radcal.config import Material, Radar, stages
 from radcal.errors import SimulatorError
 from radcal.radar.laws import EXTERNAL
 from radcal.simulators.protocol import Simulator
@@ -54,12 +54,12 @@ class Runner:
         Pixels of the materials.
     scene_identity : str
         Digest of the scene.
-    case : Case
+    case : stages.Simulation
         Pass, laws and materials to record.
     """
 
     def __init__(
-        self, store: RunStore, simulator: Simulator, geometry: Geometry, scene_identity: str, case: Case
+        self, store: RunStore, simulator: Simulator, geometry: Geometry, scene_identity: str, case: stages.Simulation
     ) -> None:
         self._store = store
         self._simulator = simulator

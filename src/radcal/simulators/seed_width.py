@@ -13,7 +13,7 @@ from pathlib import Path
 
 import h5py
 
-from radcal.config import Case, CommandSimulation, SyntheticMeasurement
+from radcal.config import Case, CommandSimulation, SyntheticMeasurement, stages
 from radcal.errors import ConfigError
 from radcal.seeds import measurement_seed, noise_seed
 from radcal.simulators.placeholders import SEED, Marker
@@ -31,7 +31,7 @@ def with_seed_bits(case: Case, results: str | Path) -> Case:
     Parameters
     ----------
     case : Case
-        Sections ``case``, ``simulator`` and ``design`` are read.
+        The configuration.
     results : path
         Folder of all cases' results.
 
@@ -73,7 +73,7 @@ def check_seeds(case: Case, places: Iterable[tuple[str, Marker]]) -> None:
     Parameters
     ----------
     case : Case
-        Sections ``seed``, ``simulator`` and ``measurement`` are read.
+        The configuration.
     places : iterable of (str, Marker)
         Every placeholder of the seed, with its name in messages.
 
@@ -85,12 +85,13 @@ def check_seeds(case: Case, places: Iterable[tuple[str, Marker]]) -> None:
     SimulatorError
         A seed is wider than its field.
     """
+    runs = stages.Simulation.of(case)
     seeds = {
-        "the runs of the calibration": noise_seed(case),
-        "the final run with fresh random numbers": noise_seed(case, fresh=True),
+        "the runs of the calibration": noise_seed(runs),
+        "the final run with fresh random numbers": noise_seed(runs, fresh=True),
     }
     if isinstance(case.measurement, SyntheticMeasurement):
-        seeds["the synthetic measurement"] = measurement_seed(case, case.measurement.synthetic.seed)
+        seeds["the synthetic measurement"] = measurement_seed(case.simulator, case.measurement.synthetic.seed)
     seen: dict[tuple[str, ...], str] = {}
     places = list(places)
     for what, seed in seeds.items():

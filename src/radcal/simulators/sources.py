@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from radcal.config import Case, CommandSimulation
+from radcal.config import CommandSimulation, stages
 from radcal.radar.geometry import Geometry, read_geometry
 from radcal.scene.model import read_scene
 from radcal.simulators.builtin import BuiltinSimulator
@@ -16,13 +16,13 @@ from radcal.storage.runs import RunStore
 __all__ = ["make_runner", "make_simulator"]
 
 
-def make_simulator(case: Case, geometry: Geometry, geometry_path: str | Path) -> Simulator:
+def make_simulator(case: stages.Simulator, geometry: Geometry, geometry_path: str | Path) -> Simulator:
     """Configured simulator on a geometry.
 
     Parameters
     ----------
-    case : Case
-        Sections ``simulator``, ``materials`` and ``radar`` are read.
+    case : stages.Simulator
+        What to simulate, and with what.
     geometry : Geometry
         Geometry of the pass.
     geometry_path : path
@@ -40,7 +40,7 @@ def make_simulator(case: Case, geometry: Geometry, geometry_path: str | Path) ->
     return BuiltinSimulator(geometry, case.radar, case.laws)
 
 
-def make_runner(case: Case, scene_path: str | Path, geometry_path: str | Path, runs: str | Path) -> Runner:
+def make_runner(case: stages.Simulation, scene_path: str | Path, geometry_path: str | Path, runs: str | Path) -> Runner:
     """Configured simulator behind the case's run store."""
     geometry = read_geometry(geometry_path)
     simulator = make_simulator(case, geometry, geometry_path)

@@ -1,7 +1,6 @@
-"""Sections of the configuration that each rule reads, and the table of jobs and runs that a change of each repeats.
+"""Table of ``docs/reruns.md``: what a changed key of the configuration makes again.
 
-The rules take their ``params`` from here, and the table of ``docs/reruns.md`` is written from it:
-``python -m radcal.running.stages``.
+It is written from the stages' models (:mod:`radcal.config.stages`): ``python -m radcal.running.reruns``.
 """
 
 from __future__ import annotations
@@ -9,36 +8,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from radcal.config import Case
+from radcal.config.stages import STAGES
 
-__all__ = ["NOT_IN_JOBS", "READS", "reruns_table"]
-
-NOT_IN_JOBS = ("replace",)
-"""Keys that no job's results depend on."""
-
-# sections that determine the numbers of a run
-_SIMULATION = ("seed", "radar", "simulator", "materials")
-
-READS: Mapping[str, tuple[str, ...]] = {
-    "scene": ("scene", "materials"),
-    "geometry": ("radar",),
-    "simulator": ("simulator", "materials", "radar"),
-    "measurement": ("measurement", "materials", "radar", "simulator", "target"),
-    "reuse": _SIMULATION,
-    "reference_run": _SIMULATION,
-    "registration": ("registration", "materials"),
-    "target": ("seed", "materials", "radar", "simulator", "objective", "target", "validation"),
-    "design_chunk": (*_SIMULATION, "objective", "design"),
-    # the objective is read from the targets' file
-    "scores": ("seed", "materials", "radar"),
-    "train": ("simulator", "materials", "surrogate"),
-    "propose": ("seed", "materials", "radar", "optimiser"),
-    "verify": _SIMULATION,
-    "stop_settings": ("stop",),
-    "final_runs": _SIMULATION,
-    # the stop settings are read from a file
-    "archive": tuple(key for key in Case.model_fields if key not in ("stop", *NOT_IN_JOBS)),
-}
-"""Rule to the sections of the configuration that its jobs read: a job runs again when one of them changes."""
+__all__ = ["reruns_table"]
 
 _RUNS: Mapping[str, str] = {
     "case": "all, in `results/<case>`; `design.reuse` takes those of another case",
@@ -63,7 +35,7 @@ _RUNS: Mapping[str, str] = {
 
 def _first(section: str) -> list[str]:
     """Rules that read a section, except for the archive, which reads nearly all."""
-    return [rule for rule, sections in READS.items() if section in sections and rule != "archive"]
+    return [rule for rule, stage in STAGES.items() if section in stage.model_fields and rule != "archive"]
 
 
 def reruns_table() -> str:
@@ -76,7 +48,7 @@ def reruns_table() -> str:
     """
     lines = ["| key | stages that read it | new runs of the simulator |", "|---|---|---|"]
     for section in Case.model_fields:
-        rules = ", ".join(_first(section)) or ("archive" if section in READS["archive"] else "none")
+        rules = ", ".join(_first(section)) or ("archive" if section in STAGES["archive"].model_fields else "none")
         lines.append(f"| `{section}` | {rules} | {_RUNS[section]} |")
     return "\n".join(lines) + "\n"
 

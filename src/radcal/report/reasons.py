@@ -1,0 +1,41 @@
+"""Words for the reasons why a calibration ended."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+__all__ = ["REASONS", "Words"]
+
+
+@dataclass(frozen=True)
+class Words:
+    """A reason as the report says it.
+
+    Attributes
+    ----------
+    clause : str
+        After "Stopped after 30 runs with dyke outside the tolerance: ".
+    cell : str
+        In the table of materials.
+    label : str
+        In a figure, after a material's rms.
+    met : bool
+        Whether the stop criterion was met.
+    """
+
+    clause: str
+    cell: str
+    label: str
+    met: bool = False
+
+
+REASONS: Mapping[str, Words] = {
+    "rms": Words("within the tolerance", "tolerance reached", "converged", met=True),
+    "settled": Words("the stop criterion is met", "stop criterion met", "stop criterion met", met=True),
+    "unreachable": Words("no parameters inside the bounds seem to reach the target", "unreachable", "unreachable"),
+    "stagnation": Words("no longer getting better", "stagnation", "stagnated"),
+    "max_runs": Words("maximum number of runs", "maximum of runs", "out of runs"),
+    "running": Words("not finished", "not finished", "unfinished"),
+}
+"""By :data:`radcal.calibration.stopping.Reason`, and for a calibration that has not ended."""

@@ -1,0 +1,87 @@
+"""Indexes of runs: JSON lists of the keys and parameters of runs in the store."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from radcal.errors import StoreError
+from radcal.storage.records import read_json, write_json
+from radcal.storage.runs import Parameters, Record, RunStore
+
+__all__ = ["IndexedRun", "indexed", "read_index", "write_index"]
+
+
+@dataclass(frozen=True)
+class IndexedRun:
+    """A run in an index.
+
+    Attributes
+    ----------
+    key : str
+        Hash of the record.
+    parameters : mapping
+        X by material.
+    difference_db : float or None
+        Of a repeated reference run: largest difference of its pixels from the first's [dB].
+    """
+
+    key: str
+    parameters: Parameters
+    difference_db: float | None = None
+
+
+def write_index(path: str | Path, runs: Iterable[IndexedRun]) -> None:
+    """Write an index as JSON, without what is None."""
+    write_json(path, [{name: value for name, value in asdict(run).items() if value is not None} for run in runs])
+
+
+def read_index(path: str | Path) -> list[IndexedRun]:
+    """Read an index that :func:`write_index` wrote.
+
+    Raises
+    ------
+    StoreError
+        The file is missing or damaged.
+    """
+    return [IndexedRun(**entry) for entry in read_json(path)]
+
+
+def indexed(
+    files: Iterable[str | Path], runs: str | Path, materials: Sequence[str], image: bool = False
+) -> Iterator[tuple[Record, Parameters]]:
+    """Records and parameters that indexes list, in order.
+
+    Parameters
+    ----------
+    files : iterable of path
+        Indexes.
+    runs : path
+        Folder of the run store.
+    materials : sequence of str
+        What the records must hold.
+    image : bool
+        Whether they must hold the whole image too.
+
+    Raises
+    ------
+    StoreError
+        A listed run is not in the store.
+    """
+    store = RunStore(runs)
+    for file in files:
+        for run in read_index(file):
+            record, path = store.get(run.key, materials, image), store.path(run.key)
+            if record is None and not path.is_file():
+                raise StoreError(
+                    f"{path}: missing or damaged, though {file} lists it; type the same command again to make this "
+                    "run again."
+                )
+            if record is None:
+                wanted = [*materials, *(["the whole image"] if image else [])]
+                raise StoreError(
+                    f"{path}: missing or without {', '.join(wanted)}, though {file} lists it; delete {file} and type "
+                    "the same command again to make this run again."
+                )
+            yield record, run.parameters
