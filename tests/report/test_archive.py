@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -12,10 +14,12 @@ import pytest
 
 from radcal.calibration.history import History
 from radcal.errors import StoreError
-from radcal.report.archive import write_archive, write_table
+from radcal.report.archive import Archive, Images, read_archive
 from radcal.report.html import write_report
-from radcal.report.law_records import read_law
+from radcal.report.run_table import write_table
 from radcal.report.summary import summarise
+from radcal.storage.inspection import SCHEMAS
+from radcal.storage.layout import table
 
 
 def test_every_run_is_there_in_order(made):
@@ -78,41 +82,32 @@ def test_an_external_law_has_names_and_no_curve(build_archive, tmp_path):
         group = file["materials/dyke"]
         assert group.attrs["law"] == "external"
         assert group.attrs["parameter_names"].tolist() == ["mv", "s", "l", "t"]
-        for values in (group["parameters"], group["start"], file["laws/dyke"]):
-            law = read_law(values)
-            assert not law.has_curve
-            assert (law.names, law.units) == (("mv", "s", "l", "t"), ("",) * 4)
-        assert read_law(file["laws/unused"]).names == ()
         assert file["laws/unused"].shape == (0,)
-        assert read_law(file["laws/stem beans"]).has_curve
         assert file.attrs["law_notes"].tolist() == []
-    write_table(tmp_path / "runs.csv", made.path)
+    archive = made.archive
+    material = archive.materials["dyke"]
+    for parameters in (material.parameters, material.start, archive.laws["dyke"]):
+        law = parameters.curve()
+        assert not law.has_curve
+        assert (law.names, law.units) == (("mv", "s", "l", "t"), ("",) * 4)
+    assert archive.laws["unused"].curve().names == ()
+    assert archive.laws["stem beans"].curve().has_curve
+    write_table(tmp_path / "runs.csv", archive)
     headings = pd.read_csv(tmp_path / "runs.csv").columns.tolist()
     assert headings[6:10] == ["X1", "X2", "X3", "X4"]  # of two materials whose names differ
-    dyke = summarise(made.path)["materials"]["dyke"]
+    dyke = summarise(archive)["materials"]["dyke"]
     assert dyke["hidden"] == dict(zip(["mv", "s", "l", "t"], [6.1, 14.2, 21.5, 3.3], strict=True))
     assert "law_difference_db" not in dyke
 
 
 def test_missing_reference_run_is_a_sentence(made, tmp_path):
     with pytest.raises(StoreError, match="the reference run is missing"):
-        write_archive(
-            tmp_path / "calibration.h5",
-            case=made.case,
-            stop=made.stop,
-            history=made.history,
-            scene=made.scene,
-            geometry=made.geometry,
-            registered=made.registered,
-            targets=made.targets,
-            runs=tmp_path / "nowhere",
-            final=made.final,
-        )
+        made.gathered(tmp_path / "calibration.h5", runs=tmp_path / "nowhere")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_table_round_trips(made, tmp_path):
-    write_table(tmp_path / "runs.csv", made.path)
+    write_table(tmp_path / "runs.csv", made.archive)
     table = pd.read_csv(tmp_path / "runs.csv", dtype=str).astype({"run": int})
     assert len(table) == len(made.history.runs) * len(made.targets)
     assert table["kind"].value_counts().to_dict() == {"reference": 2, "design": 6, "infill": 4}
@@ -130,21 +125,9 @@ def test_table_round_trips(made, tmp_path):
 
 def test_numbers_that_another_seed_leaves_as_they_are_are_not_called_fresh(made, tmp_path):
     def told(second):
-        path = tmp_path / f"{len(list(tmp_path.iterdir()))}.h5"
-        write_archive(
-            path,
-            case=made.case,
-            stop=made.stop,
-            history=made.history,
-            scene=made.scene,
-            geometry=made.geometry,
-            registered=made.registered,
-            targets=made.targets,
-            runs=made.path.parent / "runs",
-            final=(made.final[0], second),
-        )
-        write_report(tmp_path / "page.html", path, [])
-        summary = summarise(path)
+        archive = made.gathered(tmp_path / "again.h5", final=(made.final[0], second))
+        write_report(tmp_path / "page.html", archive, [])
+        summary = summarise(archive)
         notes = [note for note in summary["notes"] if "the seed does not reach" in note]
         return summary["materials"], len(notes), (tmp_path / "page.html").read_text()
 
@@ -165,19 +148,62 @@ def test_numbers_that_another_seed_leaves_as_they_are_are_not_called_fresh(made,
 
 def test_a_proposal_that_was_simulated_before_is_no_further_run(made, tmp_path):
     *runs, last = made.history.runs
-    path = tmp_path / "again.h5"
-    write_archive(
-        path,
-        case=made.case,
-        stop=made.stop,
-        history=History([*runs, replace(last, key=runs[-1].key)]),
-        scene=made.scene,
-        geometry=made.geometry,
-        registered=made.registered,
-        targets=made.targets,
-        runs=made.path.parent / "runs",
-        final=made.final,
-    )
-    before, after = summarise(made.path), summarise(path)
+    again = made.gathered(tmp_path / "again.h5", history=History([*runs, replace(last, key=runs[-1].key)]))
+    before, after = summarise(made.archive), summarise(again)
     assert (before["runs"]["infill"], after["runs"]["infill"]) == (2, 1)
     assert before["iterations"] == after["iterations"] == 2
+
+
+def test_the_table_in_the_documents_is_that_of_the_types():
+    page = (Path(__file__).resolve().parents[2] / "docs" / "records.md").read_text()
+    assert table(Archive) in page
+    assert f"| `calibration.h5` | calibration {SCHEMAS['calibration']} |" in page
+
+
+def test_every_field_has_a_description():
+    lines = table(Archive).splitlines()[2:]
+    assert len(lines) > 120
+    assert [line for line in lines if not line.split("|")[5].strip()] == []
+
+
+def test_the_file_has_what_the_table_lists_and_no_more(made):
+    listed = {
+        tuple(cell.strip().strip("`") for cell in line.split("|")[1:3]) for line in table(Archive).splitlines()[2:]
+    }
+    found = set()
+
+    def look(path, item):
+        # any material's name stands for all of them
+        place = re.sub(r"^(laws|materials)/[^/]+", r"\1/<name>", path)
+        if place not in ("laws", "materials"):
+            found.add((place, ""))
+        found.update((place or "/", key) for key in item.attrs if key not in ("description", "unit"))
+
+    with h5py.File(made.path) as file:
+        file.visititems(look)
+        look("", file)
+        assert file["materials/dyke/dp"].attrs["unit"] == "dB or IQR"
+        assert file["materials/dyke/dp"].attrs["description"].startswith("xi, omega and alpha")
+    provenance = {("/", key) for key in ("kind", "schema", "content", "created", "radcal")}
+    assert found - listed == provenance | {("", "")}
+    assert {("materials/<name>/check/class_db", ""), ("materials/<name>", "best"), ("laws/<name>", "law")} <= found
+
+
+def test_what_is_gathered_is_what_is_read(made):
+    """Materials in their order, arrays with their types, None as None."""
+    archive = made.archive
+    assert list(archive.materials) == ["dyke", "stem beans"]
+    assert list(archive.laws) == ["dyke", "stem beans", "unused"]
+    assert archive.materials["stem beans"].hidden is None
+    assert archive.materials["dyke"].check.held is None
+    assert archive.images.measured_db.dtype == np.float32
+    np.testing.assert_array_equal(archive.images.measured_db, made.registered.measurement.image_db)
+    assert read_archive(made.path, images=False).images == Images()
+    assert archive.names == made.geometry.names
+
+
+def test_a_law_without_a_curve_is_neither_identified_nor_not(made, build_archive, tmp_path):
+    archive = build_archive(tmp_path, external=("dyke", "unused")).archive
+    assert archive.materials["dyke"].check.identified is None
+    assert isinstance(made.archive.materials["dyke"].check.identified, bool)
+    assert summarise(archive)["materials"]["dyke"]["identified"] is None

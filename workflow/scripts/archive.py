@@ -5,7 +5,9 @@ from radcal.config import Case, Stop
 from radcal.measurement.registration import read_registered
 from radcal.measurement.target import read_targets
 from radcal.radar.geometry import read_geometry
-from radcal.report.archive import write_archive, write_table
+from radcal.report.archive import write_archive
+from radcal.report.results import gather
+from radcal.report.run_table import write_table
 from radcal.running.jobs import logged
 from radcal.scene.model import read_scene
 from radcal.storage.listing import write_listing
@@ -13,20 +15,17 @@ from radcal.storage.records import read_json
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = Case.of_sections(snakemake.params.case)
-    history = read_runs([snakemake.input.scores, *snakemake.input.verified])
-    stop = Stop.model_validate(read_json(snakemake.input.stop))
-    final = [record for record, _ in indexed([snakemake.input.final], snakemake.params.runs, case.calibrated)]
-    write_archive(
-        snakemake.output.archive,
+    archive = gather(
         case=case,
-        stop=stop,
-        history=history,
+        stop=Stop.model_validate(read_json(snakemake.input.stop)),
+        history=read_runs([snakemake.input.scores, *snakemake.input.verified]),
         scene=read_scene(snakemake.input.scene),
         geometry=read_geometry(snakemake.input.geometry),
         registered=read_registered(snakemake.input.registered),
         targets=read_targets(snakemake.input.target),
         runs=snakemake.params.runs,
-        final=final,
+        final=[record for record, _ in indexed([snakemake.input.final], snakemake.params.runs, case.calibrated)],
     )
-    write_table(snakemake.output.table, snakemake.output.archive)
+    write_archive(snakemake.output.archive, archive)
+    write_table(snakemake.output.table, archive)
     write_listing(snakemake.output.checksum, [snakemake.output.table])

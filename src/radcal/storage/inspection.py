@@ -28,7 +28,7 @@ SCHEMAS: Mapping[str, int] = {
     "target": 3,
     "surrogate": 3,
     "run": 2,
-    "calibration": 2,
+    "calibration": 3,
 }
 """What kinds of HDF5 files there are, and the version of each one's layout."""
 
