@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from radcal import skewnormal
+from radcal.calibration.conclusion import conclude
 from radcal.calibration.history import History, Proposal, Run
 from radcal.config import Case, RegistrationConfig, Stop, case_from
 from radcal.measurement.goodness import Goodness
@@ -52,18 +54,18 @@ class Made:
 
     def gathered(self, path: Path, **changes: Any) -> Archive:
         """Results of the same calibration but for some arguments, written and read back."""
-        known: dict[str, Any] = {
-            "case": self.case,
-            "stop": self.stop,
-            "history": self.history,
-            "scene": self.scene,
-            "geometry": self.geometry,
-            "registered": self.registered,
-            "targets": self.targets,
-            "runs": self.path.parent / "runs",
-            "final": self.final,
-        }
-        write_archive(path, gather(**{**known, **changes}))
+        at = SimpleNamespace(**{**vars(self), "runs": self.path.parent / "runs", **changes})
+        archive = gather(
+            case=at.case,
+            stop=at.stop,
+            history=at.history,
+            scene=at.scene,
+            geometry=at.geometry,
+            registered=at.registered,
+            targets=at.targets,
+            conclusion=conclude(at.case, at.stop, at.history, at.targets, at.geometry, at.runs, at.final),
+        )
+        write_archive(path, archive)
         return read_archive(path)
 
 

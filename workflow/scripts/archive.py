@@ -1,5 +1,6 @@
 """Gather every run and iteration in one file and one table."""
 
+from radcal.calibration.conclusion import conclude
 from radcal.calibration.history import indexed, read_runs
 from radcal.config import Case, Stop
 from radcal.measurement.registration import read_registered
@@ -15,16 +16,20 @@ from radcal.storage.records import read_json
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = Case.of_sections(snakemake.params.case)
+    stop = Stop.model_validate(read_json(snakemake.input.stop))
+    history = read_runs([snakemake.input.scores, *snakemake.input.verified])
+    targets, geometry = read_targets(snakemake.input.target), read_geometry(snakemake.input.geometry)
+    runs = snakemake.params.runs
+    final = [record for record, _ in indexed([snakemake.input.final], runs, case.calibrated)]
     archive = gather(
         case=case,
-        stop=Stop.model_validate(read_json(snakemake.input.stop)),
-        history=read_runs([snakemake.input.scores, *snakemake.input.verified]),
+        stop=stop,
+        history=history,
         scene=read_scene(snakemake.input.scene),
-        geometry=read_geometry(snakemake.input.geometry),
+        geometry=geometry,
         registered=read_registered(snakemake.input.registered),
-        targets=read_targets(snakemake.input.target),
-        runs=snakemake.params.runs,
-        final=[record for record, _ in indexed([snakemake.input.final], snakemake.params.runs, case.calibrated)],
+        targets=targets,
+        conclusion=conclude(case, stop, history, targets, geometry, runs, final),
     )
     write_archive(snakemake.output.archive, archive)
     write_table(snakemake.output.table, archive)

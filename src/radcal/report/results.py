@@ -1,28 +1,22 @@
-"""Results of a calibration at its end, gathered for the archive: decision, law checks, texture, densities, notes."""
+"""Results of a calibration, put together for the archive."""
 
 from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
 from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.calibration.class_search import ClassSearch, class_searches
+from radcal.calibration.conclusion import Conclusion
 from radcal.calibration.history import History
-from radcal.calibration.law_check import LawCheck, check_laws, texture_note
-from radcal.calibration.noise import noise_sentence
-from radcal.calibration.steps import not_fresh, repeatability
-from radcal.calibration.stopping import Decision, decide
+from radcal.calibration.law_check import LawCheck
 from radcal.config import Case, Material, Radar, Stop
-from radcal.errors import StoreError
 from radcal.measurement.levels import Levels
-from radcal.measurement.model import Measurement
 from radcal.measurement.registration import Registered
 from radcal.measurement.target import Targets
 from radcal.radar.geometry import Geometry
@@ -43,46 +37,12 @@ from radcal.report.archive import (
 from radcal.report.law_notes import law_notes
 from radcal.scene.model import Scene
 from radcal.storage.disclosure import disclosed
-from radcal.storage.runs import Record, RunStore
 
 __all__ = ["gather"]
 
 _LARGEST_SCENE = 1200  # cells per side
 _MOST_OBJECTS = 20_000  # more dots than a picture tells apart
 _PACKAGES = ("radcal", "numpy", "scipy", "smt", "platypus-opt", "h5py", "snakemake")
-
-Pixels = Mapping[str, NDArray[np.float32]]
-
-
-@dataclass(frozen=True)
-class _End:
-    """What the results of every material are taken from.
-
-    Attributes
-    ----------
-    case, history, targets, measurement
-        As of :func:`gather`.
-    decision, checks
-        End and trust of each material.
-    searches : mapping
-        By material; empty where one density of all pixels is compared.
-    start_db, calibrated_db, fresh_db : mapping
-        Pixels [dB] of the reference run and the two final runs, with texture where it is known.
-    fresh : mapping
-        Whether another seed gave a material other pixels.
-    """
-
-    case: Case
-    history: History
-    targets: Targets
-    measurement: Measurement
-    decision: Decision
-    checks: Mapping[str, LawCheck]
-    searches: Mapping[str, ClassSearch]
-    start_db: Pixels
-    calibrated_db: Pixels
-    fresh_db: Pixels
-    fresh: Mapping[str, bool]
 
 
 def gather(
@@ -94,10 +54,9 @@ def gather(
     geometry: Geometry,
     registered: Registered,
     targets: Targets,
-    runs: str | Path,
-    final: Sequence[Record],
+    conclusion: Conclusion,
 ) -> Archive:
-    """Decide, check the laws, score the final runs, and put the results together.
+    """Put the results of a calibration together.
 
     Parameters
     ----------
@@ -107,111 +66,51 @@ def gather(
         Reference, design and verified proposals.
     scene, geometry, registered, targets
         What the runs are compared with.
-    runs : path
-        Folder of the run store.
-    final : sequence of two Record
-        The calibrated laws with common and with fresh random numbers.
+    conclusion : Conclusion
+        What the calibration has shown.
 
     Returns
     -------
     Archive
         Materials in the order of the configuration.
-
-    Raises
-    ------
-    StoreError
-        The reference run's record is gone.
     """
-    store = RunStore(runs)
-    reference = _reference(store, history, targets)
-    end = _end(case, stop, history, registered.measurement, targets, reference, final)
     parameters = _final_parameters(case, history, targets)
-    final_scores = [targets.score(pixels_db) for pixels_db in (end.calibrated_db, end.fresh_db)]
+    measurement, decision = registered.measurement, conclusion.decision
     return Archive(
         case=case.case,
         config=json.dumps(disclosed({**case.sections(*case.__dict__), "stop": stop.model_dump(mode="json")})),
         objective=case.objective,
-        reason=end.decision.reason or "running",
-        converged=end.decision.converged,
+        reason=decision.reason or "running",
+        converged=decision.converged,
         tolerance=stop.rms,
         max_runs=stop.max_runs,
         looks=case.radar.looks,
         measured_looks=targets.looks,
-        measurement=registered.measurement.source,
-        notes=tuple(_notes(end, final)),
+        measurement=measurement.source,
+        notes=(*measurement.notes, *conclusion.notes),
         law_notes=tuple(law_notes(case, geometry, parameters)),
-        sentences=tuple(end.decision.materials[name].sentence for name in targets),
-        simulator=json.dumps(store.description(reference.key).get("simulator", {})),
+        sentences=tuple(decision.materials[name].sentence for name in targets),
+        simulator=json.dumps(conclusion.simulator),
         versions=json.dumps(_versions()),
-        final_runs=len({record.key for record in final} - {run.key for run in history.runs}),
+        final_runs=conclusion.new_runs,
         names=tuple(geometry.names),
         runs=_runs(history),
         registration=_registration(registered),
         levels=_levels(targets.levels),
         scene=_scene(scene),
         laws={name: _law(parameters[name], item, case.radar) for name, item in case.materials.items()},
-        materials={name: _material(end, name, *(scores[name][0] for scores in final_scores)) for name in targets},
-        images=_images(end, registered.measurement, reference, final[1], geometry),
+        materials={
+            name: _material(name, case, history, targets, conclusion, measurement.hidden.get(name)) for name in targets
+        },
+        images=Images(
+            # pictures compare whole images in dB, at the level that was taken as theirs
+            measured_db=measurement.image_db - np.float32(_level_db(targets.levels)),
+            reference_db=conclusion.reference_db,
+            calibrated_db=conclusion.calibrated_db,
+            material=geometry.material,
+            incidence_deg=geometry.incidence_deg,
+        ),
     )
-
-
-def _reference(store: RunStore, history: History, targets: Targets) -> Record:
-    """The reference run, with its image."""
-    key = history.runs[0].key
-    reference = store.get(key, list(targets), image=True)
-    if reference is None:
-        raise StoreError(
-            f"{store.path(key)}: the reference run is missing or without its image; delete "
-            f"{store.path(key).parents[1] / 'reference.json'} and type the same command again to make it again."
-        )
-    return reference
-
-
-def _end(
-    case: Case,
-    stop: Stop,
-    history: History,
-    measurement: Measurement,
-    targets: Targets,
-    reference: Record,
-    final: Sequence[Record],
-) -> _End:
-    """Decision, checks of the laws, and pixels with texture."""
-    searches = class_searches(case, targets)
-    checks = check_laws(case, targets, history)
-    looks = {name: checks[name].looks for name in searches}
-    common, fresh = final
-    return _End(
-        case=case,
-        history=history,
-        targets=targets,
-        measurement=measurement,
-        decision=decide(history, list(targets), stop),
-        checks=checks,
-        searches=searches,
-        start_db=_textured(reference.pixels_db, searches, history.runs[0].looks),
-        calibrated_db=_textured(common.pixels_db, searches, looks),
-        fresh_db=_textured(fresh.pixels_db, searches, looks, fresh=True),
-        fresh={name: not np.array_equal(common.pixels_db[name], fresh.pixels_db[name]) for name in targets},
-    )
-
-
-def _textured(
-    pixels_db: Pixels, searches: Mapping[str, ClassSearch], looks: Mapping[str, float], fresh: bool = False
-) -> Pixels:
-    """A run's pixels with the texture of each material whose looks are known."""
-    known = {name: searches[name].textured(pixels_db[name], looks[name], fresh) for name in searches if name in looks}
-    return {**pixels_db, **known}
-
-
-def _notes(end: _End, final: Sequence[Record]) -> list[str]:
-    """Remarks on the measured image and on the random numbers of the simulator."""
-    notes = [repeatability(end.case, end.history.repeat_db)]
-    if end.case.surrogate.outputs == "centred":
-        known = {name: end.history.noise_variance(name) for name in end.targets}
-        notes += [noise_sentence(name, variance) for name, variance in known.items() if variance is not None]
-    notes += [texture_note(end.checks), not_fresh(end.case, final)]
-    return [*end.measurement.notes, *filter(None, notes)]
 
 
 def _final_parameters(case: Case, history: History, targets: Targets) -> dict[str, Sequence[float]]:
@@ -264,6 +163,11 @@ def _levels(levels: Levels) -> LevelSummary:
     return LevelSummary(**{key: getattr(levels, key) for key in keys})
 
 
+def _level_db(levels: Levels) -> float:
+    """Level of the measured image above the simulated that was assumed [dB]."""
+    return 0.0 if levels.normalisation == "none" else levels.offset_db
+
+
 def _scene(scene: Scene) -> SceneView:
     """As much of the scene as pictures need."""
     step = -(-max(scene.material.shape) // _LARGEST_SCENE)
@@ -281,34 +185,20 @@ def _scene(scene: Scene) -> SceneView:
     )
 
 
-def _images(end: _End, measurement: Measurement, reference: Record, fresh: Record, geometry: Geometry) -> Images:
-    """Whole images in dB, the measured one at the level that was taken as its own."""
-    levels = end.targets.levels
-    level = 0.0 if levels.normalisation == "none" else levels.offset_db
-    calibrated_db = fresh.image_db
-    if calibrated_db is not None and end.searches:
-        calibrated_db = calibrated_db.copy()
-        for name in end.searches:
-            calibrated_db.ravel()[geometry.pixels(name)] = end.fresh_db[name]
-    return Images(
-        measured_db=measurement.image_db - np.float32(level),
-        reference_db=reference.image_db,
-        calibrated_db=calibrated_db,
-        material=geometry.material,
-        incidence_deg=geometry.incidence_deg,
-    )
-
-
-def _material(end: _End, name: str, final_dp: NDArray[np.float64], fresh_dp: NDArray[np.float64]) -> MaterialResult:
+def _material(
+    name: str,
+    case: Case,
+    history: History,
+    targets: Targets,
+    conclusion: Conclusion,
+    hidden: Sequence[float] | None,
+) -> MaterialResult:
     """Target, runs and end of a calibrated material."""
-    case, runs, target, material = end.case, end.history.runs, end.targets[name], end.case.materials[name]
-    verdict, fit, levels = end.decision.materials[name], target.goodness, end.targets.levels
-    start_db, calibrated_db, fresh_db = (
-        levels.apply(pixels_db[name][target.order], levels.simulated(pixels_db))
-        for pixels_db in (end.start_db, end.calibrated_db, end.fresh_db)
-    )
+    runs, target, material = history.runs, targets[name], case.materials[name]
+    verdict, check, found = conclusion.decision.materials[name], conclusion.checks[name], conclusion.materials[name]
+    fit, of_classes = target.goodness, target.classes is not None
     unknown = [np.nan] * len(material.parameter_names)
-    proposals = [run.proposals[name] for run in end.history.infill]
+    proposals = [run.proposals[name] for run in history.infill]
     return MaterialResult(
         law=material.law,
         parameter_names=tuple(material.parameter_names),
@@ -320,14 +210,14 @@ def _material(end: _End, name: str, final_dp: NDArray[np.float64], fresh_dp: NDA
         rms_sampling=target.rms_sampling,
         effective=target.effective,
         looks=target.looks,
-        textured=end.targets.textured(name),
-        fresh=end.fresh[name],
+        textured=targets.textured(name),
+        fresh=found.differ,
         left_out=json.dumps(target.left_out),
         fit_ks=fit.ks,
         fit_ks_p=fit.ks_p,
         fit_ad=fit.ad,
         fit_ad_p=fit.ad_p,
-        best=runs.index(end.history.best(name)),
+        best=runs.index(history.best(name)),
         parameters=_law(
             [unknown if name in run.other_law else run.parameters[name] for run in runs], material, case.radar
         ),
@@ -341,18 +231,18 @@ def _material(end: _End, name: str, final_dp: NDArray[np.float64], fresh_dp: NDA
         pixels=target.pixels,
         incidence_deg=target.incidence_deg,
         measured_db=target.values_db,
-        start_db=start_db,
-        calibrated_db=calibrated_db,
-        fresh_db=fresh_db,
-        check=_check(end.checks[name]),
-        final_dp=final_dp,
-        fresh_dp=fresh_dp,
+        start_db=found.start,
+        calibrated_db=found.calibrated,
+        fresh_db=found.fresh,
+        check=_check(check),
+        final_dp=found.calibrated_dp,
+        fresh_dp=found.fresh_dp,
         predicted_rms=_numbers(proposal.predicted_rms for proposal in proposals),
         floor_rms=_numbers(proposal.floor_rms for proposal in proposals),
         mode=tuple(proposal.mode for proposal in proposals),
-        hidden=np.array(end.measurement.hidden[name]) if name in end.measurement.hidden else None,
-        cost=_numbers(run.cost.get(name) for run in runs) if name in end.searches else None,
-        run_looks=_numbers(run.looks.get(name) for run in runs) if name in end.searches else None,
+        hidden=None if hidden is None else np.array(hidden),
+        cost=_numbers(run.cost.get(name) for run in runs) if of_classes else None,
+        run_looks=_numbers(run.looks.get(name) for run in runs) if of_classes else None,
     )
 
 
