@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import platform
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from importlib.metadata import version
 from typing import Any
 
@@ -159,8 +159,7 @@ def _registration(registered: Registered) -> RegistrationSummary:
 
 def _levels(levels: Levels) -> LevelSummary:
     """Level that was assumed."""
-    keys = ("normalisation", "offset_db", "offset_error_db", "scale", "sentence", "doubtful", "unit")
-    return LevelSummary(**{key: getattr(levels, key) for key in keys})
+    return LevelSummary(**{item.name: getattr(levels, item.name) for item in fields(LevelSummary)})
 
 
 def _level_db(levels: Levels) -> float:

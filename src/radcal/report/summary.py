@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from radcal import skewnormal
 from radcal.config import Case
 from radcal.radar.laws import Law
-from radcal.report.archive import Archive, Check, LevelSummary, MaterialResult, RegistrationSummary
+from radcal.report.archive import Archive, Check, HeldOutBlocks, MaterialResult, RegistrationSummary
 
 __all__ = ["law_difference_db", "numbered_jobs", "sentences", "summarise", "wall_seconds"]
 
@@ -98,25 +98,23 @@ def sentences(archive: Archive) -> list[str]:
     return [*archive.sentences, *(said for material in archive.materials.values() for said in material.check.sentences)]
 
 
-_HELD_OUT = (
-    *("rmse_law_db", "rmse_law_patch_db", "rmse_constant_db", "rmse_best_db", "rmse_start_db"),
-    *("ks_law", "ks_constant", "ks_start", "tail_law_db", "tail_constant_db", "tail_start_db", "coverage_90"),
-    "n_blocks",
-)
-
-
 def _check(check: Check) -> dict[str, Any]:
     """Looks, identifiability and held-out errors of a law."""
     return {
         "looks": check.looks,
         "looks_nominal": check.looks_nominal,
         "identified": check.identified,
-        "validation": None if check.held is None else {key: getattr(check.held, key) for key in _HELD_OUT},
+        "validation": None if check.held is None else _numbers(check.held),
         "patch_spread_db": check.between_db,
         "cell_spread_db": check.within_db,
         "incidence_error_deg": check.incidence_error_deg,
         "law_sentences": list(check.sentences),
     }
+
+
+def _numbers(held: HeldOutBlocks) -> dict[str, Any]:
+    """Errors on held-out ground, without the blocks."""
+    return {key: value for key, value in vars(held).items() if not isinstance(value, np.ndarray)}
 
 
 def _theta(dp: NDArray[np.float64]) -> dict[str, float]:
@@ -184,12 +182,6 @@ def _registration(registration: RegistrationSummary) -> dict[str, Any]:
     return summary
 
 
-def _levels(levels: LevelSummary) -> dict[str, Any]:
-    """Assumed level, and the offset that it implies [dB]."""
-    keys = ("normalisation", "offset_db", "offset_error_db", "scale", "sentence", "doubtful", "unit")
-    return {key: getattr(levels, key) for key in keys}
-
-
 def _finite(value: Any) -> Any:
     """Replace numbers that are not finite by None."""
     if isinstance(value, Mapping):
@@ -233,7 +225,7 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
         "notes": list(archive.notes),
         "law_notes": list(archive.law_notes),
         "registration": _registration(archive.registration),
-        "levels": _levels(archive.levels),
+        "levels": dict(vars(archive.levels)),
         "wall_seconds": dict(seconds or {}),
         "versions": json.loads(archive.versions),
         "materials": {

@@ -22,9 +22,10 @@ dataset or group; :func:`table` makes a page of them.
 
 from __future__ import annotations
 
+import functools
 import types
 import typing
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -151,10 +152,13 @@ def take(group: h5py.Group, kind: type[T], without: Collection[str] = ()) -> T:
     return kind(**found)
 
 
-def _entries(kind: type) -> tuple[_Entry, ...]:
+def _read_entries(kind: type) -> tuple[_Entry, ...]:
     """Fields of a dataclass as they are stored."""
     hints = typing.get_type_hints(kind, include_extras=True)
     return tuple(_entry(item, hints[item.name]) for item in fields(kind) if item.init)
+
+
+_entries: Callable[[Any], tuple[_Entry, ...]] = functools.cache(_read_entries)
 
 
 def _entry(item: Field[Any], hint: Any) -> _Entry:
