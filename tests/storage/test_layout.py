@@ -227,3 +227,16 @@ def test_the_table_names_every_place(tmp_path: Path) -> None:
     ]
     kinds = {row.split("|")[3].strip() for row in table(Outer).splitlines()[2:]}
     assert kinds >= {"integer", "true or false", "text", "numbers", "texts", "float32", "group", "float64"}
+
+
+@dataclass(frozen=True)
+class Perhaps:
+    level_db: float | None
+    image: NDArray[Any] | None
+
+
+def test_none_is_read_where_the_class_has_no_default(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        put(file, Perhaps(None, None))
+        assert dict(file.attrs) == {}
+        assert take(file, Perhaps) == Perhaps(None, None)

@@ -147,6 +147,8 @@ def take(group: h5py.Group, kind: type[T], without: Collection[str] = ()) -> T:
             else:
                 held = group.attrs if entry.attribute else group
                 found[entry.name] = _take(held[entry.name], entry.kind)
+        elif entry.default is None:
+            found[entry.name] = None
         elif entry.default is MISSING:
             raise KeyError(f"{group.name} of {group.file.filename} lacks {entry.name}")
     return kind(**found)
