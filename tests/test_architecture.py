@@ -32,7 +32,7 @@ FLOW: list[tuple[str, list[str]]] = [
     ("design", ["calibration.design"]),
     ("surrogate", ["calibration.surrogate", "calibration.class_surrogate"]),
     ("proposal", ["calibration.infill", "calibration.lattice", "calibration.class_search"]),
-    ("verification", ["calibration.steps", "calibration.stopping", "calibration.loop"]),
+    ("verification", ["calibration.steps", "calibration.stopping", "calibration.loop", "calibration.conclusion"]),
     ("report", ["report"]),
 ]
 

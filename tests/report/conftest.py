@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from radcal import skewnormal
+from radcal.calibration.conclusion import conclude
 from radcal.calibration.history import History, Proposal, Run
 from radcal.config import Case, RegistrationConfig, Stop, case_from
 from radcal.measurement.goodness import Goodness
@@ -18,7 +20,8 @@ from radcal.measurement.model import Measurement
 from radcal.measurement.registration import Registered, register
 from radcal.measurement.target import Target, Targets
 from radcal.radar.geometry import Geometry
-from radcal.report.archive import write_archive
+from radcal.report.archive import Archive, read_archive, write_archive
+from radcal.report.results import gather
 from radcal.scene.model import Scene
 from radcal.storage.runs import Record, RunStore
 
@@ -43,6 +46,27 @@ class Made:
     registered: Registered
     geometry: Geometry
     scene: Scene
+
+    @property
+    def archive(self) -> Archive:
+        """What the file holds."""
+        return read_archive(self.path)
+
+    def gathered(self, path: Path, **changes: Any) -> Archive:
+        """Results of the same calibration but for some arguments, written and read back."""
+        at = SimpleNamespace(**{**vars(self), "runs": self.path.parent / "runs", **changes})
+        archive = gather(
+            case=at.case,
+            stop=at.stop,
+            history=at.history,
+            scene=at.scene,
+            geometry=at.geometry,
+            registered=at.registered,
+            targets=at.targets,
+            conclusion=conclude(at.case, at.stop, at.history, at.targets, at.geometry, at.runs, at.final),
+        )
+        write_archive(path, archive)
+        return read_archive(path)
 
 
 def make_archive(
@@ -198,20 +222,9 @@ def make_archive(
     RunStore(folder / "runs").put(record(runs[0].key), {})
     final = (record(runs[-1].key), record("fresh"))
     scene = Scene("made up", geometry.names, material, np.hypot(*np.indices(shape)), 5.0)
-    path = folder / "calibration.h5"
-    write_archive(
-        path,
-        case=case,
-        stop=stop,
-        history=history,
-        geometry=geometry,
-        scene=scene,
-        registered=registered,
-        targets=targets,
-        runs=folder / "runs",
-        final=final,
-    )
-    return Made(path, case, stop, history, targets, final, registered, geometry, scene)
+    made = Made(folder / "calibration.h5", case, stop, history, targets, final, registered, geometry, scene)
+    made.gathered(made.path)
+    return made
 
 
 @pytest.fixture(scope="session")

@@ -1,183 +1,61 @@
-"""The archive and the table hold what they were made from."""
+"""The archive is what its types say, in the file and in the documents."""
 
 from __future__ import annotations
 
-import json
-from dataclasses import replace
+import re
+from pathlib import Path
 
 import h5py
 import numpy as np
-import pandas as pd
-import pytest
 
-from radcal.calibration.history import History
-from radcal.errors import StoreError
-from radcal.report.archive import write_archive, write_table
-from radcal.report.html import write_report
-from radcal.report.law_records import read_law
-from radcal.report.summary import summarise
+from radcal.report.archive import Archive, Images, read_archive
+from radcal.storage.inspection import SCHEMAS
+from radcal.storage.layout import table
 
 
-def test_every_run_is_there_in_order(made):
+def test_the_table_in_the_documents_is_that_of_the_types():
+    page = (Path(__file__).resolve().parents[2] / "docs" / "records.md").read_text()
+    assert table(Archive) in page
+    assert f"| `calibration.h5` | calibration {SCHEMAS['calibration']} |" in page
+
+
+def test_every_field_has_a_description():
+    lines = table(Archive).splitlines()[2:]
+    assert len(lines) > 120
+    assert [line for line in lines if not line.split("|")[5].strip()] == []
+
+
+def test_the_file_has_what_the_table_lists_and_no_more(made):
+    listed = {
+        tuple(cell.strip().strip("`") for cell in line.split("|")[1:3]) for line in table(Archive).splitlines()[2:]
+    }
+    found = set()
+
+    def look(path, item):
+        # any material's name stands for all of them
+        place = re.sub(r"^(laws|materials)/[^/]+", r"\1/<name>", path)
+        if place not in ("laws", "materials"):
+            found.add((place, ""))
+        found.update((place or "/", key) for key in item.attrs if key not in ("description", "unit"))
+
     with h5py.File(made.path) as file:
-        assert file["runs/kind"].asstr()[()].tolist() == ["reference", *["design"] * 3, *["infill"] * 2]
-        assert file["runs/index"][()].tolist() == [0, 0, 1, 2, 0, 1]
-        assert file["runs/key"].asstr()[()].tolist() == [run.key for run in made.history.runs]
-        for name in made.targets:
-            group = file[f"materials/{name}"]
-            for key in ("parameters", "dp", "rms"):
-                np.testing.assert_array_equal(group[key], [getattr(run, key)[name] for run in made.history.runs])
+        file.visititems(look)
+        look("", file)
+        assert file["materials/dyke/dp"].attrs["unit"] == "dB or IQR"
+        assert file["materials/dyke/dp"].attrs["description"].startswith("xi, omega and alpha")
+    provenance = {("/", key) for key in ("kind", "schema", "content", "created", "radcal")}
+    assert found - listed == provenance | {("", "")}
+    assert {("materials/<name>/check/class_db", ""), ("materials/<name>", "best"), ("laws/<name>", "law")} <= found
 
 
-def test_promises_of_proposals_not_computed_are_nan(made):
-    with h5py.File(made.path) as file:
-        group = file["materials/stem beans"]
-        np.testing.assert_array_equal(group["floor_rms"], [np.nan, 0.05])
-        np.testing.assert_array_equal(file["materials/dyke/floor_rms"], [np.nan, np.nan])
-        assert group["mode"].asstr()[()].tolist() == ["exploit", "exploit"]
-
-
-def test_pixels_are_those_of_the_images(made):
-    with h5py.File(made.path) as file:
-        measured = file["images/measured_db"][()].ravel()
-        fresh = file["images/calibrated_db"][()].ravel()
-        for name, target in made.targets.items():
-            group = file[f"materials/{name}"]
-            pixels = group["pixels"][()]
-            np.testing.assert_array_equal(pixels, target.pixels)
-            np.testing.assert_array_equal(group["measured_db"], measured[pixels])
-            np.testing.assert_array_equal(group["fresh_db"], fresh[pixels])
-            np.testing.assert_array_equal(group["start_db"], file["images/reference_db"][()].ravel()[pixels])
-            np.testing.assert_array_equal(group["calibrated_db"], made.final[0].pixels_db[name][target.order])
-            assert (file["images/material"][()].ravel()[pixels] == list(file["names"].asstr()).index(name) + 1).all()
-
-
-def test_how_it_ended(made):
-    with h5py.File(made.path) as file:
-        assert file.attrs["reason"] == "unreachable"
-        assert not file.attrs["converged"]
-        assert file["materials/dyke"].attrs["reason"] == "rms"
-        assert file["materials/dyke"].attrs["best"] == 5
-        assert file["materials/stem beans"].attrs["best"] == 4
-        assert [sentence.split(":")[0] for sentence in file.attrs["sentences"]] == list(made.targets)
-        # the calibrated run is the last infill run, only the one with fresh numbers is new
-        assert file.attrs["final_runs"] == 1
-        assert json.loads(file.attrs["config"])["stop"]["rms"] == made.stop.rms
-        assert "radcal" in json.loads(file.attrs["versions"])
-
-
-def test_only_known_truths_are_written(made):
-    with h5py.File(made.path) as file:
-        assert "hidden" in file["materials/dyke"]
-        assert "hidden" not in file["materials/stem beans"]
-
-
-def test_an_external_law_has_names_and_no_curve(build_archive, tmp_path):
-    made = build_archive(tmp_path, external=("dyke", "unused"))
-    with h5py.File(made.path) as file:
-        group = file["materials/dyke"]
-        assert group.attrs["law"] == "external"
-        assert group.attrs["parameter_names"].tolist() == ["mv", "s", "l", "t"]
-        for values in (group["parameters"], group["start"], file["laws/dyke"]):
-            law = read_law(values)
-            assert not law.has_curve
-            assert (law.names, law.units) == (("mv", "s", "l", "t"), ("",) * 4)
-        assert read_law(file["laws/unused"]).names == ()
-        assert file["laws/unused"].shape == (0,)
-        assert read_law(file["laws/stem beans"]).has_curve
-        assert file.attrs["law_notes"].tolist() == []
-    write_table(tmp_path / "runs.csv", made.path)
-    headings = pd.read_csv(tmp_path / "runs.csv").columns.tolist()
-    assert headings[6:10] == ["X1", "X2", "X3", "X4"]  # of two materials whose names differ
-    dyke = summarise(made.path)["materials"]["dyke"]
-    assert dyke["hidden"] == dict(zip(["mv", "s", "l", "t"], [6.1, 14.2, 21.5, 3.3], strict=True))
-    assert "law_difference_db" not in dyke
-
-
-def test_missing_reference_run_is_a_sentence(made, tmp_path):
-    with pytest.raises(StoreError, match="the reference run is missing"):
-        write_archive(
-            tmp_path / "calibration.h5",
-            case=made.case,
-            stop=made.stop,
-            history=made.history,
-            scene=made.scene,
-            geometry=made.geometry,
-            registered=made.registered,
-            targets=made.targets,
-            runs=tmp_path / "nowhere",
-            final=made.final,
-        )
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_table_round_trips(made, tmp_path):
-    write_table(tmp_path / "runs.csv", made.path)
-    table = pd.read_csv(tmp_path / "runs.csv", dtype=str).astype({"run": int})
-    assert len(table) == len(made.history.runs) * len(made.targets)
-    assert table["kind"].value_counts().to_dict() == {"reference": 2, "design": 6, "infill": 4}
-    for name in made.targets:
-        rows = table[table["material"] == name]
-        assert rows["run"].tolist() == list(range(6))
-        assert rows["rms"].astype(float).tolist() == [run.rms[name] for run in made.history.runs]
-        assert rows[["xi", "omega", "alpha"]].astype(float).to_numpy().tolist() == [
-            run.dp[name] for run in made.history.runs
-        ]
-        assert rows[["X1", "X2", "X3", "X4"]].astype(float).to_numpy().tolist() == [
-            run.parameters[name] for run in made.history.runs
-        ]
-
-
-def test_numbers_that_another_seed_leaves_as_they_are_are_not_called_fresh(made, tmp_path):
-    def told(second):
-        path = tmp_path / f"{len(list(tmp_path.iterdir()))}.h5"
-        write_archive(
-            path,
-            case=made.case,
-            stop=made.stop,
-            history=made.history,
-            scene=made.scene,
-            geometry=made.geometry,
-            registered=made.registered,
-            targets=made.targets,
-            runs=made.path.parent / "runs",
-            final=(made.final[0], second),
-        )
-        write_report(tmp_path / "page.html", path, [])
-        summary = summarise(path)
-        notes = [note for note in summary["notes"] if "the seed does not reach" in note]
-        return summary["materials"], len(notes), (tmp_path / "page.html").read_text()
-
-    materials, notes, page = told(made.final[1])
-    assert all(item["rms_fresh"] > 0 for item in materials.values())
-    assert (notes, "another seed gives the same pixels" in page) == (0, False)
-    same = replace(made.final[0], key="another")
-    materials, notes, page = told(same)
-    assert [item["rms_fresh"] for item in materials.values()] == [None, None]
-    assert notes == 1
-    assert "There is none for dyke and stem beans" in page
-    # one material may have random numbers of its own
-    pixels = {**same.pixels_db, "dyke": same.pixels_db["dyke"] + np.float32(0.1)}
-    materials, notes, page = told(replace(same, pixels_db=pixels))
-    assert (materials["dyke"]["rms_fresh"] > 0, materials["stem beans"]["rms_fresh"], notes) == (True, None, 0)
-    assert "There is none for stem beans" in page
-
-
-def test_a_proposal_that_was_simulated_before_is_no_further_run(made, tmp_path):
-    *runs, last = made.history.runs
-    path = tmp_path / "again.h5"
-    write_archive(
-        path,
-        case=made.case,
-        stop=made.stop,
-        history=History([*runs, replace(last, key=runs[-1].key)]),
-        scene=made.scene,
-        geometry=made.geometry,
-        registered=made.registered,
-        targets=made.targets,
-        runs=made.path.parent / "runs",
-        final=made.final,
-    )
-    before, after = summarise(made.path), summarise(path)
-    assert (before["runs"]["infill"], after["runs"]["infill"]) == (2, 1)
-    assert before["iterations"] == after["iterations"] == 2
+def test_what_is_gathered_is_what_is_read(made):
+    """Materials in their order, arrays with their types, None as None."""
+    archive = made.archive
+    assert list(archive.materials) == ["dyke", "stem beans"]
+    assert list(archive.laws) == ["dyke", "stem beans", "unused"]
+    assert archive.materials["stem beans"].hidden is None
+    assert archive.materials["dyke"].check.held is None
+    assert archive.images.measured_db.dtype == np.float32
+    np.testing.assert_array_equal(archive.images.measured_db, made.registered.measurement.image_db)
+    assert read_archive(made.path, images=False).images == Images()
+    assert archive.names == made.geometry.names

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 import warnings
 from dataclasses import replace
 
@@ -11,12 +10,12 @@ import h5py
 import matplotlib as mpl
 import numpy as np
 import pytest
+from archives import changed_check, changed_material, held_out_blocks
 from matplotlib.text import Text
-from sealed import changed
 
 from radcal.report import drawing, map_figures
 from radcal.report import figures as module
-from radcal.report.archive import write_archive
+from radcal.report.archive import Images
 from radcal.report.figures import write_figures
 from radcal.report.held_out_figures import held_out
 from radcal.report.law_figures import cost, law
@@ -34,7 +33,7 @@ def _no_warnings():
 
 @pytest.fixture(scope="module")
 def figures(made, tmp_path_factory):
-    return write_figures(made.path, tmp_path_factory.mktemp("case") / "figures")
+    return write_figures(made.archive, tmp_path_factory.mktemp("case") / "figures")
 
 
 def drawn(canvas):
@@ -85,8 +84,8 @@ def test_captions_say_what_is_seen(figures):
 
 
 def test_registration_is_shown_where_the_image_was_moved(build_archive, tmp_path, made):
-    assert module.registration(module.read_case(made.path)) is None
-    archive = build_archive(tmp_path, moved=True, nan=True).path
+    assert module.registration(made.archive) is None
+    archive = build_archive(tmp_path, moved=True, nan=True).archive
     figures = {figure.name: figure for figure in write_figures(archive, tmp_path / "figures")}
     assert list(figures)[2:5] == ["images", "registration", "residual"]
     # 0.5 pixels off in both directions
@@ -107,17 +106,16 @@ def test_edges_of_one_material(build_archive, tmp_path):
         nan=True,
         omega=0.02,
     )
-    case = module.read_case(made.path)
-    material = case.materials[0]
+    case = made.archive
     with mpl.rc_context(module.STYLE):
         figures = {
             "images": module.images(case),
             "residual": module.residual(case),
-            "densities": module.densities(case, material),
-            "law": module.law(case, material),
-            "cost": module.cost(case, material),
-            "histogram": module.histogram(case, material),
-            "quality": module.quality(case, material),
+            "densities": module.densities(case, "dyke"),
+            "law": module.law(case, "dyke"),
+            "cost": module.cost(case, "dyke"),
+            "histogram": module.histogram(case, "dyke"),
+            "quality": module.quality(case, "dyke"),
             "scene": module.scene(case),
             "incidence": module.incidence(case),
         }
@@ -129,11 +127,10 @@ def test_edges_of_one_material(build_archive, tmp_path):
 
 
 def test_only_laws_with_a_curve_are_drawn(build_archive, tmp_path):
-    case = module.read_case(build_archive(tmp_path, external=("dyke", "unused")).path)
-    dyke, stem_beans = case.materials
+    case = build_archive(tmp_path, external=("dyke", "unused")).archive
     with mpl.rc_context(module.STYLE):
-        assert module.law(case, dyke) is None
-        assert module.law(case, stem_beans) is not None
+        assert module.law(case, "dyke") is None
+        assert module.law(case, "stem beans") is not None
         _, caption, _ = module.incidence(case)
     # levels of the law that has a curve, none of the other's
     assert re.search(r"dyke \d+ to \d+ deg; stem beans \d+ to \d+ deg, -?\d", caption)
@@ -145,22 +142,22 @@ def test_the_best_run_is_never_one_of_another_law(build_archive, tmp_path, other
     """The reference run meets every target; it counts only where it is of the law that is calibrated."""
     numbers = {"reference": [1e-9] * references, "design": [5.0, -6.0, 2.0], "infill": [0.2]}
     made = build_archive(tmp_path, shifts={"dyke": numbers, "stem beans": numbers}, floors={}, other_start=others)
-    case = module.read_case(made.path)
-    for material in case.materials:
+    case = made.archive
+    for name, material in case.materials.items():
         with mpl.rc_context(module.STYLE):
-            canvas, _, _ = module.cost(case, material)
+            canvas, _, _ = module.cost(case, name)
         (best,) = [line for line in canvas.axes[0].lines if line.get_label() == "best so far"]
-        start = references if material.name in others else 0
+        start = references if name in others else 0
         np.testing.assert_array_equal(best.get_xdata(), np.arange(start, references + 4))
-        expected = np.minimum.accumulate([made.history.runs[k].rms[material.name] for k in best.get_xdata()])
+        expected = np.minimum.accumulate([made.history.runs[k].rms[name] for k in best.get_xdata()])
         np.testing.assert_allclose(best.get_ydata(), expected)
-        assert material.best == (references + 3 if material.name in others else 0)
+        assert material.best == (references + 3 if name in others else 0)
 
 
 def test_same_archive_gives_same_bytes(made, figures, tmp_path):
-    case = module.read_case(made.path)
+    case = made.archive
     with mpl.rc_context(module.STYLE):
-        canvas, _, _ = module.cost(case, case.materials[0])
+        canvas, _, _ = module.cost(case, "dyke")
         for ending in ("png", "pdf"):
             again = module._save(canvas, tmp_path / f"again.{ending}")
             assert again.read_bytes() == (figures[0].png.parent / f"cost_dyke.{ending}").read_bytes()
@@ -176,11 +173,11 @@ def test_many_materials(build_archive, tmp_path):
         floors={MANY[13]: [None, 0.05]},
         shape=(34, 340),
     )
-    case = module.read_case(made.path)
-    slugs = [material.slug for material in case.materials]
+    case = made.archive
+    slugs = list(drawing.slugs(case.materials))
     assert len({slug.lower() for slug in slugs}) == len(MANY)
     assert {"two_words", "two_words_2"} <= set(slugs)
-    longest = next(material for material in case.materials if material.name == MANY[13])
+    longest = next(name for name in case.materials if name == MANY[13])
     with mpl.rc_context(module.STYLE):
         for canvas, caption, alt in (
             module.overview(case),
@@ -198,19 +195,14 @@ def test_many_materials(build_archive, tmp_path):
             assert alt
 
 
-def test_images_without_a_value_or_missing(made, tmp_path):
-    path = shutil.copy(made.path, tmp_path / "copy.h5")
-    with changed(path) as file:
-        file["images/measured_db"][...] = np.nan
-        del file["images/reference_db"]
-    case = module.read_case(path)
+def test_images_without_a_value_or_missing(made):
+    images = made.archive.images
+    blank = np.full_like(images.measured_db, np.nan)
+    case = replace(made.archive, images=replace(images, measured_db=blank, reference_db=None))
     with mpl.rc_context(module.STYLE):
         for canvas, _, _ in (module.images(case), module.residual(case)):
             assert drawn(canvas) == []
-    with changed(path) as file:
-        for name in list(file["images"]):
-            del file[f"images/{name}"]
-    case = module.read_case(path)
+    case = replace(made.archive, images=Images())
     assert module.images(case) is None
     assert module.residual(case) is None
 
@@ -243,15 +235,10 @@ def test_objects_are_dots_in_the_scene(made, tmp_path):
     zero = np.zeros(n)
     objects = Objects(*places, zero, zero, zero, zero, zero, np.full(n, -1, np.int16), np.zeros(n, np.int16))
     path = tmp_path / "calibration.h5"
-    write_archive(
-        path, case=made.case, stop=made.stop, history=made.history, scene=replace(made.scene, objects=objects),
-        geometry=made.geometry, registered=made.registered, targets=made.targets, runs=made.path.parent / "runs",
-        final=made.final,
-    )  # fmt: skip
+    case = made.gathered(path, scene=replace(made.scene, objects=objects))
     with h5py.File(path) as file:
         assert file["scene/objects"].attrs["count"] == n
         np.testing.assert_allclose(file["scene/objects"], places.T[::3], rtol=1e-6)
-    case = module.read_case(path)
     with mpl.rc_context(module.STYLE):
         canvas, caption, _ = module.scene(case)
         assert not drawn(canvas)
@@ -259,56 +246,43 @@ def test_objects_are_dots_in_the_scene(made, tmp_path):
     assert len(dots) == 1
     np.testing.assert_allclose(dots[0].get_xydata(), places.T[::3] / 1000.0, rtol=1e-6)
     assert "Objects are dots" in caption
-    plain, caption, _ = module.scene(module.read_case(made.path))
+    plain, caption, _ = module.scene(made.archive)
     assert not any(axes.lines for axes in plain.axes if axes.get_title() == "materials")
     assert "Objects" not in caption
 
 
-def test_held_out_ground_and_classes_are_drawn(made, tmp_path):
-    copy = shutil.copy(made.path, tmp_path / "copy.h5")
-    with changed(copy) as file:
-        check = file["materials/dyke/check"]
-        for n, key in enumerate(("block", "mean_db", "predicted_db", "law_db", "sd_db")):
-            check[key] = np.linspace(1.0, 3.0, 7) + n
-        for key in ("rmse_law_db", "rmse_law_patch_db", "rmse_constant_db", "rmse_best_db", "coverage_90", "n_blocks"):
-            check.attrs[key] = 1.0
-        for key in ("class_deg", "class_db", "class_error_db"):
-            del check[key]
-            check[key] = [25.0, 35.0]
-    case = drawing.read_case(copy)
-    dyke, beans = case.materials
-    assert held_out(case, beans) is None
+def test_held_out_ground_and_classes_are_drawn(made):
+    keys = ("block", "mean_db", "predicted_db", "law_db", "sd_db")
+    held = held_out_blocks(n_blocks=7, **{key: np.linspace(1.0, 3.0, 7) + n for n, key in enumerate(keys)})
+    classes = dict.fromkeys(("class_deg", "class_db", "class_error_db"), np.array([25.0, 35.0]))
+    case = changed_check(made.archive, "dyke", held=held, **classes)
+    assert held_out(case, "stem beans") is None
     with mpl.rc_context(drawing.STYLE):
-        canvas, caption, _ = held_out(case, dyke)
+        canvas, caption, _ = held_out(case, "dyke")
         assert drawn(canvas) == []
         (axes,) = canvas.axes
         (dots,) = [line for line in axes.lines if line.get_label() == "measured"]
         # in the order of the prediction
-        np.testing.assert_array_equal(dots.get_ydata(), np.sort(check_mean := dyke.check["mean_db"]))
-        assert axes.get_ylim()[0] < check_mean.min()
+        np.testing.assert_array_equal(dots.get_ydata(), np.sort(held.mean_db))
+        assert axes.get_ylim()[0] < held.mean_db.min()
         assert "7 blocks" in caption
-        canvas, caption, _ = law(case, dyke)
+        canvas, caption, _ = law(case, "dyke")
         assert drawn(canvas) == []
         assert "Dots" in caption
-        assert "Dots" not in law(case, beans)[1]
+        assert "Dots" not in law(case, "stem beans")[1]
 
 
-def test_the_misfit_of_classes_is_drawn_beside_the_densities(made, tmp_path):
-    copy = shutil.copy(made.path, tmp_path / "copy.h5")
-    with changed(copy) as file:
-        file.attrs["objective"] = "classes"
-        group = file["materials/dyke"]
-        group["cost"] = np.linspace(400.0, 8.0, group["rms"].size)
-        for key in ("class_deg", "class_db", "class_error_db"):
-            del group["check"][key]
-            group["check"][key] = [25.0, 35.0]
-    case = drawing.read_case(copy)
+def test_the_misfit_of_classes_is_drawn_beside_the_densities(made):
+    costs = np.linspace(400.0, 8.0, len(made.history.runs))
+    classes = dict.fromkeys(("class_deg", "class_db", "class_error_db"), np.array([25.0, 35.0]))
+    case = changed_check(replace(made.archive, objective="classes"), "dyke", **classes)
+    case = changed_material(case, "dyke", cost=costs)
     with mpl.rc_context(drawing.STYLE):
-        canvas, caption, _ = cost(case, case.materials[0])
+        canvas, caption, _ = cost(case, "dyke")
         assert drawn(canvas) == []
     upper, lower = canvas.axes
     best = [next(line for line in axes.lines if line.get_label() == "best so far") for axes in (upper, lower)]
-    np.testing.assert_allclose(best[0].get_ydata(), 2.0 * np.linspace(400.0, 8.0, case.kinds.size))
+    np.testing.assert_allclose(best[0].get_ydata(), 2.0 * costs)
     # two classes of three numbers each
     assert "For a right law it is about 6," in caption
     assert not any("tolerance" in str(line.get_label()) for line in lower.lines)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import base64
 import re
-import shutil
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from sealed import changed
+from archives import changed_check, changed_material, held_out_blocks
 
 from radcal.report.figures import Figure
 from radcal.report.html import _bound, _number, write_report
@@ -64,11 +64,6 @@ def pictures(tmp_path_factory):
     return figures
 
 
-@pytest.fixture
-def copy(made, tmp_path):
-    return shutil.copy(made.path, tmp_path / "copy.h5")
-
-
 def render(path, archive, figures=()):
     write_report(path, archive, figures)
     text = path.read_text(encoding="utf-8")
@@ -77,7 +72,7 @@ def render(path, archive, figures=()):
 
 @pytest.fixture(scope="module")
 def page(made, pictures, tmp_path_factory):
-    return render(tmp_path_factory.mktemp("page") / "report.html", made.path, pictures)
+    return render(tmp_path_factory.mktemp("page") / "report.html", made.archive, pictures)
 
 
 def test_verdict_comes_first_and_claims_no_more_than_the_density(page):
@@ -97,58 +92,47 @@ def test_verdict_comes_first_and_claims_no_more_than_the_density(page):
     assert "For stem beans whether the law found is right cannot be checked from this image alone" in text
 
 
-def checked(file):
+def checked(archive):
     """As after a calibration in classes with held-out ground."""
-    file.attrs.update({"objective": "classes", "converged": True, "reason": "settled"})
+    archive = replace(archive, objective="classes", converged=True, reason="settled")
+    classes = {"class_deg": [20.0, 40.0], "class_db": [1.0, -3.0], "class_error_db": [0.2, 0.2]}
     for name, constant in (("dyke", 3.0), ("stem beans", 0.5)):
-        group = file[f"materials/{name}"]
-        group.attrs["reason"] = "settled"
-        check = group["check"]
-        blocks = np.arange(6.0)
-        held = {"mean_db": blocks, "predicted_db": blocks + 0.5, "law_db": blocks + 0.7, "sd_db": np.full(6, 0.5)}
-        for key, values in {"block": blocks, **held}.items():
-            check[key] = values
-        rmse = {"rmse_law_db": 1.25, "rmse_law_patch_db": 1.0, "rmse_constant_db": constant, "rmse_best_db": 0.75}
-        rmse |= {"rmse_start_db": 4.0, "ks_law": 0.03, "ks_constant": 0.2, "ks_start": float("nan")}
-        rmse |= {"tail_law_db": 0.25, "tail_constant_db": -1.5, "tail_start_db": float("nan")}
-        check.attrs.update({**rmse, "coverage_90": 0.875, "n_blocks": 6, "identified": int(name == "dyke")})
-        check.attrs["looks"] = 2.5
-        check.attrs["sentences"] = [f"{name}: remarkable."]
-        for key, values in {"class_deg": [20.0, 40.0], "class_db": [1.0, -3.0], "class_error_db": [0.2, 0.2]}.items():
-            del check[key]
-            check[key] = values
+        archive = changed_material(archive, name, reason="settled")
+        archive = changed_check(
+            archive,
+            name,
+            held=held_out_blocks(rmse_constant_db=constant),
+            identified=name == "dyke",
+            looks=2.5,
+            sentences=(f"{name}: remarkable.",),
+            **{key: np.array(values) for key, values in classes.items()},
+        )
+    return archive
 
 
-def test_the_first_line_says_whether_a_law_was_found_or_a_histogram_matched(page, copy, tmp_path):
+def test_the_first_line_says_whether_a_law_was_found_or_a_histogram_matched(page, made, tmp_path):
     first = re.search(r"Measurement: .*?\. (.*?) What has been shown", page[1].text)[1]
     assert "What was matched is the histogram, not the law" in first
-    with changed(copy) as file:
-        checked(file)
-        file["materials/stem beans/check"].attrs["identified"] = 1
-    text = render(tmp_path / "report.html", copy)[1].text
+    archive = changed_check(checked(made.archive), "stem beans", identified=True)
+    text = render(tmp_path / "report.html", archive)[1].text
     assert (
         "Converged: the stop criterion is met for the laws of 2 materials after 5 runs. What was matched is the law"
         in text
     )
-    with changed(copy) as file:
-        file["materials/stem beans/check"].attrs["identified"] = 0
-    text = render(tmp_path / "report.html", copy)[1].text
+    archive = changed_check(archive, "stem beans", identified=False)
+    text = render(tmp_path / "report.html", archive)[1].text
     assert (
         "materials after 5 runs. The law of stem beans is not identified by this image. Held-out ground is "
         "predicted no better by the law of stem beans than by a constant."
     ) in text
-    with changed(copy) as file:
-        file.attrs.update({"converged": False, "reason": "max_runs"})
-        file["materials/dyke"].attrs["reason"] = "max_runs"
-    text = render(tmp_path / "report.html", copy)[1].text
+    archive = changed_material(replace(archive, converged=False, reason="max_runs"), "dyke", reason="max_runs")
+    text = render(tmp_path / "report.html", archive)[1].text
     assert "Stopped after 5 runs before the stop criterion was met for the law of dyke: maximum number of runs." in text
 
 
-def test_held_out_ground_has_a_table(page, copy, tmp_path):
+def test_held_out_ground_has_a_table(page, made, tmp_path):
     assert "Held-out ground" not in page[1].text
-    with changed(copy) as file:
-        checked(file)
-    text = render(tmp_path / "report.html", copy)[1].text
+    text = render(tmp_path / "report.html", checked(made.archive))[1].text
     cells = [
         "dyke",
         "6",
@@ -192,11 +176,11 @@ def test_foreign_text_is_escaped(page):
     assert "synthetic <b>seed</b> 2 & more" in parsed.text
 
 
-def test_material_names_are_escaped(copy, tmp_path):
+def test_material_names_are_escaped(made, tmp_path):
     name = "grass & <i>beans<i>"
-    with changed(copy) as file:
-        file.move("materials/stem beans", f"materials/{name}".replace("</", "<"))
-    text, parsed = render(tmp_path / "report.html", copy)
+    materials = made.archive.materials
+    renamed = {"dyke": materials["dyke"], name: materials["stem beans"]}
+    text, parsed = render(tmp_path / "report.html", replace(made.archive, materials=renamed))
     assert name in parsed.text
     assert "<i>" not in text
     assert "dyke" in parsed.text
@@ -225,20 +209,16 @@ def test_tables(page):
         ({"converged": False, "reason": "max_runs"}, "Stopped after 5 runs with stem beans outside the tolerance"),
     ],
 )
-def test_verdicts(copy, tmp_path, attributes, words):
-    with changed(copy) as file:
-        file.attrs.update(attributes)
-    assert words in render(tmp_path / "report.html", copy)[1].text
+def test_verdicts(made, tmp_path, attributes, words):
+    assert words in render(tmp_path / "report.html", replace(made.archive, **attributes))[1].text
 
 
 @pytest.mark.parametrize("hidden", [True, False])
-def test_one_material(copy, tmp_path, hidden):
-    with changed(copy) as file:
-        del file["materials/stem beans"]
-        if not hidden:
-            del file["materials/dyke/hidden"]
-        file.attrs.update({"converged": True, "reason": "rms"})
-    text = render(tmp_path / "report.html", copy)[1].text
+def test_one_material(made, tmp_path, hidden):
+    dyke = made.archive.materials["dyke"]
+    dyke = dyke if hidden else replace(dyke, hidden=None)
+    archive = replace(made.archive, materials={"dyke": dyke}, converged=True, reason="rms")
+    text = render(tmp_path / "report.html", archive)[1].text
     assert "Converged: the backscatter density of dyke agrees with the measured within the tolerance" in text
     assert "The density of dyke's backscatter is matched to rms" in text
     assert ("cannot be checked from this image alone" in text) is not hidden
@@ -247,7 +227,7 @@ def test_one_material(copy, tmp_path, hidden):
 
 
 def test_same_bytes_every_time(made, pictures, page, tmp_path):
-    assert render(tmp_path / "elsewhere" / "again.html", made.path, pictures)[0] == page[0]
+    assert render(tmp_path / "elsewhere" / "again.html", made.archive, pictures)[0] == page[0]
     assert [p.name for p in (tmp_path / "elsewhere").iterdir()] == ["again.html"]
 
 

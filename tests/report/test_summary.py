@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
-import shutil
 
 import numpy as np
 import pytest
+from archives import changed_material
 from scipy.special import ndtr
-from sealed import changed
 
 from radcal.radar.laws import LAWS
 from radcal.report.summary import law_difference_db, numbered_jobs, sentences, summarise, wall_seconds
@@ -16,13 +15,8 @@ from radcal.report.summary import law_difference_db, numbered_jobs, sentences, s
 INCIDENCE = np.linspace(30.0, 50.0, 1001)  # 5 to 95 %: 31 to 49 deg
 
 
-@pytest.fixture
-def copy(made, tmp_path):
-    return shutil.copy(made.path, tmp_path / "copy.h5")
-
-
 def test_counts_add_up(made):
-    summary = summarise(made.path)
+    summary = summarise(made.archive)
     assert summary["runs"] == {"reference": 1, "design": 3, "infill": 2, "final": 1, "total": 7, "reused": 0}
     assert summary["iterations"] == 2
     assert (summary["converged"], summary["stop_reason"]) == (False, "unreachable")
@@ -30,7 +24,7 @@ def test_counts_add_up(made):
 
 
 def test_materials(made):
-    materials = summarise(made.path, {"design": 3.0})["materials"]
+    materials = summarise(made.archive, {"design": 3.0})["materials"]
     dyke, beans = materials["dyke"], materials["stem beans"]
     best = made.history.runs[5]
     assert dyke["parameters"] == dict(zip(("X1", "X2", "X3", "X4"), best.parameters["dyke"], strict=True))
@@ -50,18 +44,17 @@ def test_materials(made):
     assert "hidden" not in beans
     assert "law_difference_db" not in beans
     said = [dyke["sentence"], beans["sentence"], *dyke["law_sentences"], *beans["law_sentences"]]
-    assert sentences(made.path) == said
+    assert sentences(made.archive) == said
 
 
-def test_distances_of_two_normals(copy):
+def test_distances_of_two_normals(made):
     shift = 0.5
-    with changed(copy) as file:
-        group = file["materials/dyke"]
-        group["target_dp"][...] = [0.0, 1.0, 0.0]
-        for key in ("final_dp", "fresh_dp"):
-            group[key][...] = [shift, 1.0, 0.0]
-        group["dp"][int(group.attrs["best"])] = [shift, 1.0, 0.0]
-    dyke = summarise(copy)["materials"]["dyke"]
+    dyke = made.archive.materials["dyke"]
+    dp, moved = dyke.dp.copy(), np.array([shift, 1.0, 0.0])
+    dp[dyke.best] = moved
+    target = np.array([0.0, 1.0, 0.0])
+    archive = changed_material(made.archive, "dyke", target_dp=target, final_dp=moved, fresh_dp=moved, dp=dp)
+    dyke = summarise(archive)["materials"]["dyke"]
     assert dyke["ks"] == pytest.approx(2.0 * ndtr(shift / 2.0) - 1.0, rel=1e-5)
     assert dyke["hellinger"] == pytest.approx(np.sqrt(1.0 - np.exp(-(shift**2) / 8.0)), rel=1e-6)
     # mean over 10 standard deviations of the squared difference of two normal densities
@@ -77,18 +70,19 @@ def test_law_difference_counts_the_incidence_seen_only():
     assert law_difference_db(LAWS["mangia"], [6.0, 12.0, 21.0, 3.0], law, INCIDENCE) == pytest.approx(by_hand, rel=1e-6)
 
 
-def test_law_difference_of_the_archive(copy):
-    with changed(copy) as file:
-        group = file["materials/dyke"]
-        group["hidden"][...] = group["parameters"][int(group.attrs["best"])] - [2.5, 0.0, 0.0, 0.0]
-    assert summarise(copy)["materials"]["dyke"]["law_difference_db"] == pytest.approx(2.5)
+def test_law_difference_of_the_archive(made):
+    dyke = made.archive.materials["dyke"]
+    hidden = dyke.parameters.values[dyke.best] - [2.5, 0.0, 0.0, 0.0]
+    archive = changed_material(made.archive, "dyke", hidden=hidden)
+    assert summarise(archive)["materials"]["dyke"]["law_difference_db"] == pytest.approx(2.5)
 
 
-def test_numbers_are_finite_or_null(copy):
-    with changed(copy) as file:
-        file["materials/dyke"].attrs["rms_sampling"] = np.nan
-        file["materials/stem beans/rms"][0] = np.inf
-    summary = summarise(copy, {"design": float("nan")})
+def test_numbers_are_finite_or_null(made):
+    archive = changed_material(made.archive, "dyke", rms_sampling=float("nan"))
+    rms = archive.materials["stem beans"].rms.copy()
+    rms[0] = np.inf
+    archive = changed_material(archive, "stem beans", rms=rms)
+    summary = summarise(archive, {"design": float("nan")})
     assert summary["materials"]["dyke"]["rms_sampling"] is None
     assert summary["materials"]["stem beans"]["rms_start"] is None
     assert summary["wall_seconds"] == {"design": None}
@@ -116,5 +110,5 @@ def test_numbered_jobs_are_those_of_the_archive(made):
     iterations = len(made.history.infill)
     chunks = -(-made.case.design.size // made.case.design.chunk)
     expected = {"design": chunks, "train": iterations, "propose": iterations, "verify": iterations}
-    assert numbered_jobs(made.path) == expected
+    assert numbered_jobs(made.archive) == expected
     assert iterations > 0

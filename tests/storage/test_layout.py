@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from numpy.typing import NDArray
 
-from radcal.storage.layout import About, Main, put, same, take
+from radcal.storage.layout import About, Attribute, Inline, Main, put, same, table, take
 
 
 @dataclass(frozen=True)
@@ -191,3 +191,86 @@ def test_any_array_text_and_number_comes_back(
     assert found.names == tuple(names)
     assert found.count == count
     np.testing.assert_equal(found.later, level)
+
+
+@dataclass(frozen=True)
+class Errors:
+    rmse_db: Annotated[float, About("error", "dB")]
+    means_db: Annotated[NDArray[np.float64], About("means of blocks", "dB", "b")]
+
+
+@dataclass(frozen=True)
+class Checked:
+    words: Annotated[tuple[str, ...], Attribute(), About("warnings")]
+    curves: Annotated[Mapping[str, Curve], About("a law each", "dB", "n")]
+    parts: Mapping[str, Inner]
+    held: Annotated[Errors | None, Inline()] = None
+    image: Annotated[NDArray[Any] | None, About("image")] = None
+
+
+def test_marked_texts_are_an_attribute_and_marked_fields_stand_in_the_group(tmp_path: Path) -> None:
+    errors = Errors(1.5, np.array([2.0, 3.0]))
+    curves = {"a": Curve(np.array([1.0]), "mangia", None)}
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        put(file.create_group("with"), Checked(("one", "zwölf"), curves, {}, errors))
+        put(file.create_group("without"), Checked((), {}, {}))
+    with h5py.File(tmp_path / "a.h5", "r") as file:
+        assert file["with"].attrs["words"].tolist() == ["one", "zwölf"]
+        assert file["with"].attrs["rmse_db"] == 1.5
+        assert dict(file["with/means_db"].attrs) == {"description": "means of blocks", "unit": "dB"}
+        assert set(file["without"]) == {"curves", "parts"}
+        found, empty = take(file["with"], Checked), take(file["without"], Checked)
+    assert (found.words, empty.words) == (("one", "zwölf"), ())
+    assert found.held is not None
+    assert found.held.rmse_db == 1.5
+    np.testing.assert_array_equal(found.held.means_db, [2.0, 3.0])
+    assert empty.held is None
+
+
+def test_half_of_the_marked_fields_is_not_enough(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        put(file, Checked((), {}, {}, Errors(1.5, np.zeros(2))))
+        del file["means_db"]
+        with pytest.raises(KeyError, match="lacks means_db"):
+            take(file, Checked)
+
+
+def test_fields_that_are_not_wanted_are_not_read(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        put(file, Checked(("one",), {}, {}, image=np.ones(3)))
+        assert take(file, Checked).image is not None
+        assert take(file, Checked, without=("image",)).image is None
+        with pytest.raises(KeyError, match="lacks words"):
+            take(file, Checked, without=("words",))
+
+
+def test_the_table_names_every_place(tmp_path: Path) -> None:
+    assert table(Checked).splitlines()[2:] == [
+        "| `/` | `words` | texts |  | warnings |",
+        "| `curves/<name>` |  | float64 (n) | dB | a law each |",
+        "| `curves/<name>` | `law` | text |  |  |",
+        "| `curves/<name>` | `remark` | text, or absent |  |  |",
+        "| `curves/<name>` | `names` | texts |  |  |",
+        "| `curves/<name>` | `frequency_ghz` | number, or absent |  |  |",
+        "| `parts/<name>` |  | group |  |  |",
+        "| `parts/<name>` | `level_db` | number |  |  |",
+        "| `parts/<name>/flags` |  | bool |  |  |",
+        "| `/` | `rmse_db` | number, or absent | dB | error |",
+        "| `means_db` |  | float64 (b), or absent | dB | means of blocks |",
+        "| `image` |  | numbers, or absent |  | image |",
+    ]
+    kinds = {row.split("|")[3].strip() for row in table(Outer).splitlines()[2:]}
+    assert kinds >= {"integer", "true or false", "text", "numbers", "texts", "float32", "group", "float64"}
+
+
+@dataclass(frozen=True)
+class Perhaps:
+    level_db: float | None
+    image: NDArray[Any] | None
+
+
+def test_none_is_read_where_the_class_has_no_default(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        put(file, Perhaps(None, None))
+        assert dict(file.attrs) == {}
+        assert take(file, Perhaps) == Perhaps(None, None)

@@ -1,11 +1,14 @@
 """Gather every run and iteration in one file and one table."""
 
+from radcal.calibration.conclusion import conclude
 from radcal.calibration.history import read_runs
 from radcal.config import Stop, stages
 from radcal.measurement.registration import read_registered
 from radcal.measurement.target import read_targets
 from radcal.radar.geometry import read_geometry
-from radcal.report.archive import write_archive, write_table
+from radcal.report.archive import write_archive
+from radcal.report.results import gather
+from radcal.report.run_table import write_table
 from radcal.running.jobs import logged
 from radcal.scene.model import read_scene
 from radcal.storage.listing import write_listing
@@ -14,20 +17,21 @@ from radcal.storage.run_index import indexed
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = stages.Archive.model_validate(snakemake.params.case)
-    history = read_runs([snakemake.input.scores, *snakemake.input.verified])
     stop = Stop.model_validate(read_json(snakemake.input.stop))
-    final = [record for record, _ in indexed([snakemake.input.final], snakemake.params.runs, case.calibrated)]
-    write_archive(
-        snakemake.output.archive,
+    history = read_runs([snakemake.input.scores, *snakemake.input.verified])
+    targets, geometry = read_targets(snakemake.input.target), read_geometry(snakemake.input.geometry)
+    runs = snakemake.params.runs
+    final = [record for record, _ in indexed([snakemake.input.final], runs, case.calibrated)]
+    archive = gather(
         case=case,
         stop=stop,
         history=history,
         scene=read_scene(snakemake.input.scene),
-        geometry=read_geometry(snakemake.input.geometry),
+        geometry=geometry,
         registered=read_registered(snakemake.input.registered),
-        targets=read_targets(snakemake.input.target),
-        runs=snakemake.params.runs,
-        final=final,
+        targets=targets,
+        conclusion=conclude(case, stop, history, targets, geometry, runs, final),
     )
-    write_table(snakemake.output.table, snakemake.output.archive)
+    write_archive(snakemake.output.archive, archive)
+    write_table(snakemake.output.table, archive)
     write_listing(snakemake.output.checksum, [snakemake.output.table])

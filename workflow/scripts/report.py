@@ -1,13 +1,15 @@
 """Draw the figures and write the report from the archive."""
 
+from radcal.report.archive import read_archive
 from radcal.report.figures import write_figures
 from radcal.report.html import write_report
 from radcal.running.jobs import logged, progress
 from radcal.storage.listing import write_listing
 
 with logged(snakemake.log[0]):
-    figures = write_figures(snakemake.input.archive, snakemake.output.figures)
-    write_report(snakemake.output.page, snakemake.input.archive, figures)
+    archive = read_archive(snakemake.input.archive)
+    figures = write_figures(archive, snakemake.output.figures)
+    write_report(snakemake.output.page, archive, figures)
     pictures = [path for figure in figures for path in (figure.png, figure.pdf)]
     write_listing(snakemake.output.checksums, [snakemake.output.page, *pictures])
     progress(f"report: {snakemake.output.page}")

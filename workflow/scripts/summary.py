@@ -1,11 +1,12 @@
 """Write the summary, and print how the calibration ended."""
 
+from radcal.report.archive import read_archive
 from radcal.report.summary import numbered_jobs, sentences, summarise, wall_seconds
 from radcal.running.jobs import logged, progress
 from radcal.storage.records import write_json
 
 with logged(snakemake.log[0]):
-    archive = snakemake.input.archive
+    archive = read_archive(snakemake.input.archive, images=False)
     summary = summarise(archive, wall_seconds(snakemake.params.benchmarks, numbered_jobs(archive)))
     write_json(snakemake.output.summary, summary, flat=True)
     for sentence in sentences(archive):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from radcal import skewnormal
+from radcal.report.archive import Archive, MaterialResult
 from radcal.report.drawing import (
     DESIGN,
     FOUND,
@@ -16,12 +17,11 @@ from radcal.report.drawing import (
     START,
     TARGET,
     Array,
-    CaseData,
-    MaterialData,
     add_legend,
     new_canvas,
     short,
     shortened,
+    titled,
 )
 from radcal.report.reasons import REASONS
 
@@ -42,11 +42,11 @@ def _reach(dp: Array) -> tuple[float, float]:
 class _Densities:
     """Axis of densities with the target in its middle; other densities may lie partly outside."""
 
-    def __init__(self, axes: Axes, material: MaterialData) -> None:
+    def __init__(self, axes: Axes, material: MaterialResult) -> None:
         self._axes = axes
         self._dp = material.target_dp
         mean, sd = _reach(self._dp)
-        values = material.measured_db[np.isfinite(material.measured_db)]
+        values = material.measured_db[np.isfinite(material.measured_db)].astype(np.float64)
         self._low, self._high = mean - 4.0 * sd, mean + 4.0 * sd
         self._limits = (mean - 14.0 * sd, mean + 14.0 * sd)
         inside = values[(values > self._limits[0]) & (values < self._limits[1])]
@@ -99,50 +99,52 @@ class _Densities:
         return f" Of the curves, {' and '.join(parts)}." if parts else ""
 
 
-def histogram(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str]:
+def histogram(case: Archive, name: str) -> tuple[Canvas, str, str]:
     """Figure of the measured pixels' histogram, the target density, and densities of some design runs."""
+    material = case.materials[name]
     canvas = new_canvas(6.2, 4.2)
     axes = canvas.subplots()
     panel = _Densities(axes, material)
-    design = np.flatnonzero(case.kinds == "design")
+    design = np.flatnonzero(case.runs.kind == "design")
     chosen = np.random.default_rng(_SEED).choice(design, size=min(10, design.size), replace=False)
     for n, run in enumerate(np.sort(chosen)):
         label = f"{chosen.size} runs of the design" if n == 0 else None
         panel.draw(material.dp[run], label, {"color": DESIGN, "linewidth": 1.1, "alpha": 0.9})
     panel.draw(material.target_dp, "target: fitted skew normal", TARGET | {"linewidth": 3.2})
     panel.finish()
-    axes.set_title(material.title())
-    axes.set_xlabel(f"backscatter [{case.unit}]")
-    axes.set_ylabel(f"density [1/{case.unit}]")
+    axes.set_title(titled(name))
+    axes.set_xlabel(f"backscatter [{case.levels.unit}]")
+    axes.set_ylabel(f"density [1/{case.levels.unit}]")
     add_legend(canvas, axes.get_legend_handles_labels(), 3)
     caption = (
-        f"Grey: the {material.measured_db.size:,} measured pixels of {material.name}. Black: the skew normal fitted to "
+        f"Grey: the {material.measured_db.size:,} measured pixels of {name}. Black: the skew normal fitted to "
         f"them, which is the target. Thin: the densities of {chosen.size} of the {design.size} runs of the design, "
         f"drawn at random (seed {_SEED}).{panel.remark()}"
     )
-    alt = f"Histogram of {material.name}'s measured backscatter, its fitted density and those of some runs."
+    alt = f"Histogram of {name}'s measured backscatter, its fitted density and those of some runs."
     return canvas, caption, alt
 
 
-def densities(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str]:
+def densities(case: Archive, name: str) -> tuple[Canvas, str, str]:
     """Figure of the target density with those of the start and of the calibrated law."""
+    material = case.materials[name]
     canvas = new_canvas(6.2, 4.2)
     axes = canvas.subplots()
     panel = _before_after(axes, material)
-    axes.set_title(material.title(f"rms {short(material.rms[material.best])} 1/{case.unit}"))
-    axes.set_xlabel(f"backscatter [{case.unit}]")
-    axes.set_ylabel(f"density [1/{case.unit}]")
+    axes.set_title(titled(name, f"rms {short(material.rms[material.best])} 1/{case.levels.unit}"))
+    axes.set_xlabel(f"backscatter [{case.levels.unit}]")
+    axes.set_ylabel(f"density [1/{case.levels.unit}]")
     add_legend(canvas, axes.get_legend_handles_labels(), 4)
     caption = (
         "Density of the backscatter at the starting parameters (orange, dashed), after calibration (blue) and in the "
         "measurement (black: fitted; grey: its pixels). Where blue lies on black the distributions agree."
         + panel.remark()
     )
-    alt = f"Densities of {material.name}'s backscatter: target, start and calibrated."
+    alt = f"Densities of {name}'s backscatter: target, start and calibrated."
     return canvas, caption, alt
 
 
-def _before_after(axes: Axes, material: MaterialData) -> _Densities:
+def _before_after(axes: Axes, material: MaterialResult) -> _Densities:
     panel = _Densities(axes, material)
     panel.draw(material.target_dp, "target", TARGET | {"linewidth": 4.5})
     panel.draw(material.dp[0], "start", START)
@@ -151,7 +153,7 @@ def _before_after(axes: Axes, material: MaterialData) -> _Densities:
     return panel
 
 
-def overview(case: CaseData) -> tuple[Canvas, str, str]:
+def overview(case: Archive) -> tuple[Canvas, str, str]:
     """Figure of the densities of all materials, one small panel each."""
     n = len(case.materials)
     columns = 2 if n <= 4 else 3 if n <= 9 else 4
@@ -159,11 +161,11 @@ def overview(case: CaseData) -> tuple[Canvas, str, str]:
     canvas = new_canvas(9.5, 2.2 * rows + 1.0)
     grid = canvas.subplots(rows, columns, squeeze=False).ravel()
     outside = 0
-    for axes, material in zip(grid, case.materials, strict=False):
+    for axes, (name, material) in zip(grid, case.materials.items(), strict=False):
         panel = _before_after(axes, material)
         outside += bool(panel.outside or panel.clipped)
         width = 88 // columns
-        lines = textwrap.wrap(shortened(material.name, 2 * width - 4), width)
+        lines = textwrap.wrap(shortened(name, 2 * width - 4), width)
         axes.set_title(
             "\n".join(line.replace("$", r"\$") for line in lines)
             + f"\nrms {short(material.rms[material.best])}: {REASONS[material.reason].label}",
@@ -173,25 +175,26 @@ def overview(case: CaseData) -> tuple[Canvas, str, str]:
     for axes in grid[n:]:
         axes.set_axis_off()
     for axes in grid[max(0, n - columns) : n]:
-        axes.set_xlabel(f"backscatter [{case.unit}]")
+        axes.set_xlabel(f"backscatter [{case.levels.unit}]")
     for axes in grid[:n:columns]:
-        axes.set_ylabel(f"density [1/{case.unit}]")
+        axes.set_ylabel(f"density [1/{case.levels.unit}]")
     add_legend(canvas, grid[0].get_legend_handles_labels(), 4)
     caption = (
         "Density of each material at the starting parameters (orange, dashed), after calibration (blue) and in the "
-        f"measurement (black: fitted; grey: its pixels); rms in 1/{case.unit}."
+        f"measurement (black: fitted; grey: its pixels); rms in 1/{case.levels.unit}."
         + (f" In {outside} of them a curve leaves the axes." if outside else "")
     )
     return canvas, caption, f"Small densities of {n} materials: target, start and calibrated."
 
 
-def quality(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str]:
+def quality(case: Archive, name: str) -> tuple[Canvas, str, str]:
     """Quantile figure of the measured pixels against the skew normal fitted to them."""
+    material = case.materials[name]
     from scipy.special import betaincinv
 
     canvas = new_canvas(6.2, 4.4)
     axes = canvas.subplots()
-    values = np.sort(material.measured_db)
+    values = np.sort(material.measured_db.astype(np.float64))
     n = values.size
     dp = material.target_dp
     mean, sd = _reach(dp)
@@ -215,9 +218,9 @@ def quality(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str]:
     axes.plot(
         expected, values, color=FOUND["color"], marker=".", markersize=4, linestyle="none", label="measured pixels"
     )
-    axes.set_title(material.title(f"distance {short(material.goodness['ks'])}, p = {short(material.goodness['ad_p'])}"))
-    axes.set_xlabel(f"quantile of the skew normal [{case.unit}]")
-    axes.set_ylabel(f"measured quantile [{case.unit}]")
+    axes.set_title(titled(name, f"distance {short(material.fit_ks)}, p = {short(material.fit_ad_p)}"))
+    axes.set_xlabel(f"quantile of the skew normal [{case.levels.unit}]")
+    axes.set_ylabel(f"measured quantile [{case.levels.unit}]")
     add_legend(canvas, axes.get_legend_handles_labels(), 3)
     caption = (
         f"The {n:,} measured pixels in order against what the skew normal fitted to them expects; points on the line "
@@ -225,4 +228,4 @@ def quality(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str]:
         f"stand for ({m:,} independent ones). Distance: Kolmogorov-Smirnov; p: share of samples that lie further from "
         "their own fit (Anderson-Darling)."
     )
-    return canvas, caption, f"Quantiles of {material.name}'s measured backscatter against those of the fitted density."
+    return canvas, caption, f"Quantiles of {name}'s measured backscatter against those of the fitted density."

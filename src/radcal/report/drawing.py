@@ -1,4 +1,4 @@
-"""Shared parts of all figures: colours, type, canvases, and the data read from the archive.
+"""Shared parts of all figures: colours, type, canvases, names.
 
 Colours have the same meaning in all figures (Okabe and Ito's palette, with different line styles, too):
 target and measurement black and grey, start orange dashed, calibrated blue, hidden truth
@@ -8,18 +8,11 @@ green dotted, tolerance vermilion.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
-
-from radcal.radar.laws import Law
-from radcal.report.law_records import read_law
-from radcal.storage.records import read_hdf5
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
@@ -63,63 +56,6 @@ STYLE: Any = {
 }
 
 
-@dataclass(frozen=True)
-class MaterialData:
-    """Data of a calibrated material in the archive; :mod:`radcal.report.archive` documents the arrays.
-
-    ``start_law_name`` is None where the start has the calibrated law.
-    """
-
-    name: str
-    slug: str
-    law: Law
-    start_law: Law
-    start_law_name: str | None
-    reason: str
-    best: int
-    rms_sampling: float
-    parameters: Array
-    dp: Array
-    rms: Array
-    start: Array
-    hidden: Array | None
-    target_dp: Array
-    incidence_deg: Array
-    measured_db: Array
-    floor_rms: Array
-    mode: tuple[str, ...]
-    cost: Array | None
-    effective: float
-    goodness: Mapping[str, float]
-    check: Mapping[str, Any]
-
-    def title(self, text: str = "") -> str:
-        """Title of a name and a remark, on two lines if one line is too short."""
-        name = label(self.name)
-        if not text:
-            return name
-        return f"{name}: {text}" if len(name) <= 16 and len(name) + len(text) < 62 else f"{name}:\n{text}"
-
-
-@dataclass(frozen=True)
-class CaseData:
-    """Data of an archive for the figures."""
-
-    case: str
-    objective: str
-    tolerance: float
-    unit: str
-    looks: int
-    kinds: NDArray[np.str_]
-    names: tuple[str, ...]
-    materials: tuple[MaterialData, ...]
-    images: Mapping[str, NDArray[Any]]
-    registration: Mapping[str, NDArray[Any]]
-    scene: Mapping[str, NDArray[Any]]
-    cell_m: float
-    laws: Mapping[str, tuple[Law, list[float]]]
-
-
 def shortened(name: str, width: int) -> str:
     """Name cut to a number of characters."""
     return name if len(name) <= width else f"{name[: width - 1].rstrip()}\N{HORIZONTAL ELLIPSIS}"
@@ -128,6 +64,14 @@ def shortened(name: str, width: int) -> str:
 def label(name: str, width: int = 44) -> str:
     """Name for a figure, shortened, and escaped so that it is not read as a formula."""
     return shortened(name, width).replace("$", r"\$")
+
+
+def titled(name: str, text: str = "") -> str:
+    """Name of a material and a remark, on two lines if one is too short."""
+    shown = label(name)
+    if not text:
+        return shown
+    return f"{shown}: {text}" if len(shown) <= 16 and len(shown) + len(text) < 62 else f"{shown}:\n{text}"
 
 
 def slugs(names: Iterable[str]) -> Iterator[str]:
@@ -145,60 +89,6 @@ def slugs(names: Iterable[str]) -> Iterator[str]:
 def short(value: float) -> str:
     """Two significant digits."""
     return f"{value:.2g}"
-
-
-def read_case(archive: str | Path) -> CaseData:
-    """Read ``calibration.h5``."""
-    with read_hdf5(archive, "calibration") as file:
-        groups = file["materials"]
-        materials = tuple(
-            MaterialData(
-                name=name,
-                slug=slug,
-                law=read_law(group["parameters"]),
-                start_law=read_law(group["start"]),
-                start_law_name=_other_law(group),
-                reason=str(group.attrs["reason"]),
-                best=int(group.attrs["best"]),
-                rms_sampling=float(group.attrs["rms_sampling"]),
-                hidden=group["hidden"][()] if "hidden" in group else None,
-                mode=tuple(group["mode"].asstr()[()]),
-                cost=group["cost"][()] if "cost" in group else None,
-                effective=float(group.attrs["effective"]),
-                check={
-                    **{key: np.asarray(values[()], dtype=np.float64) for key, values in group["check"].items()},
-                    **{key: float(v) for key, v in group["check"].attrs.items() if key != "sentences"},
-                },
-                goodness={key: float(group.attrs[f"fit_{key}"]) for key in ("ks", "ks_p", "ad", "ad_p")},
-                **{
-                    key: np.asarray(group[key][()], dtype=np.float64)
-                    for key in (
-                        "parameters", "dp", "rms", "start", "target_dp", "incidence_deg", "measured_db", "floor_rms",
-                    )
-                },
-            )
-            for (name, group), slug in zip(groups.items(), slugs(groups), strict=True)
-        )  # fmt: skip
-        return CaseData(
-            case=str(file.attrs["case"]),
-            objective=str(file.attrs["objective"]),
-            tolerance=float(file.attrs["tolerance"]),
-            unit=str(file["levels"].attrs["unit"]),
-            looks=int(file.attrs["looks"]),
-            kinds=file["runs/kind"].asstr()[()].astype(str),
-            names=tuple(file["names"].asstr()[()]),
-            materials=materials,
-            images={name: image[()] for name, image in file["images"].items()},
-            registration={name: values[()] for name, values in file["registration"].items()},
-            scene={name: values[()] for name, values in file["scene"].items()},
-            cell_m=float(file["scene"].attrs["cell_m"]) * int(file["scene"].attrs["step"]),
-            laws={name: (read_law(values), [float(x) for x in values[()]]) for name, values in file["laws"].items()},
-        )
-
-
-def _other_law(group: h5py.Group) -> str | None:
-    """Name of the start's law where the reference run has another law than the calibrated one."""
-    return str(group["start"].attrs["law"]) if np.isnan(group["parameters"][0]).any() else None
 
 
 def new_canvas(width: float, height: float, layout: Literal["constrained", "compressed"] = "constrained") -> Canvas:

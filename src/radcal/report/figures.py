@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from radcal.report.archive import Archive
 from radcal.report.density_figures import densities, histogram, overview, quality
-from radcal.report.drawing import STYLE, CaseData, MaterialData, read_case
+from radcal.report.drawing import STYLE, slugs
 from radcal.report.held_out_figures import held_out
 from radcal.report.law_figures import cost, law
 from radcal.report.map_figures import images, registration, residual
@@ -48,13 +49,13 @@ class Figure:
     material: str | None = None
 
 
-def write_figures(archive: str | Path, folder: str | Path) -> list[Figure]:
+def write_figures(archive: Archive, folder: str | Path) -> list[Figure]:
     """Draw every figure of a calibration.
 
     Parameters
     ----------
-    archive : path
-        ``calibration.h5``.
+    archive : Archive
+        A calibration.
     folder : path
         Folder of the files, created if missing. Each file is written atomically.
 
@@ -67,7 +68,6 @@ def write_figures(archive: str | Path, folder: str | Path) -> list[Figure]:
 
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    case = read_case(archive)
     figures: list[Figure] = []
     with mpl.rc_context(STYLE):
 
@@ -78,14 +78,14 @@ def write_figures(archive: str | Path, folder: str | Path) -> list[Figure]:
             png, pdf = (_save(canvas, folder / f"{name}.{ending}") for ending in ("png", "pdf"))
             figures.append(Figure(name, title, caption, alt, png, pdf, material))
 
-        add("scene", "The scene", scene(case))
-        add("incidence", "Local incidence and backscatter of the laws", incidence(case))
-        add("images", "Measured, start and calibrated image", images(case))
-        add("registration", "Registration of the measured image onto the simulated one", registration(case))
-        add("residual", "Residual: calibrated minus measured", residual(case))
-        if len(case.materials) > 1:
-            add("overview", "Densities of all materials", overview(case))
-        drawings: tuple[tuple[str, str, Callable[[CaseData, MaterialData], tuple[Canvas, str, str] | None]], ...] = (
+        add("scene", "The scene", scene(archive))
+        add("incidence", "Local incidence and what it does to the backscatter", incidence(archive))
+        add("images", "Measured, start and calibrated image", images(archive))
+        add("registration", "The measured image brought onto the simulated one", registration(archive))
+        add("residual", "What is left: calibrated minus measured", residual(archive))
+        if len(archive.materials) > 1:
+            add("overview", "Densities of all materials", overview(archive))
+        drawings: tuple[tuple[str, str, Callable[[Archive, str], tuple[Canvas, str, str] | None]], ...] = (
             ("densities", "Density before and after", densities),
             ("law", "The law found", law),
             ("held_out", "Held-out ground", held_out),
@@ -93,9 +93,9 @@ def write_figures(archive: str | Path, folder: str | Path) -> list[Figure]:
             ("histogram", "Measured pixels and the design", histogram),
             ("quality", "Fit of a skew normal to the pixels", quality),
         )
-        for material in case.materials:
+        for name, slug in zip(archive.materials, slugs(archive.materials), strict=True):
             for kind, title, draw in drawings:
-                add(f"{kind}_{material.slug}", title, draw(case, material), material.name)
+                add(f"{kind}_{slug}", title, draw(archive, name), name)
     return figures
 
 

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from radcal.report.drawing import FOUND, MUTED, START, TARGET, CaseData, MaterialData, add_legend, new_canvas
+from radcal.report.archive import Archive
+from radcal.report.drawing import FOUND, MUTED, START, TARGET, add_legend, new_canvas, titled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
@@ -16,21 +17,22 @@ __all__ = ["held_out"]
 _BAND = 1.645  # 90 % of a normal distribution lie within so many standard deviations
 
 
-def held_out(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str] | None:  # noqa: ARG001 - one shape for all
+def held_out(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     """Figure of the held-out blocks' means against their predictions; None where nothing was held out."""
     from matplotlib.ticker import MaxNLocator
 
-    check = material.check
-    if "n_blocks" not in check:
+    check = case.materials[name].check
+    held = check.held
+    if held is None:
         return None
-    order = np.argsort(np.asarray(check["predicted_db"]), kind="stable")
-    mean, predicted, law, sd = (np.asarray(check[key])[order] for key in ("mean_db", "predicted_db", "law_db", "sd_db"))
+    order = np.argsort(held.predicted_db, kind="stable")
+    mean, predicted, law, sd = (values[order] for values in (held.mean_db, held.predicted_db, held.law_db, held.sd_db))
     place, edges = np.arange(mean.size) + 1, np.arange(mean.size + 1) + 0.5
     canvas = new_canvas(6.2, 4.6)
     axes = canvas.subplots()
     low, high = predicted - _BAND * sd, predicted + _BAND * sd
     axes.stairs(high, edges, baseline=low, fill=True, color="#CFE3F1", label="90 % band")
-    axes.axhline(float(check["constant_db"]), color=START["color"], linestyle=START["linestyle"], linewidth=2.0,
+    axes.axhline(check.constant_db, color=START["color"], linestyle=START["linestyle"], linewidth=2.0,
                  label="constant")  # fmt: skip
     axes.stairs(law, edges, baseline=None, color=MUTED, linewidth=1.4, linestyle=":", label="law alone")
     axes.stairs(predicted, edges, baseline=None, color=FOUND["color"], linewidth=2.0, label="law and field")
@@ -38,17 +40,17 @@ def held_out(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str] 
     axes.use_sticky_edges = False
     axes.margins(x=0.01, y=0.06)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    errors = f"{check['rmse_law_patch_db']:.2f} dB off, a constant {check['rmse_constant_db']:.2f} dB"
-    axes.set_title(material.title(f"held-out ground {errors}"))
+    errors = f"{held.rmse_law_patch_db:.2f} dB off, a constant {held.rmse_constant_db:.2f} dB"
+    axes.set_title(titled(name, f"held-out ground {errors}"))
     axes.set_xlabel("block, in the order of its prediction")
     axes.set_ylabel("mean level [dB]")
     add_legend(canvas, axes.get_legend_handles_labels(), 5)
     caption = (
         f"Mean levels of {mean.size} blocks that no law has seen (dots), as the law found predicts them with the "
         "random effects of fields that were seen elsewhere (blue), alone (dotted), and as a constant does (orange, "
-        f"dashed: the mean of the calibrated ground). {100.0 * float(check['coverage_90']):.0f} % lie inside of the "
-        f"90 % band. Root mean square errors: law and field {check['rmse_law_patch_db']:.2f} dB, law alone "
-        f"{check['rmse_law_db']:.2f} dB, constant {check['rmse_constant_db']:.2f} dB; the same law fitted to these "
-        f"means themselves leaves {check['rmse_best_db']:.2f} dB."
+        f"dashed: the mean of the calibrated ground). {100.0 * held.coverage_90:.0f} % lie inside of the "
+        f"90 % band. Root mean square errors: law and field {held.rmse_law_patch_db:.2f} dB, law alone "
+        f"{held.rmse_law_db:.2f} dB, constant {held.rmse_constant_db:.2f} dB; the same law fitted to these "
+        f"means themselves leaves {held.rmse_best_db:.2f} dB."
     )
-    return canvas, caption, f"Mean levels of held-out blocks of {material.name}, measured and predicted, in dB."
+    return canvas, caption, f"Mean levels of held-out blocks of {name}, measured and predicted, in dB."

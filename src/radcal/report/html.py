@@ -9,15 +9,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
 from radcal import skewnormal
+from radcal.report.archive import Archive, MaterialResult
 from radcal.report.figures import Figure
 from radcal.report.reasons import REASONS
 from radcal.report.summary import summarise
 from radcal.storage.files import atomic
-from radcal.storage.records import read_hdf5
 
 __all__ = ["write_report"]
 
@@ -70,27 +69,28 @@ def _bound(value: float, low: float, high: float) -> str:
     return "lower" if value - low <= margin else "upper" if high - value <= margin else ""
 
 
-def _material(name: str, summary: Mapping[str, Any], group: h5py.Group) -> dict[str, Any]:
+def _material(name: str, summary: Mapping[str, Any], result: MaterialResult) -> dict[str, Any]:
     """Data of one material for the page."""
-    low, high = np.percentile(group["incidence_deg"][()], [5.0, 95.0])
+    low, high = np.percentile(result.incidence_deg, [5.0, 95.0])
+    start = result.start.values.tolist()
     hidden = summary.get("hidden", {})
     # a start with another law has other parameters
-    same_law = bool(np.isfinite(group["parameters"][0]).all())
+    same_law = bool(np.isfinite(result.parameters.values[0]).all())
     parameters = [
         {
             "name": key,
-            "unit": _unit(str(unit)),
+            "unit": _unit(unit),
             "value": value,
-            "start": start,
+            "start": begun,
             "hidden": hidden.get(key),
             "low": bounds[0],
             "high": bounds[1],
             "at": _bound(value, *bounds),
         }
-        for (key, value), unit, start, bounds in zip(
+        for (key, value), unit, begun, bounds in zip(
             summary["parameters"].items(),
-            group.attrs["parameter_units"],
-            map(float, group["start"][()]) if same_law else [None] * len(summary["bounds"]),
+            result.parameter_units,
+            start if same_law else [None] * len(summary["bounds"]),
             summary["bounds"],
             strict=True,
         )
@@ -99,7 +99,7 @@ def _material(name: str, summary: Mapping[str, Any], group: h5py.Group) -> dict[
     return {
         **summary,
         "name": name,
-        "other_start": None if same_law else {"law": summary["start_law"], "parameters": group["start"][()].tolist()},
+        "other_start": None if same_law else {"law": summary["start_law"], "parameters": start},
         "reason": words.clause,
         "short_reason": words.cell,
         "parameters": parameters,
@@ -109,9 +109,9 @@ def _material(name: str, summary: Mapping[str, Any], group: h5py.Group) -> dict[
         "within": words.met,
         "low": float(low),
         "high": float(high),
-        "drawn": int(group["pixels"].shape[0]),
-        "eligible": int(group.attrs["eligible"]),
-        "at_boundary": bool(group.attrs["at_boundary"]),
+        "drawn": result.pixels.size,
+        "eligible": result.eligible,
+        "at_boundary": result.at_boundary,
         "known": "law_difference_db" in summary,
         # also for hidden parameters of an external law
         "truth": bool(hidden),
@@ -196,15 +196,15 @@ def _yaml(text: str) -> str:
     return yaml.dump(json.loads(text), Dumper=Dumper, sort_keys=False, width=100, allow_unicode=True)
 
 
-def write_report(page: str | Path, archive: str | Path, figures: Sequence[Figure]) -> None:
+def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) -> None:
     """Write ``report.html``, atomically.
 
     Parameters
     ----------
     page : path
         The file.
-    archive : path
-        ``calibration.h5``.
+    archive : Archive
+        A calibration.
     figures : sequence of Figure
         What :func:`radcal.report.figures.write_figures` returned; their PNG files are
         embedded, so that the page is one file that opens offline.
@@ -212,9 +212,7 @@ def write_report(page: str | Path, archive: str | Path, figures: Sequence[Figure
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     summary = summarise(archive)
-    with read_hdf5(archive, "calibration") as file:
-        materials = [_material(name, summary["materials"][name], group) for name, group in file["materials"].items()]
-        attributes = {key: file.attrs[key] for key in ("config", "looks", "max_runs")}
+    materials = [_material(name, summary["materials"][name], result) for name, result in archive.materials.items()]
     environment = Environment(
         loader=PackageLoader("radcal.report", ""),
         autoescape=True,
@@ -224,7 +222,7 @@ def write_report(page: str | Path, archive: str | Path, figures: Sequence[Figure
         keep_trailing_newline=True,
     )
     environment.filters |= {"number": _number, "listed": _listed, "embedded": _embedded, "span": _span}
-    config = json.loads(str(attributes["config"]))
+    config = json.loads(archive.config)
     text = environment.get_template("report.html.j2").render(
         summary=summary,
         verdict=_verdict(summary, materials),
@@ -238,10 +236,10 @@ def write_report(page: str | Path, archive: str | Path, figures: Sequence[Figure
         overall=[figure for figure in figures if figure.material is None],
         figures={m["name"]: [figure for figure in figures if figure.material == m["name"]] for m in materials},
         reasons=list(dict.fromkeys(reason for m in materials for reason in m["left_out"])),
-        looks=int(attributes["looks"]),
-        max_runs=int(attributes["max_runs"]),
+        looks=archive.looks,
+        max_runs=archive.max_runs,
         margin_px=config.get("target", {}).get("margin_px"),
-        config=_yaml(str(attributes["config"])),
+        config=_yaml(archive.config),
     )
     with atomic(page) as partial:
         partial.write_text(text, encoding="utf-8")

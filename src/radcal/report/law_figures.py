@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.radar.laws import Law
+from radcal.report.archive import Archive, MaterialResult
 from radcal.report.drawing import (
     DESIGN,
     FOUND,
@@ -18,11 +19,10 @@ from radcal.report.drawing import (
     START,
     TOLERANCE,
     Array,
-    CaseData,
-    MaterialData,
     add_legend,
     new_canvas,
     short,
+    titled,
 )
 from radcal.report.summary import law_difference_db
 
@@ -33,21 +33,22 @@ if TYPE_CHECKING:
 __all__ = ["cost", "law"]
 
 _GRAZING_DB = -60.0
+_ANGLES_DEG = np.linspace(0.0, 90.0, 361)
 
 
-def _runs(axes: Axes, case: CaseData, material: MaterialData, shown: Array) -> None:
+def _runs(axes: Axes, case: Archive, material: MaterialResult, shown: Array) -> None:
     """Draw every run's value by kind of run, and the best value so far."""
     runs = np.arange(shown.size)
-    counted = np.isfinite(material.parameters).all(axis=1)  # a run with another law cannot be the best run
+    counted = np.isfinite(material.parameters.values).all(axis=1)  # a run of another law is nobody's best
     best = np.minimum.accumulate(shown[counted])
     axes.step(runs[counted], best, where="post", color="black", linewidth=1.6, label="best so far")
     ended = np.zeros(shown.size, dtype=bool)
-    ended[np.flatnonzero(case.kinds == "infill")[[mode == "ended" for mode in material.mode]]] = True
+    ended[np.flatnonzero(case.runs.kind == "infill")[[mode == "ended" for mode in material.mode]]] = True
     markers: tuple[tuple[str, NDArray[np.bool_], dict[str, Any]], ...] = (
-        ("reference (start)", case.kinds == "reference", {"color": START["color"], "marker": "s", "s": 62}),
-        ("earlier case", case.kinds == "reused", {"color": MUTED, "marker": "D", "s": 26}),
-        ("design", case.kinds == "design", {"color": DESIGN, "marker": "o", "s": 30}),
-        ("infill", (case.kinds == "infill") & ~ended, {"color": FOUND["color"], "marker": "^", "s": 40}),
+        ("reference (start)", case.runs.kind == "reference", {"color": START["color"], "marker": "s", "s": 62}),
+        ("earlier case", case.runs.kind == "reused", {"color": MUTED, "marker": "D", "s": 26}),
+        ("design", case.runs.kind == "design", {"color": DESIGN, "marker": "o", "s": 30}),
+        ("infill", (case.runs.kind == "infill") & ~ended, {"color": FOUND["color"], "marker": "^", "s": 40}),
         ("infill after it ended", ended, {"color": PALE, "marker": "^", "s": 26}),
     )
     for label, which, style in markers:
@@ -68,29 +69,31 @@ def _number_runs(axes: Axes, number: int) -> None:
     axes.set_xlabel("run (0: reference)")
 
 
-def cost(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str]:
+def cost(case: Archive, name: str) -> tuple[Canvas, str, str]:
     """Figure of the cost of each run."""
-    return _density_cost(case, material) if material.cost is None else _law_cost(case, material, material.cost)
+    costs = case.materials[name].cost
+    return _density_cost(case, name) if costs is None else _law_cost(case, name, costs)
 
 
-def _law_cost(case: CaseData, material: MaterialData, costs: Array) -> tuple[Canvas, str, str]:
+def _law_cost(case: Archive, name: str, costs: Array) -> tuple[Canvas, str, str]:
     """Draw the misfit of the incidence-angle bins, and the rms of the densities for the same runs."""
+    material = case.materials[name]
     canvas = new_canvas(6.2, 6.2)
     upper, lower = canvas.subplots(2, 1, sharex=True)
     squares = np.maximum(2.0 * costs, 1e-3)
     _runs(upper, case, material, squares)
-    numbers = 3 * material.check["class_deg"].size
+    numbers = 3 * material.check.class_deg.size
     if case.objective == "classes":
         upper.axhline(numbers, label="a right law", **SAMPLING)
     upper.set_ylabel("squared residuals")
-    upper.set_title(material.title(f"best misfit {short(squares[material.best])} in run {material.best}"))
+    upper.set_title(titled(name, f"best misfit {short(squares[material.best])} in run {material.best}"))
     rms = material.rms
     _runs(lower, case, material, np.where(rms > 0, rms, rms[rms > 0].min() / 3.0 if (rms > 0).any() else 1.0))
     if material.rms_sampling > 0:
         lower.axhline(
             material.rms_sampling, label=f"sampling error of {material.measured_db.size:,} pixels", **SAMPLING
         )
-    lower.set_ylabel(f"densities, rms [1/{case.unit}]")
+    lower.set_ylabel(f"densities, rms [1/{case.levels.unit}]")
     _number_runs(lower, rms.size)
     entries: dict[str, Any] = {}
     for axes in (upper, lower):
@@ -105,21 +108,22 @@ def _law_cost(case: CaseData, material: MaterialData, costs: Array) -> tuple[Can
     caption += (
         "Below: root mean square difference of the simulated and the target density, which the search does not "
         f"minimise; another sample of {material.measured_db.size:,} pixels would move the target itself by about "
-        f"{short(material.rms_sampling)} 1/{case.unit} (dotted)."
+        f"{short(material.rms_sampling)} 1/{case.levels.unit} (dotted)."
     )
     return (
         canvas,
         caption,
-        f"Misfit of each run of {material.name} on logarithmic axes: classes, density.",
+        f"Misfit of each run of {name} on logarithmic axes: classes, density.",
     )
 
 
-def _density_cost(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str]:
+def _density_cost(case: Archive, name: str) -> tuple[Canvas, str, str]:
     """Draw the rms of the densities of each run."""
+    material = case.materials[name]
     canvas = new_canvas(6.2, 4.8)
     axes = canvas.subplots()
     rms = material.rms
-    runs, infill = np.arange(rms.size), np.flatnonzero(case.kinds == "infill")
+    runs, infill = np.arange(rms.size), np.flatnonzero(case.runs.kind == "infill")
     positive = np.concatenate([rms[rms > 0], [case.tolerance, material.rms_sampling]])
     positive = positive[np.isfinite(positive) & (positive > 0)]
     # a cost of exactly 0 is drawn on the lower edge of the logarithmic axis
@@ -139,88 +143,107 @@ def _density_cost(case: CaseData, material: MaterialData) -> tuple[Canvas, str, 
     top = max(float(shown.max()), float(positive.max()))
     axes.set_ylim(bottom, 2.0 * top)
     _number_runs(axes, rms.size)
-    axes.set_title(material.title(f"best rms {short(rms[material.best])} 1/{case.unit} in run {material.best}"))
-    axes.set_ylabel(f"difference of the densities, rms [1/{case.unit}]")
+    axes.set_title(titled(name, f"best rms {short(rms[material.best])} 1/{case.levels.unit} in run {material.best}"))
+    axes.set_ylabel(f"difference of the densities, rms [1/{case.levels.unit}]")
     add_legend(canvas, axes.get_legend_handles_labels(), 3)
     caption = (
         "Root mean square difference between the simulated and the target density, run by run; the line is the best so "
-        f"far. Below the dotted line ({short(material.rms_sampling)} 1/{case.unit}) a smaller cost is numerical "
+        f"far. Below the dotted line ({short(material.rms_sampling)} 1/{case.levels.unit}) a smaller cost is numerical "
         f"convergence: another sample of {pixels:,} pixels would move the target itself by about that much."
     )
     if known.any():
         caption += " Short bars: lower bound of the rms inside the bounds, by the surrogate and two standard errors."
     if not np.all(rms > 0):
         caption += " Runs on the lower edge have a cost of 0."
-    return canvas, caption, f"Cost of each run of {material.name} on a logarithmic axis, with the tolerance."
+    return canvas, caption, f"Cost of each run of {name} on a logarithmic axis, with the tolerance."
 
 
-def law(case: CaseData, material: MaterialData) -> tuple[Canvas, str, str] | None:  # noqa: ARG001 - one shape for all
+def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     """Figure of backscatter against incidence for start, law found and hidden law; None for external laws."""
-    if not material.law.has_curve:
+    material = case.materials[name]
+    if not material.parameters.curve().has_curve:
         return None
+    incidence_deg = material.incidence_deg.astype(np.float64)
     shares = (4.0, 1.0) if material.hidden is None else (4.0, 1.4, 1.0)
     canvas = new_canvas(6.2, 4.2 + 0.4 * sum(shares[1:]))
     panels = canvas.subplots(len(shares), 1, sharex=True, height_ratios=shares)
-    upper, lower = panels[0], panels[-1]
-    sigma0 = material.law
-    low, high = (float(v) for v in np.percentile(material.incidence_deg, [5.0, 95.0]))
-    phi, seen = np.linspace(0.0, 90.0, 361), np.linspace(low, high, 101)
-    found = material.parameters[material.best]
-    start = "start" if material.start_law_name is None else f"start ({material.start_law_name})"
-    curves: list[tuple[str, Law, Array, dict[str, Any]]] = [
-        (start, material.start_law, material.start, START),
-        ("calibrated", sigma0, found, FOUND),
-    ]
-    if material.hidden is not None:
-        curves.append(("hidden truth", sigma0, material.hidden, HIDDEN))
+    low, high = (float(v) for v in np.percentile(incidence_deg, [5.0, 95.0]))
+    seen = np.linspace(low, high, 101)
     for axes in panels:
         axes.axvspan(low, high, color="#EFEFEF", zorder=0, linewidth=0)
-    for label, curve, parameters, style in curves:
-        upper.plot(phi, curve(np.radians(phi), parameters), **style | {"linewidth": 1.0})
-        upper.plot(seen, curve(np.radians(seen), parameters), label=label, **style | {"linewidth": 3.2})
-    asked = material.check["class_deg"]
-    if asked.size:
-        upper.errorbar(
-            asked, material.check["class_db"], 1.96 * material.check["class_error_db"], color="black", linestyle="none",
-            marker="o", markersize=4.5, elinewidth=1.2, zorder=4, label="classes, 95 %",
-        )  # fmt: skip
-    upper.margins(x=0)
-    if upper.get_ylim()[0] < _GRAZING_DB:  # a steep fall at grazing incidence would hide the rest
-        values = np.concatenate([curve(np.radians(phi[phi <= 85.0]), x) for _, curve, x, _ in curves])
-        upper.set_ylim(float(values.min()) - 3.0, float(values.max()) + 3.0)
+    _curves(panels[0], material, seen)
     if material.hidden is None:
-        upper.set_title(material.title("no truth to compare with"))
+        title = "no truth to compare with"
         remark = "The image alone cannot tell whether the law found is right."
     else:
-        difference = law_difference_db(material.law, found, material.hidden, material.incidence_deg)
-        for angles, width in ((phi, 1.0), (seen, 3.2)):
-            gap = sigma0(np.radians(angles), found) - sigma0(np.radians(angles), material.hidden)
-            panels[1].plot(angles, gap, **FOUND | {"linewidth": width})
-        panels[1].axhline(0.0, **HIDDEN)
-        reach = 1.3 * max(difference, 0.05)
-        panels[1].set_ylim(-reach, reach)
-        panels[1].set_ylabel("found minus\ntruth [dB]")
-        upper.set_title(material.title(f"at most {difference:.2g} dB from the truth over the incidence seen"))
+        difference = _truth(panels[1], material, material.hidden, incidence_deg, seen)
+        title = f"at most {difference:.2g} dB from the truth over the incidence seen"
         remark = (
             f"Over the incidence seen the law found differs from the hidden truth (green, dotted; middle panel) by at "
             f"most {difference:.2g} dB."
         )
-    upper.set_ylabel("\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} [dB]")
-    lower.hist(material.incidence_deg, bins=np.arange(0.0, 90.5, 1.0).tolist(), color=MUTED)
-    lower.set_ylabel("pixels")
-    lower.set_xlabel("local incidence [deg]")
-    lower.set_xlim(0.0, 90.0)
-    lower.set_xticks(np.arange(0, 91, 15).tolist())
-    add_legend(canvas, upper.get_legend_handles_labels(), 3)
+    panels[0].set_title(titled(name, title))
+    panels[0].set_ylabel("\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} [dB]")
+    _pixels(panels[-1], incidence_deg)
+    add_legend(canvas, panels[0].get_legend_handles_labels(), 3)
     caption = (
         "Backscatter against local incidence at the starting parameters (orange, dashed) and as found (blue). Shaded, "
         f"thick: {low:.1f} to {high:.1f} deg, where 90 % of the material's pixels lie (histogram below); outside, the "
         f"law is an extrapolation. {remark}"
     )
-    if asked.size:
+    if material.check.class_deg.size:
         caption += (
             " Dots: level with which the law would give the simulated pixels of each incidence-angle bin the mean "
             "of the measured ones; the law need not meet them, because levels of fields vary and the pixels' standard "
             "deviations count, too."
         )
-    return canvas, caption, f"Backscatter laws of {material.name} in dB against local incidence in degrees."
+    return canvas, caption, f"Backscatter laws of {name} in dB against local incidence in degrees."
+
+
+def _curves(axes: Axes, material: MaterialResult, seen: Array) -> None:
+    """Start, found and truth over all angles, thick over those seen [deg], and the levels asked of the law."""
+    parameters, start, check = material.parameters, material.start, material.check
+    # a start whose X is none of the calibrated law's has another law
+    begun = f"start ({start.law})" if np.isnan(parameters.values[0]).any() else "start"
+    curves: list[tuple[str, Law, Array, dict[str, Any]]] = [
+        (begun, start.curve(), start.values, START),
+        ("calibrated", parameters.curve(), parameters.values[material.best], FOUND),
+    ]
+    if material.hidden is not None:
+        curves.append(("hidden truth", parameters.curve(), material.hidden, HIDDEN))
+    for label, curve, x, style in curves:
+        axes.plot(_ANGLES_DEG, curve(np.radians(_ANGLES_DEG), x), **style | {"linewidth": 1.0})
+        axes.plot(seen, curve(np.radians(seen), x), label=label, **style | {"linewidth": 3.2})
+    if check.class_deg.size:
+        axes.errorbar(
+            check.class_deg, check.class_db, 1.96 * check.class_error_db, color="black", linestyle="none",
+            marker="o", markersize=4.5, elinewidth=1.2, zorder=4, label="classes, 95 %",
+        )  # fmt: skip
+    axes.margins(x=0)
+    if axes.get_ylim()[0] < _GRAZING_DB:  # a law that falls to nothing at grazing incidence hides all else
+        shown = np.radians(_ANGLES_DEG[_ANGLES_DEG <= 85.0])
+        values = np.concatenate([curve(shown, x) for _, curve, x, _ in curves])
+        axes.set_ylim(float(values.min()) - 3.0, float(values.max()) + 3.0)
+
+
+def _truth(axes: Axes, material: MaterialResult, hidden: Array, incidence_deg: Array, seen: Array) -> float:
+    """Found minus true law; the largest difference over the incidence seen [dB]."""
+    curve, found = material.parameters.curve(), material.parameters.values[material.best]
+    difference = law_difference_db(curve, found, hidden, incidence_deg)
+    for angles, width in ((_ANGLES_DEG, 1.0), (seen, 3.2)):
+        gap = curve(np.radians(angles), found) - curve(np.radians(angles), hidden)
+        axes.plot(angles, gap, **FOUND | {"linewidth": width})
+    axes.axhline(0.0, **HIDDEN)
+    reach = 1.3 * max(difference, 0.05)
+    axes.set_ylim(-reach, reach)
+    axes.set_ylabel("found minus\ntruth [dB]")
+    return difference
+
+
+def _pixels(axes: Axes, incidence_deg: Array) -> None:
+    """Histogram of the incidence of the pixels, with the axis of the angles."""
+    axes.hist(incidence_deg, bins=np.arange(0.0, 90.5, 1.0).tolist(), color=MUTED)
+    axes.set_ylabel("pixels")
+    axes.set_xlabel("local incidence [deg]")
+    axes.set_xlim(0.0, 90.0)
+    axes.set_xticks(np.arange(0, 91, 15).tolist())

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.report.drawing import FILLS, Array, CaseData, add_legend, label, new_canvas
+from radcal.report.archive import Archive
+from radcal.report.drawing import FILLS, Array, add_legend, label, new_canvas
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -90,23 +91,24 @@ def image_extent(shape: tuple[int, ...]) -> tuple[float, float, float, float]:
     return (-0.5, shape[1] - 0.5, shape[0] - 0.5, -0.5)
 
 
-def images(case: CaseData) -> tuple[Canvas, str, str] | None:
+def images(case: Archive) -> tuple[Canvas, str, str] | None:
     """Figure of the measured image, the start and the calibrated image."""
-    titles = {"measured_db": "measured", "reference_db": "start", "calibrated_db": "calibrated"}
-    there = [key for key in titles if key in case.images]
+    kept = case.images
+    titled = {"measured": kept.measured_db, "start": kept.reference_db, "calibrated": kept.calibrated_db}
+    there = {title: image for title, image in titled.items() if image is not None}
     if not there:
         return None
-    first = case.images[there[0]]
+    first = next(iter(there.values()))
     finite = first[np.isfinite(first)]
     low, high = (float(v) for v in np.percentile(finite, [1.0, 99.5])) if finite.size else (-30.0, 0.0)
     high = max(high, low + 1.0)
     canvas, panels, stacked, aspect = panels_for(first.shape, len(there))
     shown = None
-    for panel, key in zip(panels, there, strict=True):
+    for panel, (title, image) in zip(panels, there.items(), strict=True):
         shown = panel.imshow(
-            _shown(case.images[key]), cmap="gray", vmin=low, vmax=high, aspect=aspect, extent=image_extent(first.shape)
+            _shown(image), cmap="gray", vmin=low, vmax=high, aspect=aspect, extent=image_extent(first.shape)
         )
-        panel.set_title(titles[key])
+        panel.set_title(title)
     if shown is not None:
         bar = canvas.colorbar(shown, ax=panels, extend="both", fraction=0.05, pad=0.02, aspect=30)
         bar.set_label("backscatter [dB]")
@@ -123,20 +125,20 @@ def images(case: CaseData) -> tuple[Canvas, str, str] | None:
     return canvas, caption, "Measured, starting and calibrated radar image side by side in the same gray scale."
 
 
-def registration(case: CaseData) -> tuple[Canvas, str, str] | None:
+def registration(case: Archive) -> tuple[Canvas, str, str] | None:
     """Figure of the measured image before and after registration, and the displacement."""
-    if not case.registration or "reference_db" not in case.images:
+    before, moved_px = case.registration.unregistered_db, case.registration.displacement_px
+    simulated, after = case.images.reference_db, case.images.measured_db
+    if before is None or moved_px is None or simulated is None or after is None:
         return None
-    simulated = case.images["reference_db"]
-    field = case.registration["displacement_px"].astype(np.float64)
+    field = moved_px.astype(np.float64)
     canvas, panels, stacked, aspect = panels_for(simulated.shape, 3)
     extent, k = image_extent(simulated.shape), _factor(simulated.shape)
     # chequerboard of both images, in which roads and borders must continue from square to square
     rows, columns = np.indices(simulated.shape) // (max(simulated.shape) // 9)
     squares = (rows + columns) % 2 == 0
     levelled = _levelled(simulated)
-    measured = {"as measured": case.registration["unregistered_db"], "registered": case.images["measured_db"]}
-    for panel, (title, image) in zip(panels, measured.items(), strict=False):
+    for panel, title, image in zip(panels, ("as measured", "registered"), (before, after), strict=False):
         both = np.where(squares, levelled, _levelled(image))
         panel.imshow(both[::k, ::k], cmap="gray", vmin=-2.0, vmax=2.0, aspect=aspect, extent=extent)
         panel.set_title(title)
@@ -157,8 +159,8 @@ def registration(case: CaseData) -> tuple[Canvas, str, str] | None:
         f"Right: displacement of each pixel to its place in the measured image; the longest arrow stands for "
         f"{largest:.1f} pixels."
     )
-    if "misregistration_px" in case.registration:
-        error = np.hypot(*(field - case.registration["misregistration_px"])).mean()
+    if case.registration.misregistration_px is not None:
+        error = np.hypot(*(field - case.registration.misregistration_px)).mean()
         caption += f" The true displacement of this synthetic image is known: the mean error is {error:.2f} pixels."
     alt = "Chequerboards of simulated and measured image before and after registration, and the displacement field."
     return canvas, caption, alt
@@ -175,64 +177,29 @@ def _levelled(image_db: NDArray[Any]) -> Array:
     return np.asarray((smooth - middle) / max(0.5 * float(high - low), 1e-6))
 
 
-def residual(case: CaseData) -> tuple[Canvas, str, str] | None:
+def residual(case: Archive) -> tuple[Canvas, str, str] | None:
     """Figure of the residual (calibrated minus measured image) beside the materials."""
-    from matplotlib.colors import BoundaryNorm, ListedColormap
-    from matplotlib.patches import Patch
-    from scipy.ndimage import uniform_filter
     from scipy.special import polygamma
 
-    if not {"measured_db", "calibrated_db", "material"} <= case.images.keys():
+    images = case.images
+    if images.measured_db is None or images.calibrated_db is None or images.material is None:
         return None
-    pixels = case.images["calibrated_db"] - case.images["measured_db"]
-    # where no material is visible the simulation holds only noise and was not compared
-    valid = np.isfinite(pixels) & np.isfinite(case.images.get("incidence_deg", pixels))
-    share = uniform_filter(valid.astype(np.float32), _BOXCAR, mode="constant")
-    total = uniform_filter(np.where(valid, pixels, 0.0), _BOXCAR, mode="constant")
-    enough = valid & (share > 0.25)
-    difference = np.where(enough, total / np.where(enough, share, 1.0), np.nan)
-    k = _factor(difference.shape)
-    finite = difference[np.isfinite(difference)]
-    limit = float(np.clip(np.ceil(np.percentile(np.abs(finite), 98.0)), 1.0, 40.0)) if finite.size else 1.0
-
-    material = case.images["material"].astype(np.int64)
-    present = [number for number in np.unique(material) if 0 < number <= len(case.names)]
-    calibrated_names = {item.name for item in case.materials}
+    difference = _smoothed(images.calibrated_db - images.measured_db, images.incidence_deg)
+    material = images.material.astype(np.int64)
+    present = [int(number) for number in np.unique(material) if 0 < number <= len(case.names)]
     labels = [
-        f"{number}  {label(case.names[number - 1], 34)}" + (" *" if case.names[number - 1] in calibrated_names else "")
+        f"{number}  {label(case.names[number - 1], 34)}" + (" *" if case.names[number - 1] in case.materials else "")
         for number in present
     ]
     columns = max(1, min(4, int(105 / (max(map(len, labels), default=1) + 9))))
     rows = -(-(len(labels) + 1) // columns)
     canvas, panels, stacked, aspect = panels_for(difference.shape, 2, below=0.215 * rows)
-    extent = image_extent(difference.shape)
-    shown = panels[0].imshow(
-        difference[k // 2 :: k, k // 2 :: k], cmap="RdBu_r", vmin=-limit, vmax=limit, aspect=aspect, extent=extent
-    )
-    panels[0].set_title("calibrated minus measured")
-    bar = canvas.colorbar(shown, ax=panels[0], extend="both", fraction=0.05, pad=0.02, aspect=30)
-    bar.set_label("difference [dB]")
-
+    _difference_map(canvas, panels[0], difference, aspect)
     colours = ["#FFFFFF", *(FILLS[(number - 1) % len(FILLS)] for number in range(1, len(case.names) + 1))]
-    norm = BoundaryNorm((np.arange(len(colours) + 1) - 0.5).tolist(), len(colours))
-    panels[1].imshow(
-        material[k // 2 :: k, k // 2 :: k], cmap=ListedColormap(colours), norm=norm, aspect=aspect, extent=extent,
-        interpolation="nearest",
-    )  # fmt: skip
-    panels[1].set_title("materials")
-    places: list[tuple[int, int]] = []
-    for number in present:
-        places.append(_middle(material == number, places))
-        row, column = places[-1]
-        panels[1].text(
-            column, row, str(number), ha="center", va="center", fontsize=10.0, fontweight="bold",
-            bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "black", "linewidth": 0.6},
-        )  # fmt: skip
+    _material_map(panels[1], material, present, colours, aspect)
     if not stacked:
         canvas.set_layout_engine("compressed", wspace=0.05, h_pad=0.08)
-    handles = [Patch(facecolor=colours[number], edgecolor="black", linewidth=0.5) for number in present]
-    handles.append(Patch(facecolor="#FFFFFF", edgecolor="black", linewidth=0.5))
-    add_legend(canvas, (handles, [*labels, "mixed or unseen"]), columns)
+    _numbered_legend(canvas, [colours[number] for number in present], labels, columns)
     axis_labels(panels, stacked)
     # Oliver and Quegan 2004: variance of log intensity is trigamma(looks); neighbours are correlated, so at least
     speckle = 10.0 / np.log(10.0) * np.sqrt(2.0 * float(polygamma(1, case.looks))) / _BOXCAR
@@ -245,6 +212,63 @@ def residual(case: CaseData) -> tuple[Canvas, str, str] | None:
     if stacked:
         caption = caption.replace("Left:", "Above:").replace("Right:", "Below:")
     return canvas, caption, "Map of the difference between calibrated and measured image in dB, and the material map."
+
+
+def _smoothed(pixels: NDArray[Any], incidence_deg: NDArray[Any] | None) -> NDArray[Any]:
+    """Mean difference [dB] over a boxcar; NaN where too little of it was compared."""
+    from scipy.ndimage import uniform_filter
+
+    # where no material is visible the simulation holds only noise and was not compared
+    valid = np.isfinite(pixels) & np.isfinite(pixels if incidence_deg is None else incidence_deg)
+    share = uniform_filter(valid.astype(np.float32), _BOXCAR, mode="constant")
+    total = uniform_filter(np.where(valid, pixels, 0.0), _BOXCAR, mode="constant")
+    enough = valid & (share > 0.25)
+    return np.where(enough, total / np.where(enough, share, 1.0), np.nan)
+
+
+def _difference_map(canvas: Canvas, panel: Axes, difference: NDArray[Any], aspect: Aspect) -> None:
+    """Map of a difference [dB], red above zero and blue below."""
+    k = _factor(difference.shape)
+    finite = difference[np.isfinite(difference)]
+    limit = float(np.clip(np.ceil(np.percentile(np.abs(finite), 98.0)), 1.0, 40.0)) if finite.size else 1.0
+    shown = panel.imshow(
+        difference[k // 2 :: k, k // 2 :: k], cmap="RdBu_r", vmin=-limit, vmax=limit, aspect=aspect,
+        extent=image_extent(difference.shape),
+    )  # fmt: skip
+    panel.set_title("calibrated minus measured")
+    bar = canvas.colorbar(shown, ax=panel, extend="both", fraction=0.05, pad=0.02, aspect=30)
+    bar.set_label("difference [dB]")
+
+
+def _material_map(
+    panel: Axes, material: NDArray[np.int64], present: Sequence[int], colours: Sequence[str], aspect: Aspect
+) -> None:
+    """Map of the materials, each with its number."""
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+
+    k = _factor(material.shape)
+    norm = BoundaryNorm((np.arange(len(colours) + 1) - 0.5).tolist(), len(colours))
+    panel.imshow(
+        material[k // 2 :: k, k // 2 :: k], cmap=ListedColormap(colours), norm=norm, aspect=aspect,
+        extent=image_extent(material.shape), interpolation="nearest",
+    )  # fmt: skip
+    panel.set_title("materials")
+    places: list[tuple[int, int]] = []
+    for number in present:
+        places.append(_middle(material == number, places))
+        row, column = places[-1]
+        panel.text(
+            column, row, str(number), ha="center", va="center", fontsize=10.0, fontweight="bold",
+            bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "black", "linewidth": 0.6},
+        )  # fmt: skip
+
+
+def _numbered_legend(canvas: Canvas, colours: Sequence[str], labels: Sequence[str], columns: int) -> None:
+    """Legend of the numbers of materials."""
+    from matplotlib.patches import Patch
+
+    handles = [Patch(facecolor=colour, edgecolor="black", linewidth=0.5) for colour in (*colours, "#FFFFFF")]
+    add_legend(canvas, (handles, [*labels, "mixed or unseen"]), columns)
 
 
 def _middle(inside: NDArray[np.bool_], taken: Sequence[tuple[int, int]] = ()) -> tuple[int, int]:

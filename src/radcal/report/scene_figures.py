@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.report.drawing import FILLS, Array, CaseData, add_legend, label, new_canvas
+from radcal.report.archive import Archive
+from radcal.report.drawing import FILLS, Array, add_legend, label, new_canvas
 from radcal.report.map_figures import axis_labels, image_extent, panels_for
 
 if TYPE_CHECKING:
+    from matplotlib.colors import LightSource
     from matplotlib.figure import Figure as Canvas
 
 __all__ = ["incidence", "scene"]
@@ -19,14 +21,14 @@ _SURFACE = 110  # number of cells per side of the view in three dimensions
 _LISTED = 8  # largest number of materials named in the caption
 
 
-def _colours(case: CaseData) -> tuple[Any, Any]:
+def _colours(case: Archive) -> tuple[Any, Any]:
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
     colours = ["#FFFFFF", *(FILLS[k % len(FILLS)] for k in range(len(case.names)))]
     return ListedColormap(colours), BoundaryNorm((np.arange(len(colours) + 1) - 0.5).tolist(), len(colours))
 
 
-def _material_legend(canvas: Canvas, case: CaseData, present: NDArray[Any]) -> None:
+def _material_legend(canvas: Canvas, case: Archive, present: NDArray[Any]) -> None:
     from matplotlib.patches import Patch
 
     numbers = [int(k) for k in np.unique(present) if 0 < k <= len(case.names)]
@@ -34,31 +36,61 @@ def _material_legend(canvas: Canvas, case: CaseData, present: NDArray[Any]) -> N
     add_legend(canvas, (handles, [label(case.names[k - 1], 30) for k in numbers]), 6)
 
 
-def scene(case: CaseData) -> tuple[Canvas, str, str] | None:
+def scene(case: Archive) -> tuple[Canvas, str, str] | None:
     """Figure of the scene: shaded relief, materials, elevation and a view in three dimensions."""
+    view = case.scene
+    if view.elevation_m is None or view.material is None:
+        return None
+    elevation = view.elevation_m.astype(np.float64)
+    cell_m = view.cell_m * view.step
+    objects_m = None if view.objects is None else view.objects.places_m
+    canvas = new_canvas(9.5, 9.1)
+    _plans(canvas, elevation, view.material, objects_m, cell_m, _colours(case))
+    _view(canvas, elevation, view.material, cell_m, _colours(case))
+    _material_legend(canvas, case, view.material)
+    ny, nx = elevation.shape
+    caption = (
+        f"The scene: {nx * cell_m / 1000.0:.3g} by {ny * cell_m / 1000.0:.3g} km, heights from {elevation.min():.0f} "
+        f"to {elevation.max():.0f} m."
+    )
+    if objects_m is not None:
+        caption += " Objects are dots, whatever their size."
+    return canvas, caption, "Shaded relief, material map, elevation map and a view of the terrain."
+
+
+def _light() -> LightSource:
+    """Light from the north-west."""
     from matplotlib.colors import LightSource
 
-    if "elevation_m" not in case.scene:
-        return None
-    elevation = case.scene["elevation_m"].astype(np.float64)
-    material = case.scene["material"]
-    cell_m = case.cell_m
-    ny, nx = elevation.shape
-    sides = (0.0, nx * cell_m / 1000.0, 0.0, ny * cell_m / 1000.0)
-    light = LightSource(azdeg=315.0, altdeg=40.0)
-    canvas = new_canvas(9.5, 9.1)
-    cmap, norm = _colours(case)
+    return LightSource(azdeg=315.0, altdeg=40.0)
+
+
+def _sides_km(shape: tuple[int, ...], cell_m: float) -> tuple[float, float, float, float]:
+    """West, east, south and north of the scene [km]."""
+    return (0.0, shape[1] * cell_m / 1000.0, 0.0, shape[0] * cell_m / 1000.0)
+
+
+def _plans(
+    canvas: Canvas,
+    elevation: Array,
+    material: NDArray[Any],
+    objects_m: NDArray[Any] | None,
+    cell_m: float,
+    colours: tuple[Any, Any],
+) -> None:
+    """Relief, materials with objects, and elevation, seen from above."""
+    sides = _sides_km(elevation.shape, cell_m)
+    cmap, norm = colours
     flat = [canvas.add_subplot(2, 2, k) for k in (1, 2, 3)]
-    flat[0].imshow(light.hillshade(elevation, dx=cell_m, dy=cell_m), cmap="gray", origin="lower", extent=sides)
+    flat[0].imshow(_light().hillshade(elevation, dx=cell_m, dy=cell_m), cmap="gray", origin="lower", extent=sides)
     flat[0].set_title("shaded relief, light from north-west")
     flat[1].imshow(material, cmap=cmap, norm=norm, origin="lower", extent=sides, interpolation="nearest")
-    objects = case.scene.get("objects")
-    if objects is not None:
+    if objects_m is not None:
         flat[1].plot(
-            *objects.T / 1000.0, ",", color="black", rasterized=True
+            *objects_m.T / 1000.0, ",", color="black", rasterized=True
         )  # drawn as single pixels, so that their number does not matter
         flat[1].set(xlim=sides[:2], ylim=sides[2:])
-    flat[1].set_title("materials" if objects is None else "materials and objects (black)")
+    flat[1].set_title("materials" if objects_m is None else "materials and objects (black)")
     shown = flat[2].imshow(elevation, cmap="terrain", origin="lower", extent=sides)
     flat[2].set_title("elevation")
     bar = canvas.colorbar(shown, ax=flat[2], fraction=0.046, pad=0.03)
@@ -69,12 +101,18 @@ def scene(case: CaseData) -> tuple[Canvas, str, str] | None:
         panel.set_ylabel("north [km]")
         panel.locator_params(nbins=5)
 
+
+def _view(canvas: Canvas, elevation: Array, material: NDArray[Any], cell_m: float, colours: tuple[Any, Any]) -> None:
+    """Terrain with its materials, seen from the south-west."""
     solid = cast(Any, canvas.add_subplot(2, 2, 4, projection="3d"))
+    ny, nx = elevation.shape
+    sides = _sides_km(elevation.shape, cell_m)
+    cmap, norm = colours
     k = max(1, max(ny, nx) // _SURFACE)
     y, x = (np.mgrid[:ny:k, :nx:k] + 0.5) * cell_m / 1000.0
     low = elevation[::k, ::k]
     rgb = cmap(norm(material[::k, ::k]))[..., :3]
-    shaded = light.shade_rgb(rgb, low, dx=k * cell_m, dy=k * cell_m, vert_exag=2.0, blend_mode="soft")
+    shaded = _light().shade_rgb(rgb, low, dx=k * cell_m, dy=k * cell_m, vert_exag=2.0, blend_mode="soft")
     surface = solid.plot_surface(
         x, y, low, facecolors=shaded, rstride=1, cstride=1, linewidth=0, antialiased=False, shade=False
     )
@@ -89,38 +127,29 @@ def scene(case: CaseData) -> tuple[Canvas, str, str] | None:
     solid.set_ylabel("north [km]")
     solid.locator_params(nbins=4)
     solid.tick_params(axis="z", labelsize=8.5)
-    _material_legend(canvas, case, material)
-    caption = (
-        f"The scene: {nx * cell_m / 1000.0:.3g} by {ny * cell_m / 1000.0:.3g} km, heights from {elevation.min():.0f} "
-        f"to {elevation.max():.0f} m."
-    )
-    if objects is not None:
-        caption += " Objects are dots, whatever their size."
-    return canvas, caption, "Shaded relief, material map, elevation map and a view of the terrain."
 
 
-def _expected_db(case: CaseData) -> Array:
+def _expected_db(case: Archive, incidence_deg: NDArray[Any], material: NDArray[Any]) -> Array:
     """Backscatter of the calibrated laws at each pixel's mean incidence, without speckle [dB]; NaN without material."""
-    angle = np.radians(case.images["incidence_deg"].astype(np.float64))
-    material = case.images["material"]
+    angle = np.radians(incidence_deg.astype(np.float64))
     expected = np.full(angle.shape, np.nan)
     for k, name in enumerate(case.names, start=1):
-        law, parameters = case.laws.get(name, (None, []))
+        law = case.laws[name].curve() if name in case.laws else None
         if law is not None and law.has_curve:  # the curve of an external law is not known
             inside = material == k
-            expected[inside] = law(angle[inside], parameters)
+            expected[inside] = law(angle[inside], case.laws[name].values)
     return expected
 
 
-def incidence(case: CaseData) -> tuple[Canvas, str, str] | None:
+def incidence(case: Archive) -> tuple[Canvas, str, str] | None:
     """Figure of the local incidence, its distribution by material, and the laws' backscatter."""
-    if not {"incidence_deg", "material"} <= case.images.keys():
+    angle, material = case.images.incidence_deg, case.images.material
+    if angle is None or material is None:
         return None
-    angle = case.images["incidence_deg"]
     finite = angle[np.isfinite(angle)]
     if not finite.size:
         return None
-    expected = _expected_db(case)
+    expected = _expected_db(case, angle, material)
     seen = expected[np.isfinite(expected)]
     canvas, panels, stacked, aspect = panels_for(angle.shape, 2 if seen.size else 1)
     where = image_extent(angle.shape)
@@ -133,7 +162,7 @@ def incidence(case: CaseData) -> tuple[Canvas, str, str] | None:
     canvas.colorbar(first, ax=panels[0], extend="both", fraction=0.05, pad=0.02).set_label("incidence [deg]")
     if not seen.size:
         axis_labels(panels, stacked)
-        return canvas, *_incidence_words(case, expected)
+        return canvas, *_incidence_words(case, angle, material, expected)
     low, high = (float(v) for v in np.percentile(seen, [1.0, 99.0]))
     second = panels[1].imshow(
         expected[::k, ::k], cmap="gray", vmin=low, vmax=max(high, low + 1.0), aspect=aspect, extent=where
@@ -142,19 +171,19 @@ def incidence(case: CaseData) -> tuple[Canvas, str, str] | None:
     bar = canvas.colorbar(second, ax=panels[1], extend="both", fraction=0.05, pad=0.02)
     bar.set_label("\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} [dB]")
     axis_labels(panels, stacked)
-    return canvas, *_incidence_words(case, expected)
+    return canvas, *_incidence_words(case, angle, material, expected)
 
 
-def _incidence_words(case: CaseData, expected: Array) -> tuple[str, str]:
-    material, angle = case.images["material"], case.images["incidence_deg"]
+def _incidence_words(case: Archive, angle: NDArray[Any], material: NDArray[Any], expected: Array) -> tuple[str, str]:
+    """Caption and description of the local incidence."""
     spans = []
-    for item in case.materials[:_LISTED]:
-        inside = (material == case.names.index(item.name) + 1) & np.isfinite(angle)
+    for name in list(case.materials)[:_LISTED]:
+        inside = (material == case.names.index(name) + 1) & np.isfinite(angle)
         if inside.any():
             a = np.percentile(angle[inside], [5.0, 95.0])
             s = expected[inside][np.isfinite(expected[inside])]
             level = ", {:.1f} to {:.1f} dB".format(*np.percentile(s, [5.0, 95.0])) if s.size else ""
-            spans.append(f"{item.name} {a[0]:.0f} to {a[1]:.0f} deg{level}")
+            spans.append(f"{name} {a[0]:.0f} to {a[1]:.0f} deg{level}")
     more = f", and {len(case.materials) - _LISTED} more" if len(case.materials) > _LISTED else ""
     listed = f"From 5 to 95 %: {'; '.join(spans)}{more}."
     if not np.isfinite(expected).any():

@@ -28,7 +28,7 @@ SCHEMAS: Mapping[str, int] = {
     "target": 4,
     "surrogate": 4,
     "run": 2,
-    "calibration": 2,
+    "calibration": 3,
 }
 """What kinds of HDF5 files there are, and the version of each one's layout."""
 

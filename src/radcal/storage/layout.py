@@ -6,8 +6,10 @@ type of a field                                        in the file
 ``bool``, ``int``, ``float``, ``str``, ``Literal``     attribute of the group
 ``tuple`` of numbers                                   attribute of the group
 numpy array                                            dataset, compressed from 1 KiB on
-``tuple[str, ...]``                                    dataset of strings, because attributes are bounded in size
-dataclass                                              group
+``tuple[str, ...]``                                    dataset of strings, because attributes are bounded in size;
+                                                       attribute if marked :class:`Attribute`
+dataclass                                              group; its fields in the group around it if marked
+                                                       :class:`Inline`
 dataclass with :class:`Main` on one of its fields      dataset, the other fields as its attributes
 ``Mapping[str, ...]`` of any of these                  group, an entry a key, in order
 any of these ``| None``                                not there where it is None
@@ -15,14 +17,15 @@ any of these ``| None``                                not there where it is Non
 
 What the file does not hold has the default of its field, so that a field with a default can be added and earlier
 files are still read. ``Annotated[type, About("what it is", unit="dB")]`` puts ``description`` and ``unit`` beside a
-dataset or group.
+dataset or group; :func:`table` makes a page of them.
 """
 
 from __future__ import annotations
 
+import functools
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -30,7 +33,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["About", "Main", "put", "same", "take"]
+__all__ = ["About", "Attribute", "Inline", "Main", "put", "same", "table", "take"]
 
 _COMPRESSED = 1024  # bytes from which compression saves more than it costs
 _TEXT = h5py.string_dtype()
@@ -48,15 +51,28 @@ class About:
         What it is.
     unit : str
         Of its numbers; empty where they have none.
+    shape : str
+        Of an array, for :func:`table`: ``n, 3``.
     """
 
     description: str
     unit: str = ""
+    shape: str = ""
 
 
 @dataclass(frozen=True)
 class Main:
     """Mark of the field that becomes the dataset, whose attributes the dataclass's other fields are."""
+
+
+@dataclass(frozen=True)
+class Attribute:
+    """Mark of a tuple of strings that is an attribute, because it is short."""
+
+
+@dataclass(frozen=True)
+class Inline:
+    """Mark of a dataclass whose fields stand in the group around it; None where none of them is there."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +83,16 @@ class _Entry:
     kind: Any
     about: About | None
     main: bool
+    inline: bool
+    attribute: bool
+    optional: bool
     default: Any  # MISSING where the file must hold it
+
+    def there(self, group: h5py.Group) -> bool:
+        """Whether a group holds it."""
+        if self.inline:
+            return any(entry.there(group) for entry in _entries(self.kind))
+        return self.name in (group.attrs if self.attribute else group)
 
 
 def put(group: h5py.Group, value: Any) -> None:
@@ -86,10 +111,18 @@ def put(group: h5py.Group, value: Any) -> None:
         A field has another type.
     """
     for entry in _entries(type(value)):
-        _put(group, entry.name, getattr(value, entry.name), entry.kind, entry.about)
+        one = getattr(value, entry.name)
+        if one is None:
+            continue
+        if entry.inline:
+            put(group, one)
+        elif entry.attribute:
+            group.attrs[entry.name] = _attribute(one, entry.kind)
+        else:
+            _put(group, entry.name, one, entry.kind, entry.about)
 
 
-def take(group: h5py.Group, kind: type[T]) -> T:
+def take(group: h5py.Group, kind: type[T], without: Collection[str] = ()) -> T:
     """Read a dataclass that :func:`put` wrote.
 
     Parameters
@@ -98,6 +131,8 @@ def take(group: h5py.Group, kind: type[T]) -> T:
         Where it stands.
     kind : type
         The dataclass.
+    without : collection of str
+        Fields that are not read: they have their defaults.
 
     Raises
     ------
@@ -106,9 +141,12 @@ def take(group: h5py.Group, kind: type[T]) -> T:
     """
     found = {}
     for entry in _entries(kind):
-        held = group.attrs if _is_attribute(entry.kind) else group
-        if entry.name in held:
-            found[entry.name] = _take(held[entry.name], entry.kind)
+        if entry.name not in without and entry.there(group):
+            if entry.inline:
+                found[entry.name] = take(group, entry.kind)
+            else:
+                held = group.attrs if entry.attribute else group
+                found[entry.name] = _take(held[entry.name], entry.kind)
         elif entry.default is None:
             found[entry.name] = None
         elif entry.default is MISSING:
@@ -138,10 +176,13 @@ def same(one: Any, other: Any) -> bool:
     return bool(one == other)
 
 
-def _entries(kind: type) -> tuple[_Entry, ...]:
+def _read_entries(kind: type) -> tuple[_Entry, ...]:
     """Fields of a dataclass as they are stored."""
     hints = typing.get_type_hints(kind, include_extras=True)
     return tuple(_entry(item, hints[item.name]) for item in fields(kind) if item.init)
+
+
+_entries: Callable[[Any], tuple[_Entry, ...]] = functools.cache(_read_entries)
 
 
 def _entry(item: Field[Any], hint: Any) -> _Entry:
@@ -152,7 +193,8 @@ def _entry(item: Field[Any], hint: Any) -> _Entry:
     if optional and default is MISSING:
         default = None
     about = next((one for one in said if isinstance(one, About)), None)
-    return _Entry(item.name, bare, about, any(isinstance(one, Main) for one in said), default)
+    main, inline, attribute = (any(isinstance(one, mark) for one in said) for mark in (Main, Inline, Attribute))
+    return _Entry(item.name, bare, about, main, inline, attribute or _is_attribute(bare), optional, default)
 
 
 def _without_none(hint: Any) -> tuple[Any, bool]:
@@ -189,8 +231,6 @@ def _main(kind: Any) -> str | None:
 
 
 def _put(group: h5py.Group, name: str, value: Any, kind: Any, about: About | None = None) -> None:
-    if value is None:
-        return
     if _is_attribute(kind):
         group.attrs[name] = value
         return
@@ -212,13 +252,18 @@ def _put(group: h5py.Group, name: str, value: Any, kind: Any, about: About | Non
             made = _put_array(group, name, np.asarray(getattr(value, main)))
             for entry in _entries(kind):
                 if entry.name != main and (one := getattr(value, entry.name)) is not None:
-                    made.attrs[entry.name] = np.array(one, dtype=_TEXT) if _is_text_list(entry.kind) else one
+                    made.attrs[entry.name] = _attribute(one, entry.kind)
     else:
         raise TypeError(f"{name}: a {kind} has no place in the layout")
     if about is not None:
         made.attrs["description"] = about.description
         if about.unit:
             made.attrs["unit"] = about.unit
+
+
+def _attribute(value: Any, kind: Any) -> Any:
+    """Value as an attribute takes it."""
+    return np.array(value, dtype=_TEXT) if _is_text_list(kind) else value
 
 
 def _put_array(group: h5py.Group, name: str, values: NDArray[Any]) -> h5py.Dataset:
@@ -239,7 +284,7 @@ def _take(held: Any, kind: Any) -> Any:
     if _is_array(kind):
         return held.asstr()[()] if h5py.check_string_dtype(held.dtype) else held[()]
     if _is_text_list(kind):
-        return tuple(held.asstr()[()])
+        return tuple(map(str, held.asstr()[()] if isinstance(held, h5py.Dataset) else held))
     if _is_mapping(kind):
         item = _item(kind)
         names = held.attrs if _is_attribute(item) else held
@@ -251,11 +296,10 @@ def _take(held: Any, kind: Any) -> Any:
     for entry in _entries(kind):
         if entry.name == main:
             continue
-        if entry.name not in held.attrs:
-            found |= {entry.name: None} if entry.default is None else {}
-        else:
-            one = held.attrs[entry.name]
-            found[entry.name] = tuple(map(str, one)) if _is_text_list(entry.kind) else _scalar(one, entry.kind)
+        if entry.name in held.attrs:
+            found[entry.name] = _take(held.attrs[entry.name], entry.kind)
+        elif entry.default is None:
+            found[entry.name] = None
     return kind(**found)
 
 
@@ -265,3 +309,55 @@ def _scalar(held: Any, kind: Any) -> Any:
         return tuple(np.asarray(held).tolist())
     value = held.item() if isinstance(held, np.generic) else held
     return kind(value) if kind in (bool, int, float, str) else value
+
+
+def table(kind: type) -> str:
+    """Table of a layout for the documents.
+
+    Parameters
+    ----------
+    kind : type
+        The dataclass of the whole file.
+
+    Returns
+    -------
+    str
+        Markdown: a line for each group that is described, each dataset and each attribute.
+    """
+    lines = ["| group or dataset | attribute | holds | unit | description |", "|---|---|---|---|---|"]
+    lines += [f"| {' | '.join(row)} |" for row in _rows(kind, "")]
+    return "\n".join(lines) + "\n"
+
+
+def _rows(kind: type, path: str, absent: bool = False) -> Iterator[tuple[str, str, str, str, str]]:
+    """Place, attribute, type, unit and description of each field below a path."""
+    for entry in _entries(kind):
+        if entry.main:  # described where the dataclass is a field
+            continue
+        about, inner, place = entry.about or About(""), entry.kind, f"{path}{entry.name}"
+        if entry.inline:
+            yield from _rows(inner, path, entry.optional)
+            continue
+        if _is_mapping(inner):
+            inner, place = _item(inner), f"{place}/<name>"
+        shape = f" ({about.shape})" if about.shape else ""
+        holds = f"{_holds(inner)}{shape}{', or absent' if absent or entry.optional else ''}"
+        if _is_attribute(inner) or entry.attribute or _main(kind):
+            place, attribute = path.removesuffix("/") or "/", f"`{entry.name}`"
+        else:
+            attribute = ""
+        yield f"`{place}`", attribute, holds, about.unit, about.description
+        if isinstance(inner, type) and is_dataclass(inner):
+            yield from _rows(inner, f"{place}/")
+
+
+def _holds(kind: Any) -> str:
+    """What a type is called in a table."""
+    if _is_array(kind):
+        (number,) = typing.get_args(typing.get_args(kind)[1])
+        return "numbers" if number is Any else "text" if number is np.str_ else str(number.__name__).rstrip("_")
+    if isinstance(kind, type) and is_dataclass(kind):
+        return next((_holds(entry.kind) for entry in _entries(kind) if entry.main), "group")
+    if typing.get_origin(kind) is tuple:
+        return "texts" if _is_text_list(kind) else "numbers"
+    return {bool: "true or false", int: "integer", float: "number"}.get(kind, "text")

@@ -1,0 +1,184 @@
+"""Conclusion of a calibration: decision, checks of the laws, densities of the final runs, remarks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.calibration.class_search import ClassSearch, class_searches
+from radcal.calibration.history import History
+from radcal.calibration.law_check import LawCheck, check_laws, texture_note
+from radcal.calibration.noise import noise_sentence
+from radcal.calibration.steps import not_fresh, repeatability
+from radcal.calibration.stopping import Decision, decide
+from radcal.config import Stop, stages
+from radcal.errors import StoreError
+from radcal.measurement.target import Targets
+from radcal.radar.geometry import Geometry
+from radcal.storage.runs import Record, RunStore
+
+__all__ = ["Conclusion", "MaterialPixels", "conclude"]
+
+Pixels = Mapping[str, NDArray[np.float32]]
+
+
+@dataclass(frozen=True)
+class MaterialPixels:
+    """Pixels of a target in reference run and final runs, with texture where it is known.
+
+    Attributes
+    ----------
+    start, calibrated, fresh : ndarray, shape (n,)
+        In the reference run, the calibrated run, and the same with another seed, at their levels [dB or IQR].
+    calibrated_dp, fresh_dp : ndarray, shape (3,)
+        Densities of all visible pixels in the final runs: xi, omega [dB or IQR], alpha.
+    differ : bool
+        Whether another seed gave other pixels.
+    """
+
+    start: NDArray[Any]
+    calibrated: NDArray[Any]
+    fresh: NDArray[Any]
+    calibrated_dp: NDArray[np.float64]
+    fresh_dp: NDArray[np.float64]
+    differ: bool
+
+
+@dataclass(frozen=True)
+class Conclusion:
+    """What a calibration has shown.
+
+    Attributes
+    ----------
+    decision : Decision
+        Whether it ended, and why.
+    checks : mapping
+        Trust in each material's law.
+    materials : mapping
+        Pixels and densities of each calibrated material.
+    reference_db, calibrated_db : ndarray of float32, shape (rows, columns), or None
+        Image of the reference run, and of the calibrated laws with another seed [dB].
+    simulator : mapping
+        Identity of the simulator.
+    new_runs : int
+        Final runs that were not simulated before.
+    notes : list of str
+        Remarks on simulator and texture.
+    """
+
+    decision: Decision
+    checks: Mapping[str, LawCheck]
+    materials: Mapping[str, MaterialPixels]
+    reference_db: NDArray[np.float32] | None
+    calibrated_db: NDArray[np.float32] | None
+    simulator: Mapping[str, Any]
+    new_runs: int
+    notes: list[str]
+
+
+def conclude(
+    case: stages.Archive,
+    stop: Stop,
+    history: History,
+    targets: Targets,
+    geometry: Geometry,
+    runs: str | Path,
+    final: Sequence[Record],
+) -> Conclusion:
+    """Decide, check the laws, and score the final runs.
+
+    Parameters
+    ----------
+    case, stop : stages.Archive, Stop
+        Configuration.
+    history : History
+        Reference, design and verified proposals.
+    targets : Targets
+        By calibrated material.
+    geometry : Geometry
+        Where the pixels of each material lie.
+    runs : path
+        Folder of the run store.
+    final : sequence of two Record
+        The calibrated laws with common and with fresh random numbers.
+
+    Raises
+    ------
+    StoreError
+        The reference run's record is gone.
+    """
+    store, key = RunStore(runs), history.runs[0].key
+    reference = store.get(key, list(targets), image=True)
+    if reference is None:
+        raise StoreError(
+            f"{store.path(key)}: the reference run is missing or without its image; delete "
+            f"{Path(runs).parent / 'reference.json'} and type the same command again to make it again."
+        )
+    checks = check_laws(case, targets, history)
+    searches = class_searches(case, targets)
+    looks = {name: checks[name].looks for name in searches}
+    fresh_db = _textured(final[1], searches, looks, fresh=True)
+    each_db = [_textured(reference, searches, history.runs[0].looks), _textured(final[0], searches, looks), fresh_db]
+    return Conclusion(
+        decision=decide(history, list(targets), stop),
+        checks=checks,
+        materials=_materials(targets, each_db, final),
+        reference_db=reference.image_db,
+        calibrated_db=_picture(final[1], {name: fresh_db[name] for name in searches}, geometry),
+        simulator=store.description(key).get("simulator", {}),
+        new_runs=len({record.key for record in final} - {run.key for run in history.runs}),
+        notes=_notes(case, history, checks, final),
+    )
+
+
+def _textured(
+    record: Record, searches: Mapping[str, ClassSearch], looks: Mapping[str, float], fresh: bool = False
+) -> Pixels:
+    """A run's pixels with the texture of each material whose looks are known."""
+    pixels_db = record.pixels_db
+    known = {name: searches[name].textured(pixels_db[name], looks[name], fresh) for name in searches if name in looks}
+    return {**pixels_db, **known}
+
+
+def _picture(record: Record, pixels_db: Pixels, geometry: Geometry) -> NDArray[np.float32] | None:
+    """A run's whole image with these pixels of some materials in it."""
+    if record.image_db is None or not pixels_db:
+        return record.image_db
+    image = record.image_db.copy()
+    for name, values in pixels_db.items():
+        image.ravel()[geometry.pixels(name)] = values
+    return image
+
+
+def _materials(targets: Targets, each_db: Sequence[Pixels], final: Sequence[Record]) -> dict[str, MaterialPixels]:
+    """Pixels at their levels, in the reference run and both final runs, and the densities of the latter."""
+    levels = targets.levels
+    mappings = [levels.simulated(pixels_db) for pixels_db in each_db]
+    scores = [targets.score(pixels_db) for pixels_db in each_db[1:]]
+    found = {}
+    for name, target in targets.items():
+        start, calibrated, fresh = (
+            levels.apply(pixels_db[name][target.order], mapping)
+            for pixels_db, mapping in zip(each_db, mappings, strict=True)
+        )
+        calibrated_dp, fresh_dp = (score[name][0] for score in scores)
+        differ = not np.array_equal(final[0].pixels_db[name], final[1].pixels_db[name])
+        found[name] = MaterialPixels(start, calibrated, fresh, calibrated_dp, fresh_dp, differ)
+    return found
+
+
+def _notes(
+    case: stages.Archive, history: History, checks: Mapping[str, LawCheck], final: Sequence[Record]
+) -> list[str]:
+    """Remarks on the random numbers of the simulator, and on texture."""
+    notes = [repeatability(case.simulator, history.repeat_db)]
+    if case.surrogate.outputs == "centred":
+        known = {name: history.noise_variance(name) for name in checks}
+        notes += [noise_sentence(name, variance) for name, variance in known.items() if variance is not None]
+    notes += [texture_note(checks), not_fresh(case.simulator, final)]
+    return [note for note in notes if note]

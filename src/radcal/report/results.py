@@ -1,0 +1,261 @@
+"""Results of a calibration, put together for the archive."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, fields
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.calibration.conclusion import Conclusion
+from radcal.calibration.history import History
+from radcal.calibration.law_check import LawCheck
+from radcal.config import Material, Radar, Stop, stages
+from radcal.measurement.levels import Levels
+from radcal.measurement.registration import Registered
+from radcal.measurement.target import Targets
+from radcal.radar.geometry import Geometry
+from radcal.radar.laws import EXTERNAL
+from radcal.report.archive import (
+    Archive,
+    Check,
+    HeldOutBlocks,
+    Images,
+    LawParameters,
+    LevelSummary,
+    MaterialResult,
+    ObjectPlaces,
+    RegistrationSummary,
+    Runs,
+    SceneView,
+)
+from radcal.report.law_notes import law_notes
+from radcal.scene.model import Scene
+from radcal.storage.disclosure import disclosed
+
+__all__ = ["gather"]
+
+_LARGEST_SCENE = 1200  # cells per side
+_MOST_OBJECTS = 20_000  # more dots than a picture tells apart
+_PACKAGES = ("radcal", "numpy", "scipy", "smt", "platypus-opt", "h5py", "snakemake")
+
+
+def gather(
+    *,
+    case: stages.Archive,
+    stop: Stop,
+    history: History,
+    scene: Scene,
+    geometry: Geometry,
+    registered: Registered,
+    targets: Targets,
+    conclusion: Conclusion,
+) -> Archive:
+    """Put the results of a calibration together.
+
+    Parameters
+    ----------
+    case, stop : stages.Archive, Stop
+        Configuration.
+    history : History
+        Reference, design and verified proposals.
+    scene, geometry, registered, targets
+        What the runs are compared with.
+    conclusion : Conclusion
+        What the calibration has shown.
+
+    Returns
+    -------
+    Archive
+        Materials in the order of the configuration.
+    """
+    parameters = _final_parameters(case, history, targets)
+    measurement, decision = registered.measurement, conclusion.decision
+    return Archive(
+        case=case.case,
+        config=json.dumps(disclosed({**case.sections(*case.__dict__), "stop": stop.model_dump(mode="json")})),
+        objective=case.objective,
+        reason=decision.reason or "running",
+        converged=decision.converged,
+        tolerance=stop.rms,
+        max_runs=stop.max_runs,
+        looks=case.radar.looks,
+        measured_looks=targets.looks,
+        measurement=measurement.source,
+        notes=(*measurement.notes, *conclusion.notes),
+        law_notes=tuple(law_notes(case, geometry, parameters)),
+        sentences=tuple(decision.materials[name].sentence for name in targets),
+        simulator=json.dumps(conclusion.simulator),
+        versions=json.dumps(_versions()),
+        final_runs=conclusion.new_runs,
+        names=tuple(geometry.names),
+        runs=_runs(history),
+        registration=_registration(registered),
+        levels=_levels(targets.levels),
+        scene=_scene(scene),
+        laws={name: _law(parameters[name], item, case.radar) for name, item in case.materials.items()},
+        materials={
+            name: _material(name, case, history, targets, conclusion, measurement.hidden.get(name)) for name in targets
+        },
+        images=Images(
+            # pictures compare whole images in dB, at the level that was taken as theirs
+            measured_db=measurement.image_db - np.float32(_level_db(targets.levels)),
+            reference_db=conclusion.reference_db,
+            calibrated_db=conclusion.calibrated_db,
+            material=geometry.material,
+            incidence_deg=geometry.incidence_deg,
+        ),
+    )
+
+
+def _final_parameters(case: stages.Archive, history: History, targets: Targets) -> dict[str, Sequence[float]]:
+    """X of every material in the final runs: the best run's, or those of its fixed law."""
+    best = {name: history.best(name).parameters[name] for name in targets}
+    return {name: best.get(name, material.start_parameters) for name, material in case.materials.items()}
+
+
+def _law(values: Any, material: Material, radar: Radar) -> LawParameters:
+    """Parameters of a material's law, of one run or of several."""
+    external = material.law == EXTERNAL
+    return LawParameters(
+        values=np.array(values, dtype=np.float64),
+        law=material.law,
+        polarisation=radar.polarisation,
+        frequency_ghz=radar.frequency_ghz,
+        angles_deg=None if material.angles_deg is None else tuple(material.angles_deg),
+        names=tuple(material.parameter_names) if external else None,
+        units=tuple(material.parameter_units) if external else None,
+    )
+
+
+def _runs(history: History) -> Runs:
+    """The runs in their order."""
+    return Runs(
+        kind=np.array([run.kind for run in history.runs]),
+        index=np.array([run.index for run in history.runs]),
+        key=np.array([run.key for run in history.runs]),
+        seconds=np.array([run.seconds for run in history.runs]),
+    )
+
+
+def _registration(registered: Registered) -> RegistrationSummary:
+    """Registration, with its fields where the image was moved."""
+    said = (registered.method, registered.applied, registered.verdict)
+    if not registered.applied:
+        return RegistrationSummary(*said)
+    return RegistrationSummary(
+        *said,
+        unregistered_db=registered.unregistered_db,
+        displacement_px=registered.displacement_px,
+        uncertainty_px=registered.uncertainty_px,
+        misregistration_px=registered.measurement.misregistration_px,
+    )
+
+
+def _levels(levels: Levels) -> LevelSummary:
+    """Level that was assumed."""
+    return LevelSummary(**{item.name: getattr(levels, item.name) for item in fields(LevelSummary)})
+
+
+def _level_db(levels: Levels) -> float:
+    """Level of the measured image above the simulated that was assumed [dB]."""
+    return 0.0 if levels.normalisation == "none" else levels.offset_db
+
+
+def _scene(scene: Scene) -> SceneView:
+    """As much of the scene as pictures need."""
+    step = -(-max(scene.material.shape) // _LARGEST_SCENE)
+    places = None
+    if scene.objects is not None and (count := len(scene.objects)):
+        middles_m = np.stack([scene.objects.x_m, scene.objects.y_m], axis=1)
+        places = ObjectPlaces(middles_m[:: -(-count // _MOST_OBJECTS)].astype(np.float32), count)
+    elevation_m = scene.elevation_m
+    return SceneView(
+        step=step,
+        cell_m=scene.cell_m,
+        material=scene.material[::step, ::step].astype(np.uint8),
+        elevation_m=None if elevation_m is None else elevation_m[::step, ::step].astype(np.float32),
+        objects=places,
+    )
+
+
+def _material(
+    name: str,
+    case: stages.Archive,
+    history: History,
+    targets: Targets,
+    conclusion: Conclusion,
+    hidden: Sequence[float] | None,
+) -> MaterialResult:
+    """Target, runs and end of a calibrated material."""
+    runs, target, material = history.runs, targets[name], case.materials[name]
+    verdict, check, found = conclusion.decision.materials[name], conclusion.checks[name], conclusion.materials[name]
+    fit, of_classes = target.goodness, target.classes is not None
+    unknown = [np.nan] * len(material.parameter_names)
+    proposals = [run.proposals[name] for run in history.infill]
+    return MaterialResult(
+        law=material.law,
+        parameter_names=tuple(material.parameter_names),
+        parameter_units=tuple(material.parameter_units),
+        reason=verdict.reason or "running",
+        sentence=verdict.sentence,
+        eligible=target.eligible,
+        at_boundary=target.at_boundary,
+        rms_sampling=target.rms_sampling,
+        effective=target.effective,
+        looks=target.looks,
+        textured=targets.textured(name),
+        fresh=found.differ,
+        left_out=json.dumps(target.left_out),
+        fit_ks=fit.ks,
+        fit_ks_p=fit.ks_p,
+        fit_ad=fit.ad,
+        fit_ad_p=fit.ad_p,
+        best=runs.index(history.best(name)),
+        parameters=_law(
+            [unknown if name in run.other_law else run.parameters[name] for run in runs], material, case.radar
+        ),
+        dp=np.array([run.dp[name] for run in runs]),
+        rms=np.array([run.rms[name] for run in runs]),
+        bounds=np.array(material.box),
+        start=_law(material.start_parameters, material.at_start, case.radar),
+        target_dp=target.dp,
+        target_cp_error=target.cp_error,
+        target_cp_interval=target.cp_interval,
+        pixels=target.pixels,
+        incidence_deg=target.incidence_deg,
+        measured_db=target.values_db,
+        start_db=found.start,
+        calibrated_db=found.calibrated,
+        fresh_db=found.fresh,
+        check=_check(check),
+        final_dp=found.calibrated_dp,
+        fresh_dp=found.fresh_dp,
+        predicted_rms=_numbers(proposal.predicted_rms for proposal in proposals),
+        floor_rms=_numbers(proposal.floor_rms for proposal in proposals),
+        mode=tuple(proposal.mode for proposal in proposals),
+        hidden=None if hidden is None else np.array(hidden),
+        cost=_numbers(run.cost.get(name) for run in runs) if of_classes else None,
+        run_looks=_numbers(run.looks.get(name) for run in runs) if of_classes else None,
+    )
+
+
+def _numbers(values: Iterable[float | None]) -> NDArray[np.float64]:
+    """Numbers, NaN for None."""
+    return np.array(list(values), dtype=np.float64)
+
+
+def _check(check: LawCheck) -> Check:
+    """What is known of a law."""
+    known = {key: value for key, value in vars(check).items() if key not in ("sentences", "held")}
+    held = None if check.held is None else HeldOutBlocks(**asdict(check.held))
+    return Check(**known, sentences=tuple(check.sentences), held=held)
+
+
+def _versions() -> dict[str, str]:
+    return {"python": platform.python_version(), **{name: version(name) for name in _PACKAGES}}

@@ -1,0 +1,139 @@
+"""The results hold what they were gathered from."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+
+from radcal.calibration.history import History
+from radcal.errors import StoreError
+from radcal.report.html import write_report
+from radcal.report.run_table import write_table
+from radcal.report.summary import summarise
+
+
+def test_every_run_is_there_in_order(made):
+    with h5py.File(made.path) as file:
+        assert file["runs/kind"].asstr()[()].tolist() == ["reference", *["design"] * 3, *["infill"] * 2]
+        assert file["runs/index"][()].tolist() == [0, 0, 1, 2, 0, 1]
+        assert file["runs/key"].asstr()[()].tolist() == [run.key for run in made.history.runs]
+        for name in made.targets:
+            group = file[f"materials/{name}"]
+            for key in ("parameters", "dp", "rms"):
+                np.testing.assert_array_equal(group[key], [getattr(run, key)[name] for run in made.history.runs])
+
+
+def test_promises_of_proposals_not_computed_are_nan(made):
+    with h5py.File(made.path) as file:
+        group = file["materials/stem beans"]
+        np.testing.assert_array_equal(group["floor_rms"], [np.nan, 0.05])
+        np.testing.assert_array_equal(file["materials/dyke/floor_rms"], [np.nan, np.nan])
+        assert group["mode"].asstr()[()].tolist() == ["exploit", "exploit"]
+
+
+def test_pixels_are_those_of_the_images(made):
+    with h5py.File(made.path) as file:
+        measured = file["images/measured_db"][()].ravel()
+        fresh = file["images/calibrated_db"][()].ravel()
+        for name, target in made.targets.items():
+            group = file[f"materials/{name}"]
+            pixels = group["pixels"][()]
+            np.testing.assert_array_equal(pixels, target.pixels)
+            np.testing.assert_array_equal(group["measured_db"], measured[pixels])
+            np.testing.assert_array_equal(group["fresh_db"], fresh[pixels])
+            np.testing.assert_array_equal(group["start_db"], file["images/reference_db"][()].ravel()[pixels])
+            np.testing.assert_array_equal(group["calibrated_db"], made.final[0].pixels_db[name][target.order])
+            assert (file["images/material"][()].ravel()[pixels] == list(file["names"].asstr()).index(name) + 1).all()
+
+
+def test_how_it_ended(made):
+    with h5py.File(made.path) as file:
+        assert file.attrs["reason"] == "unreachable"
+        assert not file.attrs["converged"]
+        assert file["materials/dyke"].attrs["reason"] == "rms"
+        assert file["materials/dyke"].attrs["best"] == 5
+        assert file["materials/stem beans"].attrs["best"] == 4
+        assert [sentence.split(":")[0] for sentence in file.attrs["sentences"]] == list(made.targets)
+        # the calibrated run is the last infill run, only the one with fresh numbers is new
+        assert file.attrs["final_runs"] == 1
+        assert json.loads(file.attrs["config"])["stop"]["rms"] == made.stop.rms
+        assert "radcal" in json.loads(file.attrs["versions"])
+
+
+def test_only_known_truths_are_written(made):
+    with h5py.File(made.path) as file:
+        assert "hidden" in file["materials/dyke"]
+        assert "hidden" not in file["materials/stem beans"]
+
+
+def test_an_external_law_has_names_and_no_curve(build_archive, tmp_path):
+    made = build_archive(tmp_path, external=("dyke", "unused"))
+    with h5py.File(made.path) as file:
+        group = file["materials/dyke"]
+        assert group.attrs["law"] == "external"
+        assert group.attrs["parameter_names"].tolist() == ["mv", "s", "l", "t"]
+        assert file["laws/unused"].shape == (0,)
+        assert file.attrs["law_notes"].tolist() == []
+    archive = made.archive
+    material = archive.materials["dyke"]
+    for parameters in (material.parameters, material.start, archive.laws["dyke"]):
+        law = parameters.curve()
+        assert not law.has_curve
+        assert (law.names, law.units) == (("mv", "s", "l", "t"), ("",) * 4)
+    assert archive.laws["unused"].curve().names == ()
+    assert archive.laws["stem beans"].curve().has_curve
+    write_table(tmp_path / "runs.csv", archive)
+    headings = pd.read_csv(tmp_path / "runs.csv").columns.tolist()
+    assert headings[6:10] == ["X1", "X2", "X3", "X4"]  # of two materials whose names differ
+    dyke = summarise(archive)["materials"]["dyke"]
+    assert dyke["hidden"] == dict(zip(["mv", "s", "l", "t"], [6.1, 14.2, 21.5, 3.3], strict=True))
+    assert "law_difference_db" not in dyke
+
+
+def test_missing_reference_run_is_a_sentence(made, tmp_path):
+    with pytest.raises(StoreError, match="the reference run is missing"):
+        made.gathered(tmp_path / "calibration.h5", runs=tmp_path / "nowhere")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_numbers_that_another_seed_leaves_as_they_are_are_not_called_fresh(made, tmp_path):
+    def told(second):
+        archive = made.gathered(tmp_path / "again.h5", final=(made.final[0], second))
+        write_report(tmp_path / "page.html", archive, [])
+        summary = summarise(archive)
+        notes = [note for note in summary["notes"] if "the seed does not reach" in note]
+        return summary["materials"], len(notes), (tmp_path / "page.html").read_text()
+
+    materials, notes, page = told(made.final[1])
+    assert all(item["rms_fresh"] > 0 for item in materials.values())
+    assert (notes, "another seed gives the same pixels" in page) == (0, False)
+    same = replace(made.final[0], key="another")
+    materials, notes, page = told(same)
+    assert [item["rms_fresh"] for item in materials.values()] == [None, None]
+    assert notes == 1
+    assert "There is none for dyke and stem beans" in page
+    # one material may have random numbers of its own
+    pixels = {**same.pixels_db, "dyke": same.pixels_db["dyke"] + np.float32(0.1)}
+    materials, notes, page = told(replace(same, pixels_db=pixels))
+    assert (materials["dyke"]["rms_fresh"] > 0, materials["stem beans"]["rms_fresh"], notes) == (True, None, 0)
+    assert "There is none for stem beans" in page
+
+
+def test_a_proposal_that_was_simulated_before_is_no_further_run(made, tmp_path):
+    *runs, last = made.history.runs
+    again = made.gathered(tmp_path / "again.h5", history=History([*runs, replace(last, key=runs[-1].key)]))
+    before, after = summarise(made.archive), summarise(again)
+    assert (before["runs"]["infill"], after["runs"]["infill"]) == (2, 1)
+    assert before["iterations"] == after["iterations"] == 2
+
+
+def test_a_law_without_a_curve_is_neither_identified_nor_not(made, build_archive, tmp_path):
+    archive = build_archive(tmp_path, external=("dyke", "unused")).archive
+    assert archive.materials["dyke"].check.identified is None
+    assert isinstance(made.archive.materials["dyke"].check.identified, bool)
+    assert summarise(archive)["materials"]["dyke"]["identified"] is None
