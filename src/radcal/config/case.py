@@ -35,7 +35,7 @@ _DESIGN_SIZE = {
     "classes": 2,
     "likelihood": 2,
     "density": 16,
-}  # runs; the surrogate of bins knows law and speckle without any run
+}  # number of runs; the surrogate of bins models law and speckle without any run
 
 
 def _with_fitting_stop(data: dict[str, Any]) -> dict[str, Any]:

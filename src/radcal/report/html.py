@@ -218,7 +218,7 @@ def write_report(page: str | Path, archive: str | Path, figures: Sequence[Figure
     archive : path
         ``calibration.h5``.
     figures : sequence of Figure
-        What :func:`radcal.report.figures.write_figures` returned; their PNG files are
+        Figures from :func:`radcal.report.figures.write_figures`; their PNG files are
         embedded, so that the page is one file that opens offline.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
