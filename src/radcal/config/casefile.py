@@ -19,9 +19,10 @@ from radcal.errors import ConfigError
 
 __all__ = ["check_words", "merged", "read_case_file", "read_value", "setting"]
 
-_LARGEST_BYTES = 200_000  # of a case file: some twenty times the longest that radcal ships
+_LARGEST_BYTES = 200_000  # largest case file: about twenty times the longest that radcal ships
 _LARGEST_VALUES = 200_000  # with every alias written out: a file of the largest size without aliases holds fewer
-_OTHER_BASE = re.compile(r"[-+]?(0[0-7_]+|[0-9_]+(:[0-9_.]+)+)")  # octal, and base 60 as in hours and minutes
+# numbers that YAML 1.1 reads as octal, or in base 60 as hours and minutes
+_OTHER_BASE = re.compile(r"[-+]?(0[0-7_]+|[0-9_]+(:[0-9_.]+)+)")
 _MERGE = "tag:yaml.org,2002:merge"
 
 
@@ -113,7 +114,7 @@ def setting(word: str, origin: str) -> dict[str, Any]:
     Parameters
     ----------
     word : str
-        Such as ``stop.rms=1e-6``; names between the dots may hold blanks.
+        Setting such as ``stop.rms=1e-6``; names between the dots may contain blanks.
     origin : str
         The option, for messages.
 
@@ -147,7 +148,7 @@ def check_words(words: Sequence[str], origin: str = "--config") -> None:
     Parameters
     ----------
     words : sequence of str
-        As typed, each ``key=value``.
+        Settings as typed, each ``key=value``.
     origin : str
         The option, for messages.
 
@@ -186,7 +187,7 @@ def _content(path: Path) -> bytes:
         return path.read_bytes()
     except OSError as error:
         raise _Fault(f"cannot be read ({error.strerror})") from None
-    except ValueError:  # a zero character in the path
+    except ValueError:  # the path contains a null character
         raise _Fault("cannot be read (no name of a file)") from None
 
 

@@ -46,7 +46,7 @@ def expand_path(text: str, key: str, folder: bool = False) -> Path:
     path = Path(os.path.expanduser(os.path.expandvars(text)))
     try:
         found = path.exists()
-    except OSError as error:  # a name too long for the file system
+    except OSError as error:  # the name is too long for the file system
         raise ConfigError(f"{key}: the file {shown(str(path), 200)} cannot be read ({error.strerror}).") from None
     if not found:
         raise ConfigError(f"{key}: the file {shown(str(path), 200)} does not exist.")
@@ -93,7 +93,7 @@ def executable_path(word: str, key: str, environment: Mapping[str, str]) -> Path
 
 
 def files_below(path: Path) -> list[Path]:
-    """The file itself, or all files below a folder, in order."""
+    """List of a file itself, or of all files below a folder in sorted order."""
     return sorted(item for item in path.rglob("*") if item.is_file()) if path.is_dir() else [path]
 
 

@@ -32,7 +32,7 @@ LONGEST_S = 30 * 86_400.0  # longest run, and longest sum of waits between its a
 
 
 def _not_bool(value: object) -> object:
-    """Refuse YAML's yes, no, on, off, true and false where a number is asked for: Python would take them as 1 and 0."""
+    """Refuse YAML's yes, no, on, off, true and false where a number is expected: Python would read them as 1 and 0."""
     if isinstance(value, bool):
         raise PydanticCustomError("bool_as_number", "a number")
     return value
@@ -43,7 +43,7 @@ Real = Annotated[float, BeforeValidator(_not_bool)]
 Seed = Annotated[Integer, Field(ge=0, le=2**63 - 1)]
 Count = Annotated[Integer, Field(ge=1, le=1_000_000)]
 Altitude = Annotated[Real, Field(ge=1, le=1e8)]  # geosynchronous orbits are at 3.6e7 m
-Length = Annotated[Real, Field(ge=1e-3, le=1e6)]  # of a cell or a pixel
+Length = Annotated[Real, Field(ge=1e-3, le=1e6)]  # side of a cell or a pixel
 Coordinate = Annotated[Real, Field(ge=-1e8, le=1e8)]  # the Earth's circumference is 4e7 m
 Frequency = Annotated[Real, Field(ge=0.01, le=1000)]  # from HF to the highest radar bands
 Decibels = Annotated[Real, Field(ge=-200, le=200)]  # the same range as in images

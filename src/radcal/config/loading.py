@@ -46,7 +46,7 @@ def load(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None
     Parameters
     ----------
     files : sequence of path
-        YAML files, later ones win.
+        YAML files; keys of later files override those of earlier ones.
     overrides : mapping, optional
         Settings of ``snakemake --config``, or Snakemake's merged configuration; nested
         values may be text.

@@ -20,7 +20,7 @@ __all__ = ["DEFAULT_LAW", "Material", "Start", "check_parameters", "default_mate
 DEFAULT_LAW = "mangia"
 _LARGEST_WHOLE = 2.0**53
 _LARGEST = (
-    1000.0  # largest parameter: 1000 dB, a power of 10^100, is a mistake of the unit and no single-precision number
+    1000.0  # largest parameter: 1000 dB, a power of 10^100, is a mistake of the unit and exceeds single precision
 )
 
 Knots = Annotated[list[Annotated[Real, Field(ge=0, le=90)]], Field(min_length=2)]
@@ -197,7 +197,7 @@ class Material(Section):
         key : str
             Name of the parameters in the message.
         values : sequence of float, shape (d,)
-            One for each parameter.
+            Value of each parameter.
 
         Raises
         ------

@@ -13,7 +13,7 @@ __all__ = ["Optimiser"]
 
 
 class Optimiser(Section):
-    """NSGA-II on the surrogate and the polish of its best point."""
+    """NSGA-II on the surrogate, and a least-squares fit from its best point."""
 
     objective: Literal["theta", "rms"] = Field(
         "theta",

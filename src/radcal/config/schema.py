@@ -15,7 +15,7 @@ from radcal.config.case import Case
 __all__ = ["schema_json"]
 
 _DRAFT = "http://json-schema.org/draft-07/schema#"
-# keywords of pydantic (limits of numbers behind a validator) and of a later draft (lists) to those of draft 7
+# keywords that pydantic writes (limits of numbers with a validator; lists of a later draft) -> those of draft 7
 _WORDS = {
     "ge": "minimum",
     "gt": "exclusiveMinimum",

@@ -9,7 +9,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict
 
 __all__ = ["TAGS", "CaseName", "Objective", "Section"]
 
-_LONGEST_NAME = 100  # file systems take 255 bytes, and files named after a case add theirs
+_LONGEST_NAME = 100  # file systems allow names of 255 bytes, and files named after a case have longer names
 
 # sections of several kinds, and the key that chooses the kind
 TAGS = {"scene": "source", "simulator": "kind", "measurement": "source"}

@@ -28,7 +28,7 @@ def nearest(key: str, known: Iterable[str]) -> str:
 
 
 def _models_in(annotation: object) -> list[type[BaseModel]]:
-    """Configuration models that an annotation admits."""
+    """Configuration models in a type annotation."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     if isinstance(annotation, types.UnionType) or typing.get_origin(annotation) is not None:
@@ -44,7 +44,7 @@ def _known_keys(location: Sequence[int | str], root: type[BaseModel]) -> list[st
     """Keys allowed beside the last element of an error's location."""
     models = [root]
     for part in location[:-1]:
-        if len(models) > 1:  # a union: this part is its tag, not a key
+        if len(models) > 1:  # in a union, this part of the location is the tag and not a key
             models = [model for model in models if part in _tags(model)]
         else:
             field = models[0].model_fields.get(str(part))

@@ -147,7 +147,7 @@ def make_classes(
     incidence_deg : array_like, shape (pixels,)
         Local incidence [deg].
     classes : int or 'auto'
-        As for :func:`incidence_edges`.
+        Number of bins, as for :func:`incidence_edges`.
     independent : float
         Number of independent pixels for each pixel, at most 1.
 

@@ -1,6 +1,6 @@
 """Dense registration of two radar images: GeFolki, with the smoothness of the field estimated from the images.
 
-From the papers: the rank transform instead of intensities, local inversion of contrast, a
+The method takes from the papers the rank transform instead of intensities, local inversion of contrast, a
 pyramid of scales, and Gauss-Newton steps (Plyer, Colin-Koeniguer and Weissgerber, "A new
 coregistration algorithm for recent applications on urban SAR images", IEEE GRSL 12 (2015);
 Brigot et al., "Adaptation and evaluation of an optical flow method applied to coregistration

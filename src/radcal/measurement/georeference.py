@@ -36,7 +36,7 @@ class GeoreferencedImage:
     transform : affine.Affine
         Affine transform from (column, row) of pixel corners to coordinates.
     crs : pyproj.CRS
-        Of the coordinates.
+        CRS of the coordinates.
     """
 
     path: Path
@@ -102,7 +102,7 @@ def places_on_ground(
     crs, transform, ground
         As :func:`values_at_ground` takes them.
     other : pyproj.CRS
-        Of the coordinates.
+        CRS of the coordinates.
 
     Returns
     -------

@@ -114,7 +114,7 @@ class Residuals:
     residual_db : ndarray, shape (cells,)
         Means minus law [dB].
     sampling : ndarray, shape (cells,)
-        Their sampling variances [dB^2].
+        Sampling variances of the cell means [dB^2].
     patch : ndarray of int, shape (cells,)
         Labels.
     slopes : ndarray, shape (cells, d)
@@ -208,7 +208,7 @@ def patch_effects(
     residual_db : ndarray, shape (cells,)
         Cell means minus law [dB].
     sampling : ndarray, shape (cells,)
-        Their sampling variances [dB^2].
+        Sampling variances of the cell means [dB^2].
     patch : ndarray of int, shape (cells,)
         Labels.
     spread : Spread

@@ -146,15 +146,15 @@ def to_boxes_and_spots(
     Parameters
     ----------
     objects : Objects
-        Of the scene.
+        Objects of the scene.
     elevation : ndarray, shape (ny, nx)
-        Of the cells, nearest to the radar first along axis 1 [m].
+        Elevation of the cells, nearest to the radar first along axis 1 [m].
     look_side : str
         ``right`` looks east, ``left`` west.
     k : int
         Lines, and facets, in a cell.
     step : float
-        Their size [m].
+        Size of a line, and of a facet [m].
     """
     ny, nx = elevation.shape
     right = look_side == "right"

@@ -302,7 +302,7 @@ class ImageFormation:
     ) -> None:  # fmt: skip
         rows, columns = self._shape
         across, points = self._across, phased(self._points, noise_seed)
-        if field is None:  # with amplitudes over sqrt(looks), the mean power is a sum
+        if field is None:  # mean of the looks: the sum with amplitudes over sqrt(looks)
             share = np.float32(np.sqrt(looks))
             field, across, points = np.empty((0, 0), dtype=np.float32), across / share, points / share
         stretch = _TILE + len(self._across)

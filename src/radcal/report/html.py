@@ -206,7 +206,7 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) 
     archive : Archive
         A calibration.
     figures : sequence of Figure
-        What :func:`radcal.report.figures.write_figures` returned; their PNG files are
+        Figures from :func:`radcal.report.figures.write_figures`; their PNG files are
         embedded, so that the page is one file that opens offline.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined

@@ -71,7 +71,7 @@ def memory_mb(stage: Stage, values: int, attempt: int = 1) -> int:
     Parameters
     ----------
     stage : Stage
-        What the job does.
+        Name of the job's stage.
     values : int
         Number of values from :func:`values_of`: ``scene`` for the stage of that name, else ``image``.
     attempt : int
@@ -88,7 +88,7 @@ def runtime_minutes(stage: Stage, values: int, simulation_s: float = 0.0) -> int
     Parameters
     ----------
     stage : Stage
-        What the job does.
+        Name of the job's stage.
     values : int
         Number of values as for :func:`memory_mb`.
     simulation_s : float

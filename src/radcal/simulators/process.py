@@ -57,7 +57,7 @@ def run_program(arguments: Sequence[str], folder: Path, environment: Mapping[str
     arguments : sequence of str
         Absolute path of the program and its arguments.
     folder : path
-        Its working directory, where ``radcal.stdout``, ``radcal.stderr`` and ``radcal.log``
+        Working directory of the program, where ``radcal.stdout``, ``radcal.stderr`` and ``radcal.log``
         are written.
     environment : mapping
         Variables besides those of this process.
