@@ -79,9 +79,9 @@ def preload() -> None:
                 importlib.import_module(node.module)
     for name in LATE:
         importlib.import_module(name)
-    from radcal.calibration.surrogate import _krg
+    from radcal.calibration.kriging import smt_krg
 
-    _krg({})
+    smt_krg({})
 
 
 def serve(path: str) -> Callable[[], None]:
