@@ -8,7 +8,18 @@ import sys
 from pathlib import Path
 
 SCRIPTS = sorted((Path(__file__).resolve().parents[1] / "workflow/scripts").glob("*.py"))
-LATE = ("matplotlib", "pandas", "platypus", "rasterio", "scipy.stats", "skimage", "sklearn", "smt", "snakemake")
+LATE = (
+    "matplotlib",
+    "numba",
+    "pandas",
+    "platypus",
+    "rasterio",
+    "scipy.stats",
+    "skimage",
+    "sklearn",
+    "smt",
+    "snakemake",
+)
 
 
 def test_no_script_imports_what_takes_seconds_before_it_is_used() -> None:

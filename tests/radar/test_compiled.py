@@ -12,22 +12,22 @@ from pathlib import Path
 
 import pytest
 
-from radcal.radar import compiled
-from radcal.radar.compiled import cache_folder, sources
+from radcal.radar import machine_code
+from radcal.radar.machine_code import cache_folder, sources
 
-PACKAGE = Path(compiled.__file__).parents[1]
+PACKAGE = Path(machine_code.__file__).parents[1]
 PROGRAM = """
 import numpy as np
 from radcal.radar import points
 
 one = points.Points(np.zeros(1), np.zeros(1), np.ones(1, np.float32), np.ones(1, np.uint32))
-print(points.phased(one, 7)[0].tolist(), sum(points._phases.stats.cache_hits.values()), points.__file__)
+print(points.phased(one, 7)[0].tolist(), sum(points._phases.dispatcher.stats.cache_hits.values()), points.__file__)
 """
 
 
 @pytest.fixture
 def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr(compiled._config, "CACHE_DIR", "")
+    monkeypatch.setattr(machine_code._config, "CACHE_DIR", "")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
     return Path(shutil.copytree(PACKAGE, tmp_path / "radcal", ignore=shutil.ignore_patterns("__pycache__")))
 
@@ -54,6 +54,21 @@ def test_a_changed_callee_in_another_file_is_compiled(package: Path) -> None:
     # back again, and its machine code is still there
     callee.write_text(callee.read_text().replace("for _ in range(9):", "for _ in range(10):"))
     assert run(package) == (first, 1)
+
+
+def test_what_is_edited_after_its_import_leaves_no_machine_code(package: Path) -> None:
+    """The hash would be that of the file as it is now, the machine code that of the file as it was."""
+    environment = {**os.environ, "PYTHONPATH": str(package.parent)}
+    edit = "import os\nfrom radcal.radar import gaussian\nos.utime(gaussian.__file__, (1.0, 1.0))\n"
+    subprocess.run([sys.executable, "-c", edit + PROGRAM], env=environment, capture_output=True, check=True)
+    assert run(package)[1] == 0
+    assert run(package)[1] == 1
+
+
+def test_importing_compiled_functions_imports_no_numba() -> None:
+    code = "import sys, radcal.radar.geometry, radcal.radar.image; print('numba' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False"]
 
 
 def test_every_module_with_compiled_functions_is_found(package: Path) -> None:
@@ -91,7 +106,7 @@ def test_constants_of_other_modules_are_sources_too(package: Path, imported: str
 def test_no_other_module_imports_numba() -> None:
     """Its ``njit`` would keep machine code where nothing asks for the sources of what it calls."""
     direct = [path.name for path in PACKAGE.rglob("*.py") if re.search(r"(import|from) numba", path.read_text())]
-    assert direct == ["compiled.py"]
+    assert direct == ["machine_code.py"]
 
 
 def test_folder_is_the_users_the_packages_or_below_home(
@@ -103,19 +118,19 @@ def test_folder_is_the_users_the_packages_or_below_home(
     shutil.rmtree(package / "__pycache__")
     (package / "__pycache__").write_text("")
     assert cache_folder(package) == str(tmp_path / "home" / "radcal" / name)
-    monkeypatch.setattr(compiled._config, "CACHE_DIR", str(tmp_path / "mine"))
+    monkeypatch.setattr(machine_code._config, "CACHE_DIR", str(tmp_path / "mine"))
     assert cache_folder(package) == str(tmp_path / "mine" / name)
     (tmp_path / "file").write_text("")
-    monkeypatch.setattr(compiled._config, "CACHE_DIR", str(tmp_path / "file"))
+    monkeypatch.setattr(machine_code._config, "CACHE_DIR", str(tmp_path / "file"))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
     assert cache_folder(package) is None
 
 
 def test_another_processor_or_numba_has_another_folder(package: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folders = {cache_folder(package)}
-    monkeypatch.setattr(compiled.numba, "__version__", "0.0")
+    monkeypatch.setattr(machine_code.numba, "__version__", "0.0")
     folders.add(cache_folder(package))
-    monkeypatch.setattr(compiled.binding, "get_host_cpu_name", lambda: "z80")
+    monkeypatch.setattr(machine_code.binding, "get_host_cpu_name", lambda: "z80")
     folders.add(cache_folder(package))
     assert len(folders) == 3
 

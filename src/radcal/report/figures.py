@@ -105,6 +105,7 @@ def _save(canvas: Canvas, path: Path) -> Path:
     metadata = {"png": {"Software": None}, "pdf": {"CreationDate": None, "Creator": None, "Producer": None}}[ending]
     with atomic(path) as partial:
         canvas.savefig(partial, format=ending, dpi=_DPI, metadata=metadata, facecolor="white")
-    # what the layout settled for the first file holds for the second
-    canvas.set_layout_engine("none")
+    # what the layout settled for the first file holds for the second; with an engine left, even one that does nothing,
+    # matplotlib draws once more before it saves
+    canvas.set_layout_engine(None)
     return path
