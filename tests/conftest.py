@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 
 # before numpy: its threads wait for each other longer than these small problems take
@@ -45,6 +46,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if marker := _marker(item.path):
             item.add_marker(marker)
     items.sort(key=lambda item: item.path != FIRST)
+
+
+def pytest_collection_finish() -> None:
+    """Leave modules and tests out of the search for garbage: they last to the end."""
+    gc.freeze()
 
 
 def _marker(path: Path) -> str | None:

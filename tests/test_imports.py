@@ -5,17 +5,36 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 SCRIPTS = sorted((Path(__file__).resolve().parents[1] / "workflow/scripts").glob("*.py"))
 LATE = ("matplotlib", "pandas", "platypus", "rasterio", "scipy.stats", "skimage", "sklearn", "smt", "snakemake")
+# numba takes half a second: for those that compute geometry or simulate
+SIMULATE = {"geometry", "reference", "design_chunk", "verify", "final_runs", "measurement", "reuse", "simulator"}
 
 
 def test_no_script_imports_what_takes_seconds_before_it_is_used() -> None:
-    found = [node for path in SCRIPTS for node in ast.parse(path.read_text()).body]
-    imports = {ast.unparse(node) for node in found if isinstance(node, (ast.Import, ast.ImportFrom))}
+    imports = imports_of(SCRIPTS)
     assert len(SCRIPTS) > 15
     assert "from radcal.report.figures import write_figures" in imports
-    code = "\n".join([*sorted(imports), "import sys", f"print(*(name for name in {LATE} if name in sys.modules))"])
+    assert loaded(imports, LATE) == []
+
+
+def test_scripts_that_do_not_simulate_import_no_compiler() -> None:
+    assert {path.stem for path in SCRIPTS} > SIMULATE
+    assert loaded(imports_of([path for path in SCRIPTS if path.stem not in SIMULATE]), ("numba",)) == []
+    assert loaded(imports_of([path for path in SCRIPTS if path.stem == "geometry"]), ("numba",)) == ["numba"]
+
+
+def imports_of(scripts: Iterable[Path]) -> list[str]:
+    """Import statements at the top of scripts."""
+    found = [node for path in scripts for node in ast.parse(path.read_text()).body]
+    return sorted({ast.unparse(node) for node in found if isinstance(node, (ast.Import, ast.ImportFrom))})
+
+
+def loaded(imports: Sequence[str], names: Sequence[str]) -> list[str]:
+    """Those of the modules that a process has loaded after the imports."""
+    code = "\n".join([*imports, "import sys", f"print(*(name for name in {names} if name in sys.modules))"])
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == []
+    return done.stdout.split()

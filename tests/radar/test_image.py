@@ -244,7 +244,8 @@ def test_another_process_does_not_compile_again() -> None:
         "from radcal.radar import image\n"
         "from radcal.radar.reflectivity import uniform\n"
         "image.ImageFormation(Radar(), (20, 20), -20.0).intensity(uniform(np.ones((20, 20), np.float32)), 1)\n"
-        "print(sum(image._form.stats.cache_hits.values()), sum(image._form.stats.cache_misses.values()))"
+        "found = image._form.dispatcher.stats\n"
+        "print(sum(found.cache_hits.values()), sum(found.cache_misses.values()))"
     )
     ImageFormation(Radar(), (20, 20), -20.0).intensity(uniform(np.ones((20, 20), np.float32)), 1)
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

@@ -15,10 +15,10 @@ from scipy import signal
 
 from radcal.config import Radar
 from radcal.errors import SceneError
-from radcal.radar.geometry import Geometry, read_geometry, write_geometry
+from radcal.radar.geometry import Geometry, Points, read_geometry, write_geometry
 from radcal.radar.image import ImageFormation
 from radcal.radar.laws import LAWS
-from radcal.radar.points import Points, phased
+from radcal.radar.points import phased
 from radcal.radar.projection import make_geometry
 from radcal.radar.reflectivity import law_tables, reflectivity, uniform
 from radcal.radar.speckle import WIDTH_FACTOR, impulse_response

@@ -15,6 +15,7 @@ import pytest
 import rasterio
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
+from radcal.reading.intake import LARGEST_VALUES
 from radcal.reading.rasters import DRIVERS, RasterRefused, check_blocks, open_raster, raster_files
 
 VALUES = np.arange(48, dtype=np.float32).reshape(6, 8) + 3.0
@@ -224,8 +225,14 @@ def test_hdf5_that_leads_elsewhere_is_no_raster(tmp_path: Path) -> None:
 
 
 def test_blocks_larger_than_any_image_are_refused(tmp_path: Path) -> None:
-    path = write(tmp_path / "a.tif", tiled=True, blockxsize=16384, blockysize=16384, compress="deflate", SPARSE_OK=True)
-    with open_raster(path) as raster, pytest.raises(RasterRefused, match="blocks of 16384 x 16384 pixels, expected at"):
+    side = 10_016  # a multiple of 16, and the smallest that is too large
+    assert (side - 16) ** 2 <= LARGEST_VALUES < side**2
+    shape = {"tiled": True, "blockxsize": side, "blockysize": side, "dtype": "uint8"}
+    path = write(tmp_path / "a.tif", compress="deflate", SPARSE_OK=True, **shape)
+    with (
+        open_raster(path) as raster,
+        pytest.raises(RasterRefused, match=f"blocks of {side} x {side} pixels, expected at"),
+    ):
         check_blocks(raster)
 
 

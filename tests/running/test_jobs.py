@@ -188,3 +188,20 @@ def test_lines_of_a_job_elsewhere_are_shown_whole_and_once(tmp_path, monkeypatch
         file.write("half a li")
     follower.stop()
     assert capsys.readouterr().err == "[  0:00] run 1\nradcal: image.tif has 3 bands, expected one.\n"
+
+
+def test_imports_of_a_job_are_not_searched_for_garbage_and_its_own_work_is(tmp_path):
+    code = (
+        "import gc, sys, radcal\n"
+        "from radcal.running.jobs import logged\n"
+        "print(gc.isenabled())\n"
+        "with logged(sys.argv[1]):\n"
+        "    kept, own = gc.get_freeze_count(), [[k] for k in range(3000)]\n"
+        "    print(gc.isenabled(), kept > 10_000)\n"
+        "print(gc.get_freeze_count() > kept + 2000)\n"
+    )
+    environment = {**os.environ, OWNER: str(os.getpid())}
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path / "job.log")], env=environment, capture_output=True, text=True
+    )
+    assert done.stdout.split() == ["False", "True", "True", "True"], done.stderr

@@ -1,7 +1,8 @@
 """Compute the geometry of the pass."""
 
 from radcal.config import stages
-from radcal.radar.geometry import make_geometry, write_geometry
+from radcal.radar.geometry import write_geometry
+from radcal.radar.projection import make_geometry
 from radcal.running.jobs import logged, progress
 from radcal.scene.model import read_scene
 

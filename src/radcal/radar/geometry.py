@@ -20,11 +20,35 @@ from scipy.ndimage import distance_transform_cdt
 from radcal.config import Radar
 from radcal.errors import StoreError
 from radcal.radar import SIMULATOR_VERSION
-from radcal.radar.points import Points
 from radcal.storage.layout import put, same, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
-__all__ = ["Geometry", "read_geometry", "write_geometry"]
+__all__ = ["Geometry", "Points", "read_geometry", "write_geometry"]
+
+
+@dataclass(frozen=True)
+class Points:
+    """Visible point scatterers of a pass, in ascending rows.
+
+    Attributes
+    ----------
+    row, column : ndarray of float64, shape (n,)
+        Place in the image; pixel centres are at whole numbers.
+    amplitude : ndarray of float32, shape (n,)
+        Square root of the cross-section over the reference area of the configured radiometry.
+    number : ndarray of uint32, shape (n,)
+        Index of the entry in the scene's objects, which determines the point's phase.
+    """
+
+    row: NDArray[np.float64]
+    column: NDArray[np.float64]
+    amplitude: NDArray[np.float32]
+    number: NDArray[np.uint32]
+
+    @classmethod
+    def none(cls) -> Points:
+        """No point."""
+        return cls(np.empty(0), np.empty(0), np.empty(0, np.float32), np.empty(0, np.uint32))
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,8 @@ from radcal.config import Radar
 from radcal.errors import ConfigError
 from radcal.radar.compiled import njit, prange
 from radcal.radar.gaussian import gaussian_row, seed_words
-from radcal.radar.points import Points, add_points, fine_taps, phased
+from radcal.radar.geometry import Points
+from radcal.radar.points import add_points, fine_taps, phased
 from radcal.radar.reflectivity import Reflectivity
 from radcal.radar.speckle import WIDTH_FACTOR, border_gain, impulse_response
 

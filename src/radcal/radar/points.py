@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,38 +10,14 @@ from numpy.typing import NDArray
 from radcal.config import Radar
 from radcal.radar.compiled import njit
 from radcal.radar.gaussian import philox, seed_words
+from radcal.radar.geometry import Points
 from radcal.radar.speckle import impulse_response
 
-__all__ = ["FINENESS", "Points", "add_points", "fine_taps", "not_pure", "phased"]
+__all__ = ["FINENESS", "add_points", "fine_taps", "not_pure", "phased"]
 
 FINENESS = 64  # taps of the impulse response in a pixel, linear between them: right to 2e-4 of its peak
 _LOBE = 1.5  # from the peak to the first null, in -3 dB widths
 _PHASE = 257  # stream of the points' phases; materials are 1 to 255, thermal noise is 256
-
-
-@dataclass(frozen=True)
-class Points:
-    """Visible point scatterers of a pass, in ascending rows.
-
-    Attributes
-    ----------
-    row, column : ndarray of float64, shape (n,)
-        Place in the image; pixel centres are at whole numbers.
-    amplitude : ndarray of float32, shape (n,)
-        Square root of the cross-section over the reference area of the configured radiometry.
-    number : ndarray of uint32, shape (n,)
-        Index of the entry in the scene's objects, which determines the point's phase.
-    """
-
-    row: NDArray[np.float64]
-    column: NDArray[np.float64]
-    amplitude: NDArray[np.float32]
-    number: NDArray[np.uint32]
-
-    @classmethod
-    def none(cls) -> Points:
-        """No point."""
-        return cls(np.empty(0), np.empty(0), np.empty(0, np.float32), np.empty(0, np.uint32))
 
 
 def fine_taps(resolution_m: float, spacing_m: float) -> NDArray[np.float32]:

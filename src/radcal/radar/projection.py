@@ -11,9 +11,9 @@ from radcal.config import Radar
 from radcal.errors import SceneError
 from radcal.radar.facets import ANGLES_PER_RADIAN, cells_of, count_facets, fill_facets, order_facets, shade
 from radcal.radar.footprints import Boxes, Spots, share_out, to_boxes_and_spots
-from radcal.radar.geometry import Geometry
+from radcal.radar.geometry import Geometry, Points
 from radcal.radar.lines import Lines, fill_lines
-from radcal.radar.points import Points, not_pure
+from radcal.radar.points import not_pure
 from radcal.radar.radiometry import of_sigma0
 from radcal.radar.size import check_size, refinement
 from radcal.scene.model import Scene

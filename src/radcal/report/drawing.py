@@ -51,7 +51,6 @@ STYLE: Any = {
     "legend.frameon": False,
     "pdf.fonttype": 42,
     "pdf.compression": 6,
-    "figure.constrained_layout.use": True,
     "image.interpolation": "auto",
 }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import gc
 import logging
 import os
 import signal
@@ -68,6 +69,8 @@ def logged(path: str | Path, config: Mapping[str, Any] | None = None) -> Iterato
         Sections of the configuration that the job depends on, for the files that it writes.
     """
     guard()
+    gc.freeze()
+    gc.enable()
     if OWNER in os.environ:
         die_with_parent()
         if not alive(int(os.environ[OWNER])):  # the parent ended before the system was told to watch it
@@ -96,6 +99,8 @@ def logged(path: str | Path, config: Mapping[str, Any] | None = None) -> Iterato
         )
     except Exception as error:
         _fail(f"radcal: internal error, {type(error).__name__}: {error} (the traceback is in {path}).")
+    finally:
+        gc.freeze()  # as Python ends it would search all modules for garbage, for a tenth of a small job's time
 
 
 def _fail(sentence: str) -> NoReturn:
