@@ -29,6 +29,9 @@ MARKED = ("workflow", "faults", "cluster")  # folders of tests, and the markers 
 DESELECTED = f"not ({' or '.join(MARKED)})"  # as in pyproject.toml
 TESTS = Path(__file__).parent
 FIRST = TESTS / "test_small_calibration.py"
+# The first two workers begin at the start and in the middle of this order, so that the compiled functions which one of them needs are on
+# disk before the other asks for them.
+COMPILED = ("radar", "simulators", "calibration", "scene")
 
 Surface = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 
@@ -41,11 +44,11 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark by folder, so that no test can forget; begin with what takes longest, so that no worker ends alone."""
+    """Mark by folder, so that no test can forget; begin with the longest, so that no worker ends alone."""
     for item in items:
         if marker := _marker(item.path):
             item.add_marker(marker)
-    items.sort(key=lambda item: item.path != FIRST)
+    items.sort(key=lambda item: (item.path != FIRST, item.path.relative_to(TESTS).parts[0] not in COMPILED))
 
 
 def pytest_collection_finish() -> None:

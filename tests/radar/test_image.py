@@ -244,7 +244,7 @@ def test_another_process_does_not_compile_again() -> None:
         "from radcal.radar import image\n"
         "from radcal.radar.reflectivity import uniform\n"
         "image.ImageFormation(Radar(), (20, 20), -20.0).intensity(uniform(np.ones((20, 20), np.float32)), 1)\n"
-        "found = image._form.dispatcher.stats\n"
+        "found = image._form.stats\n"
         "print(sum(found.cache_hits.values()), sum(found.cache_misses.values()))"
     )
     ImageFormation(Radar(), (20, 20), -20.0).intensity(uniform(np.ones((20, 20), np.float32)), 1)
