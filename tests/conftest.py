@@ -29,10 +29,9 @@ MARKED = ("workflow", "faults", "cluster")  # folders of tests, and the markers 
 DESELECTED = f"not ({' or '.join(MARKED)})"  # as in pyproject.toml
 TESTS = Path(__file__).parent
 FIRST = TESTS / "test_small_calibration.py"
-# The first worker begins with those that need most of the compiled functions, the second one in the middle of the order,
-# where hardly any need one: what the first has compiled is then on disk before the second asks for it.
-FOLDERS = ("radar", "simulators", "calibration", "scene")
-LAST_FOLDERS = ("measurement", "report")
+# The first two workers begin at the start and in the middle of this order, so that the compiled functions which one of them needs are on
+# disk before the other asks for them.
+COMPILED = ("radar", "simulators", "calibration", "scene")
 
 Surface = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 
@@ -49,18 +48,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if marker := _marker(item.path):
             item.add_marker(marker)
-    items.sort(key=lambda item: _place(item.path))
+    items.sort(key=lambda item: (item.path != FIRST, item.path.relative_to(TESTS).parts[0] not in COMPILED))
 
 
 def pytest_collection_finish() -> None:
     """Leave modules and tests out of the search for garbage: they last to the end."""
     gc.freeze()
-
-
-def _place(path: Path) -> int:
-    """Place of the tests of a file in the order of all."""
-    folder = path.relative_to(TESTS).parts[0]
-    return 0 if path == FIRST else 1 if folder in FOLDERS else 3 if folder in LAST_FOLDERS else 2
 
 
 def _marker(path: Path) -> str | None:
