@@ -29,9 +29,6 @@ MARKED = ("workflow", "faults", "cluster")  # folders of tests, and the markers 
 DESELECTED = f"not ({' or '.join(MARKED)})"  # as in pyproject.toml
 TESTS = Path(__file__).parent
 FIRST = TESTS / "test_small_calibration.py"
-# The first two workers begin at the start and in the middle of this order, so that the compiled functions which one of them needs are on
-# disk before the other asks for them.
-COMPILED = ("radar", "simulators", "calibration", "scene")
 
 Surface = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 
@@ -48,7 +45,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if marker := _marker(item.path):
             item.add_marker(marker)
-    items.sort(key=lambda item: (item.path != FIRST, item.path.relative_to(TESTS).parts[0] not in COMPILED))
+    items.sort(key=lambda item: item.path != FIRST)
 
 
 def pytest_collection_finish() -> None:
