@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 
 __all__ = ["About", "Attribute", "Inline", "Main", "put", "same", "table", "take"]
 
-_COMPRESSED = 1024  # smallest size of a compressed dataset [bytes]; compression makes smaller ones no smaller
+_COMPRESSED = 1024  # smallest size of a compressed dataset [bytes]; compressing smaller ones costs more than it saves
 _TEXT = h5py.string_dtype()
 
 T = TypeVar("T")

@@ -30,7 +30,7 @@ from radcal.storage.sealing import BLOCK, Fault, header
 __all__ = ["REPLACE", "read_hdf5", "read_json", "write_hdf5", "write_json"]
 
 REPLACE = "RADCAL_REPLACE"
-"""Environment variable that allows the results of a finished calibration to be replaced; the Snakefile sets it."""
+"""Environment variable that allows the results of a finished calibration to be replaced; the session sets it."""
 
 _PACKAGES = ("numpy", "scipy", "h5py")
 
