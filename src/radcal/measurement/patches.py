@@ -81,7 +81,7 @@ class Effects:
     weight : ndarray, shape (cells,)
         Weight of each cell's residual in its patch's effect.
     spread : Spread
-        Behind it.
+        Between-field and within-field standard deviation that the predictions assume.
     """
 
     patch: NDArray[np.int64]

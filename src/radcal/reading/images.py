@@ -108,7 +108,8 @@ class Counts:
         All.
     no_data : int
         Number of pixels that are NaN, infinite, or masked by the file.
-    zero : int Number of pixels with zero power.
+    zero : int
+        Number of pixels with zero power.
     negative : int
         Number of pixels with negative power, which subtraction of noise can leave.
     impossible : int

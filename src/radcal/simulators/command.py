@@ -223,7 +223,8 @@ class CommandSimulator:
         ----------
         parameters : mapping
             Parameters by material.
-        noise_seed : int Seed that the program receives.
+        noise_seed : int
+            Seed that the program receives.
 
         Returns
         -------

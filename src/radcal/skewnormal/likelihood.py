@@ -40,7 +40,8 @@ class Fit:
         Sample size.
     at_boundary : bool
         Whether the likelihood grows up to the largest skewness, so that alpha stands for infinity.
-    penalised : bool Whether the penalised likelihood was maximised.
+    penalised : bool
+        Whether the penalised likelihood was maximised.
     """
 
     dp: NDArray[np.float64]
