@@ -22,7 +22,7 @@ def derived_seed(seed: int, *names: str | int, bits: int = 63) -> int:
     seed : int
         Seed of the case.
     *names : str or int
-        Names of the use, from the general to the particular.
+        Name of the use, in one or several parts.
     bits : int
         Width of the seed, 1 to 63: the seed is below ``2**bits``.
 

@@ -143,7 +143,7 @@ def make_target(
         cp_interval=skewnormal.intervals(values, fit, effective=effective),
         goodness=goodness_of_fit(values, fit.dp, rng, effective, penalised=penalised),
         penalised=penalised,
-        left_out=eligible.left_out,
+        left_out=eligible.masked,
         looks=local_looks(measurement.image_db, eligible.pixels, radar) if radar is not None else float("nan"),
         patch=patches[drawn],
         block=part[drawn],
