@@ -101,7 +101,7 @@ def test_a_file_in_the_place_of_the_folder_is_a_sentence(build_case, path):
         Session(build_case())
 
 
-def test_it_mends_before_it_starts(build_case, capsys):
+def test_damaged_files_are_set_aside_before_the_start(build_case, capsys):
     with provenance("dyke"):
         write_json("results/dyke/scores.json", [{"key": "a" * 20}])
         write_json("results/dyke/iterations/1/verified.json", [{"key": "b" * 20}])

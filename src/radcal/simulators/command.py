@@ -158,7 +158,7 @@ def check_command(case: Case) -> None:
 
 
 class CommandSimulator:
-    """An external program behind :class:`radcal.simulators.protocol.Simulator`.
+    """External program with the interface of :class:`radcal.simulators.protocol.Simulator`.
 
     Parameters
     ----------
