@@ -2,7 +2,7 @@
 
 snakemake --cores 2                                     the default case
 snakemake --cores 2 --configfile config/mine.yaml       a case of your own
-snakemake --cores 2 reference                           one run: is everything wired?
+snakemake --cores 2 reference                           one run, to test the setup
 snakemake --cores 2 design                              the initial runs only
 """
 
@@ -30,7 +30,7 @@ SESSION = open_session(
     logger=logger,
 )
 CASE, FILES, OUT = SESSION.case, SESSION.inputs, SESSION.folder
-config["stop"] = CASE.sections("stop")["stop"]  # as scripts are to see it
+config["stop"] = CASE.sections("stop")["stop"]  # with all defaults, for the scripts
 
 
 include: "workflow/rules/resources.smk"
@@ -48,14 +48,14 @@ UNUSED -= {*SIMULATOR, *REUSED}
 
 
 def results(wildcards):
-    """All that a finished case holds. Leftovers of other settings, from iterations beyond the last, do not count."""
+    """Outputs of a finished case: those of its design's chunks and of its iterations, without leftovers beyond them."""
     numbers = {"chunk": CHUNKS, "k": range(len(verified(wildcards)))}
     return expand(sorted(OUTPUTS - UNUSED), **numbers)
 
 
-# The jobs' own processes read this page too, and a dry run changes nothing.
+# The processes of the jobs read this file too, and a dry run must change nothing.
 if workflow.is_main_process and not is_dry_run(sys.argv):
-    SESSION.mend(OUTPUTS)
+    SESSION.set_damaged_aside(OUTPUTS)
 
 
 localrules:
@@ -69,10 +69,10 @@ localrules:
 rule all:
     default_target: True
     input:
-        # also where a dry run cannot see how many iterations there will be
+        # named here as well, because a dry run does not know the number of iterations
         f"{OUT}/summary.json",
-        # not the last file alone: what is missing before it would stay missing, and a finished loop whose
-        # tolerance is tightened would be found complete
+        # All outputs are requested, so that a deleted intermediate file is made again, and a finished loop continues
+        # when its tolerance has been tightened.
         results,
 
 

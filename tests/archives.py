@@ -1,4 +1,4 @@
-"""Changes of what an archive holds."""
+"""Archives for tests, with results that differ from those of a calibration."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from radcal.report.archive import Archive, HeldOutBlocks
 
 
 def changed_material(archive: Archive, name: str, **changes: Any) -> Archive:
-    """Archive with other results of a material."""
+    """Copy of an archive with changed results of one material."""
     return replace(archive, materials={**archive.materials, name: replace(archive.materials[name], **changes)})
 
 
 def changed_check(archive: Archive, name: str, **changes: Any) -> Archive:
-    """Archive with another check of a material's law."""
+    """Copy of an archive with a changed check of one material's law."""
     return changed_material(archive, name, check=replace(archive.materials[name].check, **changes))
 
 
 def held_out_blocks(**changes: Any) -> HeldOutBlocks:
-    """Six held-out blocks."""
+    """Errors on six held-out blocks, with changes to their fields."""
     block = np.arange(6)
     values: dict[str, Any] = {"rmse_law_db": 1.25, "rmse_law_patch_db": 1.0, "rmse_constant_db": 3.0}
     values |= {"rmse_best_db": 0.75, "rmse_start_db": 4.0, "ks_law": 0.03, "ks_constant": 0.2, "ks_start": np.nan}

@@ -20,9 +20,9 @@ def derived_seed(seed: int, *names: str | int, bits: int = 63) -> int:
     Parameters
     ----------
     seed : int
-        The case's.
+        Seed of the case.
     *names : str or int
-        What it is for.
+        Name of the use, in one or several parts.
     bits : int
         Width of the seed, 1 to 63: the seed is below ``2**bits``.
 

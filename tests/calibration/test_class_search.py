@@ -18,7 +18,7 @@ from radcal.config import case_from
 from radcal.measurement.registration import Registered
 from radcal.measurement.sources import make_measurement
 from radcal.measurement.target import Targets, read_targets, write_targets
-from radcal.measurement.target_fit import KEPT_OUT, make_targets
+from radcal.measurement.target_fit import HELD_OUT, make_targets
 from radcal.radar.laws import LAWS
 from radcal.radar.projection import make_geometry
 from radcal.radar.texture import texture_db, texture_order
@@ -223,12 +223,12 @@ def test_a_fresh_run_has_texture_of_its_own(parts):
     assert drawn[0].std() == pytest.approx(drawn[1].std(), rel=0.05)
 
 
-def test_ground_is_kept_out_in_whole_blocks(parts):
+def test_ground_is_held_out_in_whole_blocks(parts):
     _, _, geometry, _, targets = parts
     columns = geometry.shape[1]
     for target in targets.values():
         assert set((target.pixels // columns // 20) % 2) == {0}
-        assert target.left_out[KEPT_OUT] == target.kept_out.values_db.size
+        assert target.left_out[HELD_OUT] == target.kept_out.values_db.size
         assert set(target.kept_out.block % 4) == {2, 3}
         assert np.unique(target.patch).tolist() == np.unique(target.kept_out.patch).tolist() == [1]
 

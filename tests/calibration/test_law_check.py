@@ -158,7 +158,7 @@ def test_an_error_of_the_incidence_is_not_put_down_to_the_law():
     assert slope[0] < 1.1 * slope[1] < 0.0
 
 
-def test_nothing_is_kept_out_without_validation():
+def test_nothing_is_held_out_without_validation():
     case, targets, history = made(validation=None)
     assert check_laws(case, targets, history)["area"].held is None
 

@@ -30,9 +30,9 @@ def test_every_pixel_is_eligible_or_counted_once(geometry: Geometry) -> None:
     flags = {"point targets": some(0.05)}
     damaged = replace(geometry, layover=some(0.1), shadow=some(0.1))
     found = eligible_pixels("dyke", damaged, Measurement(image, "x"), TargetConfig(margin_px=1), None, flags)
-    assert found.pixels.size + sum(found.left_out.values()) == dyke.size
-    assert list(found.left_out) == ["layover", "shadow", "without data", "near other ground", "point targets"]
-    assert min(found.left_out.values()) > 0
+    assert found.pixels.size + sum(found.masked.values()) == dyke.size
+    assert list(found.masked) == ["layover", "shadow", "without data", "near other ground", "point targets"]
+    assert min(found.masked.values()) > 0
     out = damaged.layover | damaged.shadow | ~np.isfinite(image) | flags["point targets"]
     expected = np.intersect1d(geometry.pixels("dyke", 1), np.flatnonzero(~out))
     np.testing.assert_array_equal(found.pixels, expected)

@@ -101,12 +101,12 @@ def test_a_file_in_the_place_of_the_folder_is_a_sentence(build_case, path):
         Session(build_case())
 
 
-def test_it_mends_before_it_starts(build_case, capsys):
+def test_damaged_files_are_set_aside_before_the_start(build_case, capsys):
     with provenance("dyke"):
         write_json("results/dyke/scores.json", [{"key": "a" * 20}])
         write_json("results/dyke/iterations/1/verified.json", [{"key": "b" * 20}])
     Path("results/dyke/iterations/1/verified.json").write_text("{}")
-    Session(build_case()).mend(OUTPUTS)
+    Session(build_case()).set_damaged_aside(OUTPUTS)
     first, second = capsys.readouterr().err.splitlines()
     assert first.startswith("radcal: results/dyke/iterations/1/verified.json: is damaged")
     assert second.startswith(
@@ -146,7 +146,7 @@ def test_the_end_says_how_to_go_on(build_case, capsys):
 def test_the_folder_of_another_user_is_a_sentence(tmp_path):
     code = (
         "from radcal.config import case_from; from radcal.running.session import Session\n"
-        "session = Session(case_from({})); session.mend(['results/dyke/scores.json']); session.start()\n"
+        "session = Session(case_from({})); session.set_damaged_aside(['results/dyke/scores.json']); session.start()\n"
         "print('started')"
     )
     command = [sys.executable, "-c", code]

@@ -1,4 +1,4 @@
-"""Sections of the configuration as plain data, and what follows from them, for a whole case and for a stage's part."""
+"""Sections of the configuration, all of a case or those of a stage: plain data, and values derived from them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from radcal.storage.disclosure import Undisclosed
 
 __all__ = ["Part"]
 
-_DESIGN_SIZE: Mapping[Objective, int] = {"classes": 2, "likelihood": 2, "density": 16}  # bins know the law without runs
+# with incidence-angle bins the law is found without runs, so that two are enough
+_DESIGN_SIZE: Mapping[Objective, int] = {"classes": 2, "likelihood": 2, "density": 16}
 
 
 class _Materials(Protocol):
@@ -49,12 +50,12 @@ _OfMaterials = TypeVar("_OfMaterials", bound=_Materials)
 class Part(Section):
     """Some sections of the configuration, or all of them.
 
-    Each property says in the type of ``self`` which sections it follows from, so that mypy refuses it where
-    they are missing.
+    The type of ``self`` of each property names the sections that the property is derived from, so that mypy rejects
+    the property of a model that lacks one of them.
     """
 
     def sections(self, *names: str) -> dict[str, Any]:
-        """Return the named sections as plain data, for a rule's ``params``."""
+        """Sections of these names as plain data, for the ``params`` of a rule."""
         sections = self.model_dump(mode="json", include=set(names))
         if environment := sections.get("simulator", {}).get("environment"):
             sections["simulator"]["environment"] = Undisclosed(environment)
@@ -67,19 +68,19 @@ class Part(Section):
 
     @property
     def start_with_another_law(self: _Materials) -> list[str]:
-        """Names of the calibrated materials whose reference run is made with another law."""
+        """Names of the calibrated materials that have another law in the reference run."""
         return [name for name, material in self.materials.items() if material.starts_with_another_law]
 
     @property
     def at_start(self: _OfMaterials) -> _OfMaterials:
-        """The same as the reference run sees it: materials have the law of their start."""
+        """Copy for the reference run, in which each material has the law of its starting parameters."""
         return self.model_copy(
             update={"materials": {name: material.at_start for name, material in self.materials.items()}}
         )
 
     @property
     def laws(self: _Pass) -> dict[str, Law]:
-        """Every material's law for this pass, ready to be evaluated unless it is external."""
+        """Law of each material for this pass; all but external laws can be evaluated."""
         return {
             name: law_for(
                 material.law,
@@ -94,7 +95,7 @@ class Part(Section):
 
     @property
     def reference_materials(self: _Levels) -> list[str]:
-        """Names of the fixed materials from which the measured image's level is estimated."""
+        """Names of the materials with fixed laws from which the level of the measured image is estimated."""
         if self.target.reference_materials is not None:
             return list(self.target.reference_materials)
         return [name for name, material in self.materials.items() if not material.calibrate]

@@ -52,7 +52,7 @@ def _known_keys(location: Sequence[int | str], root: type[BaseModel]) -> list[st
     return sorted({name for model in models for name in model.model_fields})
 
 
-_ALTERNATIVES = ("a list", "a law", "one level", "a table", "yes or no")  # of pydantic's unions
+_ALTERNATIVES = ("a list", "a law", "one level", "a table", "yes or no")  # alternatives in pydantic's unions
 
 
 def _of_kind(match: re.Match[str]) -> str:
@@ -61,7 +61,7 @@ def _of_kind(match: re.Match[str]) -> str:
 
 
 def sentence(error: ValidationError, origin: str, root: type[BaseModel]) -> str:
-    """The first problem of a validation error in one sentence.
+    """Sentence on the first problem of a validation error.
 
     Parameters
     ----------

@@ -1,8 +1,9 @@
-"""Sections of the configuration that each stage reads: one frozen model a rule of the workflow.
+"""Sections of the configuration that each stage reads: one frozen model for each rule of the workflow.
 
-A rule takes its ``params`` from the fields (:meth:`Stage.params`), its script makes the model of them again, and
-functions of the library have it as the type of their argument: mypy refuses a section that the model does not name,
-and a job runs again when one that it names has changed (``docs/reruns.md``).
+The ``params`` of a rule are the fields of its model (:meth:`Stage.params`). The rule's script restores the model from
+them and passes it to functions of the library, whose arguments have the model as their type. Therefore mypy rejects
+access to a section that the model lacks, and a job runs again when a section of its model has changed
+(``docs/reruns.md``).
 """
 
 from __future__ import annotations
@@ -52,34 +53,34 @@ __all__ = [
 
 
 class Stage(Part):
-    """What a stage reads."""
+    """Sections of the configuration that a stage reads."""
 
     @classmethod
     def of(cls, case: Case) -> Self:
-        """The stage's sections of a whole case."""
+        """Model with the stage's sections of a whole case."""
         return cls.model_validate({name: getattr(case, name) for name in cls.model_fields})
 
     @classmethod
     def params(cls, case: Case) -> dict[str, Any]:
-        """The same as plain data, of which a script makes the model again by ``model_validate``."""
+        """Stage's sections of a whole case as plain data, from which ``model_validate`` restores the model."""
         return case.sections(*cls.model_fields)
 
 
 class Scene(Stage):
-    """Scene and names of its materials."""
+    """Sections for the scene and the names of its materials."""
 
     scene: SceneConfig
     materials: dict[str, Material]
 
 
 class Geometry(Stage):
-    """Pass."""
+    """Section for the geometry: the pass."""
 
     radar: Radar
 
 
 class Simulator(Stage):
-    """Simulator, and what it is told of materials and pass."""
+    """Sections for the simulator: its settings, and the materials and the pass that it receives."""
 
     radar: Radar
     simulator: SimulatorConfig
@@ -87,14 +88,14 @@ class Simulator(Stage):
 
 
 class Measurement(Simulator):
-    """Measured image, and what it is checked for."""
+    """Sections for the measured image, which is checked against pass, materials and target."""
 
     measurement: MeasurementConfig
     target: TargetConfig
 
 
 class Scores(Stage):
-    """Laws that runs are scored for; what is minimised comes with the targets' file."""
+    """Sections for the scores of the runs: laws and pass; the objective comes from the file of targets."""
 
     seed: Seed
     radar: Radar
@@ -102,26 +103,26 @@ class Scores(Stage):
 
 
 class Simulation(Simulator, Scores):
-    """What determines the numbers of a run."""
+    """Sections that determine the numbers of a run."""
 
 
 class Reuse(Simulation):
-    """Runs of an earlier case."""
+    """Sections for the reuse of an earlier case's runs."""
 
 
 class ReferenceRun(Simulation):
-    """Reference run."""
+    """Sections for the reference run."""
 
 
 class Registration(Stage):
-    """Registration, and materials that the reference run's record holds."""
+    """Sections for the registration, with the materials that the record of the reference run must hold."""
 
     materials: dict[str, Material]
     registration: RegistrationConfig
 
 
 class Target(Simulation):
-    """Pixels, levels and incidence-angle bins."""
+    """Sections for the targets: pixels, levels and incidence-angle bins."""
 
     objective: Objective
     target: TargetConfig
@@ -129,18 +130,18 @@ class Target(Simulation):
 
 
 class DesignSize(Stage):
-    """Number of runs and chunks of the design."""
+    """Sections for the number of runs and of chunks of the design."""
 
     objective: Objective
     design: Design
 
 
 class DesignChunk(Simulation, DesignSize):
-    """Runs of the design."""
+    """Sections for the runs of the design."""
 
 
 class Train(Stage):
-    """Surrogates, and whether the simulator is deterministic."""
+    """Sections for the training of surrogates; those of the simulator tell whether it is deterministic."""
 
     simulator: SimulatorConfig
     materials: dict[str, Material]
@@ -148,29 +149,29 @@ class Train(Stage):
 
 
 class Propose(Scores):
-    """Search for the next parameters."""
+    """Sections for the search for the next parameters."""
 
     optimiser: Optimiser
 
 
 class Verify(Simulation):
-    """Run of the proposals, and its score."""
+    """Sections for the run of the proposals and its score."""
 
 
 class StopSettings(Stage):
-    """Stop criteria."""
+    """Section for the stop criteria."""
 
     stop: Stop
 
 
 class FinalRuns(Simulation):
-    """Runs of the calibrated laws together."""
+    """Sections for the final runs, with the calibrated laws of all materials together."""
 
 
 class Archive(Stage):
-    """Nearly everything; the stop criteria come as a file."""
+    """Sections for the archive: nearly all; the stop criteria come from a file."""
 
-    # in the order of the whole case, which the archive records
+    # in the order of the whole case, in which the archive records them
     case: CaseName
     seed: Seed
     scene: SceneConfig
@@ -205,4 +206,4 @@ STAGES: Mapping[str, type[Stage]] = {
     "final_runs": FinalRuns,
     "archive": Archive,
 }
-"""Model by rule."""
+"""Model of each rule, by the rule's name."""

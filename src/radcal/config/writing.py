@@ -16,12 +16,12 @@ _HEADER = """\
 
 
 def default_yaml() -> str:
-    """Return the default case as commented YAML, the text of ``config/config.yaml``."""
+    """Default case as commented YAML, the text of ``config/config.yaml``."""
     return _HEADER + "\n" + "\n".join(_lines(Case())) + "\n"
 
 
 def _lines(section: BaseModel, indent: str = "") -> list[str]:
-    """One line per key with its description; nested sections indented."""
+    """Lines of YAML, one per key with its description; nested sections are indented."""
     lines = []
     for name, field in type(section).model_fields.items():
         value = getattr(section, name)

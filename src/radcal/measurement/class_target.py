@@ -1,4 +1,4 @@
-"""Target of a law: statistics by incidence-angle bin, with between-field and within-field variance."""
+"""Target by incidence-angle bin: statistics of the measured pixels, with between-field and within-field variance."""
 
 from __future__ import annotations
 
@@ -21,27 +21,26 @@ class ClassTarget:
     Attributes
     ----------
     classes : Classes
-        Measured, of the target's pixels; ``effective`` is what a difference from as many simulated ones stands
-        for, half of the independent pixels.
+        Bins of the target's pixels with their measured statistics. ``effective`` is half of the number of independent
+        pixels, because measured statistics are compared with simulated ones, which have a sampling error too.
     spread : Spread
-        Among patches and their cells, pooled over the materials [dB].
+        Between-field and within-field standard deviation, pooled over the materials [dB].
     objective : {'classes', 'likelihood'}
-        What is minimised.
+        Objective that is minimised.
     looks : float
-        Of the simulated speckle, the sensor's.
+        Number of looks of the simulated speckle, which is that of the sensor.
     free_looks : bool
-        Whether the material's own looks are searched.
+        Whether the effective number of looks of the material is estimated with the law.
     priors : bool
-        Whether weak priors on curve and looks count.
+        Whether weak priors on the curve and on the number of looks enter the objective.
     incidence_error_deg : float
         Standard error of the local incidence [deg].
     noise_db : float
-        Mean noise-equivalent backscatter that the simulator adds at these pixels [dB]; -inf where it adds none
-        that is known of.
+        Mean noise-equivalent backscatter that the simulator adds at these pixels [dB]; -inf where no noise is known.
     first : ndarray, shape (d,)
-        X of the law found without a simulator, by law and speckle alone.
+        X of the law that is fitted to the target without simulator runs, with a model of law and speckle.
     first_looks : float
-        Its effective looks.
+        Effective number of looks of that fit.
     """
 
     classes: Classes
@@ -56,12 +55,17 @@ class ClassTarget:
     first_looks: float
 
     def cumulants(self, values_db: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Mean [dB], variance [dB^2] and third central moment [dB^3] of a run's classes, shape (n, 3).
+        """Cumulants of a run by incidence-angle bin.
 
         Parameters
         ----------
         values_db : ndarray, shape (pixels,)
-            The target's pixels in a run [dB]; far outliers are limited as the measured ones are.
+            Values of the target's pixels in the run [dB]; far outliers are limited in the same way as measured ones.
+
+        Returns
+        -------
+        ndarray, shape (n, 3)
+            Mean [dB], variance [dB^2] and third central moment [dB^3] in each of the n bins.
         """
         member = self.classes.member
         return class_cumulants(winsorised(values_db, member), member, self.classes.size)

@@ -49,7 +49,7 @@ class Blocks:
     def parts_of(self, pixels: NDArray[np.int64], width: int) -> NDArray[np.int64]:
         """Number of the part of each pixel, from flat indices in an image of a width; blocks are counted row by row.
 
-        Of two blocks that share a side one has an even number and one an odd number.
+        Blocks that share a side have numbers of different parity (one is even, the other odd).
         """
         row, column = np.divmod(np.asarray(pixels, dtype=np.int64), width)
         step = width if self.columns is None else self.columns
@@ -97,7 +97,7 @@ class Ground:
         return self.cells.sampling_variance(self.values_db, self.independent)
 
     def part(self, mask: NDArray[np.bool_]) -> Ground:
-        """Only these pixels."""
+        """Ground with the pixels of a mask only."""
         return Ground(
             self.values_db[mask], self.incidence_deg[mask], self.patch[mask], self.block[mask], self.independent
         )

@@ -28,7 +28,8 @@ class Looks:
 
     Attributes
     ----------
-    looks : float Equivalent number of looks of the homogeneous areas.
+    looks : float
+        Equivalent number of looks of the homogeneous areas.
     low, high : float
         Ends of its 95 % interval.
     windows : int

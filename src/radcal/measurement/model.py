@@ -17,20 +17,21 @@ __all__ = ["Measurement", "read_measurement", "write_measurement"]
 
 @dataclass(frozen=True)
 class Measurement:
-    """A measured image of the size of the scene's image.
+    """Measured image of the size of the scene's image.
 
     Attributes
     ----------
     image_db : ndarray of float32, shape (slant range, azimuth)
         Backscatter in the configured radiometry [dB], NaN where there is none.
     source : str
-        Source of the image, for the report.
+        Source of the image in words, for the report.
     hidden : mapping
-        Hidden parameters by material of a synthetic measurement, else empty.
+        True parameters X by material of a synthetic measurement, else empty.
     misregistration_px : ndarray of float32, shape (2, rows, columns), or None
-        Displacement field of a synthetic measurement, that from pixels of the scene's image to its own [pixels].
+        True displacement of a synthetic measurement, from pixels of the scene's image to those of the measured image
+        [pixels]; None for other measurements.
     notes : tuple of str
-        Sentences about a file: meaning of its levels, number of unusable pixels.
+        Sentences about the image's file: meaning of its levels, number of unusable pixels.
     """
 
     image_db: NDArray[np.float32]

@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["Cells", "Effects", "Residuals", "Spread", "label_patches", "make_cells", "patch_effects", "spreads"]
 
-_GRID_DB = np.concatenate([[0.0], np.geomspace(0.02, 6.0, 40)])  # of both standard deviations
-_SCALES_DB = np.geomspace(0.1, 4.0, 40)  # of the half-normal law that materials share
+_GRID_DB = np.concatenate([[0.0], np.geomspace(0.02, 6.0, 40)])  # grid of both standard deviations
+_SCALES_DB = np.geomspace(0.1, 4.0, 40)  # scales of the half-normal distribution that the materials share
 _PRIOR_DB = 1.0
 _FREEDOM = 10  # pixels besides the first of each cell that an estimate of the variance inside cells needs
 _LEAST_DB2 = 1e-6
@@ -24,7 +24,7 @@ _LEAST_DB2 = 1e-6
 
 @dataclass(frozen=True)
 class Cells:
-    """The cells of one material.
+    """Cells of one material.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class Cells:
     block : ndarray of int, shape (cells,)
         Number of each cell's block.
     count : ndarray of int, shape (cells,)
-        Its pixels.
+        Number of pixels in each cell.
     """
 
     of_pixel: NDArray[np.int64]
@@ -81,7 +81,7 @@ class Effects:
     weight : ndarray, shape (cells,)
         Weight of each cell's residual in its patch's effect.
     spread : Spread
-        Behind it.
+        Between-field and within-field standard deviation that the predictions assume.
     """
 
     patch: NDArray[np.int64]

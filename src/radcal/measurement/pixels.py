@@ -36,13 +36,13 @@ class Eligible:
     ----------
     pixels : ndarray of int64
         Flat image indices, ascending.
-    left_out : mapping
+    masked : mapping
         Number of the material's masked visible pixels by reason, in the order in which the reasons are tried; each
         pixel counts once.
     """
 
     pixels: NDArray[np.int64]
-    left_out: Mapping[str, int]
+    masked: Mapping[str, int]
 
 
 def _local_power(power: NDArray[np.float64], size: tuple[int, int]) -> NDArray[np.float64]:
@@ -186,25 +186,25 @@ def eligible_pixels(
         "near other ground": ~interior,
         **(flags or {}),
     }
-    left, left_out = visible, {}
+    left, masked = visible, {}
     for reason, flag in reasons.items():
         out = flag.ravel()[left]
-        left_out[reason] = int(np.count_nonzero(out))
+        masked[reason] = int(np.count_nonzero(out))
         left = left[~out]
-    if visible.size >= MINIMUM_PIXELS and left_out["without data"] == visible.size:
+    if visible.size >= MINIMUM_PIXELS and masked["without data"] == visible.size:
         raise MeasurementError(
             f"materials.{name}: all {visible.size} of its pixels in the measured image ({measurement.source}) are NaN."
         )
     if left.size < MINIMUM_PIXELS:
-        why = ", ".join(f"{count} {reason}" for reason, count in left_out.items() if count)
+        why = ", ".join(f"{count} {reason}" for reason, count in masked.items() if count)
         raise MeasurementError(
             f"materials.{name}: {left.size} usable pixels, expected at least {MINIMUM_PIXELS}; in "
             f"{measurement.source} it has {visible.size} visible pixels{f', masked: {why}' if why else ''} "
             f"(target.margin_px is {config.margin_px}"
             f"{', and the registration has an uncertainty' if uncertainty_px is not None else ''})"
-            f"{_above_noise(measurement.image_db.ravel()[visible]) if left_out.get(IN_THE_NOISE) else ''}."
+            f"{_above_noise(measurement.image_db.ravel()[visible]) if masked.get(IN_THE_NOISE) else ''}."
         )
-    return Eligible(left, left_out)
+    return Eligible(left, masked)
 
 
 def _above_noise(values_db: NDArray[np.float32]) -> str:

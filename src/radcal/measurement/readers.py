@@ -84,7 +84,7 @@ def image_of(values: Values, path: Path, config: FileMeasurement, shape: tuple[i
     Parameters
     ----------
     values : ndarray
-        As read.
+        Numbers as read from the file.
     path : path
         For messages.
     config : FileMeasurement

@@ -191,12 +191,12 @@ def _check_image(fields: bytes, number: int) -> None:
 
 
 def _value(xml: Any, name: str) -> Any:
-    """A parameter of the XML, None where it is missing."""
+    """Value of a parameter in the XML, None where it is missing."""
     return xml.load("./" + "/".join("{*}" + part for part in name.split("/")))
 
 
 def _needed(xml: Any, name: str) -> Any:
-    """A parameter that every SICD has."""
+    """Value of a mandatory parameter in the XML."""
     value = _value(xml, name)
     if value is None:
         raise ValueError(f"its XML has no {name}")
@@ -269,7 +269,7 @@ def _level(xml: Any, name: str) -> tuple[NDArray[np.float64] | None, tuple[str, 
 
 
 def _flown_backwards(xml: Any) -> bool:
-    """Whether columns grow against the flight direction; contradictions are refused, for they mirror the image."""
+    """Whether columns grow against the flight direction; raises a ValueError where the metadata are contradictory."""
     row, column = (_needed(xml, f"Grid/{axis}/UVectECF") for axis in ("Row", "Col"))
     position, velocity = _needed(xml, "SCPCOA/ARPPos"), _needed(xml, "SCPCOA/ARPVel")
     side = _needed(xml, "SCPCOA/SideOfTrack")

@@ -1,4 +1,4 @@
-"""Target of each material, the levels that all are compared at, and their HDF5 file."""
+"""Targets of all calibrated materials, the levels at which they are compared with runs, and their HDF5 file."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from radcal.storage.records import read_hdf5, write_hdf5
 
 __all__ = ["Target", "Targets", "read_targets", "write_targets"]
 
-_UNLIKELY = 0.01  # the smallest share that so many bootstrap samples can show
-_TEXTURED = 0.7  # times the looks of homogeneous areas
+_UNLIKELY = 0.01  # smallest p-value that the number of bootstrap samples can resolve
+_TEXTURED = 0.7  # a textured material has fewer looks than this share of the looks of homogeneous areas
 
 
 @dataclass(frozen=True)
@@ -32,40 +32,40 @@ class Target:
     pixels : ndarray of int64, shape (n,)
         Flat image indices of the pixels drawn.
     order : ndarray of int64, shape (n,)
-        Their places in a record's pixels of the material.
+        Indices of the drawn pixels among the material's pixels in a run record.
     values_db : ndarray, shape (n,)
-        Measured backscatter [dB], mapped by the levels: no longer dB for ``image``.
+        Measured backscatter after level normalisation, in the unit of the levels (dB, or IQR for ``image``).
     incidence_deg : ndarray of float32, shape (n,)
         Local incidence angle [deg].
     dp : ndarray, shape (3,)
         Fitted direct parameters xi [dB], omega [dB], alpha.
     eligible : int
-        Pixels that could have been drawn.
+        Number of pixels from which the target's pixels were drawn.
     at_boundary : bool
-        The fit stands at the largest skewness.
+        Whether the fit has the largest skewness of a skew normal.
     effective : float
-        Number of independent pixels that those drawn stand for.
+        Effective sample size: number of independent pixels with the same information.
     rms_sampling : float
-        Density rms [1/dB] that so many stand for.
+        Density rms that sampling alone causes at the effective sample size [1/dB].
     cp_error : ndarray, shape (3,)
         Standard errors of mean [dB], standard deviation [dB] and skewness; NaN at the boundary.
     cp_interval : ndarray, shape (3, 2)
         95 % confidence intervals of mean [dB], standard deviation [dB] and skewness, at the
         effective sample size.
     goodness : Goodness
-        How well the density describes the pixels.
+        Goodness of fit of the density to the pixels.
     left_out : mapping
-        The material's other visible pixels by reason.
+        Number of the material's masked visible pixels by reason.
     looks : float
         Equivalent number of looks among neighbouring pixels; NaN where not known.
     penalised : bool
-        The density, and that of every run, is the penalised likelihood's.
+        Whether the densities of the target and of every run are fitted by penalised likelihood.
     patch, block : ndarray of int, shape (n,)
-        Connected area of the material, and part of a block of the image, that each pixel lies in.
+        Connected area of the material (patch), and part of a block of the image, of each pixel.
     kept_out : Ground or None
-        Pixels of ground that no law has seen, for validation.
+        Held-out pixels, to which no law is fitted; None without validation.
     classes : ClassTarget or None
-        The same pixels by incidence-angle bin, where the objective uses bins.
+        Statistics of the pixels by incidence-angle bin; None where the objective uses no bins.
     """
 
     pixels: NDArray[np.int64]
@@ -90,7 +90,7 @@ class Target:
 
     @property
     def ground(self) -> Ground:
-        """The pixels with the areas that they lie in."""
+        """Pixels of the target with their patches and blocks."""
         return Ground(
             values_db=np.asarray(self.values_db, dtype=np.float64),
             incidence_deg=np.asarray(self.incidence_deg, dtype=np.float64),
@@ -107,35 +107,35 @@ class Target:
     def score(
         self, pixels_db: NDArray[np.float32], mapping: tuple[float, float] = (0.0, 1.0)
     ) -> tuple[NDArray[np.float64], float]:
-        """Fit the same pixels of a run.
+        """Density of the target's pixels in a run, and its rms from the target.
 
         Parameters
         ----------
         pixels_db : ndarray
-            Visible pixels of the material in a run [dB].
+            Visible pixels of the material in the run [dB].
         mapping : (float, float)
-            Shift and scale of the run's levels [dB].
+            Shift [dB] subtracted from the run's values, and scale by which they are then divided.
 
         Returns
         -------
         dp : ndarray, shape (3,)
             Direct parameters of the run's density.
         rms : float
-            Its difference from the target [1/dB].
+            Root-mean-square difference of the run's density from the target's [1/dB].
         """
         dp = skewnormal.fit(Levels.apply(pixels_db[self.order], mapping), self.penalised).dp
         return dp, skewnormal.density_rms(dp, self.dp)
 
 
 class Targets(dict[str, Target]):
-    """Targets by calibrated material, and the levels that they and every run are compared at.
+    """Targets by calibrated material, and the levels at which they are compared with every run.
 
     Parameters
     ----------
     targets : mapping
         Target by material.
-    levels : Levels
-        What is taken out of both images.
+    levels : Levels, optional
+        Level normalisation of both images; none if missing.
     looks : float
         Equivalent number of looks of the measured image's homogeneous areas; NaN where not known.
     """
@@ -148,7 +148,7 @@ class Targets(dict[str, Target]):
         self.looks = looks
 
     def textured(self, name: str) -> bool:
-        """Whether a material has far fewer looks than the image's homogeneous areas: no surface with speckle alone."""
+        """Whether a material has far fewer looks than the image's homogeneous areas, and hence texture."""
         return self[name].looks < _TEXTURED * self.looks
 
     def score(self, pixels_db: Mapping[str, NDArray[np.float32]]) -> dict[str, tuple[NDArray[np.float64], float]]:
@@ -157,7 +157,7 @@ class Targets(dict[str, Target]):
         return {name: target.score(pixels_db[name], mapping) for name, target in self.items()}
 
     def sentences(self) -> list[str]:
-        """Lines on what is compared: one for the levels, one for each material."""
+        """Lines for the terminal: levels, target of each material, and warnings."""
         levels = self.levels
         lines = [f"levels: {levels.sentence}"] if levels.normalisation != "none" or levels.doubtful else []
         for name, target in self.items():
@@ -168,7 +168,7 @@ class Targets(dict[str, Target]):
         return [*lines, *self.warnings()]
 
     def warnings(self) -> list[str]:
-        """Materials that a skew normal, or any law of a surface, does not describe."""
+        """Sentences on materials that a skew normal, or the law of a surface, does not describe."""
         lines = []
         for name, target in self.items():
             if target.goodness.ad_p <= _UNLIKELY:
@@ -187,7 +187,7 @@ class Targets(dict[str, Target]):
 
 @dataclass(frozen=True)
 class _Stored:
-    """Content of the file."""
+    """Content of the file of targets."""
 
     materials: Mapping[str, Target]
     levels: Levels
@@ -195,7 +195,7 @@ class _Stored:
 
 
 def write_targets(path: str | Path, targets: Targets) -> None:
-    """Write the targets of all materials, and the levels, to HDF5, atomically."""
+    """Write the targets of all materials and the levels to HDF5, atomically."""
     with write_hdf5(path, "target") as file:
         put(file, _Stored(targets, targets.levels, targets.looks))
 

@@ -1,4 +1,4 @@
-"""Fit of targets: the pixels drawn of each material, the levels, and the skew normal fitted to what they hold."""
+"""Fit of targets: draw of each material's pixels, level normalisation, and skew normal fitted to measured values."""
 
 from __future__ import annotations
 
@@ -26,47 +26,51 @@ if TYPE_CHECKING:
     from radcal.measurement.registration import Registered
     from radcal.radar.geometry import Geometry
 
-__all__ = ["KEPT_OUT", "make_levels", "make_target", "make_targets", "sampling_rms"]
+__all__ = ["HELD_OUT", "make_levels", "make_target", "make_targets", "sampling_rms"]
 
-# parameters are kept to this share of the standard deviation, a thousandth of what 1,000 pixels tell: what
-# changes them by rounding only, such as another level of the same image, does not change the calibration
-_SETTLED = 1e-5
-_LEVEL_PIXELS = 1000  # of each reference material
-KEPT_OUT = "held out to check the law"  # a reason why pixels are not in the target
+# Step to which a target's parameters are rounded, relative to its standard deviation; a thousandth of the sampling
+# error of 1,000 pixels. Numerical noise, such as that of another level of the same image, then changes no calibration.
+_ROUNDING = 1e-5
+_LEVEL_PIXELS = 1000  # pixels drawn of each reference material
+HELD_OUT = "held out to check the law"  # reason for masking
 
 
 def sampling_rms(
     dp: NDArray[np.float64], n: int, rng: np.random.Generator, draws: int = 40, penalised: bool = False
 ) -> float:
-    """Density rms between a skew normal and the fit to a sample of it.
+    """Density rms between a skew normal and fits to samples of it, by parametric bootstrap.
 
     Parameters
     ----------
     dp : ndarray, shape (3,)
-        Direct parameters.
+        Direct parameters of the skew normal.
     n : int
-        Sample size (independent values).
+        Number of independent values in each sample.
     rng : Generator
-        Source of the samples.
+        Random number generator of the samples.
     draws : int
         Number of samples.
     penalised : bool
-        Whether they are fitted by penalised likelihood.
+        Whether the samples are fitted by penalised likelihood.
 
     Returns
     -------
     float
-        Median over the samples [1/dB]: parametric bootstrap (Efron and Tibshirani 1993, section 6.5).
+        Median over the samples [1/dB].
+
+    References
+    ----------
+    Efron and Tibshirani, "An Introduction to the Bootstrap" (1993), section 6.5.
     """
     fits = (skewnormal.fit(skewnormal.sample(dp, n, rng), penalised) for _ in range(draws))
     return float(np.median([skewnormal.density_rms(found.dp, dp) for found in fits]))
 
 
-def _settled(dp: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Direct parameters whose centred ones are rounded."""
+def _rounded(dp: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Direct parameters after their centred parameters have been rounded."""
     mean, sd, skewness = skewnormal.centred(dp)
-    step = _SETTLED * 2.0 ** np.floor(np.log2(sd))
-    rounded = [np.round(mean / step) * step, np.round(sd / step) * step, np.round(skewness / _SETTLED) * _SETTLED]
+    step = _ROUNDING * 2.0 ** np.floor(np.log2(sd))
+    rounded = [np.round(mean / step) * step, np.round(sd / step) * step, np.round(skewness / _ROUNDING) * _ROUNDING]
     return skewnormal.direct(rounded)
 
 
@@ -83,34 +87,35 @@ def make_target(
     radar: Radar | None = None,
     validation: Validation | None = None,
 ) -> Target:
-    """Draw a material's pixels without replacement and fit their density.
+    """Target of one material: pixels drawn without replacement, and the density fitted to their values.
 
     Parameters
     ----------
     name, geometry, measurement, config, uncertainty_px, flags
-        As for :func:`~radcal.measurement.pixels.eligible_pixels`.
+        Arguments of :func:`~radcal.measurement.pixels.eligible_pixels`.
     seed : int
-        Of the draw.
+        Seed of the case, from which that of the draw is derived.
     levels : Levels, optional
-        What is taken out of the measured values.
+        Level normalisation of the measured values; none if missing.
     radar : Radar, optional
-        Resolutions and pixel spacings, for the looks.
+        Pass with resolutions and pixel spacings, from which the number of looks is estimated; without it, no estimate
+        is made.
     validation : Validation, optional
-        Which blocks are held out.
+        Blocks to hold out; none if missing.
 
     Raises
     ------
     MeasurementError
-        Not enough pixels.
+        Too few pixels are eligible.
     FitError
-        The pixels cannot be fitted.
+        The density cannot be fitted to the pixels.
     """
     blocks = Blocks.of(validation, geometry.shape[0])
     part = blocks.parts_of(np.arange(geometry.incidence_deg.size), geometry.shape[1])
     out = np.zeros(part.shape, dtype=np.bool_)
     if validation is not None and validation.keep != "both":
         out = ~blocks.kept(part, validation.keep)
-        flags = {**(flags or {}), KEPT_OUT: out.reshape(geometry.shape)}
+        flags = {**(flags or {}), HELD_OUT: out.reshape(geometry.shape)}
     eligible = eligible_pixels(name, geometry, measurement, config, uncertainty_px, flags)
     rng = derived_rng(seed, "target", name)
     drawn = np.sort(rng.choice(eligible.pixels, size=min(config.pixels, eligible.pixels.size), replace=False))
@@ -119,17 +124,17 @@ def make_target(
     fit = skewnormal.fit(values, penalised)
     effective = effective_sample_size(measurement.image_db, eligible.pixels, drawn)
     patches = label_patches(geometry.material == geometry.names.index(name) + 1).ravel()
-    kept_out = None
+    held_out = None
     if out.any():
-        others = {reason: flag for reason, flag in (flags or {}).items() if reason != KEPT_OUT}
+        others = {reason: flag for reason, flag in (flags or {}).items() if reason != HELD_OUT}
         with_it = eligible_pixels(name, geometry, measurement, config, uncertainty_px, others).pixels
-        kept_out = _ground(with_it[out[with_it]], geometry, measurement, levels, patches, part)
+        held_out = _ground(with_it[out[with_it]], geometry, measurement, levels, patches, part)
     return Target(
         pixels=drawn,
         order=np.searchsorted(geometry.pixels(name), drawn),
         values_db=values,
         incidence_deg=geometry.incidence_deg.ravel()[drawn],
-        dp=fit.dp if fit.at_boundary else _settled(fit.dp),
+        dp=fit.dp if fit.at_boundary else _rounded(fit.dp),
         eligible=int(eligible.pixels.size),
         at_boundary=fit.at_boundary,
         effective=effective,
@@ -138,11 +143,11 @@ def make_target(
         cp_interval=skewnormal.intervals(values, fit, effective=effective),
         goodness=goodness_of_fit(values, fit.dp, rng, effective, penalised=penalised),
         penalised=penalised,
-        left_out=eligible.left_out,
+        left_out=eligible.masked,
         looks=local_looks(measurement.image_db, eligible.pixels, radar) if radar is not None else float("nan"),
         patch=patches[drawn],
         block=part[drawn],
-        kept_out=kept_out,
+        kept_out=held_out,
     )
 
 
@@ -150,39 +155,39 @@ def _ground(
     pixels: NDArray[np.int64], geometry: Geometry, measurement: Measurement, levels: Levels | None,
     patches: NDArray[np.int64], parts: NDArray[np.int64],
 ) -> Ground:  # fmt: skip
-    """Pixels of an image with the areas that they lie in; areas are given for the whole image."""
+    """Pixels of an image with their patches and blocks; ``patches`` and ``parts`` hold those of the whole image."""
     every = effective_sample_size(measurement.image_db, pixels, pixels) / pixels.size if pixels.size else 1.0
     return Ground(
         values_db=Levels.apply(measurement.image_db.ravel()[pixels], (levels or Levels()).measured),
         incidence_deg=geometry.incidence_deg.ravel()[pixels].astype(np.float64),
         patch=patches[pixels],
         block=parts[pixels],
-        independent=every,  # correlated as the target's are, but all of them and not some
+        independent=every,  # of all these pixels, which are correlated more than a draw of them
     )
 
 
 def make_targets(
     case: stages.Target, geometry: Geometry, registered: Registered, reference_db: NDArray[np.float32]
 ) -> Targets:
-    """Targets of all calibrated materials, and the levels.
+    """Targets of all calibrated materials, with the levels.
 
     Parameters
     ----------
     case : stages.Target
         Materials, pass, seed, and settings of the target.
     geometry : Geometry
-        Of the pass.
+        Geometry of the pass.
     registered : Registered
-        The measured image.
+        Registered measured image.
     reference_db : ndarray, shape (rows, columns)
-        The reference run's image [dB].
+        Image of the reference run [dB].
 
     Raises
     ------
     MeasurementError
-        A material has too few pixels, or no reference material says the level.
+        A material has too few pixels, or the level cannot be estimated from any reference material.
     FitError
-        The pixels cannot be fitted.
+        The density of a material cannot be fitted to its pixels.
     """
     measurement, config = registered.measurement, case.target
     levels = make_levels(case, geometry, registered, reference_db)
@@ -216,12 +221,12 @@ def make_targets(
 def make_levels(
     case: stages.Target, geometry: Geometry, registered: Registered, reference_db: NDArray[np.float32]
 ) -> Levels:
-    """Levels of the measured image against the reference run; arguments as for :func:`make_targets`.
+    """Level of the measured image relative to the reference run; arguments as for :func:`make_targets`.
 
     Raises
     ------
     MeasurementError
-        ``offset`` is asked for and no reference material has enough pixels.
+        The normalisation is ``offset`` and no reference material has enough pixels.
     """
     measurement, config = registered.measurement, case.target
     if config.normalisation == "image":

@@ -26,9 +26,9 @@ from numba import prange
 
 __all__ = ["cache_folder", "njit", "prange", "sources"]
 
-_config: Any = numba.config  # which defines its names while it is imported
+_config: Any = numba.config  # the names of numba.config are defined only at import, so that mypy does not know them
 _PACKAGE = Path(__file__).resolve().parents[1]
-_KEPT, _IN_USE_S = 8, 24 * 3600.0  # folders of other hashes that are kept, besides those of the last day
+_KEPT, _IN_USE_S = 8, 24 * 3600.0  # number of folders of other hashes that are kept, besides those of the last day
 
 
 def sources(package: Path) -> list[Path]:

@@ -92,7 +92,7 @@ class Spots:
 
 @njit()
 def _holds(line: Any, facet: Any, place: Any, axis: Any, half: Any) -> Any:
-    """Whether the middle of a facet lies in a footprint."""
+    """Whether the centre of a facet lies in a footprint."""
     down, across = line + 0.5 - place[0], facet + 0.5 - place[1]
     along, beside = down * axis[0] + across * axis[1], down * axis[1] - across * axis[0]
     return abs(along) <= half[0] and abs(beside) <= half[1]

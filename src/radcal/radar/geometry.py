@@ -1,4 +1,4 @@
-"""Acquisition geometry: everything about a pass that does not depend on the backscatter laws, and its HDF5 file.
+"""Acquisition geometry, the part of a pass's image that does not depend on backscatter laws, and its HDF5 file.
 
 Image coordinates: axis 0 is slant range (row 0 nearest), axis 1 is azimuth.
 """
@@ -33,7 +33,7 @@ class Points:
     Attributes
     ----------
     row, column : ndarray of float64, shape (n,)
-        Place in the image; pixel centres are at whole numbers.
+        Position in the image [pixels]; pixel centres are at whole numbers.
     amplitude : ndarray of float32, shape (n,)
         Square root of the cross-section over the reference area of the configured radiometry.
     number : ndarray of uint32, shape (n,)
@@ -47,7 +47,7 @@ class Points:
 
     @classmethod
     def none(cls) -> Points:
-        """No point."""
+        """Empty set of point scatterers."""
         return cls(np.empty(0), np.empty(0), np.empty(0, np.float32), np.empty(0, np.uint32))
 
 
@@ -67,31 +67,33 @@ class Geometry:
     cell_start : ndarray of int32, shape (pixels + 1,)
         First cell of each pixel, by flat image index.
     cell_material : ndarray of uint8, shape (cells,)
-        Material id; one beyond the last for objects, whose sigma0 is 1.
+        Material id; objects have the id after the last material's, and a sigma0 of 1.
     facet_start : ndarray of int32, shape (cells + 1,)
         First facet of each cell. A facet belongs to every pixel that it reaches.
     facet_incidence : ndarray of uint16, shape (facets,)
         Local incidence angle in units of 90 degrees / 65535.
     facet_weight : ndarray of float32, shape (facets,)
-        Weight of the facet's sigma0 in the sum that is the pixel's value: the share of the pixel's slant range that the
-        facet covers (``sigma0_local``: 1 in all, more in layover, less beside shadow), or its area in the pixel over
-        the pixel's reference area. The weight of an object's facet is its part of the cross-section over the reference
-        area.
+        Weight of the facet's sigma0 in the sum over facets that gives the pixel's value. For ``sigma0_local`` the
+        weight is the share of the pixel's slant range that the facet covers; the weights of a pixel add up to 1, to
+        more in layover, and to less beside shadow. For other radiometries it is the facet's area in the pixel over the
+        pixel's reference area. For an object's facet it is the facet's part of the object's cross-section over the
+        reference area.
     material : ndarray of uint8, shape ``shape``
-        Material id where all visible facets of a pixel share one, else 0; 0 near objects, too.
+        Material id where all visible facets of a pixel share one, else 0; also 0 near objects.
     incidence_deg : ndarray of float32, shape ``shape``
         Mean local incidence of the pixel's visible ground [deg], NaN where there is none.
     layover : ndarray of bool, shape ``shape``
-        Whether facets of separate places share the pixel, between which slant range decreases by more than a pixel.
+        Whether the pixel holds facets of separate places in layover, between which slant range decreases by more than
+        a pixel.
     shadow : ndarray of bool, shape ``shape``
-        Whether some of the pixel's facets, or all, are hidden or face away.
+        Whether at least one of the pixel's facets is in shadow or faces away from the radar.
     flat_incidence_deg : ndarray of float64, shape (rows,)
         Incidence on flat ground at each row's slant range [deg].
     ground : ndarray of float32, shape (2, rows, columns)
         Mean row and column of the pixel's visible facets in the scene's grid, cell centres at
         whole numbers; NaN where there is none, and in a slant-range scene.
     point_row, point_column : ndarray of float64, shape (points,)
-        Place of the visible point scatterers in the image, in ascending rows; pixel centres are at
+        Position of the visible point scatterers in the image [pixels], in ascending rows; pixel centres are at
         whole numbers.
     point_amplitude : ndarray of float32, shape (points,)
         Square root of the cross-section over the pixel's reference area.
@@ -135,12 +137,13 @@ class Geometry:
         name : str
             Material.
         margin_px : int or ndarray of int, shape ``shape``
-            Pixels at most this far (in rows or columns) from a pixel of another
-            material, a mixed or an invisible one, or from the image's border are masked.
+            Distance in rows or columns [pixels]. Pixels at most this far from the image's border, or from a pixel that
+            is mixed, invisible or of another material, are masked.
 
         Returns
         -------
-        ndarray of int64, ascending
+        ndarray of int64
+            Indices in ascending order.
         """
         inside = self.material == self.names.index(name) + 1
         if np.any(np.asarray(margin_px) > 0):
@@ -160,11 +163,13 @@ def write_geometry(
     ----------
     path : path
         The file.
-    geometry : Geometry Geometry to write.
+    geometry : Geometry
+        Geometry to write.
     radar : Radar, optional
-        Pass, which is recorded in the file; passes that differ only in looks or noise have the same geometry.
+        Pass, which is recorded in the file.
     immaterial : iterable of str, optional
-        Keys of the pass that change no run either; the file stays the same when only their values differ.
+        Keys of the pass that affect neither the geometry nor any run. The file stays the same where only their values
+        differ.
 
     Raises
     ------

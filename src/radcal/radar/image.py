@@ -268,7 +268,8 @@ class ImageFormation:
 
         Parameters
         ----------
-        reflectivity : Reflectivity Expected power of every pixel and material.
+        reflectivity : Reflectivity
+            Expected power of every pixel and material.
         noise_seed : int
             Seed of speckle and thermal noise.
         before, tiles : ndarray, optional

@@ -14,7 +14,7 @@ from radcal.radar.visibility import FAR_HALF, NEAR_HALF, laid_over
 
 __all__ = ["Lines", "fill_lines", "local_incidence_cosine"]
 
-_HALO = 12  # cells beyond a stretch that its cubic spline takes in: what is further has no effect in single precision
+_HALO = 12  # cells beyond a block that enter its cubic spline; those further away have no effect in single precision
 
 
 def local_incidence_cosine(
@@ -25,7 +25,7 @@ def local_incidence_cosine(
     Parameters
     ----------
     along, across : ndarray, shape (ny, nx)
-        Rise of the surface along azimuth, and along ground range away from the track [m/m].
+        Slope of the surface along azimuth, and along ground range away from the track [m/m].
     to_radar : (ndarray, ndarray), each broadcastable to (ny, nx)
         Components of the unit vector to the radar along ground range and up
         (zero Doppler: none along azimuth).
@@ -46,10 +46,20 @@ def local_incidence_cosine(
 
 @dataclass(frozen=True)
 class Lines:
-    """Facets along the azimuth lines of the refined scene; arrays of shape (lines, facets).
+    """Facets along the azimuth lines of the refined scene; arrays have the shape (lines, facets).
 
-    Slant ranges are counted from ``base``; those of a partly visible facet are of its visible part. ``hidden`` holds
-    line, nearest and furthest slant range of the hidden parts, for every block of lines.
+    Attributes
+    ----------
+    near_m, far_m : ndarray of float32
+        Nearest and furthest slant range of the visible part of each facet, less a base [m].
+    incidence : ndarray of uint16
+        Local incidence angle in units of 90 degrees / 65535.
+    area : ndarray of float32
+        Area of the visible part of the facet [m2].
+    state : ndarray of uint8
+        Flags: visible, in layover, part of an object.
+    hidden : list of (ndarray, ndarray, ndarray)
+        Line, nearest and furthest slant range (less the base [m]) of hidden parts; one entry for each block of lines.
     """
 
     near_m: NDArray[np.float32]
@@ -61,7 +71,7 @@ class Lines:
 
     @classmethod
     def empty(cls, lines: int, facets: int) -> Lines:
-        """Uninitialised arrays for so many lines and facets."""
+        """Uninitialised arrays for a number of lines and of facets per line."""
         shape = (lines, facets)
         return cls(
             np.empty(shape, np.float32),
@@ -76,10 +86,10 @@ class Lines:
 def _refined(
     block: NDArray[np.float64], rows: NDArray[np.float64], columns: NDArray[np.float64], cell_m: float
 ) -> NDArray[np.float64]:
-    """Elevation between the cells' middles: a cubic spline, bilinear along walls, where a spline would swing."""
+    """Elevation between cell centres: cubic spline, but bilinear interpolation at walls, where a spline oscillates."""
     at = np.meshgrid(rows, columns, indexing="ij")
     fine = map_coordinates(block, at, order=3, mode="nearest")
-    # a slope of three between a cell's neighbours, which are two cells apart
+    # a wall has a slope above 3 between the neighbours of a cell, which are two cells apart
     wall = maximum_filter(block, 3) - minimum_filter(block, 3) > 6.0 * cell_m
     if wall.any():
         steep = map_coordinates(wall.astype(np.uint8), at, order=0, mode="nearest") > 0
@@ -91,9 +101,38 @@ def fill_lines(
     elevation: NDArray[np.float64], first: int, last: int, k: int, step: float, edges: NDArray[np.float64],
     track: float, base: float, spacing_m: float, lines: Lines, standing: tuple[Boxes, Spots] | None,
 ) -> tuple[float, float]:  # fmt: skip
-    """Fill the lines of some rows of cells; return the slant ranges [m] that all of them reach, from and to."""
+    """Compute the facets of a block of rows, and store them in ``lines``.
+
+    Parameters
+    ----------
+    elevation : ndarray, shape (ny, nx)
+        Elevation of the scene [m]; ground range grows with the column.
+    first, last : int
+        First row of the block, and the row after its last.
+    k : int
+        Number of lines, and of facets along a line, per cell of the scene.
+    step : float
+        Width of a line, and of a facet along ground range [m].
+    edges : ndarray, shape (nx k + 1,)
+        Ground range of the facets' edges from the track [m].
+    track : float
+        Height of the track, in the datum of the elevation [m].
+    base : float
+        Slant range that is subtracted from those stored [m].
+    spacing_m : float
+        Slant-range pixel spacing of the image [m].
+    lines : Lines
+        Facets of all lines; those of the block are overwritten.
+    standing : (Boxes, Spots) or None
+        Objects of the scene; their extents and slant ranges are updated.
+
+    Returns
+    -------
+    (float, float)
+        Nearest and furthest slant range [m] between which every line of the block has ground.
+    """
     ny, nx = elevation.shape
-    # elevation continues linearly beyond the scene's border, with one more line on each side for the slopes
+    # beyond the scene's border the elevation is extrapolated by odd reflection; slopes need one more line on each side
     low, high = max(0, first - _HALO), min(ny, last + _HALO)
     beyond = ((_HALO - first + low, _HALO - high + last), (_HALO, _HALO))
     block = np.pad(elevation[low:high], beyond, mode="reflect", reflect_type="odd")
@@ -105,7 +144,7 @@ def fill_lines(
         fine = _refined(block, rows, columns, step * k)
     ground = 0.5 * (edges[1:] + edges[:-1])
     beyond_ground, fine = fine, fine[1:-1]
-    # heights at the facets' edges: neighbours share them, so that facets tile slant range without gaps
+    # neighbouring facets share the height at their common edge, so that they cover slant range without gaps
     at_edges = np.empty((fine.shape[0], fine.shape[1] + 1))
     at_edges[:, 1:-1] = 0.5 * (fine[:, 1:] + fine[:, :-1])
     at_edges[:, 0], at_edges[:, -1] = 1.5 * fine[:, 0] - 0.5 * fine[:, 1], 1.5 * fine[:, -1] - 0.5 * fine[:, -2]
@@ -130,7 +169,8 @@ def fill_lines(
     lines.incidence[part], lines.area[part] = _faces(beyond_ground, at_edges, seen, ground, track, step)
     lines.state[part] = visible * VISIBLE + laid * LAID_OVER
     standing_here = raised.owner >= 0
-    # the cross-section of a facet is known only after the last line; until then its area holds the number of its box
+    # The cross-section of an object's facet is known only after the last line. Until then the array of areas holds the
+    # number of the facet's box.
     lines.area[part].view(np.int32)[standing_here] = raised.owner[standing_here]
     lines.state[part] |= standing_here * np.uint8(OBJECT)
     line, facet = np.nonzero(seen.hidden_m[1] > seen.hidden_m[0])
@@ -143,9 +183,9 @@ def _faces(
     fine: NDArray[np.float64], at_edges: NDArray[np.float64], seen: Seen, ground: NDArray[np.float64], track: float,
     step: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
-    """Incidence, in its units, and area [m2] of the visible parts of the facets of some lines.
+    """Incidence (in units of 90 degrees / 65535) and visible area [m2] of the facets of a block of lines.
 
-    Where only one half of a facet is visible, the slope along ground range is that of this half.
+    The slope along ground range is that of the visible half, where only one half of a facet is visible.
     """
     slopes: list[NDArray[np.float64]] = list(np.gradient(fine, step))
     along, across = slopes[0][1:-1], slopes[1][1:-1]

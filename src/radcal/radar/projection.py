@@ -1,4 +1,4 @@
-"""Projection of a scene into the image of one pass: its geometry."""
+"""Projection of a scene into the image of one pass, which gives the geometry."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from radcal.scene.size import SceneSize
 
 __all__ = ["make_geometry"]
 
-_MOST_NAMES = 254  # largest number of materials, besides objects
-_CELLS_AT_ONCE = 256  # number of the scene's rows in a block, which bounds memory
+_MOST_NAMES = 254  # largest number of materials, not counting objects
+_CELLS_AT_ONCE = 256  # number of the scene's rows in a block; smaller blocks need less memory
 
 
 def make_geometry(scene: Scene, radar: Radar) -> Geometry:
@@ -92,7 +92,7 @@ def _terrain_geometry(scene: Scene, radar: Radar) -> Geometry:
             f"radar.depression_deg {radar.depression_deg:g} at radar.altitude_m {radar.altitude_m:g} puts the track "
             "over the scene: lower the depression angle or fly higher."
         )
-    # slant range is counted from a point near the scene, for which single precision is enough
+    # slant ranges are stored relative to this one, near the scene, so that single precision is enough
     base = float(np.hypot(radar.altitude_m, edges[0]))
     lines = Lines.empty(ny * k, nx * k)
     standing = _standing(scene, radar, elevation, k, step)
@@ -122,7 +122,7 @@ def _terrain_geometry(scene: Scene, radar: Radar) -> Geometry:
 def _standing(
     scene: Scene, radar: Radar, elevation: NDArray[np.float64], k: int, step: float
 ) -> tuple[Boxes, Spots] | None:
-    """Objects on the refined elevation model, None where there are none."""
+    """Boxes and point scatterers of the scene's objects on the refined elevation model; None without objects."""
     if scene.objects is None or not len(scene.objects):
         return None
     if len(scene.names) > _MOST_NAMES:
@@ -144,9 +144,9 @@ def _pixels(
     scene: Scene, radar: Radar, material: NDArray[np.uint8], lines: Lines, k: int, step: float, near: float,
     base: float, shape: tuple[int, int], points: Points,
 ) -> Geometry:  # fmt: skip
-    """Distribute the facets over the pixels that they reach."""
+    """Geometry from the facets, each of which belongs to all pixels that it reaches."""
     rows, columns = shape
-    per_column = radar.azimuth_spacing_m / step  # lines
+    per_column = radar.azimuth_spacing_m / step  # number of lines per image column
     near_row, far_row, layover, shadow, counts = _counted(lines, radar, near - base, per_column, shape)
     total = int(counts.sum(dtype=np.int64))
     start = np.zeros(rows * columns + 1, dtype=np.int32)
@@ -156,7 +156,7 @@ def _pixels(
     weight = np.empty(total, dtype=np.float32)
     place = np.empty((2, total), dtype=np.float32)
     local = radar.radiometry == "sigma0_local"
-    # beyond all ids where there is no object
+    # id of objects; without objects a number that no id reaches
     objects = len(scene.names) + 1 if scene.objects is not None else 256
     fill_facets(
         near_row, far_row, lines.state, lines.incidence, lines.area, material, k, per_column, rows, columns, start,
@@ -169,7 +169,7 @@ def _pixels(
     pure = np.zeros(rows * columns, dtype=np.uint8)
     mean_incidence = np.full(rows * columns, np.nan, dtype=np.float32)
     ground = np.full((2, rows * columns), np.nan, dtype=np.float32)
-    # for sigma0_local, divided by a pixel's width in lines, too
+    # weights of sigma0_local are divided by the width of a pixel in lines
     of_ground = np.full(rows, 1.0 / per_column, dtype=np.float32) if local else per_area
     order_facets(
         start, columns, facet_material, incidence, weight, place, of_ground, per_area, objects, cells, pure,
@@ -205,7 +205,7 @@ def _pixels(
 def _cells(
     cells: NDArray[np.uint16], start: NDArray[np.int32], facet_material: NDArray[np.uint8]
 ) -> tuple[NDArray[np.int32], NDArray[np.uint8], NDArray[np.int32]]:
-    """First cell of each pixel, material and first facet of each cell, from the pixels' numbers of cells."""
+    """First cell of each pixel, and material and first facet of each cell, from the number of cells per pixel."""
     cell_start = np.zeros(cells.size + 1, dtype=np.int32)
     np.cumsum(cells, out=cell_start[1:])
     cell_material = np.empty(int(cell_start[-1]), dtype=np.uint8)
@@ -218,7 +218,7 @@ def _cells(
 def _counted(
     lines: Lines, radar: Radar, near_m: float, per_column: float, shape: tuple[int, int]
 ) -> tuple[NDArray[Any], ...]:
-    """First and last row of every facet, masks of layover and shadow, and number of facets' parts in every pixel."""
+    """First and last row of each facet, masks of layover and shadow, and number of parts of facets in each pixel."""
     rows, columns = shape
     to_rows = (near_m, radar.range_spacing_m)
     near_row, far_row = (_rows(slant, *to_rows) for slant in (lines.near_m, lines.far_m))
@@ -239,12 +239,12 @@ def _counted(
 
 
 def _rows(slant_m: NDArray[np.float32], near_m: float, spacing_m: float) -> NDArray[np.float32]:
-    """Slant ranges as fractional rows of the image, from the near edge of the first row."""
+    """Slant ranges [m] as fractional rows of the image, counted from the near edge of the first row."""
     return ((slant_m - near_m) / spacing_m).astype(np.float32)
 
 
 def _points(spots: Spots, radar: Radar, near: float, step: float) -> Points:
-    """Visible point scatterers in the image, and those beyond its border whose sidelobes reach into it."""
+    """Visible point scatterers in the image or near enough to its border for their sidelobes to reach into it."""
     seen = np.isfinite(spots.slant_m)
     slant = np.asarray(spots.slant_m[seen], dtype=np.float64)
     row = (slant - near) / radar.range_spacing_m - 0.5

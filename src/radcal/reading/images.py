@@ -32,7 +32,7 @@ __all__ = [
 Values = NDArray[Any]
 _NEGATIVE_SHARE = 0.01  # share of negative pixels in a power image: noise subtraction leaves a few
 LARGEST_DB = 200.0
-"""No backscatter, however calibrated, is further from 0 dB: a scale mix-up, or damage."""
+"""Largest backscatter in size [dB]; values further from 0 dB show a wrong scale or a damaged file."""
 
 
 class Options(Protocol):
@@ -56,7 +56,7 @@ class Options(Protocol):
 
 @dataclass(frozen=True)
 class ImageFile:
-    """An image file with its options, and the keys that error messages name.
+    """Image file with its options, and the configuration keys that error messages name.
 
     Attributes
     ----------
@@ -108,7 +108,8 @@ class Counts:
         All.
     no_data : int
         Number of pixels that are NaN, infinite, or masked by the file.
-    zero : int Number of pixels with zero power.
+    zero : int
+        Number of pixels with zero power.
     negative : int
         Number of pixels with negative power, which subtraction of noise can leave.
     impossible : int

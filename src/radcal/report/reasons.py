@@ -10,18 +10,18 @@ __all__ = ["REASONS", "Words"]
 
 @dataclass(frozen=True)
 class Words:
-    """A reason as the report says it.
+    """Words for one reason in the different places of the report.
 
     Attributes
     ----------
     clause : str
-        After "Stopped after 30 runs with dyke outside the tolerance: ".
+        Clause that follows "Stopped after 30 runs with dyke outside the tolerance: ".
     cell : str
-        In the table of materials.
+        Entry in the table of materials.
     label : str
-        In a figure, after a material's rms.
+        Label after the rms of a material in a figure.
     met : bool
-        Whether the stop criterion was met.
+        Whether the reason is that the tolerance or the stop criterion was met.
     """
 
     clause: str
@@ -38,4 +38,4 @@ REASONS: Mapping[str, Words] = {
     "max_runs": Words("maximum number of runs", "maximum of runs", "out of runs"),
     "running": Words("not finished", "not finished", "unfinished"),
 }
-"""By :data:`radcal.calibration.stopping.Reason`, and for a calibration that has not ended."""
+"""Words for each :data:`radcal.calibration.stopping.Reason`, and for a calibration that has not ended (running)."""

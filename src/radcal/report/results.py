@@ -1,4 +1,4 @@
-"""Results of a calibration, put together for the archive."""
+"""Results of a calibration, collected for the archive."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ from radcal.storage.disclosure import disclosed
 
 __all__ = ["gather"]
 
-_LARGEST_SCENE = 1200  # cells per side
-_MOST_OBJECTS = 20_000  # more dots than a picture tells apart
+_LARGEST_SCENE = 1200  # largest number of archived cells per side
+_MOST_OBJECTS = 20_000  # largest number of archived objects; a figure cannot show more as separate dots
 _PACKAGES = ("radcal", "numpy", "scipy", "smt", "platypus-opt", "h5py", "snakemake")
 
 
@@ -56,23 +56,29 @@ def gather(
     targets: Targets,
     conclusion: Conclusion,
 ) -> Archive:
-    """Put the results of a calibration together.
+    """Collect the results of a calibration.
 
     Parameters
     ----------
     case, stop : stages.Archive, Stop
         Configuration.
     history : History
-        Reference, design and verified proposals.
-    scene, geometry, registered, targets
-        What the runs are compared with.
+        Reference run, design runs and verified proposals.
+    scene : Scene
+        Scene.
+    geometry : Geometry
+        Geometry of the pass.
+    registered : Registered
+        Registered measured image.
+    targets : Targets
+        Targets with which the runs are compared.
     conclusion : Conclusion
-        What the calibration has shown.
+        Decision, checks of the laws, and final runs.
 
     Returns
     -------
     Archive
-        Materials in the order of the configuration.
+        Results, with the materials in the order of the configuration.
     """
     parameters = _final_parameters(case, history, targets)
     measurement, decision = registered.measurement, conclusion.decision
@@ -103,7 +109,7 @@ def gather(
             name: _material(name, case, history, targets, conclusion, measurement.hidden.get(name)) for name in targets
         },
         images=Images(
-            # pictures compare whole images in dB, at the level that was taken as theirs
+            # figures compare whole images in dB, after subtraction of the assumed level
             measured_db=measurement.image_db - np.float32(_level_db(targets.levels)),
             reference_db=conclusion.reference_db,
             calibrated_db=conclusion.calibrated_db,
@@ -114,13 +120,13 @@ def gather(
 
 
 def _final_parameters(case: stages.Archive, history: History, targets: Targets) -> dict[str, Sequence[float]]:
-    """X of every material in the final runs: the best run's, or those of its fixed law."""
+    """X of every material in the final runs: that of the best run, or that of a fixed law."""
     best = {name: history.best(name).parameters[name] for name in targets}
     return {name: best.get(name, material.start_parameters) for name, material in case.materials.items()}
 
 
 def _law(values: Any, material: Material, radar: Radar) -> LawParameters:
-    """Parameters of a material's law, of one run or of several."""
+    """Parameters of a material's law, in one run or in several."""
     external = material.law == EXTERNAL
     return LawParameters(
         values=np.array(values, dtype=np.float64),
@@ -134,7 +140,7 @@ def _law(values: Any, material: Material, radar: Radar) -> LawParameters:
 
 
 def _runs(history: History) -> Runs:
-    """The runs in their order."""
+    """Runs in their order."""
     return Runs(
         kind=np.array([run.kind for run in history.runs]),
         index=np.array([run.index for run in history.runs]),
@@ -144,7 +150,7 @@ def _runs(history: History) -> Runs:
 
 
 def _registration(registered: Registered) -> RegistrationSummary:
-    """Registration, with its fields where the image was moved."""
+    """Registration, with its arrays where the displacement was applied."""
     said = (registered.method, registered.applied, registered.verdict)
     if not registered.applied:
         return RegistrationSummary(*said)
@@ -158,17 +164,17 @@ def _registration(registered: Registered) -> RegistrationSummary:
 
 
 def _levels(levels: Levels) -> LevelSummary:
-    """Level that was assumed."""
+    """Level of the measured image relative to the simulated."""
     return LevelSummary(**{item.name: getattr(levels, item.name) for item in fields(LevelSummary)})
 
 
 def _level_db(levels: Levels) -> float:
-    """Level of the measured image above the simulated that was assumed [dB]."""
+    """Level that is subtracted from the measured image for figures [dB]."""
     return 0.0 if levels.normalisation == "none" else levels.offset_db
 
 
 def _scene(scene: Scene) -> SceneView:
-    """As much of the scene as pictures need."""
+    """Scene at the resolution of the figures."""
     step = -(-max(scene.material.shape) // _LARGEST_SCENE)
     places = None
     if scene.objects is not None and (count := len(scene.objects)):
@@ -192,7 +198,7 @@ def _material(
     conclusion: Conclusion,
     hidden: Sequence[float] | None,
 ) -> MaterialResult:
-    """Target, runs and end of a calibrated material."""
+    """Target and results of a calibrated material."""
     runs, target, material = history.runs, targets[name], case.materials[name]
     verdict, check, found = conclusion.decision.materials[name], conclusion.checks[name], conclusion.materials[name]
     fit, of_classes = target.goodness, target.classes is not None
@@ -246,12 +252,12 @@ def _material(
 
 
 def _numbers(values: Iterable[float | None]) -> NDArray[np.float64]:
-    """Numbers, NaN for None."""
+    """Numbers as an array, with NaN in place of None."""
     return np.array(list(values), dtype=np.float64)
 
 
 def _check(check: LawCheck) -> Check:
-    """What is known of a law."""
+    """Check of a law in the form of the archive."""
     known = {key: value for key, value in vars(check).items() if key not in ("sentences", "held")}
     held = None if check.held is None else HeldOutBlocks(**asdict(check.held))
     return Check(**known, sentences=tuple(check.sentences), held=held)

@@ -1,4 +1,4 @@
-"""Table of every run, ``runs.csv``."""
+"""Table of all runs, ``runs.csv``."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ __all__ = ["write_table"]
 
 
 def write_table(path: str | Path, archive: Archive) -> None:
-    """Write ``runs.csv``: one line per run and material.
+    """Write ``runs.csv`` with one line per run and material.
 
     Parameters
     ----------
     path : path
-        The file.
+        Path of the file.
     archive : Archive
-        A calibration.
+        Results of a calibration.
     """
     headings = [list(material.parameter_names) for material in archive.materials.values()]
     widest = max(headings, key=len)

@@ -23,16 +23,16 @@ __all__ = ["law_difference_db", "numbered_jobs", "sentences", "summarise", "wall
 
 
 def law_difference_db(law: Law, found: ArrayLike, hidden: ArrayLike, incidence_deg: ArrayLike) -> float:
-    """Largest difference of two laws over the incidence seen.
+    """Largest difference between two curves of a law over the incidence angles of a material.
 
     Parameters
     ----------
     law : Law
-        The law.
+        Law of both curves.
     found, hidden : array_like, shape (d,)
-        Parameters.
+        Calibrated and true parameters X.
     incidence_deg : array_like
-        Local incidence of the material's pixels [deg]; its 5 to 95 % range counts.
+        Local incidence of the material's pixels [deg]; the curves are compared between its 5 and 95 % quantiles.
 
     Returns
     -------
@@ -45,17 +45,17 @@ def law_difference_db(law: Law, found: ArrayLike, hidden: ArrayLike, incidence_d
 
 
 def numbered_jobs(archive: Archive) -> dict[str, int]:
-    """Number of jobs of each stage that the workflow numbers.
+    """Number of jobs of each stage that has several numbered jobs.
 
     Parameters
     ----------
     archive : Archive
-        A calibration.
+        Results of a calibration.
 
     Returns
     -------
     dict
-        Chunks of the design; iterations for train, propose and verify.
+        Number of chunks for the design, and of iterations for train, propose and verify.
     """
     iterations = int(np.count_nonzero(archive.runs.kind == "infill"))
     config = json.loads(archive.config)
@@ -70,15 +70,15 @@ def wall_seconds(folder: str | Path, jobs: Mapping[str, int] | None = None) -> d
     Parameters
     ----------
     folder : path
-        Where the files are.
+        Folder of the benchmark files.
     jobs : mapping, optional
-        Number of jobs of numbered stages, counted from 0: files beyond are left over from an
-        earlier calibration of the case. All files count for stages that are not named.
+        Number of jobs of each numbered stage. Jobs are numbered from 0, and files with higher numbers, left over from
+        an earlier calibration of the case, are ignored. For stages that are not named all files count.
 
     Returns
     -------
     dict
-        Seconds by stage; none for a stage without a file.
+        Wall time by stage [s]; stages without a file are absent.
     """
     seconds: dict[str, float] = defaultdict(float)
     for file in sorted(Path(folder).glob("*.tsv")):
@@ -87,14 +87,14 @@ def wall_seconds(folder: str | Path, jobs: Mapping[str, int] | None = None) -> d
             stage, number = file.stem, "0"
         if int(number) >= (jobs or {}).get(stage, math.inf):
             continue
-        # Snakemake writes them in place: one whose job was killed meanwhile may be cut
+        # Snakemake does not write these files atomically, so that a file may be incomplete after a kill
         with file.open(encoding="utf-8") as handle, contextlib.suppress(KeyError, TypeError, ValueError):
             seconds[stage] += sum(float(row["s"]) for row in csv.DictReader(handle, delimiter="\t"))
     return {stage: round(value, 3) for stage, value in seconds.items()}
 
 
 def sentences(archive: Archive) -> list[str]:
-    """Sentences on the end of each material, and warnings about its law."""
+    """Sentences on the reason for the end of each material, and warnings about its law."""
     return [*archive.sentences, *(said for material in archive.materials.values() for said in material.check.sentences)]
 
 
@@ -113,7 +113,7 @@ def _check(check: Check) -> dict[str, Any]:
 
 
 def _numbers(held: HeldOutBlocks) -> dict[str, Any]:
-    """Errors on held-out ground, without the blocks."""
+    """Errors on held-out blocks, without the values of single blocks."""
     return {key: value for key, value in vars(held).items() if not isinstance(value, np.ndarray)}
 
 
@@ -124,7 +124,7 @@ def _theta(dp: NDArray[np.float64]) -> dict[str, float]:
 def _material(material: MaterialResult, counted: NDArray[np.bool_], tolerance: float) -> dict[str, Any]:
     best, rms, x = material.best, material.rms, material.parameters.values
     dp, target = material.dp[best], material.target_dp
-    # a reference run of another law reaches nothing
+    # a reference run with another law is never within the tolerance
     within = np.flatnonzero((rms <= tolerance) & np.isfinite(x).all(axis=1))
     summary = {
         "parameters": dict(zip(material.parameter_names, map(float, x[best]), strict=True)),
@@ -148,19 +148,19 @@ def _material(material: MaterialResult, counted: NDArray[np.bool_], tolerance: f
         "textured": material.textured,
         "target_error": dict(zip(("mean", "sd", "skewness"), map(float, material.target_cp_error), strict=True)),
         "target_interval": dict(zip(("mean", "sd", "skewness"), material.target_cp_interval.tolist(), strict=True)),
-        # the measured pixels against the density fitted to them
+        # goodness of fit of the density to the measured pixels
         "fit": {
             "ks": material.fit_ks, "ks_p": material.fit_ks_p, "ad": material.fit_ad, "ad_p": material.fit_ad_p,
         },
         "hellinger": skewnormal.hellinger(dp, target),
         "ks": skewnormal.kolmogorov_smirnov(dp, target),
-        # the reference run is not counted: zero where it is within the tolerance already
+        # the reference run is not counted, so that the number is zero where it is within the tolerance already
         "runs_to_tolerance": int(np.count_nonzero(counted[: within[0] + 1])) if within.size else None,
     }  # fmt: skip
     if material.hidden is not None:
         summary["hidden"] = dict(zip(material.parameter_names, map(float, material.hidden), strict=True))
         law = material.parameters.curve()
-        # only the simulator knows what an external law makes of its parameters
+        # external laws have no curve to compare
         if law.has_curve:
             summary["law_difference_db"] = law_difference_db(law, x[best], material.hidden, material.incidence_deg)
     return summary
@@ -183,7 +183,7 @@ def _registration(registration: RegistrationSummary) -> dict[str, Any]:
 
 
 def _finite(value: Any) -> Any:
-    """Replace numbers that are not finite by None."""
+    """Plain data with None in place of numbers that are not finite."""
     if isinstance(value, Mapping):
         return {key: _finite(item) for key, item in value.items()}
     if isinstance(value, list):
@@ -197,17 +197,17 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
     Parameters
     ----------
     archive : Archive
-        A calibration; its images are not needed.
+        Results of a calibration; the images are not needed.
     seconds : mapping, optional
         Wall time by stage [s].
 
     Returns
     -------
     dict
-        Keys as documented; rms in 1/dB, mse in 1/dB^2, numbers finite or None.
+        Keys of ``summary.json``; rms in 1/dB, mse in 1/dB^2, all numbers finite or None.
     """
     kinds = archive.runs.kind
-    # a proposal that was simulated before is no further run
+    # a proposal whose run was simulated before does not count as a run
     made = np.isin(np.arange(kinds.size), np.unique(archive.runs.key, return_index=True)[1])
     runs = {kind: int(np.count_nonzero((kinds == kind) & made)) for kind in ("reference", "design", "infill")}
     runs["final"] = archive.final_runs
@@ -234,5 +234,5 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
         },
     }
     result = _finite(summary)
-    assert isinstance(result, dict)  # noqa: S101 - it came in as one
+    assert isinstance(result, dict)  # noqa: S101 - the type checker cannot infer that a dict stays a dict
     return result

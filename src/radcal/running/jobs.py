@@ -1,4 +1,4 @@
-"""Frame of every workflow job: log file, progress lines, one sentence on failure."""
+"""Context of every workflow job: log file, progress lines, one sentence on failure."""
 
 from __future__ import annotations
 
@@ -33,18 +33,18 @@ __all__ = [
     "progress",
 ]
 
-# environment variables that the Snakefile sets for its jobs
+# environment variables that the session sets for its jobs
 CASE = "RADCAL_CASE"  # name of the case
 STARTED = "RADCAL_STARTED"  # time when this invocation began [s since 1970]
 OWNER = "RADCAL_OWNER"  # process number of the Snakemake that starts jobs on this machine
-FAILURE = "RADCAL_FAILURE"  # file that takes a failed job's sentence
-PROGRESS = "RADCAL_PROGRESS"  # file that takes the lines of jobs on other machines, which have no terminal
+FAILURE = "RADCAL_FAILURE"  # file to which a failed job writes its sentence
+PROGRESS = "RADCAL_PROGRESS"  # file to which jobs on other machines, which have no terminal, write their lines
 
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
 
 
 def die_with_parent() -> None:
-    """Have the system kill this process when its parent ends for any reason; Linux only.
+    """Ask the operating system to kill this process when its parent ends for any reason; Linux only.
 
     A job that outlives its Snakemake would write the same files as the jobs of the next command.
 
@@ -59,14 +59,16 @@ def die_with_parent() -> None:
 
 @contextmanager
 def logged(path: str | Path, config: Mapping[str, Any] | None = None) -> Iterator[None]:
-    """Log to a file; exit with the sentence of a :class:`RadcalError`, or with the log's path for other errors.
+    """Context that logs to a file and turns an exception into an exit with one sentence.
+
+    The sentence is that of a :class:`RadcalError`; for other exceptions it names the log, which has the traceback.
 
     Parameters
     ----------
     path : path
-        The job's log file.
+        Log file of the job.
     config : mapping, optional
-        Sections of the configuration that the job depends on, for the files that it writes.
+        Sections of the configuration that the job reads; they are recorded in the files that it writes.
     """
     guard()
     gc.freeze()
@@ -100,14 +102,15 @@ def logged(path: str | Path, config: Mapping[str, Any] | None = None) -> Iterato
     except Exception as error:
         _fail(f"radcal: internal error, {type(error).__name__}: {error} (the traceback is in {path}).")
     finally:
-        gc.freeze()  # as Python ends it would search all modules for garbage, for a tenth of a small job's time
+        # without it Python would search all modules for garbage at exit, which takes a tenth of a small job's time
+        gc.freeze()
 
 
 def _fail(sentence: str) -> NoReturn:
     """Exit with a sentence; the traceback goes to the log, and Snakemake's own message is suppressed."""
     logging.getLogger("radcal").exception("failed")
     if FAILURE in os.environ:
-        with suppress(OSError):  # the disk may be full, which the sentence may be about
+        with suppress(OSError):  # the job may have failed because the disk is full
             Path(os.environ[FAILURE]).write_text(sentence + "\n", encoding="utf-8")
     if PROGRESS in os.environ:
         _say(sentence)

@@ -1,6 +1,6 @@
-"""Table of ``docs/reruns.md``: what a changed key of the configuration makes again.
+"""Table of ``docs/reruns.md``: stages and simulator runs that are repeated when a configuration key changes.
 
-It is written from the stages' models (:mod:`radcal.config.stages`): ``python -m radcal.running.reruns``.
+``python -m radcal.running.reruns`` writes the table from the stages' models (:mod:`radcal.config.stages`).
 """
 
 from __future__ import annotations
@@ -34,17 +34,17 @@ _RUNS: Mapping[str, str] = {
 
 
 def _first(section: str) -> list[str]:
-    """Rules that read a section, except for the archive, which reads nearly all."""
+    """Rules that read a section, except for the archive, which reads nearly all sections."""
     return [rule for rule, stage in STAGES.items() if section in stage.model_fields and rule != "archive"]
 
 
 def reruns_table() -> str:
-    """Table of ``docs/reruns.md``: jobs and runs that a changed key makes again.
+    """Table of ``docs/reruns.md``: stages and simulator runs that are repeated when a configuration key changes.
 
     Returns
     -------
     str
-        Markdown, one line per key of the configuration.
+        Table in Markdown with one line for each key of the configuration.
     """
     lines = ["| key | stages that read it | new runs of the simulator |", "|---|---|---|"]
     for section in Case.model_fields:
@@ -54,4 +54,4 @@ def reruns_table() -> str:
 
 
 if __name__ == "__main__":
-    print(reruns_table(), end="")  # noqa: T201 - the table is what was asked for
+    print(reruns_table(), end="")  # noqa: T201 - the module's output is the table

@@ -1,4 +1,4 @@
-"""Session of one command on a case: lock, damaged files, Slurm's leftovers and messages around the jobs."""
+"""Session of one Snakemake command on a case: lock, damaged files, leftover Slurm jobs, and messages."""
 
 from __future__ import annotations
 
@@ -34,20 +34,20 @@ _RESULTS = Path("results")
 def open_session(
     files: Sequence[str | Path], config: Mapping[str, Any], words: Sequence[str], remote: bool, logger: logging.Logger
 ) -> Session:
-    """Session of a Snakemake command, its case loaded and checked; exit with a sentence where the case is refused.
+    """Session of a Snakemake command, with the case loaded and checked; exit with one sentence if the case is invalid.
 
     Parameters
     ----------
     files : sequence of path
         Configuration files.
     config : mapping
-        Snakemake's merged configuration.
+        Configuration as Snakemake has merged it.
     words : sequence of str
-        What the command line has after ``--config``.
+        Arguments of ``--config`` on the command line.
     remote : bool
         Whether this process is a job on a cluster.
     logger : logging.Logger
-        Snakemake's, which takes the session's filter.
+        Snakemake's logger, which receives the filter of the session's messages.
     """
     guard(logger)
     try:
@@ -64,39 +64,39 @@ def open_session(
 
 
 def is_dry_run(words: Iterable[str]) -> bool:
-    """Whether a command line asks for a dry run, which Snakemake does not tell while it reads the Snakefile."""
+    """Whether a command line asks for a dry run; Snakemake offers no such flag while it reads the Snakefile."""
     return any(re.fullmatch("--dry-?run|-[a-z]*n[a-z]*", word) for word in words)
 
 
 class Session:
-    """Everything around the jobs of one command: lock on the case's folder, repair, filter of Snakemake's messages.
+    """Session of one command: lock on the case's folder, damaged files, leftover Slurm jobs, filter of messages.
 
-    Jobs receive its settings through environment variables (:mod:`radcal.running.jobs`).
+    Jobs receive the session's settings through environment variables (:mod:`radcal.running.jobs`).
 
     Parameters
     ----------
     case : Case
-        The configuration.
+        Configuration of the case.
     remote : bool
         Whether this process is a job on a cluster, which reads the Snakefile again.
     results : path
-        Folder of all cases.
+        Folder of the results of all cases.
     inputs : mapping, optional
         Files that the case reads, by configuration key.
 
     Attributes
     ----------
     case, inputs
-        As given.
+        Case and input files, as passed to the constructor.
     folder : Path
-        ``results/<case>``.
+        Results folder of the case, ``results/<case>``.
     messages : Messages
         Filter for Snakemake's log.
 
     Raises
     ------
     StoreError
-        A file has the name of the case's folder.
+        The results folder, or that of the case, is a file.
     """
 
     def __init__(
@@ -120,7 +120,7 @@ class Session:
         self._slurm = self.folder / ".slurm"
         self._patterns: list[str] = []
         self._started = remote
-        # before the first job this file belongs to an earlier command
+        # until the first job starts, a file of failures is that of an earlier command
         self.messages = Messages(lambda: self._started and self._failure.exists())
         os.environ[CASE] = case.case
         os.environ[OWNER] = str(os.getpid())
@@ -133,7 +133,7 @@ class Session:
                 os.environ.pop(name, None)
             else:
                 os.environ[name] = value
-        if not remote:  # the time was set by the process that submitted the job
+        if not remote:  # a remote job keeps the start time of the process that submitted it
             os.environ.pop(STARTED, None)
         os.environ.setdefault(STARTED, str(time.time()))
 
@@ -141,8 +141,10 @@ class Session:
     def _progress(self) -> Path:
         return (self.folder / "logs" / "progress.txt").absolute()
 
-    def mend(self, outputs: Iterable[str]) -> None:
-        """Rename damaged files before jobs are planned, and say so; the same command makes them again.
+    def set_damaged_aside(self, outputs: Iterable[str]) -> None:
+        """Rename damaged results before Snakemake plans its jobs, so that it makes them again, and print a message.
+
+        A change of the built-in simulator's version is reported too.
 
         Parameters
         ----------
@@ -159,12 +161,14 @@ class Session:
             _say(sentence)
 
     def start(self, cluster: str | None = None, remote_jobs: bool = False) -> None:
-        """Lock the case's folder before the first job, or exit with a sentence.
+        """Lock the case's folder and prepare it for the first job, or exit with one sentence.
+
+        Jobs of an earlier command that are still in Slurm's queue are cancelled.
 
         Parameters
         ----------
         cluster : str, optional
-            Common name of this command's jobs in Slurm's queue.
+            Name in Slurm's queue that all jobs of this command share.
         remote_jobs : bool
             Whether jobs run on other machines.
         """
@@ -185,7 +189,7 @@ class Session:
             remember(self._slurm, cluster)
 
     def end(self, failed: bool = False) -> None:
-        """Release the folder after the last job; after a failure, say how to continue."""
+        """Release the folder after the last job; after a failure or Ctrl-C, print how to continue."""
         if self._follower is not None:
             self._follower.stop()
             self._follower = None
@@ -207,7 +211,7 @@ class Session:
             return f"{path} cannot be written (Permission denied); results go there, so make it writable."
         if (path := unwritable(_SNAKEMAKE)) is not None:
             return f"{path} cannot be written (Permission denied); Snakemake's records go there, so make it writable."
-        # Snakemake refuses to replace such files, perhaps only after hours
+        # Snakemake fails on a write-protected file only when it starts the job that writes it, perhaps after hours
         for path in files_of(self.folder, self._patterns):
             if not os.access(path, os.W_OK):
                 return (

@@ -1,4 +1,4 @@
-"""A case that goes on from runs of another version of radcal's own simulator."""
+"""Message on a case whose earlier runs are of another version of the built-in simulator."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ __all__ = ["simulator_change"]
 
 
 def simulator_change(folder: str | Path, case: Case) -> list[str]:
-    """What to say where a case's runs are to be made anew because the built-in simulator is another one.
+    """Message that a case's runs are simulated again because the version of the built-in simulator has changed.
 
     Parameters
     ----------
     folder : path
-        ``results/<case>``.
+        Results folder of the case, ``results/<case>``.
     case : Case
-        The configuration.
+        Configuration of the case.
 
     Returns
     -------
     list of str
-        One sentence, or none: where there is no reference run yet, or it is this simulator's, or either is not the
-        built-in one.
+        One sentence, or none. The list is empty where there is no reference run yet, where the reference run is of the
+        present version, and where the simulator of the case or of the reference run is not the built-in one.
     """
     folder = Path(folder)
     if case.simulator.kind != "builtin" or not (folder / "reference.json").is_file():
@@ -36,7 +36,7 @@ def simulator_change(folder: str | Path, case: Case) -> list[str]:
         key = read_index(folder / "reference.json")[0].key
         theirs = RunStore(folder / "runs").description(key)["simulator"]
     except (StoreError, KeyError, IndexError, TypeError):
-        return []  # what is damaged has its own sentence
+        return []  # damaged files are reported elsewhere
     if theirs.get("kind") != "builtin" or theirs.get("version") == SIMULATOR_VERSION:
         return []
     return [

@@ -114,12 +114,12 @@ _PROTECTED = "ProtectedOutputException"
 
 
 class Messages:
-    """A filter of Snakemake's log that leaves one line per finished run, and one sentence per failure.
+    """Filter of Snakemake's log, so that the terminal shows one line per finished run and one sentence per failure.
 
     Parameters
     ----------
     explained : callable
-        Whether a job has ended with a sentence of its own.
+        Function that returns whether a job has ended with a sentence of its own.
 
     Attributes
     ----------
@@ -132,7 +132,7 @@ class Messages:
         self.interrupted = False
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Whether a record is shown; its text is replaced by a sentence where it is none."""
+        """Whether a record is shown; the text on write-protected outputs is replaced by one sentence."""
         text = str(record.msg)
         if text.startswith(_INTERRUPTED):
             self.interrupted = True

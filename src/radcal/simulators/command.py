@@ -158,7 +158,7 @@ def check_command(case: Case) -> None:
 
 
 class CommandSimulator:
-    """An external program behind :class:`radcal.simulators.protocol.Simulator`.
+    """External program with the interface of :class:`radcal.simulators.protocol.Simulator`.
 
     Parameters
     ----------
@@ -223,7 +223,8 @@ class CommandSimulator:
         ----------
         parameters : mapping
             Parameters by material.
-        noise_seed : int Seed that the program receives.
+        noise_seed : int
+            Seed that the program receives.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""Simulator behind the run store: a recorded run is read, a new one is simulated and recorded."""
+"""Runner: runs of the simulator through the run store, from which a recorded run is read instead of simulated again."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ __all__ = ["Runner"]
 
 
 def _law_description(material: Material) -> dict[str, Any]:
-    """Part of a run's description that names the law of a material, without its parameters."""
+    """Part of a run's description that identifies the law of a material, without the law's parameters."""
     description: dict[str, Any] = {"law": material.law}
-    # each only where the law does not fix it: runs of other laws keep the keys they had before there were any
+    # An entry is added only for a law that needs it, so that the keys of earlier runs of other laws stay the same.
     if material.angles_deg:
         description["angles_deg"] = material.angles_deg
     if material.law == EXTERNAL:
@@ -42,20 +42,20 @@ def _law_description(material: Material) -> dict[str, Any]:
 
 
 class Runner:
-    """Simulator behind the run store: a recorded run is read, a new one is simulated and recorded.
+    """Runs of the simulator through the run store: a recorded run is read, any other is simulated and recorded.
 
     Parameters
     ----------
     store : RunStore
-        Where the runs are.
+        Store of the runs.
     simulator : Simulator
-        Called for runs that are not in the store.
+        Simulator of runs that are not in the store.
     geometry : Geometry
-        Pixels of the materials.
+        Geometry of the pass, which gives the pixels of each material.
     scene_identity : str
         Digest of the scene.
     case : stages.Simulation
-        Pass, laws and materials to record.
+        Pass, laws, and materials to record.
     """
 
     def __init__(
@@ -73,8 +73,9 @@ class Runner:
         self._keep_images = case.simulator.keep_images
 
     def description(self, parameters: Parameters, noise_seed: int, repeat: bool = False) -> dict[str, Any]:
-        """Plain data that determine a run's numbers; their digest is the run's key."""
-        unknown = {"frequency_ghz"} if self._radar.frequency_ghz is None else set()  # keys as before there was one
+        """Plain data that determine the numbers of a run; their digest is the run's key."""
+        # without a frequency the key is omitted, so that the keys of runs from before it existed stay the same
+        unknown = {"frequency_ghz"} if self._radar.frequency_ghz is None else set()
         return {
             "simulator": dict(self._simulator.identity),
             "scene": self._scene_identity,
@@ -87,19 +88,25 @@ class Runner:
         }
 
     def without_masks(self, description: Mapping[str, Any]) -> dict[str, Any]:
-        """Description without settings that this simulator does not receive, which earlier versions recorded."""
+        """Description of a run without the settings of the pass that this simulator does not receive.
+
+        Descriptions that earlier versions recorded hold these settings.
+        """
         told = {key: value for key, value in description.get("pass", {}).items() if key not in self._not_told}
         return {**description, "pass": told}
 
     def _find(self, key: str, image: bool) -> Record | None:
-        """Record of a run, also under a key of an earlier version, with settings the simulator does not receive."""
+        """Record of a run under its key, or under the key of an earlier version; None if the store has neither.
+
+        The keys of earlier versions include settings that the simulator does not receive.
+        """
         found = self._store.get(key, self._recorded, image)
         if found is not None or not self._not_told:
             return found
         if self._fuller is None:
             self._fuller = {}
             for path in sorted(self._store.folder.glob("[!.]*.h5")):
-                # whether it is whole is asked where it is taken
+                # the file is checked for damage when the store reads it
                 with contextlib.suppress(OSError, KeyError, ValueError), h5py.File(path, "r", locking=False) as file:
                     theirs = json.loads(str(file.attrs["description"]))
                     if theirs != (told := self.without_masks(theirs)):
@@ -108,7 +115,20 @@ class Runner:
         return None if fuller is None else self._store.get(fuller, self._recorded, image)
 
     def take(self, other: RunStore, key: str) -> bool:
-        """Copy a record from another store unless this one has it; False where it lacks pixels that are recorded."""
+        """Copy a record from another store unless this store has it.
+
+        Parameters
+        ----------
+        other : RunStore
+            Store to copy from.
+        key : str
+            Hash of the run.
+
+        Returns
+        -------
+        bool
+            False if the other store lacks the record, or the record lacks the pixels of a calibrated material.
+        """
         if self._store.get(key, self._recorded) is None:
             record = other.get(key, self._recorded)
             if record is None:
@@ -117,18 +137,18 @@ class Runner:
         return True
 
     def run(self, parameters: Parameters, noise_seed: int, image: bool = False, repeat: bool = False) -> Record:
-        """Return the run of these parameters, simulating only if the store does not have it.
+        """Record of a run with these parameters, which is simulated only if the store lacks it.
 
         Parameters
         ----------
         parameters : mapping
-            Every material's parameters.
+            Law parameters X by material, for every material.
         noise_seed : int
-            Seed of speckle and noise.
+            Seed of speckle and thermal noise.
         image : bool
-            Ask for the whole image too.
+            Whether the record must hold the whole image.
         repeat : bool
-            Ask for a second run of the same parameters and seed, which has a record of its own.
+            Whether the run is a second one with the same parameters and seed, which has a record of its own.
 
         Raises
         ------
@@ -141,12 +161,12 @@ class Runner:
         if found is not None:
             return found
         with claimed(self._store.folder, key):
-            # a job of a workflow that was killed may have been at this very run
+            # a job that a killed command left behind may have simulated this run while this job waited for the lock
             found = self._found(key, image)
             return found if found is not None else self._simulate(key, description, parameters, noise_seed, image)
 
     def _found(self, key: str, image: bool) -> Record | None:
-        """Record of a run, None if its number of pixels is not that of this geometry."""
+        """Record of a run; None if there is none or its numbers of pixels differ from this geometry's."""
         record = self._find(key, image)
         if record is not None and any(record.pixels_db[name].size != n for name, n in self._sizes.items()):
             return None
@@ -159,7 +179,7 @@ class Runner:
     def _simulate(
         self, key: str, description: Mapping[str, Any], parameters: Parameters, noise_seed: int, image: bool
     ) -> Record:
-        """Simulate and record a run."""
+        """Simulate a run and record it in the store."""
         started = time.perf_counter()
         image_db = self._simulator.run(parameters, noise_seed)
         seconds = time.perf_counter() - started

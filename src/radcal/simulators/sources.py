@@ -22,7 +22,7 @@ def make_simulator(case: stages.Simulator, geometry: Geometry, geometry_path: st
     Parameters
     ----------
     case : stages.Simulator
-        What to simulate, and with what.
+        Simulator, pass and materials.
     geometry : Geometry
         Geometry of the pass.
     geometry_path : path

@@ -40,7 +40,8 @@ class Fit:
         Sample size.
     at_boundary : bool
         Whether the likelihood grows up to the largest skewness, so that alpha stands for infinity.
-    penalised : bool Whether the penalised likelihood was maximised.
+    penalised : bool
+        Whether the penalised likelihood was maximised.
     """
 
     dp: NDArray[np.float64]
@@ -115,7 +116,7 @@ def objective(
     log_phi = log_ndtr(w)
     n = x.size
     ratio = np.exp(-0.5 * w * w - 0.5 * math.log(2.0 * math.pi) - log_phi)  # N(w) / Phi(w)
-    curved = -ratio * (w + ratio)  # its derivative
+    curved = -ratio * (w + ratio)  # derivative of the ratio
     one = np.ones(n)
     sums = np.stack([one, z, z * z]) @ np.stack([z, ratio, curved, log_phi], axis=1) / n
     z1, r0, c0, mean_log_phi = sums[0].tolist()
@@ -331,9 +332,9 @@ def covariance(sample: ArrayLike, found: Fit, effective: float | None = None) ->
     sample : array_like, shape (n,)
         Fitted values [dB].
     found : Fit
-        Its fit.
+        Fit to the sample.
     effective : float, optional
-        Number of independent values that the sample stands for; n without it.
+        Effective sample size, the number of independent values; n if missing.
 
     Returns
     -------

@@ -99,7 +99,7 @@ def intervals(
     sample : array_like, shape (n,)
         Fitted values [dB].
     found : Fit
-        Its fit.
+        Fit to the sample.
     level : float
         Confidence, between 0 and 1.
     effective : float, optional

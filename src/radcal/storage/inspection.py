@@ -1,7 +1,7 @@
-"""Inspection of radcal's own files before anything is parsed: checksum, kind, schema version and case.
+"""Inspection of radcal's own files before they are parsed: checksum, kind, schema version and case.
 
-A damaged HDF5 file can crash the library that reads it, so that bytes are compared first. What is not what was
-written is renamed, never deleted.
+A damaged HDF5 file can crash the HDF5 library, therefore the checksum is compared first. A file that fails the
+inspection is renamed, never deleted.
 """
 
 from __future__ import annotations
@@ -30,27 +30,28 @@ SCHEMAS: Mapping[str, int] = {
     "run": 2,
     "calibration": 3,
 }
-"""What kinds of HDF5 files there are, and the version of each one's layout."""
+"""Kinds of HDF5 files, and the schema version of each kind's layout."""
 
 
 def inspect(path: str | Path, kind: str | None, most_bytes: int | None = None) -> None:
-    """Compare a file with what it says of itself; set it aside if it is something else.
+    """Inspect a file; set it aside if it is damaged or is not the file expected there.
 
     Parameters
     ----------
     path : path
-        The file.
+        Path of the file.
     kind : str or None
-        Key of :data:`SCHEMAS`, None for JSON.
+        Kind expected, a key of :data:`SCHEMAS`; None for JSON.
     most_bytes : int, optional
-        Of larger files only header and size are compared.
+        Largest size [bytes] of a file whose content is compared with its checksum. Header and size are compared in
+        files of any size.
 
     Raises
     ------
     DamagedError
         The file is damaged, of another version or of another case; it was set aside.
     StoreError
-        It is missing or cannot be reached; nothing was changed.
+        The file is missing or cannot be read; nothing was changed.
     """
     path = Path(path)
     try:
@@ -64,7 +65,7 @@ def inspect(path: str | Path, kind: str | None, most_bytes: int | None = None) -
 
 
 def unreachable(path: Path, error: OSError) -> StoreError:
-    """Error for a file that the system does not let be read."""
+    """Error for a file that the operating system cannot open or read."""
     if isinstance(error, FileNotFoundError):
         return StoreError(f"{path}: is missing; type the same command again to have it made.")
     reason = os.strerror(error.errno) if error.errno is not None else error
@@ -72,21 +73,21 @@ def unreachable(path: Path, error: OSError) -> StoreError:
 
 
 def set_aside(path: Path, reason: str, number: int | None = None, aside: Path | None = None) -> DamagedError:
-    """Rename a file to ``*.damaged`` and return the error that says so.
+    """Rename a file to ``*.damaged`` and return an error that states the reason and the new name.
 
     Parameters
     ----------
     path : path
-        The file.
+        Path of the file.
     reason : str
-        What is wrong with it.
+        Fault of the file, a clause with the file as its subject.
     number : int, optional
-        Its inode: if another file has taken its place since, that one stays.
+        Inode of the faulty file. A file with another inode, which has replaced it since, is not renamed.
     aside : path, optional
-        The new name, if it is another one.
+        New path, instead of the suffix ``.damaged``.
     """
     first = aside = aside or path.with_suffix(".damaged")
-    while aside.exists() and (aside.is_dir() or path.is_dir()):  # only a file takes the place of a file
+    while aside.exists() and (aside.is_dir() or path.is_dir()):  # a file may replace a file, but no folder
         aside = first.with_name(f"{first.name}-{int(aside.name.rpartition('-')[2]) + 1 if aside != first else 2}")
     try:
         if number is None or path.stat().st_ino == number:
@@ -104,7 +105,17 @@ def set_aside(path: Path, reason: str, number: int | None = None, aside: Path | 
 
 
 def inspect_file(path: Path, kind: str | None, most_bytes: int | None = None) -> None:
-    """Raise what is wrong with a file, without touching it."""
+    """Inspect a file without changing it; arguments as for :func:`inspect`.
+
+    Raises
+    ------
+    Fault
+        The file is damaged or is not the file expected there.
+    StoreError
+        The file is a run record of another schema version.
+    OSError
+        The file is missing or cannot be read.
+    """
     if not path.is_file() and path.exists():
         raise Fault("is a folder or a device, expected a file")
     with path.open("rb") as handle:
@@ -122,22 +133,22 @@ def inspect_file(path: Path, kind: str | None, most_bytes: int | None = None) ->
             outside = elsewhere(file)
     except (OSError, RuntimeError, KeyError, ValueError) as error:
         if isinstance(error, OSError) and error.errno is not None:
-            raise  # the system's word that it cannot be reached
-        # only where the whole was not compared
+            raise  # an error number comes from the operating system: the file cannot be read
+        # reached only where the content was not compared with the checksum
         raise Fault(f"is damaged ({error})") from None
     if outside is not None:
         raise Fault(f"is not what radcal wrote ({outside})")
     if found["kind"] != kind:
         raise Fault(f"is a file of kind {found['kind']!r}, expected {kind!r}")
     if kind == "run" and found["schema"] != SCHEMAS[kind]:
-        # a finished run of another version is not for this one to set aside
+        # a finished run of another version is not set aside, because that version can still read it
         raise StoreError(
             f"{path}: written with schema {found['schema']}, this radcal reads {SCHEMAS[kind]}; use the radcal that "
             "wrote it, or another case name."
         )
     if found["schema"] != SCHEMAS[kind]:
         raise Fault(f"was written with schema {found['schema']}, this radcal reads {SCHEMAS[kind]}")
-    # a run is what its key says, whichever case made it
+    # a run is identified by its key alone, and any case may use it
     if kind != "run":
         check_case(found["case"])
     elif found["hash"] != path.stem:
@@ -145,12 +156,12 @@ def inspect_file(path: Path, kind: str | None, most_bytes: int | None = None) ->
 
 
 def check_case(found: Any) -> None:
-    """Compare the case that a file names with that of this job, where both are known.
+    """Compare the case recorded in a file with the case of this job, where both are known.
 
     Raises
     ------
     Fault
-        They differ.
+        The two cases differ.
     """
     expected = origin().case
     if expected is not None and found is not None and found != expected:
@@ -158,12 +169,12 @@ def check_case(found: Any) -> None:
 
 
 def kind_of(path: str | Path) -> str | None:
-    """Kind of a file of a results folder, by its name: None for JSON.
+    """Kind of a file in a results folder, from its name; None for JSON.
 
     Raises
     ------
     KeyError
-        No such HDF5 file belongs there.
+        The name is not that of an HDF5 file of a results folder.
     """
     path = Path(path)
     if path.suffix == ".json":

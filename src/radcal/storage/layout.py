@@ -1,4 +1,4 @@
-"""Layout of dataclasses in HDF5: one mechanism writes and reads them all.
+"""Layout of dataclasses in HDF5, for writing and reading: the types of the fields determine it.
 
 =====================================================  =====================================================
 type of a field                                        in the file
@@ -6,18 +6,18 @@ type of a field                                        in the file
 ``bool``, ``int``, ``float``, ``str``, ``Literal``     attribute of the group
 ``tuple`` of numbers                                   attribute of the group
 numpy array                                            dataset, compressed from 1 KiB on
-``tuple[str, ...]``                                    dataset of strings, because attributes are bounded in size;
+``tuple[str, ...]``                                    dataset of strings, because HDF5 limits the size of attributes;
                                                        attribute if marked :class:`Attribute`
-dataclass                                              group; its fields in the group around it if marked
-                                                       :class:`Inline`
+dataclass                                              group; if marked :class:`Inline`, its fields stand in the
+                                                       enclosing group
 dataclass with :class:`Main` on one of its fields      dataset, the other fields as its attributes
-``Mapping[str, ...]`` of any of these                  group, an entry a key, in order
-any of these ``| None``                                not there where it is None
+``Mapping[str, ...]`` of any of these                  group with one entry for each key, in their order
+any of these ``| None``                                absent where the value is None
 =====================================================  =====================================================
 
-What the file does not hold has the default of its field, so that a field with a default can be added and earlier
-files are still read. ``Annotated[type, About("what it is", unit="dB")]`` puts ``description`` and ``unit`` beside a
-dataset or group; :func:`table` makes a page of them.
+A field that a file lacks takes its default, so that files written before the field was added can still be read.
+``Annotated[type, About("description", unit="dB")]`` adds the attributes ``description`` and ``unit`` to a dataset or
+group; :func:`table` lists them.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 
 __all__ = ["About", "Attribute", "Inline", "Main", "put", "same", "table", "take"]
 
-_COMPRESSED = 1024  # bytes from which compression saves more than it costs
+_COMPRESSED = 1024  # smallest size of a compressed dataset [bytes]; compressing smaller ones costs more than it saves
 _TEXT = h5py.string_dtype()
 
 T = TypeVar("T")
@@ -48,11 +48,11 @@ class About:
     Attributes
     ----------
     description : str
-        What it is.
+        Meaning of the field.
     unit : str
-        Of its numbers; empty where they have none.
+        Unit of the numbers; empty for numbers without a unit.
     shape : str
-        Of an array, for :func:`table`: ``n, 3``.
+        Shape of an array, such as ``n, 3``, for :func:`table`.
     """
 
     description: str
@@ -62,22 +62,22 @@ class About:
 
 @dataclass(frozen=True)
 class Main:
-    """Mark of the field that becomes the dataset, whose attributes the dataclass's other fields are."""
+    """Mark of a field that is stored as a dataset, to which the dataclass's other fields are added as attributes."""
 
 
 @dataclass(frozen=True)
 class Attribute:
-    """Mark of a tuple of strings that is an attribute, because it is short."""
+    """Mark of a short tuple of strings that is stored as an attribute."""
 
 
 @dataclass(frozen=True)
 class Inline:
-    """Mark of a dataclass whose fields stand in the group around it; None where none of them is there."""
+    """Mark of a dataclass whose fields stand in the enclosing group; it is None where the group has none of them."""
 
 
 @dataclass(frozen=True)
 class _Entry:
-    """One field: its name, its type without None and annotations, and what is said about it."""
+    """Field of a dataclass: name, type without None and annotations, description and marks."""
 
     name: str
     kind: Any
@@ -86,10 +86,10 @@ class _Entry:
     inline: bool
     attribute: bool
     optional: bool
-    default: Any  # MISSING where the file must hold it
+    default: Any  # MISSING for a field that the file must hold
 
     def there(self, group: h5py.Group) -> bool:
-        """Whether a group holds it."""
+        """Whether a group holds the field."""
         if self.inline:
             return any(entry.there(group) for entry in _entries(self.kind))
         return self.name in (group.attrs if self.attribute else group)
@@ -101,14 +101,14 @@ def put(group: h5py.Group, value: Any) -> None:
     Parameters
     ----------
     group : h5py.Group
-        Empty, or without entries and attributes of the fields' names.
+        Group without entries and attributes of the fields' names.
     value : dataclass instance
-        Its fields have the types of the table above.
+        Dataclass whose fields have the types of the table above.
 
     Raises
     ------
     TypeError
-        A field has another type.
+        A field has a type that is not in the table.
     """
     for entry in _entries(type(value)):
         one = getattr(value, entry.name)
@@ -128,16 +128,16 @@ def take(group: h5py.Group, kind: type[T], without: Collection[str] = ()) -> T:
     Parameters
     ----------
     group : h5py.Group
-        Where it stands.
+        Group to read from.
     kind : type
-        The dataclass.
+        Type of the dataclass.
     without : collection of str
-        Fields that are not read: they have their defaults.
+        Fields that are not read and take their defaults.
 
     Raises
     ------
     KeyError
-        The file lacks a field that has no default.
+        The group lacks a field that has no default.
     """
     found = {}
     for entry in _entries(kind):
@@ -171,13 +171,13 @@ def same(one: Any, other: Any) -> bool:
         return all(same(getattr(one, entry.name), getattr(other, entry.name)) for entry in _entries(type(one)))
     if isinstance(one, tuple):
         return len(one) == len(other) and all(map(same, one, other))
-    if isinstance(one, float):  # NaN is NaN, and 0 is not -0
+    if isinstance(one, float):  # NaN equals NaN here, and 0 differs from -0
         return bool(one.hex() == other.hex())
     return bool(one == other)
 
 
 def _read_entries(kind: type) -> tuple[_Entry, ...]:
-    """Fields of a dataclass as they are stored."""
+    """Stored fields of a dataclass."""
     hints = typing.get_type_hints(kind, include_extras=True)
     return tuple(_entry(item, hints[item.name]) for item in fields(kind) if item.init)
 
@@ -186,7 +186,7 @@ _entries: Callable[[Any], tuple[_Entry, ...]] = functools.cache(_read_entries)
 
 
 def _entry(item: Field[Any], hint: Any) -> _Entry:
-    """One field; None is the default of what may be None."""
+    """Entry of a field; a field that may be None has the default None."""
     said = typing.get_args(hint)[1:] if typing.get_origin(hint) is Annotated else ()
     bare, optional = _without_none(typing.get_args(hint)[0] if said else hint)
     default = item.default if item.default_factory is MISSING else item.default_factory
@@ -198,7 +198,7 @@ def _entry(item: Field[Any], hint: Any) -> _Entry:
 
 
 def _without_none(hint: Any) -> tuple[Any, bool]:
-    """A type without ``None``, and whether that was allowed."""
+    """Type without ``None``, and whether the type allowed ``None``."""
     if typing.get_origin(hint) in (typing.Union, types.UnionType):
         others = [one for one in typing.get_args(hint) if one is not type(None)]
         if len(others) == 1:
@@ -219,14 +219,14 @@ def _is_text_list(kind: Any) -> bool:
 
 
 def _is_attribute(kind: Any) -> bool:
-    """Whether values of a type are attributes."""
+    """Whether values of a type are stored as attributes."""
     if typing.get_origin(kind) is tuple:
         return not _is_text_list(kind)
     return kind in (bool, int, float, str) or typing.get_origin(kind) is Literal
 
 
 def _main(kind: Any) -> str | None:
-    """Name of the field that becomes a dataset, None where the dataclass is a group."""
+    """Name of the field marked :class:`Main`, None for a dataclass that is stored as a group."""
     return next((entry.name for entry in _entries(kind) if entry.main), None)
 
 
@@ -262,7 +262,7 @@ def _put(group: h5py.Group, name: str, value: Any, kind: Any, about: About | Non
 
 
 def _attribute(value: Any, kind: Any) -> Any:
-    """Value as an attribute takes it."""
+    """Value in the form in which h5py stores it as an attribute."""
     return np.array(value, dtype=_TEXT) if _is_text_list(kind) else value
 
 
@@ -274,7 +274,7 @@ def _put_array(group: h5py.Group, name: str, values: NDArray[Any]) -> h5py.Datas
 
 
 def _item(kind: Any) -> Any:
-    """Type of a mapping's values."""
+    """Type of the values of a mapping type."""
     return typing.get_args(kind)[1]
 
 
@@ -317,12 +317,12 @@ def table(kind: type) -> str:
     Parameters
     ----------
     kind : type
-        The dataclass of the whole file.
+        Type of the dataclass that the file holds.
 
     Returns
     -------
     str
-        Markdown: a line for each group that is described, each dataset and each attribute.
+        Table in Markdown with one line for each group, dataset and attribute.
     """
     lines = ["| group or dataset | attribute | holds | unit | description |", "|---|---|---|---|---|"]
     lines += [f"| {' | '.join(row)} |" for row in _rows(kind, "")]
@@ -332,7 +332,7 @@ def table(kind: type) -> str:
 def _rows(kind: type, path: str, absent: bool = False) -> Iterator[tuple[str, str, str, str, str]]:
     """Place, attribute, type, unit and description of each field below a path."""
     for entry in _entries(kind):
-        if entry.main:  # described where the dataclass is a field
+        if entry.main:  # its line is that of the field whose type is the dataclass
             continue
         about, inner, place = entry.about or About(""), entry.kind, f"{path}{entry.name}"
         if entry.inline:
@@ -352,7 +352,7 @@ def _rows(kind: type, path: str, absent: bool = False) -> Iterator[tuple[str, st
 
 
 def _holds(kind: Any) -> str:
-    """What a type is called in a table."""
+    """Name of a type in a table."""
     if _is_array(kind):
         (number,) = typing.get_args(typing.get_args(kind)[1])
         return "numbers" if number is Any else "text" if number is np.str_ else str(number.__name__).rstrip("_")

@@ -78,7 +78,8 @@ def claimed(folder: str | Path, key: str) -> Iterator[None]:
 
     Parameters
     ----------
-    folder : path Folder of the run store.
+    folder : path
+        Folder of the run store.
     key : str
         Key of the run, in hexadecimal digits.
 

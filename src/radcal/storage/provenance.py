@@ -1,4 +1,4 @@
-"""Provenance of the files that a job writes: its case, and the sections of the configuration it depends on."""
+"""Provenance of the files that a job writes: the case, and the sections of the configuration that the job reads."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["Origin", "origin", "provenance"]
 
 @dataclass(frozen=True)
 class Origin:
-    """Case and configuration of what is being written, None where not known."""
+    """Case and configuration recorded in the files being written, None where not known."""
 
     case: str | None = None
     config: Mapping[str, Any] | None = None
@@ -26,20 +26,20 @@ _origin: ContextVar[Origin] = ContextVar("origin", default=_UNKNOWN)
 
 
 def origin() -> Origin:
-    """Origin of files written here and now."""
+    """Origin recorded in files that are written in the present context."""
     return _origin.get()
 
 
 @contextlib.contextmanager
 def provenance(case: str | None = None, config: Mapping[str, Any] | None = None) -> Iterator[None]:
-    """Every file written in the block says where it comes from; every file read must be of the same case.
+    """Context in which files are written with their provenance, and only files of the same case are read.
 
     Parameters
     ----------
     case : str, optional
-        Name of the case; without it files of any case are read.
+        Name of the case. Without a name, files of any case are read.
     config : mapping, optional
-        Sections of the configuration that the work depends on.
+        Sections of the configuration that the files depend on.
     """
     token = _origin.set(Origin(case, disclosed(config) if config is not None else None))
     try:

@@ -1,6 +1,6 @@
-"""HDF5 and JSON files with schema version, provenance and checksum: written whole, inspected before they are read.
+"""HDF5 and JSON files with schema version, provenance and checksum, written atomically and inspected before reading.
 
-Layout and attributes are documented in ``docs/records.md``.
+``docs/records.md`` documents the layout and the attributes.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from radcal.storage.sealing import BLOCK, Fault, header
 __all__ = ["REPLACE", "read_hdf5", "read_json", "write_hdf5", "write_json"]
 
 REPLACE = "RADCAL_REPLACE"
-"""Environment variable that the Snakefile sets where finished results may be replaced by those of another scene."""
+"""Environment variable that allows the results of a finished calibration to be replaced; the session sets it."""
 
 _PACKAGES = ("numpy", "scipy", "h5py")
 
@@ -43,36 +43,36 @@ def write_hdf5(
     protected: bool = False,
     alike: Callable[[h5py.File], bool] = lambda _: False,
 ) -> Iterator[h5py.File]:
-    """Open a new HDF5 file that becomes visible under ``path`` only when complete, with checksum and provenance.
+    """Open a new HDF5 file that appears under ``path``, with checksum and provenance, when the block has ended.
 
-    If the file there holds the same already, it is left as it is but for its time stamp: what was made again
-    without a difference keeps its first provenance, and for a later command of Snakemake, which compares contents,
-    nothing that depends on it is out of date.
+    An existing file with the same content keeps its bytes, its provenance included; only its time stamp changes.
+    Snakemake compares contents, so that the jobs that depend on the file do not run again.
 
     Parameters
     ----------
     path : path
-        The file.
+        Path of the file.
     kind : str
-        Key of :data:`~radcal.storage.inspection.SCHEMAS`.
+        Kind of the file, a key of :data:`~radcal.storage.inspection.SCHEMAS`.
     track_order : bool
-        Groups are read back in the order in which they were made.
+        Whether groups are read back in the order in which they were made.
     protected : bool
-        Refuse to change the file while a finished calibration that rests on it stands beside it, unless the
-        environment variable :data:`REPLACE` is set.
+        Whether an existing file with other content is refused replacement while the results of a finished calibration
+        stand in the same folder. The environment variable :data:`REPLACE` lifts the protection.
     alike : callable, optional
-        Whether a protected file of other bytes holds the same, as an earlier version packed it: it is then replaced.
+        Predicate of an existing protected file with other bytes: true where it holds the same values in the packing of
+        an earlier version. Such a file is replaced.
 
     Raises
     ------
     ConfigError
         The file is protected.
     StoreError
-        The folder or the disk refuses the file.
+        The file cannot be written.
     """
     path = Path(path)
-    # made in memory: on a full disk HDF5 tries again and again to write what it holds, with an exception each
-    # time that nobody can catch
+    # The file is made in memory. On a full disk HDF5 would repeat the failed write of its buffers, each time with an
+    # exception that cannot be caught.
     made = io.BytesIO()
     with atomic(path) as partial:
         with h5py.File(made, "w", track_order=track_order, userblock_size=BLOCK) as file:
@@ -96,7 +96,7 @@ def write_hdf5(
                 file.attrs["versions"] = json.dumps(versions)
             config = origin().config
             if config is not None and "config" not in file.attrs:
-                # a dataset: HDF5 bounds the size of attributes
+                # a dataset, because HDF5 limits the size of attributes
                 file["config"] = json.dumps(config, sort_keys=True, default=str)
         with made.getbuffer() as whole:
             whole[:BLOCK] = header(hashlib.sha256(whole[BLOCK:]).hexdigest(), len(whole))
@@ -104,13 +104,13 @@ def write_hdf5(
 
 
 def _protect(path: Path, kind: str, content: str, alike: Callable[[h5py.File], bool]) -> None:
-    """Raise if a finished calibration rests on a file of other content."""
+    """Raise a ConfigError if a finished calibration was made with a file of other content."""
     if not (path.parent / "calibration.h5").is_file():
         return
     try:
         inspect_file(path, kind)
     except (Fault, OSError, StoreError):
-        return  # nothing that could be kept
+        return  # a missing or damaged file need not be protected
     with h5py.File(path, "r", locking=False) as file:
         if file.attrs["content"] == content or alike(file):
             return
@@ -130,7 +130,7 @@ def _protect(path: Path, kind: str, content: str, alike: Callable[[h5py.File], b
 
 
 def _holds(path: Path, kind: str, content: str) -> bool:
-    """Whether a sound file of a kind has this content."""
+    """Whether an undamaged file of this kind has this digest of its content."""
     with contextlib.suppress(Fault, OSError):
         inspect_file(path, kind)
         with h5py.File(path, "r", locking=False) as file:
@@ -140,25 +140,25 @@ def _holds(path: Path, kind: str, content: str) -> bool:
 
 @contextlib.contextmanager
 def read_hdf5(path: str | Path, kind: str) -> Iterator[h5py.File]:
-    """Open an HDF5 file for reading after its checksum, kind, schema and case have been compared.
+    """Open an HDF5 file for reading after its checksum, kind, schema version and case have been checked.
 
     Parameters
     ----------
     path : path
-        What :func:`write_hdf5` wrote.
+        Path of a file that :func:`write_hdf5` wrote.
     kind : str
-        Key of :data:`~radcal.storage.inspection.SCHEMAS`.
+        Kind of the file, a key of :data:`~radcal.storage.inspection.SCHEMAS`.
 
     Raises
     ------
     DamagedError
         The file is damaged, of another version or of another case; it was set aside.
     StoreError
-        It is missing or cannot be reached; nothing was changed.
+        The file is missing or cannot be read; nothing was changed.
     """
     path = Path(path)
     inspect(path, kind)
-    # files never change once they are visible: no lock is needed to read one
+    # no lock is needed, because a visible file never changes
     with h5py.File(path, "r", locking=False) as file:
         yield file
 
@@ -166,22 +166,22 @@ def read_hdf5(path: str | Path, kind: str) -> Iterator[h5py.File]:
 def write_json(path: str | Path, data: Any, flat: bool = False) -> None:
     """Write plain data as JSON with a checksum, atomically.
 
-    It holds no time and no version: made again without a difference it is the same file byte for byte, and
-    nothing that depends on it is out of date.
+    The file records neither a time nor a version. The same data therefore give the same bytes, and the jobs that
+    depend on the file do not run again.
 
     Parameters
     ----------
     path : path
-        The file.
+        Path of the file.
     data : plain data
-        Kept under the key ``data``.
+        Content of the file, under the key ``data``.
     flat : bool
-        The keys of ``data`` become those of the file.
+        Whether ``data`` is a mapping whose keys are written at the top level of the file.
 
     Raises
     ------
     StoreError
-        The folder or the disk refuses the file.
+        The file cannot be written.
     ValueError
         A number is NaN or infinite.
     """
@@ -194,14 +194,14 @@ def write_json(path: str | Path, data: Any, flat: bool = False) -> None:
 
 
 def read_json(path: str | Path) -> Any:
-    """Read what :func:`write_json` wrote.
+    """Read the data of a JSON file that :func:`write_json` wrote.
 
     Raises
     ------
     DamagedError
         The file is damaged or of another case; it was set aside.
     StoreError
-        It is missing or cannot be reached; nothing was changed.
+        The file is missing or cannot be read; nothing was changed.
     """
     path = Path(path)
     inspect(path, None)

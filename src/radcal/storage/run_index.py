@@ -15,16 +15,16 @@ __all__ = ["IndexedRun", "indexed", "read_index", "write_index"]
 
 @dataclass(frozen=True)
 class IndexedRun:
-    """A run in an index.
+    """Entry of an index: one run in the store.
 
     Attributes
     ----------
     key : str
-        Hash of the record.
+        Hash of the run, which names its record.
     parameters : mapping
-        X by material.
+        Law parameters X by material.
     difference_db : float or None
-        Of a repeated reference run: largest difference of its pixels from the first's [dB].
+        Largest difference between the pixels of the repeated and the first reference run [dB]; None for other runs.
     """
 
     key: str
@@ -33,7 +33,7 @@ class IndexedRun:
 
 
 def write_index(path: str | Path, runs: Iterable[IndexedRun]) -> None:
-    """Write an index as JSON, without what is None."""
+    """Write an index as JSON; fields that are None are omitted."""
     write_json(path, [{name: value for name, value in asdict(run).items() if value is not None} for run in runs])
 
 
@@ -51,23 +51,23 @@ def read_index(path: str | Path) -> list[IndexedRun]:
 def indexed(
     files: Iterable[str | Path], runs: str | Path, materials: Sequence[str], image: bool = False
 ) -> Iterator[tuple[Record, Parameters]]:
-    """Records and parameters that indexes list, in order.
+    """Records and parameters of the runs in several indexes, in the order of the indexes.
 
     Parameters
     ----------
     files : iterable of path
-        Indexes.
+        Paths of the indexes.
     runs : path
         Folder of the run store.
     materials : sequence of str
-        What the records must hold.
+        Materials whose pixels each record must hold.
     image : bool
-        Whether they must hold the whole image too.
+        Whether each record must hold the whole image too.
 
     Raises
     ------
     StoreError
-        A listed run is not in the store.
+        The store lacks a listed run, or its record lacks a material or the image.
     """
     store = RunStore(runs)
     for file in files:

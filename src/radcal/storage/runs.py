@@ -1,8 +1,8 @@
-"""The run store: one content-addressed HDF5 record per simulator run.
+"""Run store: one content-addressed HDF5 record per simulator run.
 
-A record is named by the hash of all that determines its numbers: simulator identity,
-scene, pass, law and parameters of every material, noise seed. Every stage that needs a run
-asks the store first; a run that is there is never made again.
+The name of a record is the hash of all inputs that determine its numbers: simulator identity, scene, pass, law and
+parameters of every material, and noise seed. Every stage that needs a run looks it up in the store first, so that a
+recorded run is never simulated again.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from radcal.storage.sealing import is_sealed
 
 __all__ = ["Parameters", "Record", "RunStore"]
 
-_UNSEALED = 1  # the schema of records of the time before files had checksums of their own
+_UNSEALED = 1  # schema version of records written before HDF5 files had checksums
 Parameters = Mapping[str, Sequence[float]]
 
 logger = logging.getLogger(__name__)
@@ -43,11 +43,10 @@ class Record:
     ----------
     key : str
         Hash of the run.
-    pixels_db : mapping
-        Material to the backscatter [dB, float32] of its visible pixels, in the order of
-        ``Geometry.pixels(material)``.
+    pixels_db : mapping of str to ndarray of float32
+        Backscatter of the visible pixels by material [dB], in the order of ``Geometry.pixels(material)``.
     image_db : ndarray of float32 or None
-        Whole image [dB], where it was kept.
+        Whole image [dB], None where it was not recorded.
     seconds : float
         Wall time of the simulator.
     """
@@ -64,7 +63,7 @@ class Record:
 
 
 def _checksum(pixels_db: Mapping[str, NDArray[np.float32]], image_db: NDArray[np.float32] | None) -> str:
-    """SHA-256 of the numbers of a record that has no other checksum."""
+    """SHA-256 of the pixel values of a record of schema 1, whose file has no checksum."""
     total = hashlib.sha256()
     for name in sorted(pixels_db):
         total.update(name.encode())
@@ -75,32 +74,41 @@ def _checksum(pixels_db: Mapping[str, NDArray[np.float32]], image_db: NDArray[np
 
 
 class RunStore:
-    """Records in a folder, one file each.
+    """Folder of run records, one file each.
 
     Parameters
     ----------
     folder : path
-        ``results/<case>/runs``.
+        Folder ``results/<case>/runs``.
     """
 
     def __init__(self, folder: str | Path) -> None:
         self.folder = Path(folder)
 
     def path(self, key: str) -> Path:
-        """File of a record."""
+        """Path of the record with this key."""
         return self.folder / f"{key}.h5"
 
     def get(self, key: str, materials: Iterable[str], image: bool = False) -> Record | None:
-        """Return a record if it is there and holds what is asked, else None.
+        """Record with this key, None if the store lacks it or the record lacks a material or the image asked for.
 
-        A damaged file is set aside under the name ``*.damaged`` and counts as missing. Records of schema 1,
-        which have a checksum of their numbers only, are read like others.
+        A damaged file is renamed to ``*.damaged`` and counts as missing. Records of schema 1, which have a checksum of
+        their pixel values only, are read too.
+
+        Parameters
+        ----------
+        key : str
+            Hash of the run.
+        materials : iterable of str
+            Materials whose pixels the record must hold.
+        image : bool
+            Whether the record must hold the whole image.
 
         Raises
         ------
         StoreError
-            The file is sound as far as one can tell but cannot be read: no permission, a
-            failing disk, another version's.
+            The file cannot be read and no damage was found in it: permission is missing, the disk fails, or another
+            version of radcal wrote the file.
         """
         record = self._read(key)
         if record is None or not set(materials) <= record.pixels_db.keys() or (image and record.image_db is None):
@@ -114,7 +122,7 @@ class RunStore:
             sealed = is_sealed(path)
             if sealed:
                 inspect(path, "run")
-            # records never change once they are visible: no lock is needed to read one
+            # no lock is needed, because a visible record never changes
             with h5py.File(path, "r", locking=False) as file:
                 if not sealed and (outside := elsewhere(file)) is not None:
                     raise KeyError(outside)
@@ -133,8 +141,8 @@ class RunStore:
             logger.warning("%s", error)
             return None
         except (OSError, KeyError, RuntimeError, TypeError, ValueError, AttributeError) as error:
-            # what h5py raises on a damaged file depends on where the damage is; an error number is
-            # the system's word that the file could not be reached
+            # The exception that h5py raises depends on the place of the damage. An OSError with an error number comes
+            # from the operating system: the file could not be read, and nothing is known about its content.
             if isinstance(error, OSError) and error.errno is not None:
                 raise StoreError(
                     f"{path}: cannot be read ({os.strerror(error.errno)}); nothing was changed."
@@ -144,12 +152,12 @@ class RunStore:
         return Record(key, pixels, whole, seconds)
 
     def description(self, key: str) -> dict[str, Any]:
-        """Description of a record (:meth:`Runner.description`), with hashes in place of secrets.
+        """Description of a recorded run (:meth:`Runner.description`), with hashes in place of secrets.
 
         Raises
         ------
         StoreError
-            There is no such record, or it cannot be read.
+            The record is missing or cannot be read.
         """
         if self._read(key) is None:
             raise StoreError(f"{self.path(key)}: is missing; type the same command again to have it made.")
@@ -160,7 +168,7 @@ class RunStore:
             raise StoreError(f"{self.path(key)}: cannot be read ({error}).") from None
 
     def put(self, record: Record, description: Mapping[str, Any]) -> None:
-        """Write a record; it becomes visible complete, with what an earlier one of the same run held besides."""
+        """Write a record atomically; it keeps other materials and the image of an earlier record of the same run."""
         earlier = self._read(record.key)
         if earlier is not None:
             image = record.image_db if record.image_db is not None else earlier.image_db

@@ -1,7 +1,7 @@
-"""Checksums of files, kept in their first bytes.
+"""Checksums of HDF5 and JSON files, stored in their first bytes.
 
-An HDF5 file starts with a user block of 512 bytes, which HDF5 libraries skip. It holds the SHA-256 and the number
-of all bytes that follow. A JSON file starts with the SHA-256 of what follows.
+An HDF5 file starts with a user block of 512 bytes, which HDF5 libraries skip. The block holds the SHA-256 and the
+number of all bytes after it. A JSON file starts with a line that holds the SHA-256 of all bytes after that line.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ _CHUNK = 1 << 20
 
 
 class Fault(Exception):
-    """Why a file is not what was written."""
+    """Fault found in a file, as a clause with the file as its subject."""
 
 
 def header(total: str, size: int) -> bytes:
-    """First bytes of an HDF5 file of a size [bytes] and a SHA-256 of all that follows them."""
+    """User block of an HDF5 file of a size [bytes]; ``total`` is the SHA-256 of all bytes after the block."""
     return f"radcal sha256 {total} bytes {size - BLOCK}\n".encode().ljust(BLOCK, b"\0")
 
 
@@ -38,16 +38,16 @@ def check_hdf5(handle: IO[bytes], size: int, whole: bool) -> None:
     Parameters
     ----------
     handle : binary file
-        At its beginning.
+        Open file, positioned at its beginning.
     size : int
-        Of the file [bytes].
+        Size of the file [bytes].
     whole : bool
-        Compare the contents too, not the header and the size alone.
+        Whether the content is compared with the checksum too, besides header and size.
 
     Raises
     ------
     Fault
-        It is not what was written.
+        The file is damaged or has no header.
     """
     first = handle.read(BLOCK)
     if first.startswith(_SIGNATURE):
@@ -67,7 +67,7 @@ def check_json(handle: IO[bytes], whole: bool) -> None:
     Raises
     ------
     Fault
-        It is not what was written.
+        The file is damaged or has no header.
     """
     match = _JSON_HEADER.fullmatch(handle.read(_JSON_HEADER_BYTES))
     if match is None:
@@ -85,15 +85,15 @@ def _sha256(handle: IO[bytes]) -> str:
 
 
 def is_sealed(path: str | Path) -> bool:
-    """Whether an HDF5 file has a checksum, which those of the first versions have not.
+    """Whether an HDF5 file has a checksum; files of the first versions have none.
 
     Raises
     ------
     OSError
-        It cannot be reached.
+        The file cannot be read.
     """
     if not Path(path).is_file() and Path(path).exists():
-        return True  # no file at all: that is for whoever inspects it to say
+        return True  # a folder or device, which the inspection of the file reports
     with Path(path).open("rb") as handle:
         return handle.read(len(_SIGNATURE)) != _SIGNATURE
 
@@ -104,13 +104,13 @@ def seal(path: str | Path) -> None:
     Parameters
     ----------
     path : path
-        A file with a user block of 512 bytes: one that :func:`~radcal.storage.records.write_hdf5` made and that was
-        changed on purpose.
+        Path of a file with a user block of 512 bytes: a file that :func:`~radcal.storage.records.write_hdf5` made and
+        that was then changed intentionally.
 
     Raises
     ------
     OSError
-        It cannot be read or written.
+        The file cannot be read or written.
     """
     path = Path(path)
     with path.open("r+b") as handle:

@@ -1,15 +1,15 @@
 """Backscatter laws: sigma0 in dB as a function of the local incidence angle.
 
-``LAWS`` is the registry; a module of this package holds the laws of a family, formula and entry. What a law needs to
-know besides its parameters (carrier frequency, polarisation, knots) is bound to it once, by :func:`law_for`; from then
-on every law is ``law(phi_rad, parameters) -> sigma0 [dB]``.
+``LAWS`` is the registry of laws. Each module of this package holds a family of laws, with their formulas and their
+entries in the registry. Conditions that a law needs besides its parameters (carrier frequency, polarisation, knots)
+are bound to it by :func:`law_for`, after which every law has the signature ``law(phi_rad, parameters) -> sigma0 [dB]``.
 
-A law of the name ``EXTERNAL`` is not in the registry: it has names and units of parameters, but no curve, because only
-the simulator can compute its backscatter.
+The law ``EXTERNAL`` is not in the registry: it has names and units of parameters, but no curve, because only the
+simulator can compute its backscatter.
 
-Every law of the registry is finite from 0 to 90 degrees. Where a power vanishes at grazing incidence, the cosine is
-limited to at least 1e-6 (incidence of 89.99994 degrees). Outside of its valid angles a law is
-extrapolated by its own formula.
+Every law of the registry is finite from 0 to 90 degrees. In laws whose power vanishes at grazing incidence, the cosine
+is limited to at least 1e-6 (an incidence of 89.99994 degrees). Outside of its valid angles a law is extrapolated by its
+own formula.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ def external_law(names: Sequence[str], units: Sequence[str] | None = None) -> La
     Parameters
     ----------
     names : sequence of str
-        Name of each parameter; there may be none.
+        Name of each parameter; may be empty.
     units : sequence of str, optional
         Unit of each parameter; no units if missing.
 
     Returns
     -------
     Law
-        Without a curve.
+        Law without a curve.
     """
     return Law(None, names=tuple(names), units=tuple(units) if units is not None else ("",) * len(names))
 
@@ -53,20 +53,20 @@ def law_for(
     names: Sequence[str] | None = None,
     units: Sequence[str] | None = None,
 ) -> Law:
-    """Law of a name, with the conditions that it needs bound to it.
+    """Law of this name, with its conditions bound.
 
     Parameters
     ----------
     name : str
-        A key of ``LAWS``, or ``EXTERNAL``.
+        Name of the law: a key of ``LAWS``, or ``EXTERNAL``.
     frequency_ghz : float, optional
         Carrier frequency [GHz].
     polarisation : str, optional
-        Transmitted and received, such as "HH".
+        Transmitted and received polarisation, such as "HH".
     angles_deg : sequence of float, optional
         Knots of a tabulated law [deg].
     names, units : sequence of str, optional
-        Parameters of an external law.
+        Names and units of the parameters of an external law.
 
     Returns
     -------
@@ -76,7 +76,7 @@ def law_for(
     Raises
     ------
     ConfigError
-        The law is unknown or needs something that is not given.
+        The law is unknown, or a condition that it needs is not given.
     """
     if name == EXTERNAL:
         return external_law(names or (), units)
@@ -91,7 +91,7 @@ def law_for(
 
 
 def laws_table() -> str:
-    """All laws as a table and remarks in Markdown, for the documentation."""
+    """Table of all laws, with remarks, in Markdown for ``docs/laws.md``."""
     lines = [
         "| law | sigma0 [dB] | parameters | default bounds | made for | also needs | source |",
         "|---|---|---|---|---|---|---|",

@@ -1,4 +1,4 @@
-"""Laws of terrain of any kind: curves whose parameters are levels and shapes."""
+"""Laws for any kind of terrain, whose parameters describe the level and the shape of the curve."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def constant_gamma(phi_rad: ArrayLike, parameters: ArrayLike) -> NDArray[np.floa
 
 
 def tabulated(phi_rad: ArrayLike, parameters: ArrayLike, *, angles_deg: Sequence[float]) -> NDArray[np.float64]:
-    """Curve through sigma0 at given angles, without overshoot, constant beyond the first and last.
+    """Curve through sigma0 at given angles, without overshoot; it is constant beyond the first and last angle.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def tabulated(phi_rad: ArrayLike, parameters: ArrayLike, *, angles_deg: Sequence
     from scipy.interpolate import PchipInterpolator
 
     knots = np.asarray(angles_deg, dtype=np.float64)
-    with np.errstate(over="ignore"):  # the harmonic mean of slopes that all but vanish
+    with np.errstate(over="ignore"):  # the interpolator's harmonic mean of slopes close to 0 overflows
         curve = PchipInterpolator(knots, np.asarray(parameters, dtype=np.float64))
     angle = np.degrees(np.asarray(phi_rad, dtype=np.float64))
     return np.asarray(curve(np.clip(angle, knots[0], knots[-1])))
@@ -132,19 +132,19 @@ CURVES: dict[str, Law] = {
         bounds=((0.0, 50.0),) * 4,
         formula="X1 + X2 cos(phi) + X3 exp(-X4 phi^2)",
         source='"Calibration of a Radar Cross-section Model using a Surrogate Model Optimization Algorithm", eq. 1',
-        remark="The bounds are the paper's; real sigma0 in dB needs X1 below 0.",
+        remark="The default bounds are those of the paper. Measured sigma0 in dB requires a negative X1.",
     ),
     "ulaby_dobson": Law(
         ulaby_dobson,
         names=("P1", "P2", "P3", "P4", "P5", "P6"),
         units=("dB", "dB", "1/rad", "dB", "", "rad"),
-        # the exponential of a larger value overflows
+        # the exponential overflows beyond the limits of P3
         limits=((-1000.0, 1000.0),) * 2 + ((-100.0, 100.0),) + ((-1000.0, 1000.0),) * 3,
         valid_deg=(0.0, 70.0),
         formula="P1 + P2 exp(-P3 phi) + P4 cos(P5 phi + P6)",
         source="Ulaby and Dobson, Handbook of Radar Scattering Statistics for Terrain, Artech House (1989)",
-        remark="P1 to P6 are tabulated there by terrain, band and polarisation, each with its own range of angles "
-        "(many tables end at 70 deg): give parameters or bounds, there are no defaults.",
+        remark="The handbook tabulates P1 to P6 by terrain, band and polarisation, each table with its own range of "
+        "angles (many end at 70 deg). The law has no default bounds: give parameters or bounds.",
     ),
     "constant_gamma": Law(
         constant_gamma,
@@ -153,8 +153,8 @@ CURVES: dict[str, Law] = {
         valid_deg=(30.0, 80.0),
         formula="gamma + 10 log10(cos(phi))",
         source="Long, Radar Reflectivity of Land and Sea, 3rd edition, Artech House (2001)",
-        remark="Describes the plateau between steep and grazing incidence. Where the plateau ends depends on the "
-        "terrain; 30 to 80 deg is radcal's convention, no figure of the source. gamma has no default bounds.",
+        remark="The law describes the plateau between steep and grazing incidence. The ends of the plateau depend on "
+        "the terrain; 30 to 80 deg is a convention of radcal, not a figure of the source. gamma has no default bounds.",
     ),
     "tabulated": Law(
         tabulated,
@@ -163,8 +163,9 @@ CURVES: dict[str, Law] = {
         needs=("angles_deg",),
         formula="curve through sigma0 at the angles of the material's angles_deg",
         source="Fritsch and Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300-304 (PCHIP)",
-        remark="As many parameters as angles, each sigma0 in dB at that angle; no overshoot between two of them, "
-        "constant beyond the first and the last. No default bounds: where the target is one density of all angles, a "
-        "rising curve can give the same density as the falling truth, and only the bounds tell them apart.",
+        remark="The law has one parameter for each angle: sigma0 in dB at that angle. The curve has no overshoot "
+        "between two angles and is constant beyond the first and the last. The law has no default bounds. Where the "
+        "target is one density of all angles, a rising curve can have the same density as the true, falling one, and "
+        "only the bounds exclude it.",
     ),
 }

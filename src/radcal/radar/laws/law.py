@@ -1,4 +1,4 @@
-"""Backscatter law: a curve of sigma0 over the local incidence angle, and what is known about its parameters."""
+"""Backscatter law: curve of sigma0 over the local incidence angle, with names, units and bounds of its parameters."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from radcal.errors import ConfigError
 
 __all__ = ["EXTERNAL", "Law", "cosine"]
 
-EXTERNAL = "external"  # name of the law of a material whose backscatter only the simulator knows
+EXTERNAL = "external"  # law of a material whose backscatter only the simulator can compute
 _LEAST_COSINE = 1e-6
 Intervals = tuple[tuple[float, float], ...]
 
@@ -26,22 +26,23 @@ class Law:
     Attributes
     ----------
     function : callable or None
-        ``(phi_rad, parameters) -> sigma0 [dB]``; the conditions in ``needs`` are keyword arguments. None: only the
-        simulator knows the curve.
+        Function ``(phi_rad, parameters) -> sigma0 [dB]``, with the conditions in ``needs`` as keyword arguments; None
+        for an external law.
     names, units : tuple of str
         Name and unit of each parameter; empty for a law whose knots are not yet bound.
     bounds : tuple of (float, float) or None
-        Default bounds of the search; None where no publication gives any.
+        Default bounds of the search for each parameter; None where no publication gives any.
     valid_deg : (float, float)
-        Incidence angles that the law was made for [deg].
+        Smallest and largest incidence angle for which the law is valid [deg].
     limits : tuple of (float, float) or None
-        Range in which a parameter has a meaning; None: no limits.
+        Range of permitted values of each parameter; None for no limits.
     needs : tuple of str
         Conditions that must still be bound: ``frequency_ghz``, ``polarisation``, ``angles_deg``.
     doubt : callable or None
-        ``(parameters) -> str | None``, a sentence where the parameters lie outside the range of the law's data; the
-        conditions in ``needs`` are keyword arguments.
-    formula, source, remark : str Texts for the documentation.
+        Function ``(parameters) -> str | None`` that returns a clause where the parameters lie outside the range of the
+        law's data, with the conditions in ``needs`` as keyword arguments.
+    formula, source, remark : str
+        Texts for the documentation.
     """
 
     function: Callable[..., NDArray[np.float64]] | None
@@ -57,7 +58,7 @@ class Law:
     remark: str = ""
 
     def __call__(self, phi_rad: ArrayLike, parameters: ArrayLike) -> NDArray[np.float64]:
-        """Evaluate the law: angle [rad] to sigma0 [dB]; a ConfigError if it has no curve."""
+        """Sigma0 [dB] at local incidence angles [rad]; raises a ConfigError for a law without a curve."""
         if self.function is None:
             raise ConfigError(
                 f"law {EXTERNAL!r} of the parameters {list(self.names)} has no curve, expected a law of radcal's own: "
@@ -71,7 +72,7 @@ class Law:
         return self.function is not None
 
     def bound(self, **conditions: Any) -> Law:
-        """Law with these conditions bound; those that are None or not needed are ignored."""
+        """Law with these conditions bound; conditions that are None or not needed are ignored."""
         known = {key: value for key, value in conditions.items() if key in self.needs and value is not None}
         law = replace(
             self,

@@ -1,4 +1,4 @@
-"""Laws of bare soil, whose parameters are physical: permittivity and roughness."""
+"""Laws of bare soil, whose parameters are physical quantities: permittivity and roughness."""
 
 from __future__ import annotations
 
@@ -62,7 +62,8 @@ def oh1992(
     gamma_v = np.abs((permittivity * cosine_phi - refracted) / (permittivity * cosine_phi + refracted)) ** 2
     gamma_0 = abs((1.0 - permittivity**0.5) / (1.0 + permittivity**0.5)) ** 2
 
-    # logarithms keep the digits of a small angle to the power 1 / (3 Gamma0) and of 1 - exp of a small roughness
+    # Logarithms and expm1 avoid loss of precision in the power 1 / (3 Gamma0) of a small angle and in 1 - exp(-x) for
+    # small roughness.
     share = np.log(np.maximum(2.0 * phi / np.pi, np.finfo(np.float64).tiny))
     root_p = -np.expm1(share / (3.0 * gamma_0) - ks)
     sigma0 = -0.7 * np.expm1(-0.65 * ks**1.8) * cosine_phi**3 / root_p * (gamma_v + gamma_h)
@@ -78,9 +79,9 @@ def _ks(height_cm: float, frequency_ghz: float) -> float:
     return float(2.0 * np.pi * frequency_ghz / _LIGHT_CM_GHZ * height_cm)
 
 
-# of the surfaces measured: rms heights of 0.32 to 3.02 cm seen at 1.5 to 9.5 GHz, and volumetric moistures
-# of 0.09 to 0.31, the latter turned into permittivity by the polynomial of Topp, Davis and Annan,
-# "Electromagnetic determination of soil water content", Water Resour. Res. 16 (1980), eq. 6
+# Ranges of the surfaces measured for the law: rms heights of 0.32 to 3.02 cm at 1.5 to 9.5 GHz, and volumetric
+# moistures of 0.09 to 0.31, which the polynomial of Topp, Davis and Annan, "Electromagnetic determination of soil water
+# content", Water Resour. Res. 16 (1980), eq. 6, converts into permittivity
 _OH_KS = (0.1, 6.0)
 _OH_PERMITTIVITY = (5.0, 18.0)
 
@@ -104,17 +105,18 @@ SOIL: dict[str, Law] = {
         names=("permittivity_real", "permittivity_imaginary", "rms_height"),
         units=("", "", "cm"),
         bounds=(_OH_PERMITTIVITY, (0.0, 6.0), (0.32, 3.02)),
-        # from dry minerals to water; without any roughness there is no backscatter, which has no value in dB
+        # permittivities from dry minerals to water; a roughness above 0, whose backscatter has a finite value in dB
         limits=((2.0, 90.0), (0.0, 50.0), (0.01, 100.0)),
         valid_deg=(10.0, 70.0),
         needs=("frequency_ghz", "polarisation"),
         doubt=_oh1992_doubt,
         formula="10 log10 of VV = 0.7 (1 - exp(-0.65 (ks)^1.8)) cos^3(phi) (Gv + Gh) / sqrt(p), HH = p VV, HV = q VV",
         source="Oh, Sarabandi and Ulaby, IEEE Trans. Geosci. Remote Sens. 30 (1992) 370-381",
-        remark="Bare soil. sqrt(p) = 1 - (2 phi / pi)^(1 / (3 G0)) exp(-ks), q = 0.23 sqrt(G0) (1 - exp(-ks)), G the "
-        "Fresnel reflectivities, k the wavenumber, s the rms height. Behind it: ks of 0.1 to 6, kl of 2.6 to 19.7 "
-        "(l the correlation length, on which it does not depend), volumetric moisture of 0.09 to 0.31 (a permittivity "
-        "of 5 to 18 by Topp et al., 1980), 1.5 to 9.5 GHz. In moist soil the imaginary part hardly matters: do not "
-        "read it as known.",
+        remark="The law is for bare soil. In its formula, sqrt(p) = 1 - (2 phi / pi)^(1 / (3 G0)) exp(-ks) and "
+        "q = 0.23 sqrt(G0) (1 - exp(-ks)); G are Fresnel reflectivities (h and v at incidence phi, 0 at nadir), k is "
+        "the wavenumber, s the rms height. The surfaces measured for the law had ks of 0.1 to 6, kl of 2.6 to 19.7 "
+        "(l is the correlation length, on which the law does not depend) and volumetric moistures of 0.09 to 0.31 "
+        "(permittivities of 5 to 18 by Topp et al., 1980), at 1.5 to 9.5 GHz. In moist soil the imaginary part of the "
+        "permittivity hardly affects the backscatter, so that a calibration does not determine it.",
     ),
 }
