@@ -31,7 +31,7 @@ FLOW: list[tuple[str, list[str]]] = [
     ("target", ["measurement.target", "measurement.target_fit", "measurement.class_target"]),
     ("design", ["calibration.design"]),
     ("surrogate", ["calibration.surrogate", "calibration.class_surrogate"]),
-    ("proposal", ["calibration.infill", "calibration.lattice", "calibration.class_search"]),
+    ("proposal", ["calibration.nsga2", "calibration.infill", "calibration.lattice", "calibration.class_search"]),
     ("verification", ["calibration.steps", "calibration.stopping", "calibration.loop", "calibration.conclusion"]),
     ("report", ["report"]),
 ]
@@ -41,7 +41,6 @@ EXCEPTIONS: dict[Edge, str] = {
     ("config", "radar.bands"): "letters of bands are checked against a table that knows no configuration",
     ("config", "radar.laws"): "names, lengths and ranges of parameters are checked against the registry of laws",
     ("config", "scene.objects"): "kinds of objects are checked against a list that knows no configuration",
-    ("calibration.history", "calibration.class_search"): "the type of a search, in the signature of `score`",
 }
 
 MODULE_LINES, FUNCTION_LINES = 400, 60  # the latter without its docstring

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from radcal import skewnormal
-from radcal.calibration.infill import UNREACHABLE_SHARE, Search, nsga2, propose
+from radcal.calibration.infill import UNREACHABLE_SHARE, Search, propose
+from radcal.calibration.nsga2 import nsga2
 from radcal.config import Optimiser
 
 QUICK = Optimiser(population=20, evaluations=400)

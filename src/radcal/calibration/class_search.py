@@ -18,6 +18,7 @@ from radcal.calibration.expected import Forward, LawForward
 from radcal.calibration.grounds import GroundLaw, Method, curve_prior, fit_grounds, ground_residuals, limited
 from radcal.calibration.incidence_error import registration_error_deg
 from radcal.calibration.law_fit import LOOKS, LawFit, fit_law
+from radcal.calibration.nsga2 import nsga2
 from radcal.config import BuiltinSimulation, Optimiser, stages
 from radcal.measurement.class_target import ClassTarget
 from radcal.measurement.ground import Ground
@@ -274,8 +275,6 @@ class ClassSearch:
         -------
         LawFit
         """
-        from radcal.calibration.infill import nsga2
-
         method = self.method
         box = np.asarray(method.bounds, dtype=np.float64)
         looks_box = np.log([[LOOKS[0], LOOKS[1] * method.looks]])

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import random
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -13,10 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 from radcal import skewnormal
 from radcal.calibration.history import Proposal
 from radcal.calibration.lattice import SAME, corners, elsewhere, lattice
+from radcal.calibration.nsga2 import nsga2
 from radcal.calibration.surrogate import Surrogate, to_direct
 from radcal.config import Optimiser
 
-__all__ = ["FAVOUR", "UNREACHABLE_SHARE", "Search", "nsga2", "propose"]
+__all__ = ["FAVOUR", "UNREACHABLE_SHARE", "Search", "propose"]
 
 FAVOUR = 2.0  # standard errors of the surrogate taken in favour of a better point
 UNREACHABLE_SHARE = 0.9  # a floor above this share of the best verified rms: nothing nearer exists
@@ -25,69 +23,6 @@ _SCREENED = 1024
 _GRID = 200  # points on which the search compares densities; the score uses 1,000
 _STEP = 1e-5
 _BRANCHES = 4  # roundings of whole parameters that are followed
-
-
-@contextmanager
-def _seeded_global_random(seed: int) -> Iterator[None]:
-    """Seed the ``random`` module, which Platypus draws from, and put its state back."""
-    state = random.getstate()
-    random.seed(seed)
-    try:
-        yield
-    finally:
-        random.setstate(state)
-
-
-def nsga2(objective: Any, dimension: int, config: Optimiser, seed: int, objectives: int = 1) -> NDArray[np.float64]:
-    """Minimise a batched objective on the unit box with Platypus' NSGA-II.
-
-    Parameters
-    ----------
-    objective : callable
-        ``(n, d) -> (n,)``, or ``(n, m)`` for m objectives.
-    dimension : int
-        d.
-    config : Optimiser
-        Population and evaluations.
-    seed : int
-        Seed of Platypus' random numbers.
-    objectives : int
-        m.
-
-    Returns
-    -------
-    ndarray, shape (population, d)
-        The last population, the least sum of objectives first.
-
-    References
-    ----------
-    Deb et al., "A fast and elitist multiobjective genetic algorithm: NSGA-II" (2002).
-    """
-    import platypus
-
-    class Batched(platypus.Evaluator):  # type: ignore[misc]
-        """All solutions of a generation in one call of the objective."""
-
-        def evaluate_all(self, jobs: Any, **_: Any) -> Any:
-            jobs = list(jobs)
-            points = np.array([job.solution.variables[:] for job in jobs], dtype=np.float64)
-            state = random.getstate()
-            values = objective(points)
-            random.setstate(state)  # libraries draw as they are imported, which must not move Platypus' numbers
-            for job, value in zip(jobs, values, strict=True):
-                job.solution.objectives[:] = [float(part) for part in np.atleast_1d(value)]
-                job.solution.constraint_violation = 0.0
-                job.solution.feasible = True
-                job.solution.evaluated = True
-            return jobs
-
-    problem = platypus.Problem(dimension, objectives)
-    problem.types[:] = [platypus.Real(0.0, 1.0) for _ in range(dimension)]
-    with _seeded_global_random(seed):
-        algorithm = platypus.NSGAII(problem, population_size=config.population, evaluator=Batched())
-        algorithm.run(max(config.evaluations, config.population))
-        population = sorted(algorithm.population, key=lambda s: sum(s.objectives))
-        return np.array([solution.variables[:] for solution in population], dtype=np.float64)
 
 
 class Search:

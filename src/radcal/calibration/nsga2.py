@@ -1,0 +1,78 @@
+"""NSGA-II of Platypus on the unit box, with a population in one call of the objective and random numbers of its own."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.config import Optimiser
+
+__all__ = ["nsga2"]
+
+
+@contextmanager
+def _seeded_global_random(seed: int) -> Iterator[None]:
+    """Seed the ``random`` module, which Platypus draws from, and put its state back."""
+    state = random.getstate()
+    random.seed(seed)
+    try:
+        yield
+    finally:
+        random.setstate(state)
+
+
+def nsga2(objective: Any, dimension: int, config: Optimiser, seed: int, objectives: int = 1) -> NDArray[np.float64]:
+    """Minimise a batched objective on the unit box with Platypus' NSGA-II.
+
+    Parameters
+    ----------
+    objective : callable
+        ``(n, d) -> (n,)``, or ``(n, m)`` for m objectives.
+    dimension : int
+        d.
+    config : Optimiser
+        Population and evaluations.
+    seed : int
+        Seed of Platypus' random numbers.
+    objectives : int
+        m.
+
+    Returns
+    -------
+    ndarray, shape (population, d)
+        The last population, the least sum of objectives first.
+
+    References
+    ----------
+    Deb et al., "A fast and elitist multiobjective genetic algorithm: NSGA-II" (2002).
+    """
+    import platypus
+
+    class Batched(platypus.Evaluator):  # type: ignore[misc]
+        """All solutions of a generation in one call of the objective."""
+
+        def evaluate_all(self, jobs: Any, **_: Any) -> Any:
+            jobs = list(jobs)
+            points = np.array([job.solution.variables[:] for job in jobs], dtype=np.float64)
+            state = random.getstate()
+            values = objective(points)
+            random.setstate(state)  # libraries draw as they are imported, which must not move Platypus' numbers
+            for job, value in zip(jobs, values, strict=True):
+                job.solution.objectives[:] = [float(part) for part in np.atleast_1d(value)]
+                job.solution.constraint_violation = 0.0
+                job.solution.feasible = True
+                job.solution.evaluated = True
+            return jobs
+
+    problem = platypus.Problem(dimension, objectives)
+    problem.types[:] = [platypus.Real(0.0, 1.0) for _ in range(dimension)]
+    with _seeded_global_random(seed):
+        algorithm = platypus.NSGAII(problem, population_size=config.population, evaluator=Batched())
+        algorithm.run(max(config.evaluations, config.population))
+        population = sorted(algorithm.population, key=lambda s: sum(s.objectives))
+        return np.array([solution.variables[:] for solution in population], dtype=np.float64)
