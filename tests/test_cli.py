@@ -12,7 +12,7 @@ from typer.testing import CliRunner, Result
 
 from radcal.cli import app, snakemake_command
 from radcal.config import load
-from radcal.config.casefile import check_words
+from radcal.config.yaml_file import check_words
 from radcal.errors import ConfigError
 
 ROOT = Path(__file__).parents[1]

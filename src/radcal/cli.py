@@ -194,7 +194,7 @@ def snakemake_command(
 
 def _overrides(words: Sequence[str]) -> dict[str, Any]:
     """Settings of the command line, section by section."""
-    from radcal.config.casefile import check_words, merged, setting
+    from radcal.config.yaml_file import check_words, merged, setting
 
     check_words(words, "--set")
     data: dict[str, Any] = {}

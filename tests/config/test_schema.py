@@ -13,7 +13,7 @@ import pytest
 from jsonschema import Draft7Validator
 
 from radcal.config import case_from
-from radcal.config.casefile import read_case_file
+from radcal.config.yaml_file import read_case_file
 from radcal.errors import ConfigError
 
 ROOT = Path(__file__).parents[2]

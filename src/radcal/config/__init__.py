@@ -12,10 +12,10 @@ from radcal.config.loading import case_from, load
 from radcal.config.materials import Material, Start
 from radcal.config.measurement import FileMeasurement, MeasurementConfig, Synthetic, SyntheticMeasurement
 from radcal.config.optimiser import Optimiser
+from radcal.config.pydantic_errors import nearest
 from radcal.config.radar import Radar
 from radcal.config.registration import RegistrationConfig
 from radcal.config.scene import BuiltinScene, RasterScene, SceneConfig, SceneObjects, SlantRangeScene
-from radcal.config.sentences import nearest
 from radcal.config.simulator import (
     BuiltinSimulation,
     CommandSimulation,

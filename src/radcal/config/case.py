@@ -14,11 +14,11 @@ from radcal.config.materials import DEFAULT_LAW, Material, check_parameters, def
 from radcal.config.measurement import FileMeasurement, MeasurementConfig, Synthetic, SyntheticMeasurement
 from radcal.config.optimiser import Optimiser
 from radcal.config.part import Part
+from radcal.config.pydantic_errors import nearest
 from radcal.config.radar import Radar
 from radcal.config.registration import RegistrationConfig
 from radcal.config.scene import BuiltinScene, SceneConfig
 from radcal.config.sections import TAGS, CaseName, Objective
-from radcal.config.sentences import nearest
 from radcal.config.simulator import BuiltinSimulation, CommandSimulation, SimulatorConfig
 from radcal.config.stop import Stop
 from radcal.config.surrogate import SurrogateConfig

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from radcal.config.case import Case
 from radcal.config.measurement import FileMeasurement
+from radcal.config.pydantic_errors import shown
 from radcal.config.scene import BuiltinScene, RasterScene, SlantRangeScene
-from radcal.config.sentences import shown
 from radcal.config.simulator import CommandSimulation
 from radcal.errors import ConfigError
 from radcal.reading.rasters import RasterRefused, raster_files

@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from radcal.config.case import Case
-from radcal.config.sentences import sentence
+from radcal.config.pydantic_errors import sentence
 from radcal.errors import ConfigError
 
 __all__ = ["case_from", "load"]
@@ -17,7 +17,7 @@ __all__ = ["case_from", "load"]
 
 def _parsed(overrides: Mapping[str, Any]) -> dict[str, Any]:
     """Overrides in which sections given as text on the command line are parsed to data."""
-    from radcal.config.casefile import read_value
+    from radcal.config.yaml_file import read_value
 
     parsed = dict(overrides)
     for key, value in overrides.items():
@@ -56,7 +56,7 @@ def load(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None
     ConfigError
         A file is missing, empty or not YAML, a key is given twice, or a value is refused.
     """
-    from radcal.config.casefile import merged, read_case_file  # imports PyYAML, which jobs do not need
+    from radcal.config.yaml_file import merged, read_case_file  # imports PyYAML, which jobs do not need
 
     data: dict[str, Any] = {}
     for file in files:

@@ -11,8 +11,8 @@ from typing import Annotated, Any, Self
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from radcal.config.limits import Parameter, Real
+from radcal.config.pydantic_errors import nearest
 from radcal.config.sections import Section
-from radcal.config.sentences import nearest
 from radcal.radar.laws import EXTERNAL, LAWS, Law, external_law
 
 __all__ = ["DEFAULT_LAW", "Material", "Start", "check_parameters", "default_materials"]
@@ -115,7 +115,7 @@ class Start(Section):
 class Material(Section):
     """Surface material: its law, and either fixed parameters or bounds within which to calibrate them."""
 
-    calibrate: bool = Field(False, description="whether its parameters are calibrated")
+    calibrate: bool = Field(False, description="whether the parameters of this material's law are calibrated")
     law: str = Field(DEFAULT_LAW, description="backscatter law (docs/laws.md)")
     angles_deg: Knots | None = Field(None, description="incidence angles of a tabulated law's knots [deg]")
     names: list[str] | None = Field(None, description="names of the parameters (law: external)")

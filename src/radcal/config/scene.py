@@ -63,7 +63,7 @@ class BuiltinScene(Section):
     """Four square kilometres of real SRTM terrain with seven materials and a dyke."""
 
     source: Literal["builtin"] = Field("builtin", description=_SOURCE)
-    seed: Seed = Field(1, description="seed of the fields' layout and of the fine roughness")
+    seed: Seed = Field(1, description="seed of the layout of the agricultural fields and of the terrain's fine relief")
     objects: SceneObjects | None = Field(None, description="objects on the ground")
 
 

@@ -53,7 +53,7 @@ class Classes:
         return self.count.size
 
     def shares(self, label: NDArray[np.int64], labels: int) -> NDArray[np.float64]:
-        """Share of each bin's pixels with each label 0 to ``labels - 1``, shape (n, labels)."""
+        """Share of each incidence-angle bin's pixels in each labelled area, shape (n, labels)."""
         joint = np.bincount(self.member * labels + label, minlength=self.size * labels)
         return np.asarray(joint.reshape(self.size, labels) / self.count[:, None])
 

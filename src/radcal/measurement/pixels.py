@@ -30,7 +30,7 @@ _IQR_OF_NORMAL = 1.349
 
 @dataclass(frozen=True)
 class Eligible:
-    """Pixels of a material that may be drawn.
+    """Pixels of a material from which the target's pixels are drawn: inside the material, valid, and not masked.
 
     Attributes
     ----------
@@ -147,7 +147,7 @@ def eligible_pixels(
     uncertainty_px: NDArray[np.float32] | None = None,
     flags: Mapping[str, NDArray[np.bool_]] | None = None,
 ) -> Eligible:
-    """Pixels of a material that may be drawn.
+    """Pixels of a material from which the target's pixels are drawn: inside the material, valid, and not masked.
 
     Parameters
     ----------

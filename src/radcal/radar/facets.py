@@ -80,7 +80,7 @@ def fill_facets(
     columns: Any, start: Any, by_area: Any, objects: Any, out_material: Any, out_angle: Any, out_weight: Any,
     place: Any,
 ) -> None:  # fmt: skip
-    """Material, incidence and weight of every part of a facet, in the order of pixels.
+    """Material, incidence angle and weight of the parts of facets between pixel borders, in the order of pixels.
 
     The weight is the part's area [m2], or for ``sigma0_local`` its share of the pixel's slant range times its width in
     lines. The weight of an object (material ``objects``) is always the area. ``place`` is the part's position in lines

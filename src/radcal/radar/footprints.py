@@ -1,8 +1,8 @@
 """Footprints of objects among the facets: boxes raised over the ground, points at their slant range.
 
-A box is level at its height above the mean ground of its footprint. Its facets are the
-roof and the walls that face the radar; walls along the line of sight have no extent in slant range, and walls at the
-back are never seen. Double bounce between box and ground is not modelled; a given cross-section may include it.
+A box is level at its height above the mean ground of its footprint. It has facets on its roof and on the walls that face
+the radar; walls parallel to the line of sight are seen edge-on, and walls at the back are hidden. Double bounce between
+box and ground is not modelled; a given cross-section may include it.
 """
 
 from __future__ import annotations
@@ -185,7 +185,7 @@ def to_boxes_and_spots(
 
 @dataclass(frozen=True)
 class Raised:
-    """Boxes over some lines; arrays of shape (lines, facets).
+    """Boxes that stand on a block of azimuth lines of the refined scene; arrays of shape (lines, facets).
 
     Attributes
     ----------

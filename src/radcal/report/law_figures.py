@@ -227,7 +227,7 @@ def _curves(axes: Axes, material: MaterialResult, seen: Array) -> None:
 
 
 def _truth(axes: Axes, material: MaterialResult, hidden: Array, incidence_deg: Array, seen: Array) -> float:
-    """Found minus true law; the largest difference over the incidence seen [dB]."""
+    """Draw the found law minus the true one, and return the largest difference over the incidence in the image [dB]."""
     curve, found = material.parameters.curve(), material.parameters.values[material.best]
     difference = law_difference_db(curve, found, hidden, incidence_deg)
     for angles, width in ((_ANGLES_DEG, 1.0), (seen, 3.2)):

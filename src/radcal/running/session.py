@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from radcal.config import Case, check_reuse, input_files, load
-from radcal.config.casefile import check_words
+from radcal.config.yaml_file import check_words
 from radcal.errors import RadcalError, StoreError
 from radcal.running.jobs import CASE, FAILURE, OWNER, PROGRESS, STARTED, Follower
 from radcal.running.salvage import files_of, salvage

@@ -47,7 +47,7 @@ def remember(file: str | Path, name: str) -> None:
 
 
 def cancel_leftovers(file: str | Path) -> int:
-    """Cancel the remaining jobs of the command noted last, wait until they are gone, and delete the note.
+    """Cancel the jobs that an earlier command has left in Slurm's queue, and wait until they are gone.
 
     A remaining job would write the same files as the job that replaces it.
 

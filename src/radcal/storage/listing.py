@@ -15,7 +15,7 @@ _KEY = "checksums"
 
 
 def write_listing(path: str | Path, files: Iterable[str | Path]) -> None:
-    """Write the SHA-256 of files beside or below the list.
+    """Write a list of SHA-256 checksums of files that lie in the folder of the list or below it.
 
     Parameters
     ----------

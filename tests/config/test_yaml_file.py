@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from radcal.config.casefile import check_words, merged, read_case_file, read_value, setting
+from radcal.config.yaml_file import check_words, merged, read_case_file, read_value, setting
 from radcal.errors import ConfigError
 
 

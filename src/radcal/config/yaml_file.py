@@ -14,7 +14,7 @@ from typing import Any
 
 import yaml
 
-from radcal.config.sentences import shown
+from radcal.config.pydantic_errors import shown
 from radcal.errors import ConfigError
 
 __all__ = ["check_words", "merged", "read_case_file", "read_value", "setting"]
