@@ -1,8 +1,8 @@
 """Footprints of objects among the facets: boxes raised over the ground, points at their slant range.
 
-A box is level at its height above the mean ground of its footprint. It has facets on its roof and on the walls that face
-the radar; walls parallel to the line of sight are seen edge-on, and walls at the back are hidden. Double bounce between
-box and ground is not modelled; a given cross-section may include it.
+A box is level at its height above the mean ground of its footprint. It has facets on its roof and on the walls that
+face the radar; walls parallel to the line of sight are seen edge-on, and walls at the back are hidden. Double bounce
+between box and ground is not modelled; a given cross-section may include it.
 """
 
 from __future__ import annotations
