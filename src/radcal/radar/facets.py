@@ -83,8 +83,8 @@ def fill_facets(
     """Material, incidence angle and weight of the parts of facets between pixel borders, in the order of pixels.
 
     The weight is the part's area [m2], or for ``sigma0_local`` its share of the pixel's slant range times its width in
-    lines. The weight of an object (material ``objects``) is always the area. ``place`` is the part's position in lines
-    and facets.
+    lines. The weight of an object (material ``objects``) is always the area. ``place`` holds the indices
+    (azimuth line, facet along the line) of the facet that each part belongs to.
     """
     lines, facets = near.shape
     for block in prange((columns + _BLOCK - 1) // _BLOCK):

@@ -49,7 +49,7 @@ class Reflectivity:
 
 
 def uniform(power: NDArray[np.float32]) -> Reflectivity:
-    """Reflectivity of one material from a map of its power [linear], shape (rows, columns)."""
+    """Expected power of an image of one material, from the power of each pixel [linear], shape (rows, columns)."""
     n = power.size
     shape = (power.shape[0], power.shape[1])
     return Reflectivity(

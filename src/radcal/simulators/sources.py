@@ -1,4 +1,4 @@
-"""Configured simulator, alone and behind the run store."""
+"""The configured simulator, and the same with a store of runs, which simulates only runs that are not stored."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def make_simulator(case: stages.Simulator, geometry: Geometry, geometry_path: st
 
 
 def make_runner(case: stages.Simulation, scene_path: str | Path, geometry_path: str | Path, runs: str | Path) -> Runner:
-    """Configured simulator behind the case's run store."""
+    """Configured simulator with the run store of the case: a stored run is read, a new one is simulated and stored."""
     geometry = read_geometry(geometry_path)
     simulator = make_simulator(case, geometry, geometry_path)
     return Runner(RunStore(runs), simulator, geometry, read_scene(scene_path).identity, case)

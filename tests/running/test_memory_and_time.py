@@ -16,7 +16,7 @@ from radcal.config import BuiltinScene, Radar, RasterScene, SlantRangeScene, cas
 from radcal.errors import ConfigError, SceneError
 from radcal.radar.projection import make_geometry
 from radcal.radar.size import ImageSize, check_size, image_size, refinement
-from radcal.running.resources import memory_mb, runtime_minutes, values_of
+from radcal.running.memory_and_time import memory_mb, runtime_minutes, values_of
 from radcal.scene.builtin import builtin_scene
 from radcal.scene.raster import raster_scene
 from radcal.scene.size import SceneSize, scene_size
