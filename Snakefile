@@ -48,12 +48,13 @@ UNUSED -= {*SIMULATOR, *REUSED}
 
 
 def results(wildcards):
-    """Outputs of a finished case: those of its design's chunks and of its iterations, without leftovers beyond them."""
+    """Outputs of a finished case, with one file for each chunk of its design and each of its iterations."""
     numbers = {"chunk": CHUNKS, "k": range(len(verified(wildcards)))}
     return expand(sorted(OUTPUTS - UNUSED), **numbers)
 
 
-# The processes of the jobs read this file too, and a dry run must change nothing.
+# Damaged files are set aside only by the main process (the processes of the jobs read the Snakefile too), and not in a
+# dry run, which must change nothing.
 if workflow.is_main_process and not is_dry_run(sys.argv):
     SESSION.set_damaged_aside(OUTPUTS)
 
@@ -69,7 +70,7 @@ localrules:
 rule all:
     default_target: True
     input:
-        # named here as well, because a dry run does not know the number of iterations
+        # the summary is named here as well, because a dry run does not know the number of iterations
         f"{OUT}/summary.json",
         # All outputs are requested, so that a deleted intermediate file is made again, and a finished loop continues
         # when its tolerance has been tightened.

@@ -1,6 +1,6 @@
 """The command ``radcal``: checks a case before Snakemake reads it, then hands over to Snakemake.
 
-Snakemake loads a case file before the workflow's own code runs, and ends in a traceback where it cannot read it.
+Snakemake loads a case file before the workflow's own code runs, and ends in a traceback where it cannot read the file.
 Modules that are slow to import are imported by the command that needs them.
 """
 
@@ -27,7 +27,7 @@ app = typer.Typer(
 
 _TARGETS = ("all", "reference", "design")  # documented targets; any other rule is accepted, too
 _OURS = ("--conf", "-C")  # Snakemake's --configfile and --config with their abbreviations
-_ELSEWHERE = ("--cores", "-c", "--jobs", "-j", "--profile", "--executor", "-e")  # instead of --cores all
+_ELSEWHERE = ("--cores", "-c", "--jobs", "-j", "--profile", "--executor", "-e")  # any replaces --cores all
 
 _RUN_HELP = """Check a case and calibrate it, in the folder of your clone.
 
@@ -215,7 +215,7 @@ def _for_snakemake(value: Any) -> str:
 
 
 def _become(command: Sequence[str]) -> NoReturn:
-    """Replace this process by another program, which then has the terminal, Ctrl-C and the exit status."""
+    """Replace this process by another program, which takes over the terminal, Ctrl-C and the exit status."""
     sys.stdout.flush()
     sys.stderr.flush()
     os.execv(command[0], list(command))  # noqa: S606 - a list of arguments, never a shell

@@ -1,6 +1,6 @@
-# The reference run and the initial design. Runs are kept in the run store, in which every job looks first; the files
-# below only index it, and a job that runs again finds its runs there.
-# Measurement and target come first, so that a mistake in them is found before any run. They are not ancient(): if the
+# The reference run and the initial design. Runs are kept in the run store, where every job looks first; the outputs
+# below only list runs of the store, and a job that runs again finds its runs in the store.
+# Measurement and target are inputs, so that a mistake in them is found before any run. They are not ancient(): if the
 # job of an ancient() input runs, Snakemake does not check whether the following job must run, too, so that the old
 # design would remain after a change of the seed, which also changes the target.
 

@@ -5,7 +5,7 @@ from radcal.calibration.stopping import decide
 
 
 def verified(wildcards):
-    """Files of the iterations that are needed; a missing one raises, so that Snakemake makes it."""
+    """Files of the verified iterations until the search ends; a missing file raises, so that Snakemake makes it."""
     files = [checkpoints.scores.get().output.scores]
     k = 0
     while not decide(read_runs(files), CASE.calibrated, CASE.stop).ended:
@@ -20,12 +20,12 @@ def earlier(wildcards):
 
 
 def last_surrogate(wildcards):
-    """File of the surrogate from which the training starts."""
+    """File of the earlier iteration's surrogate, from which the training starts; empty for the first iteration."""
     k = int(wildcards.k)
     return f"{OUT}/iterations/{k - 1}/surrogate.h5" if k > 0 else []
 
 
-# New stop settings affect only the readers of this file: the walk above and the archive. The jobs of the loop read them
+# New stop settings affect only `verified` above and the readers of stop.json. The jobs of the loop read the settings
 # from Snakemake's config, so that no finished job runs again.
 rule stop_settings:
     output:

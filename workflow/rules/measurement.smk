@@ -26,7 +26,8 @@ rule measurement:
         "../scripts/measurement.py"
 
 
-# The reference run is the fixed image, because its materials and slopes are at the scene's places.
+# The measured image is moved onto the image of the reference run, because the latter's materials and slopes lie where
+# the scene has them.
 rule registration:
     input:
         reference=f"{OUT}/reference.json",

@@ -27,7 +27,7 @@ def memory(stage):
 
 
 def minutes(stage, runs=0):
-    """Longest time of a job with a number of runs [min]."""
+    """Time that a job requests for a number of runs [min]."""
 
     def runtime(wildcards):
         return runtime_minutes(

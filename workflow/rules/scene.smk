@@ -27,7 +27,7 @@ rule scene:
 
 
 # The geometry is part of radcal's own simulator and depends on its version. For another simulator it does not change
-# with the version, because the records of finished runs hold its pixels.
+# with the version, because the records of finished runs hold pixels of this geometry.
 VERSION = {"version": SIMULATOR_VERSION} if CASE.simulator.kind == "builtin" else {}
 
 

@@ -3,7 +3,7 @@
 SYNTHETIC = CASE.measurement.source == "synthetic"
 
 
-# A new build or setting of an external simulator is another simulator. Every job that simulates has this file as an
+# A new build or setting of an external simulator is another simulator. Every job that simulates has simulator.json as
 # input, never as ancient(). The simulator's sources as inputs would not be enough: if the job of an ancient() input
 # runs, Snakemake does not check whether the following job must run, too.
 rule simulator:
@@ -27,7 +27,7 @@ rule simulator:
         "../scripts/simulator.py"
 
 
-# radcal's own simulator has no files or settings that change its numbers, so that it needs no such job
+# radcal's own simulator has no files or settings that change its numbers, so that its jobs need no simulator.json
 SIMULATOR = (
     [rules.simulator.output.identity] if CASE.simulator.kind == "command" else []
 )

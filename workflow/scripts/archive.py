@@ -1,4 +1,4 @@
-"""Gather every run and iteration in one file and one table."""
+"""Write every run and iteration to one file, ``calibration.h5``, and all runs to one table, ``runs.csv``."""
 
 from radcal.calibration.conclusion import conclude
 from radcal.calibration.history import read_runs

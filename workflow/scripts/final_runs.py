@@ -1,4 +1,4 @@
-"""Simulate every material's best parameters together, and once more with fresh random numbers."""
+"""Simulate the best parameters of all materials in one run, and in a second run with another noise seed."""
 
 from radcal.calibration.history import read_runs
 from radcal.calibration.steps import all_parameters, noise_seed, not_fresh
@@ -12,7 +12,7 @@ with logged(snakemake.log[0], snakemake.params.case):
     history = read_runs([snakemake.input.scores, *snakemake.input.verified])
     runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     parameters = all_parameters(case.materials, {name: history.best(name).parameters[name] for name in case.calibrated})
-    # with one calibrated material the first is already in the store, where its image is not needed
+    # with one calibrated material the first of these runs is in the run store already; its whole image is not needed
     records = [runner.run(parameters, noise_seed(case, fresh), image=fresh) for fresh in (False, True)]
     write_index(snakemake.output.final, [IndexedRun(record.key, parameters) for record in records])
     progress("final runs: the calibrated laws together, and once more with another seed")

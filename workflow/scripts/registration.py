@@ -1,4 +1,4 @@
-"""Register the measured image onto the reference run's."""
+"""Register the measured image onto the image of the reference run."""
 
 from radcal.config import stages
 from radcal.measurement.model import read_measurement

@@ -1,4 +1,4 @@
-"""Write the summary, and print how the calibration ended."""
+"""Write ``summary.json``, and print how the calibration ended."""
 
 from radcal.report.archive import read_archive
 from radcal.report.summary import numbered_jobs, sentences, summarise, wall_seconds

@@ -1,4 +1,4 @@
-"""Draw the pixels of every calibrated material and fit their densities."""
+"""Draw the target's pixels of every calibrated material at random and fit their densities."""
 
 from radcal.calibration.class_search import class_targets
 from radcal.config import stages

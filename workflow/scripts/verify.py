@@ -1,4 +1,4 @@
-"""Simulate the proposals in one run and score it."""
+"""Simulate the proposals of all materials in one run and score this run."""
 
 from radcal.calibration.history import History, read_proposals, read_runs, write_runs
 from radcal.calibration.steps import progress_line, verify

@@ -66,7 +66,7 @@ class LawParameters:
     units: Annotated[tuple[str, ...] | None, About("units of the parameters of an external law")] = None
 
     def curve(self) -> Law:
-        """Law with its conditions bound, without the parameters.
+        """Function of incidence and parameters that evaluates the law under its conditions.
 
         Raises
         ------

@@ -40,7 +40,7 @@ def _reach(dp: Array) -> tuple[float, float]:
 
 
 class _Densities:
-    """Axis of densities with the target in its middle; other densities may lie partly outside."""
+    """Axis of backscatter with the target in its middle; other densities may lie partly outside the axis."""
 
     def __init__(self, axes: Axes, material: MaterialResult) -> None:
         self._axes = axes
@@ -126,7 +126,7 @@ def histogram(case: Archive, name: str) -> tuple[Canvas, str, str]:
 
 
 def densities(case: Archive, name: str) -> tuple[Canvas, str, str]:
-    """Figure of the target density with those of the start and of the calibrated law."""
+    """Figure of three densities: those of the target, the start and the calibrated law."""
     material = case.materials[name]
     canvas = new_canvas(6.2, 4.2)
     axes = canvas.subplots()
@@ -206,7 +206,8 @@ def quality(case: Archive, name: str) -> tuple[Canvas, str, str]:
         return np.asarray(np.interp(share, below[rising], grid[rising]))
 
     expected = quantile((np.arange(n) + 0.5) / n)
-    # order statistics of this number of independent values (David and Nagaraja, "Order Statistics", section 2.1)
+    # order statistics of as many independent values as the effective sample size (David and Nagaraja, "Order
+    # Statistics", section 2.1)
     m = max(8, round(material.effective))
     rank = np.arange(1, m + 1)
     shares = np.stack([betaincinv(rank, m + 1 - rank, tail) for tail in (0.025, 0.975)])

@@ -1,4 +1,4 @@
-"""Shared parts of all figures: colours, type, canvases, names.
+"""Shared parts of all figures: colours, fonts, canvases, names.
 
 Colours have the same meaning in all figures (Okabe and Ito's palette, with different line styles, too):
 target and measurement black and grey, start orange dashed, calibrated blue, hidden truth
@@ -66,7 +66,7 @@ def label(name: str, width: int = 44) -> str:
 
 
 def titled(name: str, text: str = "") -> str:
-    """Name of a material and a remark, on two lines if one is too short."""
+    """Title from a material's name and a remark, on two lines if they do not fit on one."""
     shown = label(name)
     if not text:
         return shown
@@ -74,7 +74,7 @@ def titled(name: str, text: str = "") -> str:
 
 
 def slugs(names: Iterable[str]) -> Iterator[str]:
-    """Short and plain file names, all different."""
+    """Short file names of plain characters, a different one for each name."""
     used: set[str] = set()
     for name in names:
         stem = re.sub(r"[^A-Za-z0-9_-]+", "_", name)[:80]
@@ -86,7 +86,7 @@ def slugs(names: Iterable[str]) -> Iterator[str]:
 
 
 def short(value: float) -> str:
-    """Two significant digits."""
+    """Text of a number with two significant digits."""
     return f"{value:.2g}"
 
 

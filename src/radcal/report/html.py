@@ -74,7 +74,7 @@ def _material(name: str, summary: Mapping[str, Any], result: MaterialResult) -> 
     low, high = np.percentile(result.incidence_deg, [5.0, 95.0])
     start = result.start.values.tolist()
     hidden = summary.get("hidden", {})
-    # a start with another law has other parameters
+    # a start with another law has parameters of that other law
     same_law = bool(np.isfinite(result.parameters.values[0]).all())
     parameters = [
         {
@@ -124,7 +124,7 @@ def _who(found: Sequence[Mapping[str, Any]], total: int) -> str:
 
 
 def _belief(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) -> str:
-    """Sentence on what was shown, a matched histogram or a law, and on laws that are not identified."""
+    """Sentence on whether the histogram or the law was matched, and on laws that are not identified."""
     curves = [m for m in materials if m["identified"] is not None]
     lost = [m for m in curves if not m["identified"]]
     useless = [m for m in curves if (v := m["validation"]) and not v["rmse_law_patch_db"] < v["rmse_constant_db"]]
@@ -147,7 +147,7 @@ def _belief(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) 
 
 
 def _verdict(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) -> str:
-    """First line of the page: end of the search, and what was shown."""
+    """First line of the page: how the search ended, and whether the histogram or the law was matched."""
     return f"{_ending(summary, materials)} {_belief(summary, materials)}"
 
 

@@ -39,7 +39,7 @@ _ANGLES_DEG = np.linspace(0.0, 90.0, 361)
 def _runs(axes: Axes, case: Archive, material: MaterialResult, shown: Array) -> None:
     """Draw every run's value by kind of run, and the best value so far."""
     runs = np.arange(shown.size)
-    counted = np.isfinite(material.parameters.values).all(axis=1)  # a run of another law is nobody's best
+    counted = np.isfinite(material.parameters.values).all(axis=1)  # a run of another law is never the best
     best = np.minimum.accumulate(shown[counted])
     axes.step(runs[counted], best, where="post", color="black", linewidth=1.6, label="best so far")
     ended = np.zeros(shown.size, dtype=bool)
@@ -201,9 +201,9 @@ def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
 
 
 def _curves(axes: Axes, material: MaterialResult, seen: Array) -> None:
-    """Start, found and truth over all angles, thick over those seen [deg], and the levels asked of the law."""
+    """Draw the starting, found and true laws, with thick lines at the angles seen [deg], and the bins' levels."""
     parameters, start, check = material.parameters, material.start, material.check
-    # a start whose X is none of the calibrated law's has another law
+    # where the first run has no X of the calibrated law, the start has another law
     begun = f"start ({start.law})" if np.isnan(parameters.values[0]).any() else "start"
     curves: list[tuple[str, Law, Array, dict[str, Any]]] = [
         (begun, start.curve(), start.values, START),
@@ -220,7 +220,7 @@ def _curves(axes: Axes, material: MaterialResult, seen: Array) -> None:
             marker="o", markersize=4.5, elinewidth=1.2, zorder=4, label="classes, 95 %",
         )  # fmt: skip
     axes.margins(x=0)
-    if axes.get_ylim()[0] < _GRAZING_DB:  # a law that falls to nothing at grazing incidence hides all else
+    if axes.get_ylim()[0] < _GRAZING_DB:  # a law that falls steeply at grazing incidence would flatten all other curves
         shown = np.radians(_ANGLES_DEG[_ANGLES_DEG <= 85.0])
         values = np.concatenate([curve(shown, x) for _, curve, x, _ in curves])
         axes.set_ylim(float(values.min()) - 3.0, float(values.max()) + 3.0)

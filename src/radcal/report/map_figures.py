@@ -1,4 +1,4 @@
-"""Maps: measured and simulated images, registration, residual."""
+"""Maps of the measured and simulated images, of the registration and of the residual."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def _factor(shape: tuple[int, ...]) -> int:
 
 
 def _shown(image_db: NDArray[Any]) -> NDArray[Any]:
-    """Image for the page, averaged in power if it is large."""
+    """Image for a figure, averaged in power over blocks of pixels if the image is large."""
     k = _factor(image_db.shape)
     if k == 1:
         return image_db
@@ -92,7 +92,7 @@ def image_extent(shape: tuple[int, ...]) -> tuple[float, float, float, float]:
 
 
 def images(case: Archive) -> tuple[Canvas, str, str] | None:
-    """Figure of the measured image, the start and the calibrated image."""
+    """Figure of the measured image and of the simulated images before (start) and after calibration."""
     kept = case.images
     titled = {"measured": kept.measured_db, "start": kept.reference_db, "calibrated": kept.calibrated_db}
     there = {title: image for title, image in titled.items() if image is not None}
@@ -215,7 +215,7 @@ def residual(case: Archive) -> tuple[Canvas, str, str] | None:
 
 
 def _smoothed(pixels: NDArray[Any], incidence_deg: NDArray[Any] | None) -> NDArray[Any]:
-    """Mean difference [dB] over a boxcar; NaN where too little of it was compared."""
+    """Mean difference [dB] over a boxcar; NaN where too few pixels of the boxcar were compared."""
     from scipy.ndimage import uniform_filter
 
     # where no material is visible the simulation holds only noise and was not compared

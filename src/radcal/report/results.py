@@ -140,7 +140,7 @@ def _law(values: Any, material: Material, radar: Radar) -> LawParameters:
 
 
 def _runs(history: History) -> Runs:
-    """Runs in their order."""
+    """Runs in the order reference, reused, design, infill."""
     return Runs(
         kind=np.array([run.kind for run in history.runs]),
         index=np.array([run.index for run in history.runs]),
@@ -150,7 +150,7 @@ def _runs(history: History) -> Runs:
 
 
 def _registration(registered: Registered) -> RegistrationSummary:
-    """Registration, with its arrays where the displacement was applied."""
+    """Registration of the measured image, with its arrays only if the displacement was applied."""
     said = (registered.method, registered.applied, registered.verdict)
     if not registered.applied:
         return RegistrationSummary(*said)

@@ -113,7 +113,7 @@ def _check(check: Check) -> dict[str, Any]:
 
 
 def _numbers(held: HeldOutBlocks) -> dict[str, Any]:
-    """Errors on held-out blocks, without the values of single blocks."""
+    """Errors of the predictions on held-out blocks, without the values of single blocks."""
     return {key: value for key, value in vars(held).items() if not isinstance(value, np.ndarray)}
 
 
