@@ -48,7 +48,7 @@ class Boxes:
     half : ndarray of float64, shape (n, 2)
         Half of length and width, in lines.
     reach : ndarray of float64, shape (n, 2)
-        Half of the upright rectangle around the footprint, in lines and facets.
+        Half of the sides of the upright rectangle around the footprint, in lines and facets.
     top_m : ndarray of float64, shape (n,)
         Elevation of the roof [m].
     rcs_m2 : ndarray of float64, shape (n,)
@@ -193,7 +193,7 @@ class Raised:
     owner : ndarray of int32
         Number of the box that stands on a facet, -1 where none does.
     roof_m : ndarray of float64
-        Elevation of its roof [m]; of the ground where no box stands.
+        Elevation of the box's roof, or of the ground where no box stands [m].
     """
 
     owner: NDArray[np.int32]

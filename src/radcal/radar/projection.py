@@ -264,6 +264,6 @@ def _flat_incidence_deg(radar: Radar, slant_m: NDArray[np.float64]) -> NDArray[n
 
 
 def _per_area(radar: Radar, flat_incidence_deg: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Inverse of a pixel's reference area in the radiometry [1/m2]; ``sigma0_local`` has the area of sigma0."""
+    """Inverse of a pixel's reference area in the radiometry [1/m2]; ``sigma0_local`` takes the area of sigma0."""
     area = radar.range_spacing_m * radar.azimuth_spacing_m / np.sin(np.radians(flat_incidence_deg))
     return np.asarray(of_sigma0(radar.radiometry, flat_incidence_deg) / area)

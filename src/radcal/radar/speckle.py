@@ -78,7 +78,7 @@ def impulse_response(resolution_m: float, spacing_m: float) -> NDArray[np.float6
 
 
 def border_gain(taps: NDArray[np.floating], n: int) -> NDArray[np.float32]:
-    """Gain of the amplitudes near the image's border, by which even ground keeps its mean power up to the border.
+    """Gain of the amplitudes near the image's border, which gives even ground the same mean power up to the border.
 
     Parameters
     ----------

@@ -102,7 +102,7 @@ class Marked:
         )
 
     def checked(self, known: Mapping[str, float | int | str]) -> Marked:
-        """This text with placeholders, after a check that every name is known and every format can write its value.
+        """The text with its placeholders, after a check that every name is known and every format can write its value.
 
         Parameters
         ----------

@@ -90,7 +90,7 @@ class Runner:
     def without_masks(self, description: Mapping[str, Any]) -> dict[str, Any]:
         """Description of a run without the settings of the pass that this simulator does not receive.
 
-        Descriptions that earlier versions of radcal recorded hold these settings.
+        The descriptions that were recorded by earlier versions of radcal contain these settings.
         """
         told = {key: value for key, value in description.get("pass", {}).items() if key not in self._not_told}
         return {**description, "pass": told}

@@ -155,8 +155,8 @@ def search(
 ) -> tuple[NDArray[np.float64], float]:
     """Minimise the objective by Newton's method with a positive definite matrix and step halving.
 
-    The search ends where alpha is so large that the sample cannot tell the density from the
-    half-normal limit (see :func:`_limit`), unless a penalty keeps alpha finite.
+    The search ends where alpha is so large that the sample does not distinguish the density from the half-normal limit
+    (see :func:`_limit`), unless a penalty keeps alpha finite.
 
     Parameters
     ----------
@@ -210,7 +210,7 @@ def search(
 
 
 def farthest(n: int) -> float:
-    """Value of v beyond which a sample of n values cannot tell the density from the half-normal limit.
+    """Value of v beyond which a sample of n values does not distinguish the density from the half-normal limit.
 
     At this v, alpha times the smallest z of the sample is about 10.
 
@@ -281,9 +281,9 @@ def fit(sample: ArrayLike, penalised: bool = False) -> Fit:
     grows up to the largest skewness, the half-normal limit is tried, too.
 
     The penalised log-likelihood is the log-likelihood less c1 log(1 + c2 alpha^2), a penalty that corrects the bias of
-    alpha to first order. The maximum of the penalised log-likelihood is at a finite alpha for every sample. At alpha =
-    0 the penalised log-likelihood is never smooth and always has a local maximum: a sample whose skewness is less than
-    about 0.8 standard errors is fitted by a normal density.
+    alpha to first order. The maximum of the penalised log-likelihood is at a finite alpha for every sample. The
+    penalised log-likelihood is never smooth at alpha = 0, where it always has a local maximum: a sample whose skewness
+    is less than about 0.8 standard errors is fitted by a normal density.
 
     Parameters
     ----------

@@ -38,7 +38,7 @@ _HOPELESS = 2.5  # excess of the root of a likelihood ratio over its critical va
 def likelihood_ratio(sample: ArrayLike, skewness: float) -> float:
     """Twice the log of the likelihood's maximum over all parameters divided by its maximum at a given skewness.
 
-    The ratio does not change where the sample is shifted or scaled.
+    The ratio does not change if the sample is shifted or scaled.
 
     Parameters
     ----------
