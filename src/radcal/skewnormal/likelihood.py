@@ -240,7 +240,7 @@ def _valleys(
 
 
 def _limit(x: NDArray[np.float64], sign: float) -> NDArray[np.float64]:
-    """Direct parameters of the fitted half-normal distribution, the limit of large alpha."""
+    """Direct parameters of the fitted half-normal distribution, which is the limit of the density for large alpha."""
     y = sign * x
     omega = float(np.sqrt(np.mean((y - y.min()) ** 2)))
     # at the smallest value Phi(alpha z) has just reached 1

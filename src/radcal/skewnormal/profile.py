@@ -161,7 +161,7 @@ class _Profile:
         self._least = min(objective(self._top, y)[0], self._limit(math.copysign(1.0, skewness)))
 
     def _limit(self, sign: float, mean: float | None = None, sd: float | None = None) -> float:
-        """Objective at the half-normal limit, minimised over the parameters that are not given."""
+        """Objective at the half-normal limit, minimised over those of ``mean`` and ``sd`` that are None."""
         y = sign * self._y
         edge = float(y.min())
         if mean is None:
