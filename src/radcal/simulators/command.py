@@ -251,7 +251,7 @@ class CommandSimulator:
 
     @contextmanager
     def _folder(self, key: str, remark: str = "") -> Iterator[Path]:
-        """New folder with the program's files; a successful run's is removed, a failed run's kept under another name."""
+        """New folder with the program's files, removed after a successful run; after a failed run it is renamed."""
         folder = working_folder(self._work).absolute()
         ended = folder.name.rsplit("-", 1)[-1]
         try:
