@@ -27,7 +27,7 @@ def _bare(label: str) -> str:
 
 
 def same_label(first: str, second: str) -> bool:
-    """Whether two labels name the same band: "X", "x" and "X-band" do."""
+    """Whether two labels name the same frequency band, as "X", "x" and "X-band" do."""
     return _bare(first) == _bare(second)
 
 

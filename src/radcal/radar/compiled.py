@@ -1,9 +1,9 @@
-"""Compilation by numba, with a cache on disk that is named after all sources of the compiled functions.
+"""Compilation by numba, with a cache folder on disk whose name holds a hash of all sources of the compiled functions.
 
-numba loads a function from its cache as long as the function's own file is unchanged, even if compiled functions or
-constants that it uses from other files have changed. The folder is therefore named
-after a hash of all of these. Every module with compiled functions imports ``njit`` from here, by which the hash also
-finds these modules.
+numba loads a function's machine code from its cache as long as the function's own source file is unchanged, even if
+compiled functions or constants of other source files that the function uses have changed. The cache folder is therefore
+named after a hash of all source files with compiled functions or with constants that compiled functions use. Every
+module with compiled functions imports ``njit`` from this module, and :func:`sources` finds the modules by this import.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _KEPT, _IN_USE_S = 8, 24 * 3600.0  # number of folders of other hashes that are 
 
 
 def sources(package: Path) -> list[Path]:
-    """Files whose text determines the machine code of a package.
+    """Source files of a package that determine the machine code of its compiled functions.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def sources(package: Path) -> list[Path]:
 
 
 def _taken(tree: ast.Module) -> set[str]:
-    """Modules of radcal that a module's decorated functions or its variables use."""
+    """Names of radcal's modules from which a module's decorated functions or global variables use something."""
     makers = [node for node in tree.body if isinstance(node, ast.Assign | ast.AnnAssign)]
     compiled = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef) and node.decorator_list]
     used = {node.id for part in (*makers, *compiled) for node in ast.walk(part) if isinstance(node, ast.Name)}
@@ -72,7 +72,7 @@ def _taken(tree: ast.Module) -> set[str]:
 
 
 def cache_folder(package: Path = _PACKAGE) -> str | None:
-    """Folder for the machine code of a package's present sources; created where it is missing.
+    """Cache folder for the machine code of a package's present source files; created where it is missing.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def cache_folder(package: Path = _PACKAGE) -> str | None:
 
 
 def _remove_others(folder: Path) -> None:
-    """Remove the folders of other hashes that have not been used for long."""
+    """Remove the other cache folders beside ``folder``, except for the eight used last and those used within a day."""
     used = {}
     for path in folder.parent.glob("radcal-" + "[0-9a-f]" * 20):
         with contextlib.suppress(OSError):  # removed meanwhile
@@ -125,7 +125,9 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
 def njit(**options: Any) -> Callable[[_Function], _Function]:
-    """``numba.njit`` with its machine code kept in :func:`cache_folder`; without such a folder every process compiles.
+    """Decorator ``numba.njit`` that keeps the machine code in the folder of :func:`cache_folder`.
+
+    Where no such folder is writable, every process compiles the functions again.
 
     Parameters
     ----------

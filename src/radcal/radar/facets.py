@@ -1,7 +1,7 @@
 """Distribution of facets over the pixels that they reach in slant range and azimuth.
 
-Neighbouring facets share their edges, so that together they fill every pixel of smooth ground
-evenly: no power is lost or counted twice, and flat ground has no texture of facets.
+Neighbouring facets share their edges, so that together they fill every pixel of smooth ground evenly: no power is lost
+or counted twice, and the image of flat ground shows no pattern of the facets.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ _BLOCK = 16  # number of columns that one thread processes at a time
 def count_facets(
     near: Any, far: Any, state: Any, per_column: Any, rows: Any, columns: Any, counts: Any, layover: Any, shadow: Any
 ) -> None:
-    """Number of facets' parts in every pixel, and masks of layover and shadow.
+    """Number of the visible facets that reach each pixel, and masks of layover and shadow.
 
-    ``near`` and ``far`` are the edges of the facets in rows, shape (lines, facets); ``per_column`` the
-    number of lines in a column.
+    ``near`` and ``far`` are the nearest and furthest image row (a fractional number) of each facet, shape (lines,
+    facets). ``per_column`` is the number of azimuth lines per image column.
     """
     lines, facets = near.shape
     for block in prange((columns + _BLOCK - 1) // _BLOCK):
@@ -63,7 +63,11 @@ def count_facets(
 
 @njit()
 def shade(line: Any, near: Any, far: Any, per_column: Any, shadow: Any) -> None:
-    """Mark as shadow the pixels of hidden parts of partly visible facets: those of their lines, between two rows."""
+    """Mark as shadow the pixels that the hidden part of a partly visible facet covers.
+
+    The arrays ``line``, ``near`` and ``far`` hold for each such facet its azimuth line, and the nearest and furthest
+    image row of its hidden part.
+    """
     rows, columns = shadow.shape
     for i in range(line.size):
         first, last = int(line[i] / per_column), int(np.ceil((line[i] + 1) / per_column))
@@ -80,11 +84,12 @@ def fill_facets(
     columns: Any, start: Any, by_area: Any, objects: Any, out_material: Any, out_angle: Any, out_weight: Any,
     place: Any,
 ) -> None:  # fmt: skip
-    """Material, incidence angle and weight of the parts of facets between pixel borders, in the order of pixels.
+    """Material, incidence angle and weight of each visible facet's part in each pixel, in the order of the pixels.
 
-    The weight is the part's area [m2], or for ``sigma0_local`` its share of the pixel's slant range times its width in
-    lines. The weight of an object (material ``objects``) is always the area. ``place`` holds the indices
-    (azimuth line, facet along the line) of the facet that each part belongs to.
+    The weight of a part is its area [m2]. For the radiometry ``sigma0_local``, the weight is instead the part's extent
+    in slant range [image rows] times its width in azimuth [lines]. The weight of a part of an object, whose material id
+    is ``objects``, is its area for every radiometry. ``place`` holds for each part the azimuth line of its facet and
+    the facet's index along the line.
     """
     lines, facets = near.shape
     for block in prange((columns + _BLOCK - 1) // _BLOCK):
@@ -125,10 +130,10 @@ def order_facets(
     start: Any, columns: Any, material: Any, angle: Any, weight: Any, place: Any, of_ground: Any, of_objects: Any,
     objects: Any, cells: Any, pure: Any, mean_deg: Any, ground: Any,
 ) -> None:  # fmt: skip
-    """Sort each pixel's facets by material, finish their weights, and take the means of the pixel.
+    """Sort each pixel's facets by material, scale their weights, and average their incidence and position.
 
-    Weights are multiplied by ``of_ground``, and those of objects (material ``objects``) by ``of_objects``, shape
-    (rows,). The means are over the ground, without objects.
+    The weights of the ground's facets are multiplied by ``of_ground``, and those of objects' facets (material id
+    ``objects``) by ``of_objects``; both factors have the shape (rows,). The averages leave objects' facets out.
     """
     pixels = start.size - 1
     rows = pixels // columns
@@ -181,7 +186,7 @@ def order_facets(
 
 @njit(parallel=True)
 def cells_of(start: Any, cell_start: Any, material: Any, cell_material: Any, facet_start: Any) -> None:
-    """Material and first facet of every cell."""
+    """Material and first facet of every cell, which is the contribution of one material to one pixel."""
     for pixel in prange(start.size - 1):
         cell = cell_start[pixel] - 1
         for i in range(start[pixel], start[pixel + 1]):

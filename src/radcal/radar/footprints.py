@@ -1,8 +1,9 @@
-"""Footprints of objects among the facets: boxes raised over the ground, points at their slant range.
+"""Objects among the facets of the terrain: boxes that stand on the ground, and point scatterers at their slant range.
 
-A box is level at its height above the mean ground of its footprint. It has facets on its roof and on the walls that
-face the radar; walls parallel to the line of sight are seen edge-on, and walls at the back are hidden. Double bounce
-between box and ground is not modelled; a given cross-section may include it.
+The roof of a box is level. Its elevation is the object's height plus the mean elevation of the ground in the box's
+footprint. A box has facets on its roof and on the walls that face the radar; walls parallel to the line of sight are
+seen edge-on, and walls at the back are hidden. Double bounce between box and ground is not modelled, but the radar
+cross-section that is given for an object may include it.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ _SAMPLES = 5  # samples along each side of a footprint, for the mean elevation o
 
 @dataclass(frozen=True)
 class Boxes:
-    """Extended objects in the refined lines (axis 0) and facets (axis 1) of a pass.
+    """Objects that are modelled as boxes, with coordinates in azimuth lines (axis 0) and facets along a line (axis 1).
 
     Attributes
     ----------
@@ -47,7 +48,7 @@ class Boxes:
     half : ndarray of float64, shape (n, 2)
         Half of length and width, in lines.
     reach : ndarray of float64, shape (n, 2)
-        Half of the upright rectangle around the footprint, in lines and facets.
+        Half of the sides of the upright rectangle around the footprint, in lines and facets.
     top_m : ndarray of float64, shape (n,)
         Elevation of the roof [m].
     rcs_m2 : ndarray of float64, shape (n,)
@@ -67,7 +68,7 @@ class Boxes:
 
 @dataclass(frozen=True)
 class Spots:
-    """Point scatterers in the refined lines and facets of a pass.
+    """Objects that are modelled as point scatterers, with coordinates in azimuth lines and facets along a line.
 
     Attributes
     ----------
@@ -100,7 +101,7 @@ def _holds(line: Any, facet: Any, place: Any, axis: Any, half: Any) -> Any:
 
 @njit(parallel=True)
 def _covers(place: Any, axis: Any, half: Any, reach: Any, shape: Any, found: Any) -> None:
-    """Footprints that hold the middle of a facet."""
+    """Mask of the objects whose footprint holds the middle of at least one facet, written to ``found``."""
     for i in prange(place.shape[0]):
         found[i] = False
         low, high = max(0, int(place[i, 0] - reach[i, 0])), min(shape[0], int(place[i, 0] + reach[i, 0]) + 1)
@@ -113,7 +114,7 @@ def _covers(place: Any, axis: Any, half: Any, reach: Any, shape: Any, found: Any
 
 @njit()
 def _between(grid: Any, row: Any, column: Any) -> Any:
-    """Bilinear interpolation, constant beyond the border."""
+    """Value of ``grid`` at a fractional row and column, by bilinear interpolation; constant beyond the border."""
     row, column = min(max(row, 0.0), grid.shape[0] - 1.0), min(max(column, 0.0), grid.shape[1] - 1.0)
     r, c = min(int(row), grid.shape[0] - 2), min(int(column), grid.shape[1] - 2)
     p, q = row - r, column - c
@@ -123,7 +124,7 @@ def _between(grid: Any, row: Any, column: Any) -> Any:
 
 @njit(parallel=True)
 def _mean_ground(elevation: Any, k: Any, place: Any, axis: Any, half: Any, mean: Any) -> None:
-    """Mean elevation of footprints."""
+    """Mean elevation of the ground in each footprint, written to ``mean``."""
     for i in prange(place.shape[0]):
         total = 0.0
         for m in range(_SAMPLES):
@@ -139,9 +140,9 @@ def _mean_ground(elevation: Any, k: Any, place: Any, axis: Any, half: Any, mean:
 def to_boxes_and_spots(
     objects: Objects, elevation: NDArray[np.float64], look_side: str, k: int, step: float
 ) -> tuple[Boxes, Spots]:
-    """Boxes and points of the scene's objects, in the lines and facets of a pass.
+    """Division of the scene's objects into boxes and point scatterers, in the lines and facets of a pass.
 
-    Objects whose footprint holds the middle of no facet become points.
+    An object becomes a point scatterer if it has no footprint, or if its footprint holds the middle of no facet.
 
     Parameters
     ----------
@@ -185,14 +186,14 @@ def to_boxes_and_spots(
 
 @dataclass(frozen=True)
 class Raised:
-    """Boxes that stand on a block of azimuth lines of the refined scene; arrays of shape (lines, facets).
+    """Boxes on a block of azimuth lines of the refined elevation model; the arrays have the shape (lines, facets).
 
     Attributes
     ----------
     owner : ndarray of int32
         Number of the box that stands on a facet, -1 where none does.
     roof_m : ndarray of float64
-        Elevation of its roof [m]; of the ground where no box stands.
+        Elevation of the box's roof, or of the ground where no box stands [m].
     """
 
     owner: NDArray[np.int32]
@@ -200,13 +201,13 @@ class Raised:
 
     @classmethod
     def none(cls, ground_m: NDArray[np.float64]) -> Raised:
-        """Raised ground without any box."""
+        """Block of azimuth lines on which no box stands."""
         return cls(np.full(ground_m.shape, -1, dtype=np.int32), ground_m)
 
 
 @dataclass(frozen=True)
 class Seen:
-    """Visible part of the facets of some lines; arrays of shape (lines, facets), filled by :func:`stand`.
+    """Visible parts of the facets of a block of lines: arrays of shape (lines, facets) that :func:`stand` fills.
 
     Attributes
     ----------
@@ -234,7 +235,7 @@ class Seen:
 
     @classmethod
     def room(cls, near_m: NDArray[np.float64], far_m: NDArray[np.float64]) -> Seen:
-        """Empty arrays for facets of these slant ranges of the ground."""
+        """Arrays of a block of facets for :func:`stand` to fill, with the slant ranges of ground without boxes."""
         shape = near_m.shape
         return cls(
             near_m, far_m, np.zeros(shape, np.float32), np.zeros(shape, np.uint8), np.zeros((2, *shape)),
@@ -244,7 +245,7 @@ class Seen:
 
 @njit()
 def _raise(chosen: Any, place: Any, axis: Any, half: Any, reach: Any, top: Any, first: Any, owner: Any) -> None:
-    """Number of the highest box on every facet; of equally high boxes, the first."""
+    """Index of the highest box on each facet, written to ``owner``; among equally high boxes, that of the first."""
     lines, facets = owner.shape
     for i in chosen:
         low, high = int(np.floor(place[i, 0] - reach[i, 0])) - first, int(place[i, 0] + reach[i, 0]) + 1 - first
@@ -257,7 +258,7 @@ def _raise(chosen: Any, place: Any, axis: Any, half: Any, reach: Any, top: Any, 
 
 
 def raise_boxes(boxes: Boxes, ground_m: NDArray[np.float64], first: int) -> Raised:
-    """Put boxes on the lines from ``first`` on, whose ground has the elevation ``ground_m``."""
+    """Boxes on the block of lines that begins with line ``first`` and has the ground elevation ``ground_m``."""
     owner = np.full(ground_m.shape, -1, dtype=np.int32)
     low, high = boxes.place[:, 0] - boxes.reach[:, 0], boxes.place[:, 0] + boxes.reach[:, 0]
     chosen = np.flatnonzero((high >= first) & (low <= first + len(ground_m)))
@@ -274,7 +275,7 @@ def stand(
     owner: Any, roof: Any, at_edges: Any, edges: Any, middles: Any, track: Any, near: Any, far: Any, share: Any,
     half: Any, hidden: Any, horizon: Any, extent: Any,
 ) -> None:  # fmt: skip
-    """Visibility of the facets along some lines, written to the arrays of :class:`Seen`.
+    """Visibility of the facets of a block of lines, written to the arrays of :class:`Seen`.
 
     Parameters
     ----------
@@ -324,10 +325,11 @@ def stand(
 
 @njit()
 def _of_box(first: Any, last: Any, start: Any, down: Any, foot_down: Any, before: Any) -> tuple[Any, Any, Any]:
-    """Slant range of the nearest and furthest visible part of a facet of a box, and its extent if nothing hid it [m].
+    """Nearest and furthest slant range of the visible part of a box's facet, and the whole facet's slant extent [m].
 
-    The roof reaches from ``first`` to ``last`` in ground range and is seen from the fraction ``start`` on, ``down``
-    below the radar; the wall before it stands on a foot ``foot_down`` below.
+    The roof reaches from ground range ``first`` to ``last``, at the depth ``down`` below the radar; its visible part
+    begins at the fraction ``start`` of its length. The foot of the wall at the roof's near edge is ``foot_down`` below
+    the radar.
     """
     whole_near, whole_far = np.hypot(first, down), max(np.hypot(last, down), np.hypot(first, foot_down))
     if start >= 1.0:
@@ -342,7 +344,7 @@ def _of_box(first: Any, last: Any, start: Any, down: Any, foot_down: Any, before
 
 @njit()
 def add_up(owner: Any, extent: Any, total: Any) -> None:
-    """Add the slant extents of some lines to those of their boxes."""
+    """Add the slant extents of the facets of a block of lines to the total extents of the facets' boxes."""
     for line in range(owner.shape[0]):
         for f in range(owner.shape[1]):
             if owner[line, f] >= 0:
@@ -354,9 +356,9 @@ def locate(
     place: Any, height: Any, ground: Any, first: Any, last: Any, horizon: Any, edges: Any, track: Any, step: Any,
     slant: Any,
 ) -> None:  # fmt: skip
-    """Slant range of the points on the lines ``first`` to ``last``; NaN where something hides them.
+    """Slant range of the visible point scatterers from line ``first`` to before ``last``; a hidden one keeps NaN.
 
-    ``ground`` [m] has one line more on each side.
+    ``ground`` is the elevation of the ground on these lines and on one more line on either side [m].
     """
     facets = horizon.shape[1]
     for i in prange(place.shape[0]):
@@ -372,10 +374,11 @@ def locate(
 
 @njit(parallel=True)
 def share_out(near: Any, far: Any, state: Any, area: Any, owner: Any, rcs: Any, extent: Any) -> None:
-    """Area of the facets of boxes: their part of the cross-section [m2].
+    """Radar cross-section of each facet of a box [m2], written to ``area``.
 
-    The cross-section is divided in proportion to slant extent, so that a box is evenly bright in slant range; the part
-    of hidden facets is lost. ``owner`` shares its memory with ``area`` and holds the number of the facet's box.
+    The cross-section of a box is divided among its facets in proportion to slant extent, so that the box is evenly
+    bright in slant range. The share of hidden facets, and of hidden parts of facets, is lost. ``owner`` shares its
+    memory with ``area`` and holds the index of each facet's box.
     """
     for line in prange(near.shape[0]):
         for f in range(near.shape[1]):

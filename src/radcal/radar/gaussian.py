@@ -1,9 +1,9 @@
 """Counter-based circular Gaussian random numbers, which depend only on seed and pixel, not on the order of calls.
 
-Philox4x32-10 turns (seed, place, stream) into uniform bits, the Box-Muller transform these into
-complex numbers. Logarithm, sine and cosine are the single-precision approximations of the Cephes
-library (Moshier 1992) written out, so that compilers can work on many numbers at once and every
-processor gives the same bits.
+The generator Philox4x32-10 turns seed, place (index of the pixel) and stream (number of the material, or that of
+thermal noise) into uniform random bits; the Box-Muller transform turns these bits into complex Gaussian numbers.
+Logarithm, sine and cosine are written out as the single-precision approximations of the Cephes library (Moshier 1992).
+Compilers can therefore work on many numbers at once, and every processor gives the same bits.
 
 References
 ----------
@@ -30,7 +30,7 @@ _32 = np.uint64(32)
 
 @njit(inline="always")
 def philox(c0: Any, c1: Any, c2: Any, c3: Any, k0: Any, k1: Any) -> Any:
-    """Ten rounds of Philox4x32: four words of counter and two of key (uint32) to four random words."""
+    """Four random words (uint32) from four counter words and two key words, by ten rounds of Philox4x32."""
     for _ in range(10):
         p0, p1 = _M0 * np.uint64(c0), _M1 * np.uint64(c2)
         c0 = np.uint32(p1 >> _32) ^ c1 ^ k0

@@ -55,8 +55,8 @@ class Points:
 class Geometry:
     """Facets of the scene in the image of one pass.
 
-    A *cell* is the contribution of one material to one pixel. Cells are in the order of pixels, within a pixel in the
-    order of materials, and the facets of a cell are consecutive.
+    A *cell* is the contribution of one material to one pixel. Cells are sorted by pixel, and within a pixel by
+    material; the facets of a cell are consecutive.
 
     Attributes
     ----------
@@ -201,7 +201,7 @@ def _outdated(path: str | Path, described: str | None) -> bool:
 
 
 def _recorded_pass(path: Path, ours: str, immaterial: Container[str]) -> str:
-    """The pass as recorded in the file, where it differs only in immaterial keys; else the present pass."""
+    """Recorded description of the pass, if it differs from ``ours`` in immaterial keys only; else ``ours``."""
 
     def material(text: str) -> dict[str, Any]:
         return {key: value for key, value in json.loads(text).items() if key not in immaterial}

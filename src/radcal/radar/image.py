@@ -1,4 +1,4 @@
-"""Image formation: reflectivity to complex looks and a multilooked intensity image."""
+"""Image formation: computation of complex looks and of a multilooked intensity image from a reflectivity."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _PATCH = 64  # side of the tiles that are computed again where a law has changed
 def _touched(
     tiles: Any, rows: Any, columns: Any, reach: Any, start: Any, material: Any, changed: Any, found: Any
 ) -> None:  # fmt: skip
-    """Mask of the tiles whose image depends on a changed material."""
+    """Mask of the tiles whose image depends on a material whose law or parameters have changed."""
     for t in prange(tiles.shape[0]):
         top, left = max(0, tiles[t, 0] - reach[0]), max(0, tiles[t, 1] - reach[1])
         bottom, right = min(rows, tiles[t, 2] + reach[0]), min(columns, tiles[t, 3] + reach[1])
@@ -45,7 +45,7 @@ def _amplitude_row(
     row: Any, left: Any, right: Any, columns: Any, start: Any, material: Any, power: Any, noise: Any, look: Any,
     seed: Any, work: Any, words: Any, parts: Any, out: Any,
 ) -> None:  # fmt: skip
-    """Complex amplitude of a part of a row before the band limit, real and imaginary parts interleaved."""
+    """Complex amplitudes of a stretch of a row before the band limit, real and imaginary parts interleaved."""
     place, stream = work[0], work[1]
     base = row * columns
     n = right - left
@@ -75,7 +75,7 @@ def _amplitude_row(
 
 @njit()
 def _limit_rows(source: Any, first: Any, taps: Any, out: Any) -> None:
-    """Filter of symmetric taps along the rows of ``source`` from row ``first`` on; gives one line of the same width."""
+    """Row filtered in slant range: sum of the rows of ``source`` from row ``first`` on, weighted by ``taps``."""
     reach = taps.size // 2
     n = out.size
     middle, tap = source[first + reach], taps[reach]
@@ -98,7 +98,10 @@ def _limit_rows(source: Any, first: Any, taps: Any, out: Any) -> None:
 
 @njit()
 def _limit_line(line: Any, taps: Any, out: Any) -> None:
-    """Filter of symmetric taps along a line of interleaved complex numbers, longer than ``out`` by the taps' reach."""
+    """Filter with symmetric taps along a line of interleaved complex numbers.
+
+    At either end, ``line`` is longer than ``out`` by the reach of the taps.
+    """
     reach = taps.size // 2
     n = out.size
     middle, tap = line[2 * reach : 2 * reach + n], taps[reach]
@@ -120,7 +123,7 @@ def _limit_line(line: Any, taps: Any, out: Any) -> None:
 
 @njit()
 def _raise(line: Any, first: Any, gain: Any, reach: Any) -> None:
-    """Multiply the columns along the image's border by their gain, in a line of interleaved complex numbers."""
+    """Multiply the columns near the image's border by ``gain``, in a line of interleaved complex numbers."""
     n = line.size // 2
     for i in range(n):
         if first + i < reach or first + i >= gain.size - reach:
@@ -136,7 +139,7 @@ def _add(spots: Any, line: Any) -> None:
 
 @njit()
 def _detect(field: Any, first: Any, power: Any) -> None:
-    """Power of a line of interleaved complex numbers, set for the first look and added for the others."""
+    """Power of a line of interleaved complex numbers: stored for the first look, added for each later look."""
     for i in range(power.size):
         value = field[2 * i] * field[2 * i] + field[2 * i + 1] * field[2 * i + 1]
         power[i] = value if first else power[i] + value
@@ -149,10 +152,11 @@ def _form(
     point_rows: Any, point_columns: Any, point_values: Any, fine_down: Any, fine_across: Any, intensity: Any,
     field: Any,
 ) -> None:  # fmt: skip
-    """Image of some tiles: amplitude, separable band limit, and mean power of the looks or one complex look.
+    """Image of the given tiles: mean power of the looks in ``intensity``, or one complex look in ``field``.
 
-    Each tile computes the parts of its neighbours that it needs, and every sum has a fixed order, so that a pixel
-    depends neither on the choice of tiles nor on the number of threads.
+    The random amplitudes are computed first, and then filtered in slant range and in azimuth (the band limit). The
+    amplitudes of neighbouring tiles within the reach of the filters are computed again for each tile, and every sum has
+    a fixed order. A pixel therefore depends neither on the choice of tiles nor on the number of threads.
     """
     reach_down, reach_across = down.size // 2, across.size // 2
     for t in prange(tiles.shape[0]):
@@ -197,14 +201,14 @@ def _form(
 
 
 def _tiles(shape: tuple[int, int], side: int) -> NDArray[np.int64]:
-    """Tiles of an image: first row, first column, and one beyond the last of each; shape (tiles, 4)."""
+    """Tiles of an image: first row and column, and the row and column after the last; shape (tiles, 4)."""
     tops, lefts = (np.arange(0, n, side) for n in shape)
     corners = np.stack(np.meshgrid(tops, lefts, indexing="ij"), axis=-1).reshape(-1, 2)
     return np.hstack([corners, np.minimum(corners + side, shape)])
 
 
 def _runs(tiles: NDArray[np.int64], longest: int) -> NDArray[np.int64]:
-    """Tiles with neighbours in a row joined, up to a number of columns."""
+    """Wider tiles, each joined from neighbouring tiles in a row, at most ``longest`` columns wide."""
     runs: list[list[int]] = []
     for top, left, bottom, right in tiles.tolist():
         if runs and runs[-1][0] == top and runs[-1][3] == left and right - runs[-1][1] <= longest:
@@ -217,11 +221,12 @@ def _runs(tiles: NDArray[np.int64], longest: int) -> NDArray[np.int64]:
 class ImageFormation:
     """Complex looks and multilooked intensity of a reflectivity, with common random numbers.
 
-    Each look is h * (sum over materials of sqrt(P_m) u_m + sqrt(nesz) v + sum over points of a_p d_p):
-    u and v white circular Gaussian, one for each pixel and material; h the impulse response, which has unit energy
-    within the image also along the border, beyond which nothing is simulated; thermal
-    noise is added before detection and passes through the same band limit; d_p is an impulse at the
-    point's place and a_p its amplitude, the same in every look. Looks are averaged in power.
+    Each look is h * (sum over materials of sqrt(P_m) u_m + sqrt(nesz) v + sum over points of a_p d_p), where * is the
+    convolution. P_m is the expected power of material m. u_m and v are white circular Gaussian noise: u_m has one
+    number for each pixel and material, v (thermal noise) one for each pixel. The impulse response h has unit energy
+    within the image, also along the image's border, beyond which nothing is simulated. Thermal noise is added before
+    detection and passes through the same band limit as the echo. d_p is an impulse at the position of point scatterer
+    p, and a_p is the amplitude of p, which is the same in every look. The powers of the looks are averaged.
 
     Parameters
     ----------
@@ -291,7 +296,7 @@ class ImageFormation:
         return field.view(np.complex64)
 
     def touched(self, reflectivity: Reflectivity, changed: NDArray[np.bool_]) -> NDArray[np.int64]:
-        """Tiles whose image depends on materials of changed law (bool by id), shape (tiles, 4)."""
+        """Tiles that depend on the materials of which ``changed`` (bool by material id) is true, shape (tiles, 4)."""
         patches = _tiles(self._shape, _PATCH)
         found = np.empty(len(patches), dtype=np.bool_)
         reach = np.array([len(self._down) // 2, len(self._across) // 2])

@@ -86,7 +86,7 @@ class Lines:
 def _refined(
     block: NDArray[np.float64], rows: NDArray[np.float64], columns: NDArray[np.float64], cell_m: float
 ) -> NDArray[np.float64]:
-    """Elevation between cell centres: cubic spline, but bilinear interpolation at walls, where a spline oscillates."""
+    """Elevation between cell centres: by a cubic spline, but bilinear at steep walls, where a spline oscillates."""
     at = np.meshgrid(rows, columns, indexing="ij")
     fine = map_coordinates(block, at, order=3, mode="nearest")
     # a wall has a slope above 3 between the neighbours of a cell, which are two cells apart
@@ -185,7 +185,7 @@ def _faces(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
     """Incidence (in units of 90 degrees / 65535) and visible area [m2] of the facets of a block of lines.
 
-    The slope along ground range is that of the visible half, where only one half of a facet is visible.
+    Where only one half of a facet is visible, the slope along ground range is that of the visible half.
     """
     slopes: list[NDArray[np.float64]] = list(np.gradient(fine, step))
     along, across = slopes[0][1:-1], slopes[1][1:-1]

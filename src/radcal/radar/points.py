@@ -52,8 +52,8 @@ def _phases(number: Any, k0: Any, k1: Any, amplitude: Any, out: Any) -> None:
 def phased(points: Points, noise_seed: int) -> NDArray[np.float32]:
     """Real and imaginary part of the points' amplitudes, shape (n, 2).
 
-    The phase is uniformly distributed, drawn by the noise seed and the object's number, and the same in every look, so
-    that a point does not fluctuate.
+    The phase of a point is drawn at random, uniformly distributed, from the noise seed and the object's number. The
+    phase is the same in every look, so that the echo of a point does not fluctuate.
     """
     out = np.empty((points.row.size, 2), dtype=np.float32)
     _phases(points.number, *seed_words(noise_seed), points.amplitude, out)
@@ -62,7 +62,7 @@ def phased(points: Points, noise_seed: int) -> NDArray[np.float32]:
 
 @njit(inline="always")
 def _tap(taps: Any, offset: Any) -> Any:
-    """Impulse response at an offset in pixels, 0 beyond its end."""
+    """Impulse response at an offset from its peak [pixels], interpolated between taps; 0 beyond the last tap."""
     place = offset * FINENESS + taps.size // 2
     k = int(np.floor(place))
     if k < 0 or k + 1 >= taps.size:
@@ -73,7 +73,7 @@ def _tap(taps: Any, offset: Any) -> Any:
 
 @njit()
 def add_points(rows: Any, columns: Any, values: Any, down: Any, across: Any, top: Any, left: Any, out: Any) -> None:
-    """Add points to a part of a look.
+    """Add the echoes of point scatterers to a part of a look.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def add_points(rows: Any, columns: Any, values: Any, down: Any, across: Any, top
 def not_pure(points: Points, radar: Radar, material: NDArray[np.uint8]) -> None:
     """Set the material of the pixels in the main lobe of a point to 0 (mixed), in place.
 
-    Beyond it, the response is below the sidelobe level of -35 dB.
+    Beyond the main lobe, the response of a point is below the sidelobe level of -35 dB.
     """
     _clear(
         points.row,

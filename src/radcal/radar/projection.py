@@ -42,7 +42,7 @@ def make_geometry(scene: Scene, radar: Radar) -> Geometry:
 
 
 def _slant_range_geometry(scene: Scene, radar: Radar) -> Geometry:
-    """Geometry of a slant-range scene: one facet for each labelled pixel, incidence by row."""
+    """Geometry of a slant-range scene: each labelled pixel is one facet with the incidence angle of its row."""
     assert scene.incidence_deg is not None  # noqa: S101 - a scene has either elevation or incidence
     rows, columns = shape = (scene.material.shape[0], scene.material.shape[1])
     labelled = scene.material > 0
@@ -218,7 +218,7 @@ def _cells(
 def _counted(
     lines: Lines, radar: Radar, near_m: float, per_column: float, shape: tuple[int, int]
 ) -> tuple[NDArray[Any], ...]:
-    """First and last row of each facet, masks of layover and shadow, and number of parts of facets in each pixel."""
+    """First and last row of each facet, masks of layover and shadow, and number of facets that reach each pixel."""
     rows, columns = shape
     to_rows = (near_m, radar.range_spacing_m)
     near_row, far_row = (_rows(slant, *to_rows) for slant in (lines.near_m, lines.far_m))
@@ -244,7 +244,7 @@ def _rows(slant_m: NDArray[np.float32], near_m: float, spacing_m: float) -> NDAr
 
 
 def _points(spots: Spots, radar: Radar, near: float, step: float) -> Points:
-    """Visible point scatterers in the image or near enough to its border for their sidelobes to reach into it."""
+    """Visible point scatterers with their position and amplitude in the image, in ascending rows."""
     seen = np.isfinite(spots.slant_m)
     slant = np.asarray(spots.slant_m[seen], dtype=np.float64)
     row = (slant - near) / radar.range_spacing_m - 0.5
@@ -264,6 +264,6 @@ def _flat_incidence_deg(radar: Radar, slant_m: NDArray[np.float64]) -> NDArray[n
 
 
 def _per_area(radar: Radar, flat_incidence_deg: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Inverse of a pixel's reference area in the radiometry [1/m2]; for ``sigma0_local`` that of sigma0."""
+    """Inverse of a pixel's reference area in the radiometry [1/m2]; ``sigma0_local`` takes the area of sigma0."""
     area = radar.range_spacing_m * radar.azimuth_spacing_m / np.sin(np.radians(flat_incidence_deg))
     return np.asarray(of_sigma0(radar.radiometry, flat_incidence_deg) / area)

@@ -41,7 +41,7 @@ def of_sigma0(radiometry: str, incidence_deg: ArrayLike) -> NDArray[np.float64]:
 
 
 def noise_floor_db(radar: Radar, incidence_deg: ArrayLike) -> NDArray[np.float64]:
-    """Level of an image without any echo.
+    """Noise floor: level of an image without any echo.
 
     Parameters
     ----------

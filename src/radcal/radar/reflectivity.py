@@ -43,13 +43,13 @@ class Reflectivity:
 
     @property
     def image(self) -> NDArray[np.float32]:
-        """Sum over the materials of each pixel [linear power], shape ``shape``."""
+        """Expected power of each pixel, summed over its materials [linear], shape ``shape``."""
         total = np.concatenate([[0.0], np.cumsum(self.power, dtype=np.float64)])
         return np.asarray(total[self.start[1:]] - total[self.start[:-1]], dtype=np.float32).reshape(self.shape)
 
 
 def uniform(power: NDArray[np.float32]) -> Reflectivity:
-    """Expected power of an image of one material, from the power of each pixel [linear], shape (rows, columns)."""
+    """Reflectivity of an image of one material, from the power of each pixel [linear], shape (rows, columns)."""
     n = power.size
     shape = (power.shape[0], power.shape[1])
     return Reflectivity(
@@ -63,7 +63,7 @@ def uniform(power: NDArray[np.float32]) -> Reflectivity:
 def law_tables(
     names: tuple[str, ...], laws: Mapping[str, Law], parameters: Mapping[str, ArrayLike]
 ) -> NDArray[np.float32]:
-    """Table of every material's law over the incidence angle.
+    """Tables of sigma0 over the incidence angle, one for the law of each material.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def law_tables(
 
 @njit(parallel=True)
 def _colour(material: Any, first: Any, incidence: Any, weight: Any, tables: Any, changed: Any, power: Any) -> None:
-    """Power of every cell of the changed materials."""
+    """Expected power of every cell of the changed materials, written to ``power``."""
     n = material.size
     chunk = 65536
     for part in prange((n + chunk - 1) // chunk):
@@ -106,7 +106,7 @@ def reflectivity(
     geometry: Geometry, tables: NDArray[np.float32], before: Reflectivity | None = None,
     changed: NDArray[np.bool_] | None = None,
 ) -> Reflectivity:  # fmt: skip
-    """Expected power of each pixel and material, without noise or resolution.
+    """Expected power of each pixel and material, without speckle, thermal noise and impulse response.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Numbers of facets and pixels of a pass over a scene, before its geometry is computed."""
+"""Numbers of facets and pixels of a pass over a scene, known before the geometry of the pass is computed."""
 
 from __future__ import annotations
 

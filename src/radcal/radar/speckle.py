@@ -16,7 +16,7 @@ _REACH = 8.0  # the impulse response is cut at this many resolution widths, belo
 
 
 def taylor_weights(frequency: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Taylor weighting of a band, nbar 4 and sidelobes at -35 dB.
+    """Taylor weighting of a signal's frequency band, with nbar = 4 and sidelobes at -35 dB.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def taylor_weights(frequency: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _taylor_response(x: NDArray[np.float64], bandwidth: float) -> NDArray[np.float64]:
-    """Impulse response of a Taylor-weighted band: x [m], bandwidth [1/m]."""
+    """Impulse response of a Taylor-weighted band of a given bandwidth [1/m] at the distance ``x`` from the peak [m]."""
     n = 1024
     frequency = (np.arange(n) + 0.5) / n - 0.5
     weights = taylor_weights(frequency)
@@ -57,7 +57,7 @@ def _taylor_response(x: NDArray[np.float64], bandwidth: float) -> NDArray[np.flo
 
 
 def impulse_response(resolution_m: float, spacing_m: float) -> NDArray[np.float64]:
-    """Sampled impulse response of one image direction.
+    """Sampled impulse response in one direction of the image, slant range or azimuth.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def impulse_response(resolution_m: float, spacing_m: float) -> NDArray[np.float6
 
 
 def border_gain(taps: NDArray[np.floating], n: int) -> NDArray[np.float32]:
-    """Gain of amplitudes along a border, with which even ground has the same mean power up to the border.
+    """Gain of the amplitudes near the image's border, which gives even ground the same mean power up to the border.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Speckle and texture in dB: their cumulants, and texture multiplied onto simulated pixels."""
+"""Cumulants of speckle in dB, and texture in dB that is added to simulated pixels."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ def log_speckle_cumulants(looks: ArrayLike) -> NDArray[np.float64]:
 
     .. math:: K [\psi(L) - \ln L], \quad K^2 \psi'(L), \quad K^3 \psi''(L), \qquad K = 10 / \ln 10
 
-    In dB the cumulants of independent factors of the intensity add, so that a change of looks changes the statistics of
-    an area by the difference of these cumulants.
+    The cumulants of independent factors of the intensity add in dB. If the number of looks of an area changes, the
+    area's cumulants therefore change by the difference between the cumulants of the two speckles.
 
     Parameters
     ----------
@@ -53,12 +53,12 @@ def _scalar(looks: float) -> tuple[float, float, float]:
 
 
 def texture_order(looks: float, effective: float) -> float:
-    r"""Order of the gamma texture that lowers the looks of an area.
+    r"""Order of the gamma texture that lowers the effective looks of an area from L to L'.
 
-    The K distribution of L looks and order :math:`\nu` has the log-variance :math:`\psi'(L) + \psi'(\nu)`;
-    the order is the one that makes it :math:`\psi'(L')`. (Matching the variance of the intensity,
-    :math:`(1 + 1/L)(1 + 1/\nu) = 1 + 1/L'`, gives too small a standard deviation in dB: 2.78 dB in place of 3.04 dB
-    for 2.5 of 4 looks.)
+    The K distribution of L looks and order :math:`\nu` has the log-variance :math:`\psi'(L) + \psi'(\nu)`; the function
+    solves for the order at which this log-variance is :math:`\psi'(L')`. (Matching the variance of the intensity
+    instead, :math:`(1 + 1/L)(1 + 1/\nu) = 1 + 1/L'`, gives too small a standard deviation in dB: 2.78 dB in place of
+    3.04 dB for L = 4 and L' = 2.5.)
 
     Parameters
     ----------

@@ -1,6 +1,7 @@
 """Visible parts of facets (shadow), and facets that overlap in slant range (layover).
 
-The ground is straight between the middles of its facets; a ray is given by the tangent of its angle from nadir.
+The ground is straight between the middles of neighbouring facets. A ray from the radar is given by the tangent of its
+angle from nadir.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ NEAR_HALF, FAR_HALF = 1, 2  # the half of a facet of which only one half is visi
 
 @njit()
 def seen_from(near: Any, near_down: Any, far: Any, far_down: Any, horizon: Any) -> Any:
-    """Beginning of the visible part of a straight piece of ground, as a fraction.
+    """Beginning of the visible part of a straight piece of ground, as a fraction of the piece's length.
 
     Parameters
     ----------
@@ -47,9 +48,10 @@ def seen_from(near: Any, near_down: Any, far: Any, far_down: Any, horizon: Any) 
 def part_seen(
     near: Any, near_down: Any, middle: Any, middle_down: Any, far: Any, far_down: Any, horizon: Any
 ) -> tuple[Any, Any]:
-    """Visible interval of a facet that bends in its middle, as two fractions; empty where the first exceeds the second.
+    """Visible interval of a facet that bends in its middle, as two fractions of the facet's length.
 
-    Within a half the angle from nadir is monotonic, so that the visible part is one interval.
+    The interval is empty where the first fraction exceeds the second. Along one half of the facet the angle from nadir
+    is monotonic, so that the visible part of the half is one interval.
     """
     first = seen_from(near, near_down, middle, middle_down, horizon)
     second = seen_from(middle, middle_down, far, far_down, max(horizon, middle / middle_down))
@@ -60,7 +62,7 @@ def part_seen(
 def slant_extent(
     start: Any, end: Any, near: Any, near_down: Any, middle: Any, middle_down: Any, far: Any, far_down: Any
 ) -> tuple[Any, Any]:
-    """Smallest and largest slant range [m] between two fractions of a facet that bends in its middle."""
+    """Smallest and largest slant range [m] between two fractions of the length of a facet that bends in its middle."""
     low, high = np.inf, -np.inf
     for at in (start, min(max(0.5, start), end), end):
         if at < 0.5:
@@ -74,7 +76,7 @@ def slant_extent(
 
 
 def laid_over(slant_m: NDArray[np.float64], visible: NDArray[np.bool_], apart_m: float) -> NDArray[np.bool_]:
-    """Facets that share their slant range with others elsewhere (layover).
+    """Mask of the facets in layover, which share their slant range with facets at a separate ground range.
 
     Parameters
     ----------

@@ -45,7 +45,7 @@ _CHANNEL_M = (12.0, 72.0)  # distance of the channel's banks from the foot of th
 
 
 def _terrain(east_m: NDArray[np.float64], north_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """SRTM elevation [m] at coordinates of the cut, by cubic splines."""
+    """SRTM elevation [m] at coordinates within the area that is cut out, by cubic splines."""
     from matplotlib.cbook import get_sample_data  # imported here, because scenes of other sources need no matplotlib
 
     archive = cast(Any, get_sample_data("jacksboro_fault_dem.npz"))  # matplotlib has opened the file, without pickles
@@ -59,7 +59,7 @@ def _terrain(east_m: NDArray[np.float64], north_m: NDArray[np.float64]) -> NDArr
 
 
 def _dyke_axis_m(north_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """East coordinate of the foot of the dyke's face, a gentle bend along the valley [m]."""
+    """East coordinate of the foot of the dyke's face, which bends gently along the valley [m]."""
     return 1000.0 + 60.0 * np.sin(2.0 * np.pi * (north_m - 250.0) / _SIDE_M)
 
 
@@ -78,7 +78,7 @@ def _correlated(rng: np.random.Generator, shape: tuple[int, int], length_m: floa
 
 
 def _parcels(rng: np.random.Generator, east_m: NDArray[np.float64], north_m: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Fields as Voronoi cells of a jittered grid: 0 grass, 1 crops, 2 bare soil."""
+    """Land cover of fields, which are the Voronoi cells of a jittered grid: 0 grass, 1 crops, 2 bare soil."""
     from scipy.spatial import cKDTree
 
     step = 220.0
@@ -91,7 +91,7 @@ def _parcels(rng: np.random.Generator, east_m: NDArray[np.float64], north_m: NDA
 
 
 def builtin_scene(seed: int) -> Scene:
-    """Build the default scene, the same for the same seed.
+    """Build the built-in scene; the same seed gives the same scene.
 
     Parameters
     ----------

@@ -35,7 +35,7 @@ _UNNAMED = ("unknown", "unnamed", "undefined", "")
 
 
 def crs_of(raster: Any) -> CRS | None:
-    """CRS of an open rasterio dataset, None where it has none that refers to the Earth.
+    """CRS of an open rasterio dataset, or None if the dataset has no CRS that refers to the Earth.
 
     Parameters
     ----------
@@ -66,12 +66,12 @@ def horizontal(crs: CRS) -> CRS:
 
 
 def same_place(one: CRS, other: CRS) -> bool:
-    """Whether two horizontal CRSs give the same coordinates, the order of axes aside."""
+    """Whether two horizontal CRSs give the same coordinates, whatever the order of their axes."""
     return one.equals(other, ignore_axis_order=True)
 
 
 def label(crs: CRS) -> str:
-    """Short text that :class:`pyproj.CRS` reads back: the authority's code, else WKT."""
+    """Short text for a CRS, from which :class:`pyproj.CRS` can be made again: the authority's code, else WKT."""
     authority = crs.to_authority(min_confidence=100)
     return ":".join(authority) if authority else crs.to_wkt()
 
@@ -94,7 +94,7 @@ def utm(longitude_deg: float, latitude_deg: float) -> CRS | None:
 
 
 def vertical_unit(crs: CRS) -> str | None:
-    """Unit of heights in a CRS, None where it has no vertical axis."""
+    """Unit of heights in a CRS, or None if the CRS has no vertical axis."""
     axes = crs.axis_info if not crs.is_bound or crs.source_crs is None else crs.source_crs.axis_info
     return next((axis.unit_name for axis in axes if axis.direction.lower() in ("up", "down")), None)
 
@@ -124,7 +124,7 @@ def vertical_datum(crs: CRS) -> str | None:
 
 
 def named_datum(text: str) -> str:
-    """Vertical datum of a configured name.
+    """Vertical datum that a name in the configuration denotes.
 
     Parameters
     ----------
@@ -179,13 +179,13 @@ def same_datum(one: str, other: str) -> bool:
 
 
 def _key(name: str) -> str:
-    """Name without the words that are often omitted: "EGM96 height" and "EGM96_Geoid" are the same."""
+    """Name of a datum without words that are often left out, so that "EGM96 height" and "EGM96_Geoid" are equal."""
     text = re.sub(r"\(.*?\)|height|geoid(?!al)|vertical|datum", "", name.lower()).replace("ellipsoidal", "ellipsoid")
     return re.sub(r"[^a-z0-9]", "", text)
 
 
 def transformation_note(source: CRS, target: CRS, name: str) -> str | None:
-    """Sentence on a missing grid of datum shifts, which makes coordinates less accurate; None where none is missing.
+    """Warning that a datum-shift grid is missing and makes coordinates less accurate; None if no grid is missing.
 
     Parameters
     ----------

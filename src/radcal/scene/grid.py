@@ -60,7 +60,7 @@ class Source:
         return min(left, right), min(bottom, top), max(left, right), max(bottom, top)
 
     def error(self, text: str) -> SceneError:
-        """Error with a sentence about this file."""
+        """Error with a sentence about this raster's file."""
         return SceneError(f"{self.key}: {self.path} {text}")
 
 
@@ -93,7 +93,7 @@ class Grid:
         return self.west, self.south, self.west + self.columns * self.cell_m, self.south + self.rows * self.cell_m
 
     def cut(self, parts: int) -> Grid:
-        """Grid with each side of a cell cut into a number of parts."""
+        """Grid of smaller cells, for which each side of a cell is divided into a number of parts."""
         return Grid(self.crs, self.west, self.south, self.cell_m / parts, self.rows * parts, self.columns * parts)
 
 
@@ -139,7 +139,7 @@ def opened(key: str, config: RasterScene) -> Iterator[Source]:
 
 
 def box_in(box: Box, source: CRS, target: CRS) -> Box:
-    """Bounding box of a box in another CRS.
+    """Bounding box, in another CRS, of a box.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ def _empty(box: Box) -> bool:
 
 
 def _overlap(elevation: Source, materials: Source) -> tuple[Box, Box]:
-    """Boxes of the area that both rasters cover, one in the CRS of each."""
+    """Bounding boxes of the area that both rasters cover, one box in the CRS of each raster."""
     from pyproj import CRS
 
     globe = CRS.from_user_input("OGC:CRS84")
@@ -208,9 +208,10 @@ def _middle(box: Box) -> tuple[float, float]:
 
 
 def scene_grid(elevation: Source, materials: Source, config: RasterScene) -> Grid:
-    """Cells of the area that both rasters cover, or of the configured bounds.
+    """Grid of cells on the area that both rasters cover, or on the configured bounds.
 
-    Where the scene has the elevation's CRS, the cells' corners are on those of its pixels.
+    If the scene's CRS is that of the elevation raster, the corners of the scene's cells lie on corners of that raster's
+    pixels.
 
     Parameters
     ----------
@@ -317,7 +318,7 @@ def _unfit(crs: CRS, longitude: float, latitude: float) -> str | None:
 
 
 def pixel_m(source: Source, crs: CRS, box: Box) -> tuple[float, float]:
-    """Sides of a raster's pixel in the middle of a box of another CRS in metres [m]."""
+    """Side lengths of a raster's pixel [m] in the middle of a box, where ``crs`` is the CRS of the box, in metres."""
     from pyproj import Transformer
 
     right, up = 0.5 * abs(source.raster.transform.a), 0.5 * abs(source.raster.transform.e)
@@ -330,6 +331,6 @@ def pixel_m(source: Source, crs: CRS, box: Box) -> tuple[float, float]:
 
 
 def subdivision(source: Source, grid: Grid) -> int:
-    """Number of parts of a cell's side with which the parts are no larger than a raster's pixels."""
+    """Number of parts into which a cell's side is divided, so that no part is larger than a raster's pixel."""
     # a cell that differs from the pixel only by rounding is not cut
     return max(1, int(np.ceil(grid.cell_m / min(pixel_m(source, grid.crs, grid.box)) - 1e-3)))

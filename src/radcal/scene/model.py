@@ -1,4 +1,4 @@
-"""Scene: materials, elevation or incidence, objects; and its HDF5 file."""
+"""Scene with materials, elevation or incidence angles, and objects, and the HDF5 file that stores the scene."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ __all__ = ["by_id", "read_names"]
 
 
 def read_names(path: Path, present: Iterable[int], raster: Path) -> dict[int, str]:
-    """Read the names of material ids and check that those of a raster are among them.
+    """Read the names of material ids and check that every id in a raster has a name.
 
     Parameters
     ----------
@@ -52,5 +52,8 @@ def read_names(path: Path, present: Iterable[int], raster: Path) -> dict[int, st
 
 
 def by_id(names: Mapping[int, str]) -> tuple[str, ...]:
-    """Names in the order of a scene: that of id k at index k - 1; an id without a name is called ``id k``."""
+    """Names of materials in the order of a scene: the name of id k has the index k - 1.
+
+    An id that has no name is called ``id k``.
+    """
     return tuple(names.get(k, f"id {k}") for k in range(1, max(names) + 1))

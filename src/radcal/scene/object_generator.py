@@ -18,7 +18,7 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True)
 class Kind:
-    """Sizes of a kind of objects, each drawn uniformly between two bounds.
+    """Sizes of a kind of objects, each drawn at random, uniformly between two bounds.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ def generate_objects(
     size_m: tuple[float, float], seed: int, *, trees: int = 0, cars: int = 0, buildings: int = 0,
     tree: Kind = TREE, car: Kind = CAR, building: Kind = BUILDING,
 ) -> Objects:  # fmt: skip
-    """Scatter objects evenly over a scene, the same for the same seed.
+    """Random objects, spread evenly over a scene; the same seed gives the same objects.
 
     Buildings do not overlap each other; the centres of trees and cars are outside buildings.
 
@@ -106,7 +106,7 @@ def generate_objects(
 
 
 def _sizes(kind: Kind, count: int, rng: np.random.Generator, round_: bool) -> dict[str, NDArray[np.float64]]:
-    """Sizes, headings and cross-sections; crowns are as wide as long."""
+    """Sizes, headings and cross-sections of objects of one kind; round objects (tree crowns) are as wide as long."""
     length, width, height = (rng.uniform(*span, count) for span in (kind.length_m, kind.width_m, kind.height_m))
     width = length if round_ else np.minimum(width, length)
     spread = kind.spread_db * rng.standard_normal(count)

@@ -118,7 +118,7 @@ def _csv(path: Path) -> pd.DataFrame:
 
 
 def _hdf5(path: Path, place: Place) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Table in the group ``objects``, curves in ``aspect``."""
+    """Table of objects from a file's group ``objects``, and curves of cross-section from its group ``aspect``."""
     import pandas as pd
 
     try:
@@ -188,7 +188,7 @@ def _short(crs: str) -> str:
 
 
 def _geopackage(path: Path, layer: str | None, place: Place) -> pd.DataFrame:
-    """Layer of points or polygons, polygons as the smallest rectangles around them."""
+    """Table of objects from a layer of points or polygons; for a polygon, of the smallest rectangle around it."""
     import pandas as pd
 
     try:
@@ -233,7 +233,7 @@ def _geopackage(path: Path, layer: str | None, place: Place) -> pd.DataFrame:
 
 
 def _rectangles(path: Path, blobs: list[Any], table: pd.DataFrame) -> dict[str, NDArray[Any]]:
-    """Position, and of polygons size and heading, of a layer's geometries."""
+    """Position of each geometry of a layer, and for polygons also size and heading."""
     import shapely
 
     for row, blob in enumerate(blobs, start=1):
@@ -277,7 +277,7 @@ def _rectangles(path: Path, blobs: list[Any], table: pd.DataFrame) -> dict[str, 
 
 
 def _numbers(table: pd.DataFrame, name: str, path: Path, may_be_empty: bool) -> NDArray[np.float64]:
-    """Column as numbers, with NaN where it is empty and may be so."""
+    """Column of a table as numbers; an empty entry becomes NaN in a column that may have empty entries."""
     import pandas as pd
 
     if name not in table:
@@ -304,7 +304,7 @@ def _texts(table: pd.DataFrame, name: str) -> NDArray[np.str_]:
 
 
 def _checked(table: pd.DataFrame, path: Path, place: Place, curves: Mapping[str, Any]) -> Objects:
-    """Objects of a table; the first wrong row is refused in a sentence."""
+    """Objects from the rows of a table; the first wrong row raises an error of one sentence."""
     table = table.rename(columns=lambda name: str(name).strip())
     for name in table.columns:
         meant = difflib.get_close_matches(name.lower(), _COLUMNS, n=1, cutoff=0.75)

@@ -64,13 +64,13 @@ class Objects:
 
     @property
     def identity(self) -> str:
-        """Digest of all that an image of the objects depends on."""
+        """Digest of all properties of the objects on which an image depends."""
         arrays = {name: hashlib.sha256(getattr(self, name).tobytes()).hexdigest() for name in _ARRAYS if name != "kind"}
         curves = [[name, np.asarray(curve).tolist()] for name, curve in self.curves.items()]
         return digest({"version": 1, "arrays": arrays, "curves": curves})
 
     def cross_section_m2(self, bearing_deg: float) -> NDArray[np.float64]:
-        """Radar cross-section towards a radar.
+        """Radar cross-section of each object towards a radar.
 
         Parameters
         ----------
@@ -98,7 +98,7 @@ _ARRAYS = tuple(item.name for item in fields(Objects) if item.name not in ("kind
 
 
 def check_curve(points: ArrayLike) -> str | None:
-    """Words for a fault of a cross-section by aspect, None if there is none.
+    """Description of the first fault found in a curve of cross-section by aspect, or None if there is no fault.
 
     Parameters
     ----------

@@ -40,9 +40,10 @@ _MARGIN_PX = 3  # margin [pixels] that is read around the scene: cubic convoluti
 def raster_scene(config: RasterScene) -> Scene:
     """Read elevation and materials and bring both to one grid.
 
-    Elevation is interpolated by cubic convolution, materials are those of the nearest pixel;
-    cells coarser than pixels are cut into smaller parts, and take the mean elevation and the most frequent material of
-    their parts. Cells without elevation are filled from their neighbours and have no material.
+    Elevation is interpolated by cubic convolution, and the material of a cell is that of the nearest pixel. A cell
+    coarser than the pixels of a raster is divided into smaller parts; the cell takes the mean elevation and the most
+    frequent material of its parts. A cell for which the raster has no elevation gets an elevation filled in from
+    neighbouring cells, and no material.
 
     Parameters
     ----------
@@ -135,7 +136,7 @@ def _check_heights(elevation: Source) -> None:
 
 
 def _datum(elevation: Source, config: RasterScene) -> tuple[str, str]:
-    """Vertical datum and its source."""
+    """Vertical datum of the elevation, and words for where the datum is given."""
     of_file = vertical_datum(elevation.crs)
     given = named_datum(config.vertical_datum) if config.vertical_datum is not None else None
     if of_file is not None and given is not None and not same_datum(of_file, given):
@@ -154,7 +155,7 @@ def _datum(elevation: Source, config: RasterScene) -> tuple[str, str]:
 
 
 def _window(source: Source, grid: Grid) -> tuple[np.ma.MaskedArray[Any, Any], Any]:
-    """Masked values around a grid and their transform."""
+    """Raster values in a window around a grid, masked where the raster has none, and the window's transform."""
     from rasterio.windows import Window
     from rasterio.windows import transform as of_window
 
@@ -182,7 +183,7 @@ def _window(source: Source, grid: Grid) -> tuple[np.ma.MaskedArray[Any, Any], An
 def _warped(
     source: Source, values: NDArray[Any], transform: Any, grid: Grid, method: str, empty: float
 ) -> NDArray[Any]:
-    """Values on the grid, with row 0 in the south, and ``empty`` where the raster has no value."""
+    """Raster values resampled to the grid, with row 0 in the south; ``empty`` where the raster has no value."""
     import rasterio.crs
     from rasterio.enums import Resampling
     from rasterio.io import MemoryFile
@@ -226,13 +227,13 @@ def _warped(
 
 
 def _blocks(fine: NDArray[Any], parts: int) -> NDArray[Any]:
-    """Values of each cell's parts along the last axis."""
+    """Values of a finer grid, rearranged so that the last axis holds the parts of each cell."""
     rows, columns = fine.shape[0] // parts, fine.shape[1] // parts
     return fine.reshape(rows, parts, columns, parts).swapaxes(1, 2).reshape(rows, columns, parts**2)
 
 
 def _heights(elevation: Source, grid: Grid) -> tuple[NDArray[np.float64], NDArray[np.bool_], str]:
-    """Elevation with gaps filled, mask of the gaps, and a note on the resampling."""
+    """Elevation with gaps filled, mask of the gaps, and the method of resampling in a word."""
     from rasterio.fill import fillnodata
     from scipy.ndimage import distance_transform_edt
 
@@ -268,7 +269,7 @@ def _heights(elevation: Source, grid: Grid) -> tuple[NDArray[np.float64], NDArra
 
 
 def _ids(materials: Source, grid: Grid) -> tuple[NDArray[np.uint8], str]:
-    """Material ids, and a note on their resampling."""
+    """Material ids, and the method of resampling in words."""
     values, transform = _window(materials, grid)
     held = values.compressed()
     if held.size == 0:

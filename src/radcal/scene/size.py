@@ -1,4 +1,4 @@
-"""Number of cells of a scene, from the headers of its files, before it is made."""
+"""Number of cells of a scene, computed from the headers of the scene's files before the scene is made."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ def flat_incidence_deg(near_deg: float, far_deg: float, rows: int) -> NDArray[np
 
 
 def _labels(path: Path, folders: Sequence[Path]) -> NDArray[Any]:
-    """Band of a label raster, read in bounded memory."""
+    """Values of a label raster's band, read with bounded memory."""
     try:
         with unchanged(path), bounded_memory(LARGEST_VALUES), open_raster(path, folders) as raster:
             if raster.count != 1:

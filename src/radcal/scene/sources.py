@@ -44,7 +44,7 @@ def make_scene(config: SceneConfig, materials: list[str]) -> Scene:
 
 
 def _objects(config: SceneObjects, scene: Scene) -> Objects:
-    """Objects from a table, or generated."""
+    """Objects of the scene, read from a table or generated at random."""
     ny, nx = scene.material.shape
     size = (nx * scene.cell_m, ny * scene.cell_m)
     if config.generate is not None:

@@ -23,7 +23,7 @@ __all__ = ["BuiltinSimulator"]
 
 @dataclass(frozen=True)
 class _Last:
-    """Reflectivity and image of the last run, reused by the next."""
+    """Reflectivity and image of the last run, of which the next run reuses parts."""
 
     noise_seed: int
     parameters: Mapping[str, Sequence[float]]
@@ -69,14 +69,14 @@ class BuiltinSimulator:
 
     @property
     def identity(self) -> Mapping[str, Any]:
-        """Name and version."""
+        """Name and version of the simulator."""
         return {"kind": "builtin", "version": SIMULATOR_VERSION}
 
     def run(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> NDArray[np.float32]:
         """Simulate one pass; see :class:`radcal.simulators.protocol.Simulator`.
 
-        Parts of the last run are reused where only some materials have another law; the numbers are the same, bit for
-        bit, as without the last run.
+        If the noise seed is that of the last run, only the cells and image tiles of materials whose parameters have
+        changed are computed again. The image is the same, bit for bit, as one computed from the beginning.
         """
         parameters = {name: tuple(parameters[name]) for name in self._laws if name in self._geometry.names}
         last, self._last = self._last, None  # the arrays of the last run are overwritten, or their memory is needed

@@ -112,16 +112,16 @@ class CommandPlan:
 
     @property
     def _texts(self) -> list[Marked]:
-        """Arguments and templates with placeholders."""
+        """Texts with placeholders: arguments and templates."""
         return [*self.arguments, *(marked for marked, _ in self.templates)]
 
     @property
     def seed_places(self) -> list[tuple[str, Marker]]:
-        """Placeholders of the seed, besides the input file."""
+        """Placeholders of the seed in arguments and templates; the input file is not searched."""
         return [(marked.where, place) for marked in self._texts for place in marked.places(SEED)]
 
     def stage(self, folder: Path) -> None:
-        """Put the files and links into a run's folder."""
+        """Copy the program's files into a run's folder, and make the symbolic links there."""
         for path in self.files:
             shutil.copy2(path, folder / path.name)
         for path in self.links:
@@ -251,7 +251,7 @@ class CommandSimulator:
 
     @contextmanager
     def _folder(self, key: str, remark: str = "") -> Iterator[Path]:
-        """New folder with the program's files; removed after success, kept under another name after failure."""
+        """New folder with the program's files, removed after a successful run; after a failed run it is renamed."""
         folder = working_folder(self._work).absolute()
         ended = folder.name.rsplit("-", 1)[-1]
         try:
@@ -375,7 +375,7 @@ class CommandSimulator:
 
 
 def _plain(config: InputFile | None) -> dict[str, Any] | None:
-    """Settings of the input file in the identity; keys of later versions enter only where they are set."""
+    """Settings of the input file, as part of the simulator's identity; ``radar`` is included only where it is set."""
     later = {"radar"} if config is not None and config.radar else None
     return None if config is None else config.model_dump(mode="json", exclude=later)
 

@@ -1,8 +1,8 @@
-"""Supervisor: forwards the exit status, kills the process group if the parent dies.
+"""Supervisor of an external program, which returns its exit status and kills its process group when radcal ends.
 
-The script uses only the standard library and leads a process group of its own. Its
-standard input is a pipe that radcal holds open. When radcal ends, even by SIGKILL, the pipe
-closes and the whole group is killed.
+This script uses only the standard library. Its process leads a process group of its own, to which the external program
+belongs, and its standard input is a pipe that radcal holds open. When radcal ends, even by SIGKILL, the pipe closes,
+and the script kills the whole process group.
 """
 
 from __future__ import annotations

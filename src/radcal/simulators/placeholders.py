@@ -1,11 +1,10 @@
 """Placeholders for parameters in a program's arguments and in templates of its input files.
 
-Arguments use braces, ``{dyke.X1}``; ``{{`` and ``}}`` stand for braces. Templates use markers
-between two delimiters, ``@dyke.X1@``, in the manner of PEST's template files (PEST++ users
-manual, section 2.3), where a format may follow a colon: ``@dyke.X1:14.6e@``. Without a format, numbers are written with
-enough digits to recover the same double. A seed may first be mapped into a range, ends included,
-``@noise_seed:1..30000@``, before the format if there is one,
-``@noise_seed:1..30000:6d@``.
+Arguments use braces, ``{dyke.X1}``; ``{{`` and ``}}`` are written for braces themselves. Templates use markers between
+two delimiters, ``@dyke.X1@``, in the manner of PEST's template files (PEST++ users manual, section 2.3). A number
+format may follow a colon: ``@dyke.X1:14.6e@``. Without a format, numbers are written with enough digits to recover the
+same double. A seed may first be mapped into a range that includes both ends: ``@noise_seed:1..30000@``. The format of
+such a seed, if there is one, follows the range: ``@noise_seed:1..30000:6d@``.
 """
 
 from __future__ import annotations
@@ -52,7 +51,7 @@ class Marker:
         return cls(name, (found[3] or "").strip(), (int(found[1]), int(found[2])))
 
     def text(self, value: float | int | str, where: str) -> str:
-        """Text of a value; one that is wider than its field is refused."""
+        """Text of a value; a text that is wider than its field is refused."""
         if self.interval is not None:
             low, high = self.interval
             value = low + int(value) % (high - low + 1)
@@ -103,7 +102,7 @@ class Marked:
         )
 
     def checked(self, known: Mapping[str, float | int | str]) -> Marked:
-        """The text itself, after a check that every name is known and every format can write its value.
+        """The text with its placeholders, after a check that every name is known and every format can write its value.
 
         Parameters
         ----------

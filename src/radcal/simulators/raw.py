@@ -15,7 +15,7 @@ _RAW_TYPES: tuple[str, ...] = get_args(RawType)
 
 
 def read_raw(file: ImageFile, config: Output, shape: tuple[int, int]) -> Values:
-    """Numbers of a raw file; a file of any other length is refused.
+    """Numbers of a raw file; a file whose length is not the expected one is refused.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Runner: runs of the simulator through the run store, from which a recorded run is read instead of simulated again."""
+"""Runner of the simulator, which reads a run from the run store if the store holds it, and else simulates the run."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def _law_description(material: Material) -> dict[str, Any]:
 
 
 class Runner:
-    """Runs of the simulator through the run store: a recorded run is read, any other is simulated and recorded.
+    """Runner of the simulator: reads each run that the run store holds; simulates and records every other run.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ class Runner:
         self._keep_images = case.simulator.keep_images
 
     def description(self, parameters: Parameters, noise_seed: int, repeat: bool = False) -> dict[str, Any]:
-        """Plain data that determine the numbers of a run; their digest is the run's key."""
+        """Plain data that determine the pixel values of a run; the digest of these data is the hash of the run."""
         # without a frequency the key is omitted, so that the keys of runs from before it existed stay the same
         unknown = {"frequency_ghz"} if self._radar.frequency_ghz is None else set()
         return {
@@ -90,15 +90,15 @@ class Runner:
     def without_masks(self, description: Mapping[str, Any]) -> dict[str, Any]:
         """Description of a run without the settings of the pass that this simulator does not receive.
 
-        Descriptions that earlier versions recorded hold these settings.
+        The descriptions that were recorded by earlier versions of radcal contain these settings.
         """
         told = {key: value for key, value in description.get("pass", {}).items() if key not in self._not_told}
         return {**description, "pass": told}
 
     def _find(self, key: str, image: bool) -> Record | None:
-        """Record of a run under its key, or under the key of an earlier version; None if the store has neither.
+        """Record of a run by its hash, or by the hash that earlier versions of radcal used; None if neither is stored.
 
-        The keys of earlier versions include settings that the simulator does not receive.
+        The hashes of earlier versions include settings of the pass that the simulator does not receive.
         """
         found = self._store.get(key, self._recorded, image)
         if found is not None or not self._not_told:
@@ -137,7 +137,7 @@ class Runner:
         return True
 
     def run(self, parameters: Parameters, noise_seed: int, image: bool = False, repeat: bool = False) -> Record:
-        """Record of a run with these parameters, which is simulated only if the store lacks it.
+        """Record of a run with these parameters; the run is simulated only if the store lacks its record.
 
         Parameters
         ----------
@@ -166,7 +166,7 @@ class Runner:
             return found if found is not None else self._simulate(key, description, parameters, noise_seed, image)
 
     def _found(self, key: str, image: bool) -> Record | None:
-        """Record of a run; None if there is none or its numbers of pixels differ from this geometry's."""
+        """Record of a run; None if there is none, or if its numbers of pixels differ from the geometry's."""
         record = self._find(key, image)
         if record is not None and any(record.pixels_db[name].size != n for name, n in self._sizes.items()):
             return None

@@ -1,7 +1,7 @@
 """Bit width of an external program's seeds, and the check that a case's seeds stay distinct.
 
-A new case passes seeds of 31 bits, which a C int holds. A case with runs keeps the width with which they were made,
-because other seeds would make other runs.
+In a new case the program gets seeds of 31 bits, which a C int holds. A case that already has runs keeps the bit width
+of the seeds of these runs, because other seeds would make other runs.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _INT = 31
 
 
 def with_seed_bits(case: Case, results: str | Path) -> Case:
-    """Case in which the width of the seeds is set.
+    """Case in which the bit width of an external program's seeds is set.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def with_seed_bits(case: Case, results: str | Path) -> Case:
 
 
 def _recorded(folder: Path) -> int | None:
-    """Width in a case's simulator.json, or that of the seeds of its runs; None without either."""
+    """Bit width of seeds from a case's simulator.json, else as seen from its stored runs; None if neither tells it."""
     path = folder / "simulator.json"
     # damaged files are reported by salvage
     with contextlib.suppress(Exception):
@@ -68,7 +68,7 @@ def _recorded(folder: Path) -> int | None:
 
 
 def check_seeds(case: Case, places: Iterable[tuple[str, Marker]]) -> None:
-    """Refuse ranges and fields that map different seeds of a case to the same number.
+    """Refuse placeholders whose ranges or fields map different seeds of a case to the same number.
 
     Parameters
     ----------

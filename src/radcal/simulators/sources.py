@@ -1,4 +1,4 @@
-"""The configured simulator, and the same with a store of runs, which simulates only runs that are not stored."""
+"""The configured simulator, and a runner with a store of runs, which simulates only runs that are not stored."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def make_simulator(case: stages.Simulator, geometry: Geometry, geometry_path: st
 
 
 def make_runner(case: stages.Simulation, scene_path: str | Path, geometry_path: str | Path, runs: str | Path) -> Runner:
-    """Configured simulator with the run store of the case: a stored run is read, a new one is simulated and stored."""
+    """Runner of the configured simulator: a run in the case's run store is read, a new run is simulated and stored."""
     geometry = read_geometry(geometry_path)
     simulator = make_simulator(case, geometry, geometry_path)
     return Runner(RunStore(runs), simulator, geometry, read_scene(scene_path).identity, case)

@@ -11,13 +11,13 @@ __all__ = ["density_rms", "hellinger", "kolmogorov_smirnov", "target_grid"]
 
 
 def target_grid(dp: ArrayLike, points: int = 1000) -> NDArray[np.float64]:
-    """Points on which densities are compared: mean +- 5 sd of the target, evenly spaced [dB]."""
+    """Evenly spaced points at which densities are compared, from mean - 5 sd to mean + 5 sd of the target [dB]."""
     mean, sd, _ = centred(dp)
     return np.linspace(mean - 5.0 * sd, mean + 5.0 * sd, points)
 
 
 def density_rms(dp: ArrayLike, target_dp: ArrayLike) -> float:
-    """Root mean square difference of two densities on the target's grid.
+    """Root mean square difference of two densities at the points of :func:`target_grid`.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def density_rms(dp: ArrayLike, target_dp: ArrayLike) -> float:
 
 
 def _common_grid(dp: ArrayLike, target_dp: ArrayLike) -> NDArray[np.float64]:
-    """Points over both densities, mean +- 8 sd of either, evenly spaced [dB]."""
+    """Evenly spaced points that cover both densities: each density from mean - 8 sd to mean + 8 sd [dB]."""
     means, sds, _ = np.moveaxis(centred(np.stack([np.asarray(dp), np.asarray(target_dp)])), -1, 0)
     return np.linspace((means - 8.0 * sds).min(), (means + 8.0 * sds).max(), 8001)
 
@@ -48,6 +48,6 @@ def hellinger(dp: ArrayLike, target_dp: ArrayLike) -> float:
 
 
 def kolmogorov_smirnov(dp: ArrayLike, target_dp: ArrayLike) -> float:
-    """Largest difference of the two distribution functions, 0 to 1."""
+    """Largest difference between two distribution functions, 0 to 1."""
     t = _common_grid(dp, target_dp)
     return float(np.max(np.abs(cdf(t, dp) - cdf(t, target_dp))))

@@ -1,4 +1,4 @@
-"""Density and parametrisations of the skew normal, and draws of it."""
+"""Density and parametrisations of the skew-normal distribution, and random numbers drawn from the distribution."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def density(x: ArrayLike, dp: ArrayLike) -> NDArray[np.float64]:
 
 
 def cdf(x: ArrayLike, dp: ArrayLike) -> NDArray[np.float64]:
-    """Distribution function Phi(z) - 2 T(z, alpha), T Owen's function; shapes as :func:`density`."""
+    """Distribution function Phi(z) - 2 T(z, alpha), where T is Owen's function; shapes as in :func:`density`."""
     xi, omega, alpha = np.asarray(dp, dtype=np.float64)
     z = (np.asarray(x, dtype=np.float64) - xi) / omega
     return np.asarray(np.clip(ndtr(z) - 2.0 * owens_t(z, alpha), 0.0, 1.0))

@@ -54,7 +54,10 @@ class Fit:
 def _unpack(
     u: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """(mean, log sd, v) to DP, d DP / du and d^2 DP / du^2, with skewness = largest tanh v."""
+    """Direct parameters DP at u = (mean, log sd, v), and their first and second derivatives by u.
+
+    The skewness is the largest possible skewness times tanh v.
+    """
     mean, log_sd, v = map(float, u)
     sd = math.exp(log_sd)
     t, log_t = math.tanh(v), math.log(_SHARE_FLOOR)
@@ -152,8 +155,8 @@ def search(
 ) -> tuple[NDArray[np.float64], float]:
     """Minimise the objective by Newton's method with a positive definite matrix and step halving.
 
-    The search ends where alpha is so large that the sample cannot tell the density from the
-    half-normal limit (see :func:`_limit`), unless a penalty keeps alpha finite.
+    The search ends where alpha is so large that the sample does not distinguish the density from the half-normal limit
+    (see :func:`_limit`), unless a penalty keeps alpha finite.
 
     Parameters
     ----------
@@ -207,7 +210,9 @@ def search(
 
 
 def farthest(n: int) -> float:
-    """Value of v at which n values cannot tell the density from the limit: alpha times the smallest z is about 10.
+    """Value of v beyond which a sample of n values does not distinguish the density from the half-normal limit.
+
+    At this v, alpha times the smallest z of the sample is about 10.
 
     Parameters
     ----------
@@ -220,7 +225,10 @@ def farthest(n: int) -> float:
 def _valleys(
     x: NDArray[np.float64], sign: float, penalty: float
 ) -> list[tuple[NDArray[np.float64], tuple[float, float]]]:
-    """Local minima of the objective (minimised over mean and sd) on a grid of the skewness, as intervals of v."""
+    """Local minima of the objective on a grid of v: the parameters u at each minimum, and the interval of v around it.
+
+    At each point of the grid, the objective is minimised over mean and sd.
+    """
     u, path = np.array([0.0, 0.0, sign * _SCAN[0]]), []
     for v in _SCAN:
         u, value = search(np.array([u[0], u[1], sign * v]), x, penalty, (0, 1), 1e-2)
@@ -232,7 +240,7 @@ def _valleys(
 
 
 def _limit(x: NDArray[np.float64], sign: float) -> NDArray[np.float64]:
-    """Direct parameters of the fitted half-normal distribution, the limit of large alpha."""
+    """Direct parameters of the fitted half-normal distribution, which is the limit of the density for large alpha."""
     y = sign * x
     omega = float(np.sqrt(np.mean((y - y.min()) ** 2)))
     # at the smallest value Phi(alpha z) has just reached 1
@@ -268,15 +276,14 @@ def standardised(sample: ArrayLike) -> tuple[NDArray[np.float64], float, float]:
 def fit(sample: ArrayLike, penalised: bool = False) -> Fit:
     """Maximum likelihood fit of a skew normal.
 
-    The search runs in (mean, log sd, skewness), where the likelihood is regular at
-    alpha = 0 (Azzalini and Capitanio 2014, section 3.1.4), from the sample's moments, by
-    Newton's method. Where the likelihood grows up to the largest skewness, the limit, a
-    half-normal distribution, is tried too.
+    Newton's method searches in the parameters (mean, log sd, skewness), in which the likelihood is regular at alpha = 0
+    (Azzalini and Capitanio 2014, section 3.1.4). The search starts from the sample's moments. Where the likelihood
+    grows up to the largest skewness, the half-normal limit is tried, too.
 
-    The penalised log-likelihood is smaller by c1 log(1 + c2 alpha^2), which is the first-order bias correction of
-    alpha: its maximum is at a finite alpha for every sample. It is
-    never smooth at alpha = 0, where it always has a local maximum: a sample whose skewness is
-    less than about 0.8 standard errors is fitted by a normal density.
+    The penalised log-likelihood is the log-likelihood less c1 log(1 + c2 alpha^2), a penalty that corrects the bias of
+    alpha to first order. The maximum of the penalised log-likelihood is at a finite alpha for every sample. The
+    penalised log-likelihood is never smooth at alpha = 0, where it always has a local maximum: a sample whose skewness
+    is less than about 0.8 standard errors is fitted by a normal density.
 
     Parameters
     ----------

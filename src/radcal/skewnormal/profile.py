@@ -36,9 +36,9 @@ _HOPELESS = 2.5  # excess of the root of a likelihood ratio over its critical va
 
 
 def likelihood_ratio(sample: ArrayLike, skewness: float) -> float:
-    """Twice the log of the likelihood's maximum over its maximum at a given skewness.
+    """Twice the log of the likelihood's maximum over all parameters divided by its maximum at a given skewness.
 
-    The ratio does not depend on shift and scale of the sample.
+    The ratio does not change if the sample is shifted or scaled.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def likelihood_ratio(sample: ArrayLike, skewness: float) -> float:
 
 
 def _critical(effective: float, v: float, level: float) -> float:
-    """Value that the likelihood ratio of the true skewness exceeds with probability 1 - level."""
+    """Critical value, which the likelihood ratio of the true skewness exceeds with probability 1 - level."""
     from scipy.special import gammaincinv
 
     skewness = MAX_SKEWNESS * abs(math.tanh(v))
@@ -82,17 +82,21 @@ def intervals(
 ) -> NDArray[np.float64]:
     """Confidence intervals of a fit's centred parameters.
 
-    From 1,000 independent values, and up to a skewness of 0.9, these are the normal (Wald)
-    intervals of :func:`covariance`. Otherwise they are the values whose likelihood ratio to the maximum is below a
-    critical value: for mean and standard deviation the square of Student's t with n - 3 degrees of freedom, for the
-    skewness the quantile of the likelihood ratio itself. The distribution of that ratio depends only on sample size and
-    skewness, and is that of chi square, 1 degree of freedom, only for large samples. Its 95 % quantile was simulated
-    (``benchmarks/skewnormal_fit.py --critical``); quantiles of other levels are assumed to be in the same proportion to
-    those of chi square.
+    From 1,000 independent values, and up to a skewness of 0.9, the intervals are the normal (Wald) intervals of
+    :func:`covariance`. Otherwise an interval holds the values of a parameter for which the likelihood ratio (twice the
+    log of the maximum likelihood over the maximum at that value) is below a critical value. For mean and standard
+    deviation the critical value is the square of Student's t with n - 3 degrees of freedom. For the skewness the
+    critical value is the quantile of the likelihood ratio itself.
 
-    The likelihood is always that without penalty, because the interval is one of the parameter and not of its estimate.
-    Where the largest skewness is not rejected, as at the boundary, the interval of the skewness is one-sided; it holds
-    the values that a test of ``1 - level`` does not reject, so that its level is ``level``, too.
+    The distribution of the likelihood ratio of the skewness depends only on sample size and skewness. Only for large
+    samples is it the chi-square distribution with 1 degree of freedom. The 95 % quantile of the likelihood ratio was
+    simulated (``benchmarks/skewnormal_fit.py --critical``). The ratio of any other quantile to that of chi square is
+    assumed to be the same as for the 95 % quantile.
+
+    The likelihood in these intervals never includes the penalty, because an interval describes the parameter and not
+    the penalised estimate. Where the largest possible skewness is not rejected, the interval of the skewness is
+    one-sided and ends at the largest skewness. The one-sided interval holds the values of the skewness that a test of
+    size ``1 - level`` does not reject, so that its confidence level is ``level``, too.
 
     Parameters
     ----------
@@ -157,7 +161,7 @@ class _Profile:
         self._least = min(objective(self._top, y)[0], self._limit(math.copysign(1.0, skewness)))
 
     def _limit(self, sign: float, mean: float | None = None, sd: float | None = None) -> float:
-        """Objective at the half-normal limit, minimised over the parameters that are not given."""
+        """Objective at the half-normal limit, minimised over those of ``mean`` and ``sd`` that are None."""
         y = sign * self._y
         edge = float(y.min())
         if mean is None:
@@ -198,7 +202,7 @@ class _Profile:
         return self._ratio(2, v, self._top)[0]
 
     def bound(self, k: int, side: float, critical: Callable[[float], float]) -> float:
-        """Value at which the ratio reaches its critical value, up (side 1) or down (-1) from the maximum."""
+        """Value above (side 1) or below (side -1) the maximum at which the ratio reaches its critical value."""
         from scipy.optimize import brentq
 
         near = self._top

@@ -1,11 +1,12 @@
 """Backscatter laws: sigma0 in dB as a function of the local incidence angle.
 
 ``LAWS`` is the registry of laws. Each module of this package holds a family of laws, with their formulas and their
-entries in the registry. Conditions that a law needs besides its parameters (carrier frequency, polarisation, knots)
-are bound to it by :func:`law_for`, after which every law has the signature ``law(phi_rad, parameters) -> sigma0 [dB]``.
+entries in the registry. A law may need conditions besides its parameters: carrier frequency, polarisation, knots. The
+function :func:`law_for` binds these conditions to the law. After this, every law has the signature
+``law(phi_rad, parameters) -> sigma0 [dB]``.
 
-The law ``EXTERNAL`` is not in the registry: it has names and units of parameters, but no curve, because only the
-simulator can compute its backscatter.
+The law ``EXTERNAL`` is not in the registry: it has names and units of parameters, but no curve, because only an
+external simulator can compute its backscatter.
 
 Every law of the registry is finite from 0 to 90 degrees. In laws whose power vanishes at grazing incidence, the cosine
 is limited to at least 1e-6 (an incidence of 89.99994 degrees). Outside of its valid angles a law is extrapolated by its
@@ -27,7 +28,7 @@ LAWS: dict[str, Law] = {**CURVES, **SOIL}
 
 
 def external_law(names: Sequence[str], units: Sequence[str] | None = None) -> Law:
-    """Law without a curve, whose parameters only the simulator understands.
+    """Law without a curve, whose parameters only an external simulator understands.
 
     Parameters
     ----------
@@ -53,7 +54,7 @@ def law_for(
     names: Sequence[str] | None = None,
     units: Sequence[str] | None = None,
 ) -> Law:
-    """Law of this name, with its conditions bound.
+    """Law of a given name, with its conditions (carrier frequency, polarisation, knots) bound to it.
 
     Parameters
     ----------

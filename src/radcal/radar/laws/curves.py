@@ -13,7 +13,7 @@ __all__ = ["CURVES", "constant_gamma", "mangia", "tabulated", "ulaby_dobson"]
 
 
 def mangia(phi_rad: ArrayLike, parameters: ArrayLike) -> NDArray[np.float64]:
-    r"""Four-parameter law, equation 1 of the paper.
+    r"""Four-parameter law, equation 1 of the paper under References.
 
     .. math:: \sigma^0_{dB}(\phi; X) = X_1 + X_2 \cos\phi + X_3 \exp(-X_4 \phi^2)
 
@@ -94,7 +94,7 @@ def constant_gamma(phi_rad: ArrayLike, parameters: ArrayLike) -> NDArray[np.floa
 
 
 def tabulated(phi_rad: ArrayLike, parameters: ArrayLike, *, angles_deg: Sequence[float]) -> NDArray[np.float64]:
-    """Curve through sigma0 at given angles, without overshoot; it is constant beyond the first and last angle.
+    """Curve that interpolates sigma0 at given angles without overshoot; constant beyond the first and last angle.
 
     Parameters
     ----------

@@ -87,7 +87,7 @@ class Law:
         return law
 
     def outside(self, incidence_deg: ArrayLike) -> float:
-        """Share of angles [deg] outside the law's valid angles; angles that are not finite are not counted."""
+        """Share of the given angles [deg] outside the law's valid angles; angles that are not finite are left out."""
         angle = np.asarray(incidence_deg, dtype=np.float64)
         angle = angle[np.isfinite(angle)]
         low, high = self.valid_deg
