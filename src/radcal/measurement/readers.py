@@ -1,4 +1,4 @@
-"""Measured images from files: SICD, GeoTIFF and other rasters, numpy, MATLAB and HDF5 arrays, to dB."""
+"""Measured images from files: SICD, GeoTIFF and other rasters, numpy, MATLAB and HDF5 arrays, converted to dB."""
 
 from __future__ import annotations
 
