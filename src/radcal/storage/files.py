@@ -97,7 +97,7 @@ def working_folder(parent: str | Path) -> Path:
 
 
 def sweep(folder: str | Path) -> int:
-    """Remove temporary files and folders of dead processes of this machine; return how many."""
+    """Remove temporary files and folders that ended processes of this machine left; return their number."""
     removed = 0
     host = socket.gethostname()
     for partial in list(Path(folder).rglob(f"{_PARTIAL}{host}-*")):
@@ -113,7 +113,7 @@ def sweep(folder: str | Path) -> int:
 
 
 def sweep_scripts(folder: str | Path, case_folder: str | Path) -> int:
-    """Remove copies of a case's scripts that a killed Snakemake left behind; return how many.
+    """Remove copies of a case's scripts that a killed Snakemake left behind; return their number.
 
     Parameters
     ----------
