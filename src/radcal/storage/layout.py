@@ -72,7 +72,7 @@ class Attribute:
 
 @dataclass(frozen=True)
 class Inline:
-    """Mark of a dataclass whose fields stand in the enclosing group; it is None where the group has none of them."""
+    """Mark of a dataclass whose fields are stored in the enclosing group; None is read where that group has none."""
 
 
 @dataclass(frozen=True)
