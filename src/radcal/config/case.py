@@ -71,7 +71,7 @@ class Case(Part):
     @model_validator(mode="before")
     @classmethod
     def _fitting_defaults(cls, data: object) -> object:
-        """Case data, with ``objective: density`` where a single or no incidence-angle bin is possible or configured."""
+        """Case data; the default is ``objective: density`` for one bin, normalisation ``image`` or external laws."""
         if not isinstance(data, dict):
             return data
         data = _with_fitting_stop(data)

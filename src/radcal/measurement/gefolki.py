@@ -287,7 +287,7 @@ def find_flow(
 
 
 def _found(lattice: Lattice, levels: list[Level], origin: NDArray[np.float64], prior: Prior | None) -> Flow:
-    """Displacement field, found from coarse to fine scales; without a given prior, some steps estimate it."""
+    """Displacement field, found from coarse to fine scales; some steps estimate the prior unless it is given."""
     coefficients, near = origin, prior or _START
 
     def step(level: Level, choose: bool) -> Posterior:

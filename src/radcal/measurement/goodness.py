@@ -61,7 +61,8 @@ def goodness_of_fit(
     """Compare a sample with the skew normal fitted to it, by parametric bootstrap.
 
     The parameters are estimated from the sample with which the fit is compared, so that tables of p-values for known
-    parameters do not apply. For the p-values, a skew normal is therefore fitted to each bootstrap sample, too.
+    parameters do not apply. Therefore a skew normal is fitted to each bootstrap sample, too, and the p-values follow
+    from these fits.
 
     Parameters
     ----------

@@ -35,7 +35,7 @@ class Blocks:
 
     @classmethod
     def of(cls, validation: Validation | None, rows: int = 0) -> Blocks:
-        """Blocks as configured; by default, a block has two parts of 10 rows or more, an image at most 50."""
+        """Blocks as configured; by default two parts of 10 rows or more per block, and at most 50 parts per image."""
         if validation is not None:
             return cls(validation.rows, validation.means, validation.columns)
         part = max(10, -(-rows // 50))
@@ -50,7 +50,7 @@ class Blocks:
         """Number of the block part that holds each pixel, from the pixels' flat indices and the width of the image.
 
         Parts are numbered block by block, and blocks row by row. Of two blocks that share a side, one has an even and
-        the other an odd number.
+        the other an odd block number.
         """
         row, column = np.divmod(np.asarray(pixels, dtype=np.int64), width)
         step = width if self.columns is None else self.columns

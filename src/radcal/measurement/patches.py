@@ -158,9 +158,8 @@ def spreads(residuals: Sequence[Residuals]) -> list[Spread]:
     """Between-patch and within-patch standard deviations of several materials, estimated together.
 
     Both standard deviations of a material have half-normal priors whose scales the materials share; the scales have a
-    half-normal prior of 1 dB. The standard deviations of a material with a single patch are thus estimated mainly from
-    the other materials, whereas a material that differs from the others (water among fields) keeps estimates of its
-    own.
+    half-normal prior of 1 dB. For a material with a single patch, the estimates thus rely more on the other materials.
+    A material that differs from the other materials (water among fields) keeps estimates of its own.
 
     Parameters
     ----------

@@ -67,8 +67,8 @@ def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: Re
 
     The displacement field is found three times: from all pixels and, with the same smoothness, from the squares of each
     colour of a chequerboard. The squares of the other colour are held out, and the correlation of the two images on
-    them answers two questions. First, do the images have anything in common? For comparison, the moving image is also
-    mirrored. Second, does the registration improve the agreement? The held-out correlation must rise by 0.001. The
+    them answers two questions. First, do the images have anything in common? Mirrored images are registered for
+    comparison. Second, does the registration improve the agreement? The held-out correlation must rise by 0.001. The
     standard error of the field is that of its posterior distribution.
 
     Parameters

@@ -155,7 +155,7 @@ def _ground(
     pixels: NDArray[np.int64], geometry: Geometry, measurement: Measurement, levels: Levels | None,
     patches: NDArray[np.int64], parts: NDArray[np.int64],
 ) -> Ground:  # fmt: skip
-    """Given pixels with their patches and block parts, from the numbers of all the image's patches and block parts."""
+    """Ground of given pixels; ``patches`` and ``parts`` hold the patch and block part of every pixel of the image."""
     every = effective_sample_size(measurement.image_db, pixels, pixels) / pixels.size if pixels.size else 1.0
     return Ground(
         values_db=Levels.apply(measurement.image_db.ravel()[pixels], (levels or Levels()).measured),

@@ -1,7 +1,7 @@
 """Output to the terminal that does not fail when the terminal or pipe is closed, and a filter of Snakemake's log.
 
-``snakemake ... | head -1`` closes the pipe after one line. Without :func:`guard`, a job would fail when it prints the
-next line, and Snakemake's scheduler would wait for ever after a callback has printed a line.
+``snakemake ... | head -1`` closes the pipe after one line. Without :func:`guard`, a job that prints a further line
+would fail, and Snakemake's scheduler would wait for ever if one of its callbacks prints a line.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ any of these ``| None``                                absent where the value is
 
 A field that a file lacks takes its default, so that files written before the field was added can still be read.
 ``Annotated[type, About("description", unit="dB")]`` adds the attributes ``description`` and ``unit`` to a dataset or
-group; :func:`table` lists them.
+group; :func:`table` lists these attributes.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class Attribute:
 
 @dataclass(frozen=True)
 class Inline:
-    """Mark of a dataclass whose fields are stored in the enclosing group; None is read where that group has none."""
+    """Mark of a dataclass whose fields are stored in the enclosing group; if that has none of them, None is read."""
 
 
 @dataclass(frozen=True)
@@ -330,7 +330,7 @@ def table(kind: type) -> str:
 
 
 def _rows(kind: type, path: str, absent: bool = False) -> Iterator[tuple[str, str, str, str, str]]:
-    """Rows of the table for the fields below a path: place, attribute, type, unit and description."""
+    """Rows of the table for the fields below a path: group or dataset, attribute, type, unit and description."""
     for entry in _entries(kind):
         if entry.main:  # its line is that of the field whose type is the dataclass
             continue

@@ -1,4 +1,4 @@
-"""Advisory locks: one workflow per case, one process per run; the system releases them when the process ends."""
+"""Advisory locks, one for each case and each run, which the operating system releases when their process ends."""
 
 from __future__ import annotations
 
