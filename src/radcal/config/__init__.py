@@ -1,4 +1,4 @@
-"""Typed configuration of a case: the only place that interprets configuration.
+"""Typed configuration of a case; only this package interprets the configuration.
 
 A case is one YAML file. Each section has a model in a module of its own. Missing keys take the
 defaults of the models, and these defaults are the default case: ``config/config.yaml`` is written

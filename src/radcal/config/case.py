@@ -31,7 +31,7 @@ __all__ = ["Case"]
 
 
 def _with_fitting_stop(data: dict[str, Any]) -> dict[str, Any]:
-    """Data with ``stop.at_sampling_error`` set where an external program is used and no tolerance is configured."""
+    """Case data, with ``stop.at_sampling_error`` set for an external program without a configured ``stop.rms``."""
     stop, simulator = data.get("stop", {}), data.get("simulator")
     # a section that is a model already has this default
     if not isinstance(stop, dict) or "rms" in stop or "at_sampling_error" in stop:
@@ -71,7 +71,7 @@ class Case(Part):
     @model_validator(mode="before")
     @classmethod
     def _fitting_defaults(cls, data: object) -> object:
-        """Data with ``objective: density`` where one bin is configured, or where bins are not possible."""
+        """Case data; the default is ``objective: density`` for one bin, normalisation ``image`` or external laws."""
         if not isinstance(data, dict):
             return data
         data = _with_fitting_stop(data)
@@ -156,7 +156,7 @@ class Case(Part):
             )
 
     def _check_objective(self) -> None:
-        """Refuse settings that the objective does not use, or with which it is impossible."""
+        """Refuse settings that the objective does not use, and settings with which the objective is impossible."""
         if self.objective == "density" and self.target.incidence_classes not in (1, "auto"):
             raise ValueError(
                 f"target.incidence_classes is {self.target.incidence_classes}, which objective: density does not use, "

@@ -1,4 +1,4 @@
-"""Files, programs and earlier runs that a case names: found, and refused in one sentence where they are missing."""
+"""Search for the files, programs and earlier runs that a case names, with one error sentence where one is missing."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def executable_path(word: str, key: str, environment: Mapping[str, str]) -> Path
 
 
 def files_below(path: Path) -> list[Path]:
-    """List of a file itself, or of all files below a folder in sorted order."""
+    """List of all files below a folder in sorted order, or of ``path`` alone where it is a file."""
     return sorted(item for item in path.rglob("*") if item.is_file()) if path.is_dir() else [path]
 
 
@@ -125,7 +125,7 @@ def input_files(case: Case) -> dict[str, Path]:
 
 
 def check_reuse(case: Case, results: str | Path) -> None:
-    """Refuse a ``design.reuse`` without runs before any job starts.
+    """Refuse, before any job starts, a ``design.reuse`` that names a case without runs.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ def check_reuse(case: Case, results: str | Path) -> None:
 
 
 def vrt_folders(config: SlantRangeScene | RasterScene | FileMeasurement) -> tuple[Path, ...]:
-    """Folders in which sources of a VRT may lie, besides the VRT's own.
+    """Folders in which sources of a VRT may lie, besides the folder of the VRT.
 
     Raises
     ------

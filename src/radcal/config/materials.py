@@ -182,7 +182,7 @@ class Material(Section):
         return self
 
     def _check_integers(self) -> None:
-        """Refuse ``integer`` for laws that are not external, and names in it that the law does not have."""
+        """Refuse ``integer`` for laws that are not external, and names in ``integer`` that the law does not have."""
         if self.integer and self.law != EXTERNAL:
             raise ValueError(f"integer is for parameters of law: {EXTERNAL}, law is {self.law!r}")
         for name in self.integer if isinstance(self.integer, list) else ():
@@ -250,12 +250,12 @@ class Material(Section):
 
     @property
     def box(self) -> list[tuple[float, float]]:
-        """Bounds of each parameter; the law's own where none are configured."""
+        """Bounds of each parameter; the bounds of the law where no bounds are configured."""
         return list(self.bounds if self.bounds is not None else self.unbound_law.bounds or ())
 
     @property
     def start_parameters(self) -> list[float]:
-        """Parameters of the reference run, for the start's law if it names one."""
+        """Parameters of the reference run, for the law that ``start`` names, or else for the law of the material."""
         if not self.calibrate:
             return list(self.parameters or [])
         if isinstance(self.start, Start):
@@ -276,7 +276,7 @@ class Material(Section):
 
     @property
     def at_start(self) -> Material:
-        """Material of the reference run, with the start's law."""
+        """Material for the reference run, with the law that ``start`` names, or else with its own law."""
         if not (self.starts_with_another_law and isinstance(self.start, Start)):
             return self
         # not validated again: the bounds belong to the calibrated law, and a reference run does not use them

@@ -24,7 +24,7 @@ class Synthetic(Section):
 
     @property
     def is_written(self) -> bool:
-        """Whether the parameters are configured, not defaults."""
+        """Whether the hidden parameters are configured explicitly instead of taken from the default."""
         return "parameters" in self.model_fields_set
 
     seed: Seed = Field(2, description="seed of the measurement's speckle, noise and warp")

@@ -1,4 +1,4 @@
-"""Sections of the configuration, all of a case or those of a stage: plain data, and values derived from them."""
+"""Sections of the configuration (of a whole case or of one stage), as plain data, and values derived from them."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Part(Section):
     """
 
     def sections(self, *names: str) -> dict[str, Any]:
-        """Sections of these names as plain data, for the ``params`` of a rule."""
+        """Sections with the given names as plain data, for the ``params`` of a rule."""
         sections = self.model_dump(mode="json", include=set(names))
         if environment := sections.get("simulator", {}).get("environment"):
             sections["simulator"]["environment"] = Undisclosed(environment)
@@ -63,7 +63,7 @@ class Part(Section):
 
     @property
     def calibrated(self: _Materials) -> list[str]:
-        """Names of the materials to calibrate, in the order of the file."""
+        """Names of the materials to calibrate, in the order of the case file."""
         return [name for name, material in self.materials.items() if material.calibrate]
 
     @property

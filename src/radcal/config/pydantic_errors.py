@@ -1,4 +1,4 @@
-"""Error sentences about wrong keys and values, from what pydantic found."""
+"""Error sentences about wrong keys and values, made from pydantic's validation errors."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def _tags(model: type[BaseModel]) -> list[object]:
 
 
 def _known_keys(location: Sequence[int | str], root: type[BaseModel]) -> list[str]:
-    """Keys allowed beside the last element of an error's location."""
+    """Keys that are allowed in the section that contains the key of an error."""
     models = [root]
     for part in location[:-1]:
         if len(models) > 1:  # in a union, this part of the location is the tag and not a key
@@ -56,7 +56,7 @@ _ALTERNATIVES = ("a list", "a law", "one level", "a table", "yes or no")  # alte
 
 
 def _of_kind(match: re.Match[str]) -> str:
-    """Words of YAML for the Python type that pydantic asks for."""
+    """Name, in the words of YAML, of the Python type that pydantic expects."""
     return {"dictionary": "keys and values", "tuple": "a list"}[match[1]]
 
 

@@ -47,7 +47,7 @@ def _braced(value: object) -> object:
 
 
 def _inside(value: str) -> str:
-    """Refuse names that lead out of a run's folder, and reserved ones."""
+    """Refuse file names that lead out of a run's folder, and reserved file names."""
     path = Path(value)
     if not path.parts or path.is_absolute() or ".." in path.parts:
         raise ValueError(f"is {value!r}, expected the name of a file in the run's own folder")
@@ -57,7 +57,7 @@ def _inside(value: str) -> str:
 
 
 def _listed(value: object) -> object:
-    """Refuse a command line in one text, as for a shell."""
+    """Refuse a command given as one text, as for a shell, instead of a list of words."""
     if isinstance(value, str):
         raise ValueError(f"is {value!r}, expected a list of program and arguments: no shell splits it")
     return value

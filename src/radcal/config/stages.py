@@ -141,7 +141,7 @@ class DesignChunk(Simulation, DesignSize):
 
 
 class Train(Stage):
-    """Sections for the training of surrogates; those of the simulator tell whether it is deterministic."""
+    """Sections for the training of surrogates; section ``simulator`` tells whether runs are deterministic."""
 
     simulator: SimulatorConfig
     materials: dict[str, Material]
@@ -169,7 +169,7 @@ class FinalRuns(Simulation):
 
 
 class Archive(Stage):
-    """Sections for the archive: nearly all; the stop criteria come from a file."""
+    """Sections for the archive: all but ``replace`` and ``stop``; the stop criteria come from a file."""
 
     # in the order of the whole case, in which the archive records them
     case: CaseName

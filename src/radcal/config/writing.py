@@ -41,7 +41,7 @@ def _lines(section: BaseModel, indent: str = "") -> list[str]:
 
 
 def _inline(value: object) -> str:
-    """YAML of a plain value on one line; 1e-05 becomes 1.0e-05, since YAML 1.1 reads the former as text."""
+    """YAML of a plain value on one line; 1e-05 is written as 1.0e-05, since YAML 1.1 reads 1e-05 as text."""
     if isinstance(value, dict):
         return "{" + ", ".join(f"{key}: {_inline(item)}" for key, item in value.items()) + "}"
     if isinstance(value, list | tuple):

@@ -1,6 +1,6 @@
 """YAML text of case files and command-line values: one document, no duplicate keys, no unbounded aliases.
 
-The meaning of keys belongs to the models of :mod:`radcal.config`.
+This module does not interpret the keys; the models of :mod:`radcal.config` do.
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def check_words(words: Sequence[str], origin: str = "--config") -> None:
-    """Refuse settings of the command line that give one key twice, of which the last would win silently.
+    """Refuse settings of the command line that give one key twice; otherwise the last one would be used silently.
 
     Parameters
     ----------

@@ -55,7 +55,7 @@ class ClassTarget:
     first_looks: float
 
     def cumulants(self, values_db: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Cumulants of a run by incidence-angle bin.
+        """Cumulants of the target's pixels in a run, by incidence-angle bin.
 
         Parameters
         ----------

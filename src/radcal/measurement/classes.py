@@ -49,7 +49,7 @@ class Classes:
 
     @property
     def size(self) -> int:
-        """Number of bins."""
+        """Number of incidence-angle bins."""
         return self.count.size
 
     def shares(self, label: NDArray[np.int64], labels: int) -> NDArray[np.float64]:
@@ -59,7 +59,7 @@ class Classes:
 
 
 def incidence_edges(incidence_deg: ArrayLike, classes: int | Literal["auto"]) -> NDArray[np.float64]:
-    """Edges of incidence-angle bins of about equally many pixels.
+    """Edges of incidence-angle bins that each hold about the same number of pixels.
 
     Parameters
     ----------
@@ -101,13 +101,13 @@ def incidence_edges(incidence_deg: ArrayLike, classes: int | Literal["auto"]) ->
 
 
 def class_of(incidence_deg: ArrayLike, edges_deg: ArrayLike) -> NDArray[np.int64]:
-    """Bin of each angle [deg]; angles beyond the first and last edges belong to the first and last bin."""
+    """Index of the incidence-angle bin of each angle [deg]; an angle outside all bins belongs to the nearest one."""
     inner = np.asarray(edges_deg, dtype=np.float64)[1:-1]
     return np.searchsorted(inner, np.asarray(incidence_deg, dtype=np.float64), side="right")
 
 
 def class_cumulants(values_db: ArrayLike, member: NDArray[np.int64], size: int) -> NDArray[np.float64]:
-    """Mean, variance and third central moment of the pixels of each bin.
+    """Mean, variance and third central moment of the backscatter in each incidence-angle bin.
 
     Parameters
     ----------
@@ -177,7 +177,7 @@ def make_classes(
 
 
 def winsorised(values_db: ArrayLike, member: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Values clipped at 6 robust standard deviations from the median of their bin.
+    """Values clipped at 6 robust standard deviations from the median of their incidence-angle bin.
 
     A pixel whose power is zero except for rounding has -100 dB, and one such pixel would dominate the third moment of a
     bin.

@@ -1,7 +1,7 @@
 """Displacement fields between two images: warp, invert, compose.
 
-A field ``d`` has shape (2, rows, columns): the place at pixel x of the fixed image is at pixel
-x + d(x) of the moving image; axis 0 of ``d`` is along rows, axis 1 along columns.
+A field ``d`` has shape (2, rows, columns): the ground that pixel x of the fixed image shows is shown by pixel x + d(x)
+of the moving image; axis 0 of ``d`` is along rows, axis 1 along columns.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _CLOSE_PX = 1e-3
 
 
 def warp(image: NDArray[np.float32], displacement: NDArray[np.float64], order: int = 0) -> NDArray[np.float32]:
-    """Moving image resampled onto the fixed one.
+    """Moving image resampled onto the pixels of the fixed image.
 
     Parameters
     ----------
@@ -41,12 +41,12 @@ def warp(image: NDArray[np.float32], displacement: NDArray[np.float64], order: i
 
 
 def _at(field: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Values of a field at points, shape (2, rows, columns); beyond the image, those of its border."""
+    """Values of a field at points, shape (2, rows, columns); a point outside the image takes the border value."""
     return np.stack([map_coordinates(part, points, order=1, mode="nearest") for part in field])
 
 
 def compose(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Field that has the effect of one displacement followed by another.
+    """Displacement field that has the same effect as one displacement followed by another.
 
     Parameters
     ----------

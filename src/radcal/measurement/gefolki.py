@@ -1,19 +1,18 @@
 """Dense registration of two radar images: GeFolki, with the smoothness of the field estimated from the images.
 
-The method takes from the papers the rank transform instead of intensities, local inversion of contrast, a
-pyramid of scales, and Gauss-Newton steps (Plyer, Colin-Koeniguer and Weissgerber, "A new
-coregistration algorithm for recent applications on urban SAR images", IEEE GRSL 12 (2015);
-Brigot et al., "Adaptation and evaluation of an optical flow method applied to coregistration
-of forest remote sensing images", IEEE JSTARS 9 (2016)).
+GeFolki compares the ranks of pixels instead of intensities, allows the contrast to be inverted locally, and refines the
+field by Gauss-Newton steps from coarse to fine scales (Plyer, Colin-Koeniguer and Weissgerber, "A new coregistration
+algorithm for recent applications on urban SAR images", IEEE GRSL 12 (2015); Brigot et al., "Adaptation and evaluation
+of an optical flow method applied to coregistration of forest remote sensing images", IEEE JSTARS 9 (2016)).
 
-Two things differ. The papers solve for each pixel in shrinking windows; here one field is estimated for the whole
-image, a Gaussian process whose size and correlation length are those under
-which the images are most probable (:mod:`radcal.measurement.spline_field`). In speckle most of a window's gradient is
-noise, and the best size of a window depends on the smoothness of the displacement, which only the images show. The
-papers choose between contrast and its inverse; here each place is weighted by the likelihood of its local correlation,
-of either sign, so that homogeneous ground, where both images hold only speckle, adds no noise. The last steps weigh
-spatial frequencies in the same
-way (``benchmarks/registration.py`` has the figures).
+This module differs from the papers in two points. First, the papers solve for the displacement of each pixel in
+shrinking windows. In speckle, most of the gradient in a window is noise, and the best size of the window depends on the
+smoothness of the displacement, which is not known beforehand. This module therefore estimates one field for the whole
+image, a Gaussian process. Its standard deviation and correlation length are those under which the images are most
+probable (:mod:`radcal.measurement.spline_field`). Second, the papers choose between contrast and inverted contrast.
+This module weights each pixel by the likelihood of the local correlation of the images, of either sign, so that
+homogeneous ground, where both images hold only speckle, adds no noise. The last steps weight spatial frequencies in the
+same way (``benchmarks/registration.py`` gives the figures).
 """
 
 from __future__ import annotations
@@ -50,7 +49,7 @@ _NOISE = 1.5  # factor on the noise: neighbouring blocks are correlated, and the
 
 
 def rank_transform(image_db: NDArray[np.float32], radius: int = _RANK_RADIUS) -> NDArray[np.float32]:
-    """Rank of each pixel among its neighbours.
+    """Rank of each pixel's value among those of its neighbours.
 
     Parameters
     ----------
@@ -78,7 +77,7 @@ def rank_transform(image_db: NDArray[np.float32], radius: int = _RANK_RADIUS) ->
 
 
 def _halved(image_db: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Means of the valid pixels among 2 x 2."""
+    """Image of half the size, with the mean of the valid pixels in each square of 2 x 2 pixels."""
     rows, columns = image_db.shape[0] // 2, image_db.shape[1] // 2
     blocks = image_db[: 2 * rows, : 2 * columns].reshape(rows, 2, columns, 2)
     there = np.isfinite(blocks)
@@ -118,7 +117,7 @@ def _cell_sums(values: NDArray[np.float64], size: int = CELL_PX) -> NDArray[np.f
 
 @dataclass(frozen=True)
 class Level:
-    """Ranks of two images at one scale.
+    """Rank transforms of two images at one scale.
 
     Attributes
     ----------
@@ -162,7 +161,7 @@ class Flow:
 
 
 def pyramid(fixed_db: NDArray[np.float32], moving_db: NDArray[np.float32]) -> list[Level]:
-    """Ranks of two images at all scales, the finest first.
+    """Rank transforms of two images at all scales, the finest scale first.
 
     Parameters
     ----------
@@ -180,7 +179,7 @@ def pyramid(fixed_db: NDArray[np.float32], moving_db: NDArray[np.float32]) -> li
 
 
 def _step(level: Level, field: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """Gauss-Newton normal equations by cell: three of the matrix, two of the right-hand side."""
+    """Gauss-Newton normal equations of each cell: three entries of the matrix and two of the right-hand side."""
     fixed = level.fixed
     at = np.indices(fixed.shape, dtype=np.float64) + field
     moved = map_coordinates(level.moving, at, order=1, mode="nearest")
@@ -204,9 +203,10 @@ def _step(level: Level, field: NDArray[np.float64]) -> list[NDArray[np.float64]]
 
 
 def _data(lattice: Lattice, level: Level, coefficients: NDArray[np.float64], start: NDArray[np.float64]) -> Data:
-    """Quadratic approximation of the log-likelihood about given coefficients, relative to the start.
+    """Log-likelihood of the coefficients minus ``start``, as a quadratic approximation about given coefficients.
 
-    The noise is estimated from the scatter of the gradients between blocks (White, Econometrica 50 (1982), eq. 3.2).
+    The noise is estimated from the scatter of the log-likelihood's gradients between blocks of the image (White,
+    Econometrica 50 (1982), eq. 3.2).
     """
     cells = lattice.cells(level.scale)
     parts = _step(level, lattice.field(coefficients, level.scale))
@@ -225,9 +225,9 @@ def _data(lattice: Lattice, level: Level, coefficients: NDArray[np.float64], sta
 def _matched(level: Level, field: NDArray[np.float64]) -> Level:
     """Both images filtered so that each spatial frequency is weighted by its coherence.
 
-    The maximum-likelihood weighting of Knapp and Carter, "The generalized correlation method
-    for estimation of time delay", IEEE TASSP 24 (1976), eq. 39, with the spectra of the images at the present
-    registration.
+    The weights are the maximum-likelihood weights of Knapp and Carter, "The generalized correlation method for
+    estimation of time delay", IEEE TASSP 24 (1976), eq. 39. They are computed from the spectra of the fixed image and
+    of the moving image, displaced by ``field``.
     """
     fixed, moving = level.fixed, level.moving
     at = np.indices(fixed.shape, dtype=np.float64) + field
@@ -250,7 +250,7 @@ def _matched(level: Level, field: NDArray[np.float64]) -> Level:
 
 
 def _restricted(levels: list[Level], keep: NDArray[np.bool_]) -> list[Level]:
-    """Level with some pixels of the fixed image masked."""
+    """Levels in which all pixels of the fixed image outside ``keep`` are masked."""
     kept = [keep.astype(np.float32)]
     for _ in levels[1:]:
         kept.append(_halved(kept[-1]))
@@ -287,7 +287,7 @@ def find_flow(
 
 
 def _found(lattice: Lattice, levels: list[Level], origin: NDArray[np.float64], prior: Prior | None) -> Flow:
-    """Displacement field from coarse to fine scales, its smoothness first fixed, then estimated from the images."""
+    """Displacement field, found from coarse to fine scales; some steps estimate the prior unless it is given."""
     coefficients, near = origin, prior or _START
 
     def step(level: Level, choose: bool) -> Posterior:
@@ -316,7 +316,7 @@ def gefolki(
     keep: NDArray[np.bool_] | None = None,
     start: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
-    """Displacement field between two images of one size.
+    """Displacement field between two images of equal size.
 
     Parameters
     ----------

@@ -46,9 +46,10 @@ class GeoreferencedImage:
 
 
 def is_georeferenced(path: Path, folders: Sequence[Path] = ()) -> bool:
-    """Whether a file is a raster with a CRS and a transform to it.
+    """Whether a file is a raster with a CRS and a transform from its pixels to coordinates in this CRS.
 
-    False for a file that cannot be read; the reader then raises the reason.
+    The answer is False for a file that cannot be read; the function that reads the file later raises an error with the
+    reason.
 
     Parameters
     ----------
@@ -95,7 +96,7 @@ def read_georeferenced(path: Path, config: FileMeasurement, places: Places | Non
 def places_on_ground(
     crs: str, transform: Sequence[float], ground: NDArray[np.float32], other: CRS
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Coordinates, in another CRS, of the places that the pixels of the scene's image show.
+    """Coordinates, in another CRS, of the ground that each pixel of the scene's image shows.
 
     Parameters
     ----------
@@ -121,7 +122,7 @@ def places_on_ground(
 def values_at_ground(
     image: GeoreferencedImage, crs: str, transform: Sequence[float], ground: NDArray[np.float32]
 ) -> NDArray[Any]:
-    """Values of a georeferenced image at the places that the pixels of the scene's image show.
+    """Values of a georeferenced image on the ground that each pixel of the scene's image shows.
 
     Parameters
     ----------

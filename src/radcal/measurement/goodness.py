@@ -60,8 +60,9 @@ def goodness_of_fit(
 ) -> Goodness:
     """Compare a sample with the skew normal fitted to it, by parametric bootstrap.
 
-    The parameters are estimated from the same sample, so that tables for known parameters do not hold; hence each
-    bootstrap sample is fitted, too.
+    The parameters are estimated from the sample with which the fit is compared, so that tables of p-values for known
+    parameters do not apply. Therefore a skew normal is fitted to each bootstrap sample, too, and the p-values follow
+    from these fits.
 
     Parameters
     ----------
@@ -105,7 +106,7 @@ def goodness_of_fit(
 
 
 def effective_sample_size(image_db: NDArray[np.float32], inside: NDArray[np.int64], drawn: NDArray[np.int64]) -> float:
-    """Number of independent pixels whose mean would have the same variance as that of the drawn ones.
+    """Number of independent pixels whose mean would have the same variance as the mean of the correlated pixels drawn.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Pixels of one material with their fields and image blocks, for fitting and for held-out checks."""
+"""Pixels of one material, each with its field and image block, for fits of a law and for checks on held-out pixels."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["Blocks", "Ground"]
 
 @dataclass(frozen=True)
 class Blocks:
-    """Blocks of an image that are calibrated on or held out as a whole, like the squares of a chessboard.
+    """Blocks of an image, like the squares of a chessboard; each is used for the calibration or held out as a whole.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class Blocks:
 
     @classmethod
     def of(cls, validation: Validation | None, rows: int = 0) -> Blocks:
-        """Blocks as configured; by default of two parts of 10 rows or more, at most 50 parts in an image."""
+        """Blocks as configured; by default two parts of 10 rows or more per block, and at most 50 parts per image."""
         if validation is not None:
             return cls(validation.rows, validation.means, validation.columns)
         part = max(10, -(-rows // 50))
@@ -47,9 +47,10 @@ class Blocks:
         return self.rows // self.part_rows
 
     def parts_of(self, pixels: NDArray[np.int64], width: int) -> NDArray[np.int64]:
-        """Number of the part of each pixel, from flat indices in an image of a width; blocks are counted row by row.
+        """Number of the block part that holds each pixel, from the pixels' flat indices and the width of the image.
 
-        Blocks that share a side have numbers of different parity (one is even, the other odd).
+        Parts are numbered block by block, and blocks row by row. Of two blocks that share a side, one has an even and
+        the other an odd block number.
         """
         row, column = np.divmod(np.asarray(pixels, dtype=np.int64), width)
         step = width if self.columns is None else self.columns
@@ -58,7 +59,7 @@ class Blocks:
         return np.asarray(block * self.parts + row % self.rows // self.part_rows)
 
     def kept(self, part: NDArray[np.int64], keep: Literal["even", "odd", "both"]) -> NDArray[np.bool_]:
-        """Whether each part is calibrated on: parts of blocks with even numbers, with odd numbers, or all."""
+        """Whether each part is used for the calibration: parts of blocks with even numbers, odd numbers, or all."""
         if keep == "both":
             return np.ones(part.shape, dtype=np.bool_)
         return np.asarray(part // self.parts % 2 == (0 if keep == "even" else 1))
@@ -88,7 +89,7 @@ class Ground:
 
     @cached_property
     def cells(self) -> Cells:
-        """Cells: the parts of fields in blocks."""
+        """Cells of these pixels; a cell is the area of one field that lies in one part of a block."""
         return make_cells(self.patch, self.block)
 
     @cached_property
@@ -97,7 +98,7 @@ class Ground:
         return self.cells.sampling_variance(self.values_db, self.independent)
 
     def part(self, mask: NDArray[np.bool_]) -> Ground:
-        """Ground with the pixels of a mask only."""
+        """Ground restricted to the pixels of a mask."""
         return Ground(
             self.values_db[mask], self.incidence_deg[mask], self.patch[mask], self.block[mask], self.independent
         )

@@ -15,7 +15,7 @@ _NOTABLE_DB = 0.5
 
 @dataclass(frozen=True)
 class Levels:
-    """Mapping of the values of both images before densities are fitted.
+    """Mapping of the values of the measured and the simulated image before densities are fitted.
 
     Attributes
     ----------
@@ -51,12 +51,12 @@ class Levels:
 
     @property
     def unit(self) -> str:
-        """Unit of the mapped values: dB, or the image's interquartile range."""
+        """Unit of the mapped values: dB, or IQR for the interquartile range of an image."""
         return "dB" if self.normalisation != "image" else "IQR"
 
     @property
     def sentence(self) -> str:
-        """Assumed level with its consequences and limits, in words."""
+        """Sentence on the level at which the measured image is compared with runs, and on what is assumed for it."""
         if self.normalisation == "image":
             text = (
                 "each image is mapped to zero median and unit interquartile range; the measured one lies "
@@ -80,7 +80,7 @@ class Levels:
 
     @property
     def doubtful(self) -> bool:
-        """Whether an offset that is not subtracted is larger than chance and the fixed laws' errors explain."""
+        """Whether the offset is larger than sampling and the fixed laws' errors explain, and is not subtracted."""
         return self.normalisation == "none" and abs(self.offset_db) > max(3.0 * self.offset_error_db, _NOTABLE_DB)
 
     def simulated(self, pixels_db: Mapping[str, NDArray[np.float32]]) -> tuple[float, float]:
@@ -115,7 +115,7 @@ def median_and_range(values_db: ArrayLike) -> tuple[float, float]:
 
 
 def pooled_offset(differences_db: ArrayLike, errors_db: ArrayLike) -> tuple[float, float]:
-    """Offset pooled from several materials, whose laws may be wrong by more than sampling explains.
+    """Level offset pooled over several materials, whose laws may be wrong by more than their sampling errors.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def pooled_offset(differences_db: ArrayLike, errors_db: ArrayLike) -> tuple[floa
 
 
 def offset_levels(normalisation: str, differences: Mapping[str, tuple[float, float]]) -> Levels:
-    """Levels from the materials whose law is fixed.
+    """Levels estimated from the materials whose law is fixed.
 
     Parameters
     ----------

@@ -154,7 +154,7 @@ def _window_variances(
     rows, columns = (n // (_SIDE * step) for n, step in zip(image_db.shape, (down, across), strict=True))
 
     def windows(values: NDArray[np.generic]) -> NDArray[np.generic]:
-        """Independent pixels, shape (window, pixel)."""
+        """Values of the independent pixels in each window, shape (windows, pixels)."""
         cut = values[: rows * _SIDE * down, : columns * _SIDE * across][::down, ::across]
         parts = cut.reshape(rows, _SIDE, columns, _SIDE)
         return parts.transpose(0, 2, 1, 3).reshape(rows * columns, _SIDE**2)
@@ -171,7 +171,7 @@ def _window_variances(
 
 
 def _mode(variances: NDArray[np.float64]) -> float:
-    """Mode of the density of the values' logarithms, as a value."""
+    """Variance at which the density of the logarithms of the variances is largest."""
     logs = np.log(np.maximum(variances, 1e-12))
     # for normal values; log variances of log-gamma values scatter a little more
     width = _BANDWIDTH * np.sqrt(2.0 / (_SIDE**2 - 3))
@@ -183,11 +183,11 @@ def _mode(variances: NDArray[np.float64]) -> float:
 
 
 def check_looks(found: Looks, looks: int, scale: str, source: str) -> str:
-    """Refuse an image whose looks contradict the configured ones, and describe those found.
+    """Refuse an image whose estimated looks contradict ``radar.looks``, and describe the estimate in a sentence.
 
-    Amplitude read as power halves every dB value, which quarters the variance of speckle, and
-    power read as amplitude does the opposite: the looks found are about three times too many or too few. A dB image
-    read as power has hardly any speckle left.
+    Amplitude read as power halves every dB value, which quarters the variance of speckle, and power read as amplitude
+    does the opposite. The estimated number of looks is then about three times too large or too small. A dB image read
+    as power has hardly any speckle left.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Measured image with its source and notes, and its HDF5 file."""
+"""Measured image with its source and notes, written to and read from an HDF5 file."""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
 """Random effects of the fields (patches) of one material: between-field and within-field variance, and predictions.
 
-A *patch* is a connected area of one material (a field, a pond), a *cell* the part of it in one block
-of the image. A cell's mean level is that of the law, plus the patch's random effect (sd ``between``), plus the cell's
-own (sd ``within``), plus the sampling error of its finite number of independent pixels.
+A *patch* is a connected area of one material (a field, a pond). A *cell* is the area of a patch that lies in one block
+of the image. The mean level of a cell is the sum of four terms: the level of the law, the random effect of the patch
+(standard deviation ``between``), the random effect of the cell (standard deviation ``within``), and the sampling error
+of a mean over finitely many independent pixels.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ class Cells:
         return np.asarray((sums / self.count[:, None]).reshape(self.count.size, *v.shape[1:]))
 
     def sampling_variance(self, values: ArrayLike, independent: float) -> NDArray[np.float64]:
-        """Sampling variance of each cell's mean [dB^2] from the pixels' variance inside cells, pooled."""
+        """Sampling variance of each cell's mean [dB^2] from the pixels' variance inside cells, pooled over cells."""
         v = np.asarray(values, dtype=np.float64)
         left, freedom = v - self.mean(v)[self.of_pixel], v.size - self.count.size
         if freedom < _FREEDOM:  # cells of one pixel do not show the variance inside; that of all pixels bounds it
@@ -62,7 +63,7 @@ class Cells:
 
 @dataclass(frozen=True)
 class Spread:
-    """Standard deviations between patches, and between the cells of one patch [dB]."""
+    """Standard deviations of the random effects of patches, and of the random effects of cells within a patch [dB]."""
 
     between: float
     within: float
@@ -70,7 +71,7 @@ class Spread:
 
 @dataclass(frozen=True)
 class Effects:
-    """Best linear unbiased predictions of the patches' effects.
+    """Best linear unbiased predictions of the random effects of patches.
 
     Attributes
     ----------
@@ -92,7 +93,7 @@ class Effects:
 
 
 def label_patches(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Label the connected areas (four neighbours) of a mask of any shape from 1; 0 outside."""
+    """Number the connected areas (four neighbours) of a mask of any shape from 1; pixels outside the mask get 0."""
     from scipy.ndimage import label
 
     labels, _ = label(mask)
@@ -100,7 +101,7 @@ def label_patches(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def make_cells(patch: NDArray[np.int64], block: NDArray[np.int64]) -> Cells:
-    """Cells from the patch and the block of each pixel, shapes (pixels,)."""
+    """Cells of a material, from arrays of shape (pixels,) that hold the patch and the block of each pixel."""
     pairs, of_pixel, count = np.unique(np.stack([patch, block]), axis=1, return_inverse=True, return_counts=True)
     return Cells(np.ravel(of_pixel).astype(np.int64), pairs[0], pairs[1], count)
 
@@ -157,8 +158,8 @@ def spreads(residuals: Sequence[Residuals]) -> list[Spread]:
     """Between-patch and within-patch standard deviations of several materials, estimated together.
 
     Both standard deviations of a material have half-normal priors whose scales the materials share; the scales have a
-    half-normal prior of 1 dB. A material of one patch thus borrows from the others, and a material that differs (water,
-    among fields) keeps its own values.
+    half-normal prior of 1 dB. For a material with a single patch, the estimates thus rely more on the other materials.
+    A material that differs from the other materials (water among fields) keeps estimates of its own.
 
     Parameters
     ----------

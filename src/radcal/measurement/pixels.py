@@ -46,7 +46,7 @@ class Eligible:
 
 
 def _local_power(power: NDArray[np.float64], size: tuple[int, int]) -> NDArray[np.float64]:
-    """Mean of the finite pixels in a window around each pixel; NaN where there is none."""
+    """Mean power of the finite pixels in a window around each pixel; NaN where the window holds no finite pixel."""
     there = np.isfinite(power)
     share = uniform_filter(there.astype(np.float64), size, mode="constant")
     total = uniform_filter(np.where(there, power, 0.0), size, mode="constant")
@@ -55,7 +55,7 @@ def _local_power(power: NDArray[np.float64], size: tuple[int, int]) -> NDArray[n
 
 
 def noise_limited(image_db: NDArray[np.float32], noise_db: NDArray[np.float64], snr_db: float) -> NDArray[np.bool_]:
-    """Pixels whose surroundings hardly rise above the thermal noise.
+    """Pixels around which the mean power is hardly higher than the thermal noise.
 
     Parameters
     ----------
@@ -77,11 +77,11 @@ def noise_limited(image_db: NDArray[np.float32], noise_db: NDArray[np.float64], 
 
 
 def point_targets(image_db: NDArray[np.float32], material: NDArray[np.uint8], radar: Radar) -> NDArray[np.bool_]:
-    """Pixels that hold a point target, and neighbours that its response reaches.
+    """Pixels that hold a point target, and the neighbouring pixels that the target's response reaches.
 
-    A pixel is compared with the greatest of the mean powers of four blocks around it, so that the edge of a field is
-    not taken for a point target. The threshold follows from the spread of that ratio within the pixel's material, so
-    that texture, which widens the spread, is not taken for one either.
+    The power of a pixel is divided by the greatest of the mean powers of four blocks around the pixel, so that the edge
+    of a field is not taken for a point target. The threshold for this ratio follows from the spread of the ratio within
+    the pixel's material. Texture widens this spread and is therefore not taken for a point target either.
 
     Parameters
     ----------
@@ -208,7 +208,7 @@ def eligible_pixels(
 
 
 def _above_noise(values_db: NDArray[np.float32]) -> str:
-    """Advice about pixels that are masked as noise."""
+    """Advice for an error message about pixels that are masked as noise."""
     return (
         f"; the image's own level there is {np.nanmedian(values_db):.3g} dB, which radar.nesz_db and target.snr_db "
         "treat as noise: set radar.nesz_db to that of the image, or far below this level for an image without noise"

@@ -1,4 +1,4 @@
-"""Measured images from files: SICD, GeoTIFF and other rasters, numpy, MATLAB and HDF5 arrays, to dB."""
+"""Measured images from files: SICD, GeoTIFF and other rasters, numpy, MATLAB and HDF5 arrays, converted to dB."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def image_of(values: Values, path: Path, config: FileMeasurement, shape: tuple[i
 
 
 def read_values(path: Path, config: FileMeasurement) -> Values:
-    """Numbers of a file without conversion; no-data becomes NaN where the format marks it.
+    """Numbers of a file without conversion; no-data values become NaN where the format marks them.
 
     Raises
     ------

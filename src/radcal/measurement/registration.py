@@ -1,4 +1,4 @@
-"""Registration of the measured image onto the simulated one, with a check on held-out squares."""
+"""Registration of the measured image onto the simulated image, checked on squares that are held out."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _MIRRORED = 1.5  # times the correlation of mirrored images, which is that of ch
 
 @dataclass(frozen=True)
 class Registered:
-    """Measured image on the pixels of the simulated one.
+    """Measured image on the pixels of the simulated image, with the result of the registration.
 
     Attributes
     ----------
@@ -65,10 +65,11 @@ class Registered:
 def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: RegistrationConfig) -> Registered:
     """Register a measured image onto a simulated one.
 
-    The field is found three times: on all pixels and, with the same smoothness, on each colour of a chequerboard. The
-    correlation on the held-out squares of the other colour shows two things: whether the images have anything in common
-    (mirrored images are the comparison), and whether the registration improves it, for which it must rise by 0.001. The
-    standard error of the field is that of its posterior.
+    The displacement field is found three times: from all pixels and, with the same smoothness, from the squares of each
+    colour of a chequerboard. The squares of the other colour are held out, and the correlation of the two images on
+    them answers two questions. First, do the images have anything in common? Mirrored images are registered for
+    comparison. Second, does the registration improve the agreement? The held-out correlation must rise by 0.001. The
+    standard error of the field is that of its posterior distribution.
 
     Parameters
     ----------
@@ -153,7 +154,7 @@ def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: Re
 def _check_agreement(
     source: str, levels: list[Level], flow: Flow, correlation: NDArray[np.float64], found: str
 ) -> None:
-    """Raise if the images have nothing in common: by their squares, or because mirrored ones agree as well."""
+    """Raise if the correlation on the squares is not significant, or not clearly above that with mirrored images."""
     common = _common((levels[0].fixed, levels[0].moving), flow.displacement_px)
     mirrored = _mirrored(levels, flow.posterior.prior)
     best = max(mirrored, key=lambda name: mirrored[name])
@@ -169,7 +170,7 @@ def _check_agreement(
 def _kept(
     measurement: Measurement, ranks: tuple[NDArray[np.float32], NDArray[np.float32]], method: str, verdict: str
 ) -> Registered:
-    """Image used unregistered."""
+    """Measured image that is used unregistered, with the reason as its verdict."""
     return Registered(
         measurement=measurement,
         unregistered_db=measurement.image_db,
@@ -189,7 +190,7 @@ def _chequerboard(shape: tuple[int, int]) -> NDArray[np.bool_]:
 
 
 def _square(shape: tuple[int, ...]) -> int:
-    """Side of a square [pixels], such that there are enough squares for a standard error."""
+    """Side of a chequerboard square [pixels], so small that there are enough squares for a standard error."""
     return 32 if min(shape) >= 256 else 16
 
 
@@ -198,7 +199,7 @@ def _held_out(
     fields: tuple[NDArray[np.float64], NDArray[np.float64]],
     squares: NDArray[np.bool_],
 ) -> NDArray[np.float64]:
-    """Correlation in each square under the field that was found on the other colour."""
+    """Correlation in each square, with the displacement field that was found from the squares of the other colour."""
     fixed, moving = ranks
     total = np.zeros(fixed.shape)
     for field, used in zip(fields, (squares, ~squares), strict=True):
@@ -223,13 +224,13 @@ def _z(values: NDArray[np.float64]) -> float:
 
 
 def _common(ranks: tuple[NDArray[np.float32], NDArray[np.float32]], field: NDArray[np.float64]) -> float:
-    """Mean absolute local correlation of both images under a field."""
+    """Mean absolute local correlation of the fixed image and the moving image displaced by a field."""
     moved = np.nan_to_num(warp(ranks[1], field))
     return float(np.abs(local_correlation(ranks[0], moved, _SIGN_WINDOW_PX)).mean())
 
 
 def _mirrored(levels: list[Level], prior: Prior) -> dict[str, float]:
-    """Correlation with mirrored moving images: the level of chance, unless the image is mirrored itself."""
+    """Correlation with mirrored moving images, which is due to chance unless the measured image is mirrored itself."""
     as_it_is, turned = slice(None), slice(None, None, -1)
     found = {}
     for name, (along, across) in {
@@ -243,7 +244,7 @@ def _mirrored(levels: list[Level], prior: Prior) -> dict[str, float]:
 
 
 def _global_shift(fixed: NDArray[np.float32], moving: NDArray[np.float32]) -> NDArray[np.float64]:
-    """One shift for the whole image by phase correlation [pixels]."""
+    """Shift of the whole image [pixels], found by phase correlation."""
     from skimage.registration import phase_cross_correlation
 
     shift, *_ = phase_cross_correlation(fixed, moving, upsample_factor=4, normalization=None)
@@ -253,7 +254,7 @@ def _global_shift(fixed: NDArray[np.float32], moving: NDArray[np.float32]) -> ND
 def _ilk(
     fixed: NDArray[np.float32], moving: NDArray[np.float32], start: NDArray[np.float64] | None
 ) -> NDArray[np.float64]:
-    """scikit-image's iterative Lucas-Kanade flow on the ranks, smoothed."""
+    """Displacement field between the rank transforms, from scikit-image's iterative Lucas-Kanade optical flow."""
     from skimage.registration import optical_flow_ilk
 
     shift = np.zeros((2, *fixed.shape))

@@ -1,8 +1,8 @@
-"""Measured images in SICD, NGA's format of complex SAR images, to sigma0.
+"""Measured images in SICD, NGA's format of complex SAR images, converted to sigma0.
 
-SICD's image is a view from above with shadows down: rows grow away from the radar, and the normal
-Row x Col points away from the earth. With the radar looking right, columns then grow along the
-flight direction, and against it with the radar looking left.
+A SICD image shows the ground from above, with shadows pointing down: row numbers grow away from the radar, and the
+vector product of the row and column directions points away from the earth. Column numbers therefore grow along the
+flight direction if the radar looks right, and against the flight direction if it looks left.
 """
 
 from __future__ import annotations
@@ -64,9 +64,10 @@ def is_sicd(path: Path) -> bool:
 def read_sicd(path: Path, config: FileMeasurement, file: ImageFile) -> SicdImage:
     """Read a SICD image as sigma0.
 
-    Pixel power times the polynomial SigmaZeroSFPoly of the file, in row and column distance [m]
-    from the scene centre point; without it from BetaZeroSFPoly or GammaZeroSFPoly by one factor
-    for the whole image; without these as relative power.
+    Sigma0 is the pixel power times the polynomial SigmaZeroSFPoly of the file, whose variables are the row and column
+    distances [m] from the scene centre point. If this polynomial is missing, sigma0 follows from BetaZeroSFPoly or
+    GammaZeroSFPoly by one factor for the whole image. If all three polynomials are missing, the result is relative
+    power.
 
     Parameters
     ----------
@@ -145,9 +146,10 @@ def _read(path: Path, checked: ImageFile) -> SicdImage:
 
 
 def _check_header(file: BinaryIO) -> None:
-    """Refuse a file header that contradicts its length, and image subheaders that are not SICD's.
+    """Refuse a file header that contradicts the length of the file, and image subheaders that are not SICD's.
 
-    The library trusts the counts of a damaged header, up to 99,999 bands, and then takes minutes or more.
+    The library that reads SICD files trusts the counts in a damaged header, up to 99,999 bands, and then takes minutes
+    or more.
     """
     header = file.read(_HEADER_BYTES)
     at, segments = 360, []
@@ -204,7 +206,7 @@ def _needed(xml: Any, name: str) -> Any:
 
 
 def _check_segments(reader: Any, xml: Any, pixel_bytes: int) -> None:
-    """Compare XML and NITF, because the library leaves pixels without a segment uninitialised."""
+    """Compare XML and NITF segments, because the library leaves pixels that no segment holds uninitialised."""
     rows, columns = (_needed(xml, f"ImageData/{name}") for name in ("NumRows", "NumCols"))
     segments = [s for s in reader.jbp["ImageSegments"] if s["subheader"]["IID1"].value.startswith("SICD")]
     sizes = [(s["subheader"]["NROWS"].value, s["subheader"]["NCOLS"].value) for s in segments]

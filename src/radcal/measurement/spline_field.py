@@ -1,9 +1,9 @@
 """Displacement fields of cubic B-splines with a Gaussian process prior, and their posterior.
 
-A field is a Gaussian process with a standard deviation and a correlation length of its own; data are a
-quadratic log-likelihood. Standard deviation and length are those under which the data are most probable (largest
-evidence; MacKay, "Bayesian interpolation", Neural Computation 4 (1992), section 4), and the posterior's standard
-deviation is the field's standard error.
+A displacement field is a Gaussian process with a standard deviation and a correlation length; the data enter as a
+quadratic log-likelihood of the field's coefficients. The standard deviation and the correlation length are chosen so
+that the data are most probable (largest evidence; MacKay, "Bayesian interpolation", Neural Computation 4 (1992),
+section 4). The standard error of the field is the standard deviation of its posterior distribution.
 """
 
 from __future__ import annotations
@@ -101,7 +101,10 @@ class Lattice:
         return np.stack([rows @ (part @ columns.T.toarray()) for part in coefficients]) / scale
 
     def length(self, draws: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Root mean square length of drawn fields at each pixel; draws (draws, 2, control rows, control columns)."""
+        """Root-mean-square length of the displacement at each pixel, over fields drawn at random.
+
+        The coefficients ``draws`` of these fields have shape (draws, 2, control rows, control columns).
+        """
         rows, columns = (axis.toarray() for axis in self._axes(CELL_PX, 1))
         squares = np.square(rows @ draws @ columns.T).sum(axis=1).mean(axis=0)
         wide = np.sqrt(squares).repeat(CELL_PX, axis=0).repeat(CELL_PX, axis=1)
@@ -119,7 +122,7 @@ class Lattice:
 
     @cached_property
     def order(self) -> NDArray[np.int64]:
-        """Coefficients in the order that gives matrices the narrowest band."""
+        """Indices of the coefficients in the order that gives matrices the narrowest band."""
         axes = (1, 2, 0) if self.size[0] >= self.size[1] else (2, 1, 0)
         return np.arange(2 * self.size[0] * self.size[1]).reshape(2, *self.size).transpose(axes).ravel()
 
@@ -150,10 +153,10 @@ class Lattice:
         return np.add.outer(along, across).ravel(), [self.bands(sparse.block_diag([p, p])) for p in powers]
 
     def precision(self, prior: Prior) -> tuple[Bands, float]:
-        """Bands of the prior's precision, and its log-determinant.
+        """Bands of the prior's precision matrix, and the log-determinant of this matrix.
 
-        The spectral density is that of a Matern field of smoothness 2, (1 + (k l / 2)^2 / 3)^-3 at the
-        angular frequency k [1 / pixel], the third-order neighbour of the Gaussian exp(-(k l / 2)^2)
+        The spectral density is that of a Matern field of smoothness 2, (1 + (k l / 2)^2 / 3)^-3 at the angular
+        frequency k [1 / pixel], where l is the correlation length; it approximates the Gaussian exp(-(k l / 2)^2)
         (Lindgren, Rue and Lindstroem, J. R. Statist. Soc. B 73 (2011), eq. 2).
         """
         roughness, powers = self._roughness
@@ -166,7 +169,7 @@ class Lattice:
 
 @dataclass(frozen=True)
 class Data:
-    """A log-likelihood of the coefficients x (less a start) of a field: -x H x / 2 + g x.
+    """Quadratic log-likelihood -x H x / 2 + g x, where x are the coefficients of a field minus those of a start.
 
     Attributes
     ----------
@@ -197,7 +200,7 @@ class Data:
         return Posterior(self.lattice, prior, mean, factor, evidence)
 
     def best(self, near: Prior) -> Posterior:
-        """Posterior of largest evidence, found by steps uphill on a grid of priors from a given one."""
+        """Posterior under the prior of largest evidence, found by a hill climb on a grid of priors, from ``near``."""
         lows = _SPREADS_PX[0], _SHORTEST * self.lattice.spacing_px
         highs = _SPREADS_PX[1], _LONGEST * max(self.lattice.shape)
         known: dict[tuple[int, int], float] = {}
@@ -225,7 +228,7 @@ class Data:
 
 
 def _nearest(prior: Prior, lows: tuple[float, float], highs: tuple[float, float]) -> tuple[int, int]:
-    """Grid indices of the prior nearest to a given one."""
+    """Indices of that prior on the grid of priors that is nearest to a given prior."""
     values = np.clip((prior.spread_px, prior.length_px), lows, highs)
     floors, ceilings = (np.log(limit) / np.log(_RATIO) for limit in (lows, highs))
     places = np.clip(np.round(np.log(values) / np.log(_RATIO)), np.ceil(floors), np.floor(ceilings))
@@ -261,7 +264,7 @@ class Posterior:
         return np.asarray(self._unordered(self.mean[None])[0])
 
     def standard_error_px(self) -> NDArray[np.float64]:
-        """Standard error of the displacement's length [pixels], shape (rows, columns), from 64 draws."""
+        """Standard error of the displacement's length [pixels], shape (rows, columns), from 64 random fields."""
         normal = np.random.default_rng(0).standard_normal((self.mean.size, _DRAWS))
         draws, _ = dtbtrs(self.factor, normal, uplo="U")
         return self.lattice.length(self._unordered(np.asarray(draws).T))

@@ -101,13 +101,13 @@ class Target:
 
     @property
     def cp(self) -> NDArray[np.float64]:
-        """Centred parameters of the target."""
+        """Centred parameters of the target density."""
         return skewnormal.centred(self.dp)
 
     def score(
         self, pixels_db: NDArray[np.float32], mapping: tuple[float, float] = (0.0, 1.0)
     ) -> tuple[NDArray[np.float64], float]:
-        """Density of the target's pixels in a run, and its rms from the target.
+        """Density fitted to the target's pixels in a run, and its rms difference from the target density.
 
         Parameters
         ----------
@@ -152,7 +152,7 @@ class Targets(dict[str, Target]):
         return self[name].looks < _TEXTURED * self.looks
 
     def score(self, pixels_db: Mapping[str, NDArray[np.float32]]) -> dict[str, tuple[NDArray[np.float64], float]]:
-        """Direct parameters and rms [1/dB] of every material in a run, from its visible pixels [dB]."""
+        """Direct parameters and rms difference [1/dB] of every material, from the visible pixels of a run [dB]."""
         mapping = self.levels.simulated(pixels_db)
         return {name: target.score(pixels_db[name], mapping) for name, target in self.items()}
 

@@ -1,4 +1,4 @@
-"""Fit of targets: draw of each material's pixels, level normalisation, and skew normal fitted to measured values."""
+"""Fit of targets: a skew normal is fitted to level-normalised measured values of pixels drawn from each material."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ HELD_OUT = "held out to check the law"  # reason for masking
 def sampling_rms(
     dp: NDArray[np.float64], n: int, rng: np.random.Generator, draws: int = 40, penalised: bool = False
 ) -> float:
-    """Density rms between a skew normal and fits to samples of it, by parametric bootstrap.
+    """Density rms between a skew normal and the fits to samples drawn from it (parametric bootstrap).
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def make_target(
     radar: Radar | None = None,
     validation: Validation | None = None,
 ) -> Target:
-    """Target of one material: pixels drawn without replacement, and the density fitted to their values.
+    """Target of one material: pixels drawn at random without replacement, and the density fitted to their values.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def _ground(
     pixels: NDArray[np.int64], geometry: Geometry, measurement: Measurement, levels: Levels | None,
     patches: NDArray[np.int64], parts: NDArray[np.int64],
 ) -> Ground:  # fmt: skip
-    """Pixels of an image with their patches and blocks; ``patches`` and ``parts`` hold those of the whole image."""
+    """Ground of given pixels; ``patches`` and ``parts`` hold the patch and block part of every pixel of the image."""
     every = effective_sample_size(measurement.image_db, pixels, pixels) / pixels.size if pixels.size else 1.0
     return Ground(
         values_db=Levels.apply(measurement.image_db.ravel()[pixels], (levels or Levels()).measured),

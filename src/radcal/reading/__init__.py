@@ -1,1 +1,1 @@
-"""Arrays, rasters and images of others: checked before memory is taken, and brought to dB."""
+"""Arrays, rasters and images from files that other programs wrote: checked before they are loaded, converted to dB."""

@@ -1,4 +1,4 @@
-"""Readers of arrays by file format; the header is checked before memory is taken for the numbers."""
+"""Readers of arrays, one for each file format; the header is checked before memory is allocated for the numbers."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _LZF = 32000  # h5py's own
 
 
 def read_array(file: ImageFile, kind: str | None = None) -> Values:
-    """Numbers of a file without conversion; no-data becomes NaN where the format marks it.
+    """Numbers of a file without conversion; no-data values become NaN where the format marks them.
 
     Parameters
     ----------
@@ -40,12 +40,12 @@ def read_array(file: ImageFile, kind: str | None = None) -> Values:
 
 
 def is_raster(path: Path) -> bool:
-    """Whether a file is read as a raster, by its ending."""
+    """Whether a file is read as a raster, which the ending of its name decides."""
     return path.suffix.lower() not in _ENDINGS
 
 
 def raster_band(raster: Any, file: ImageFile, window: Any = None) -> Values:
-    """Band of an open raster.
+    """Numbers of one band of an open raster.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def _npz(file: ImageFile) -> Values:
 
 
 def _hdf5(file: ImageFile, transposed: bool = False) -> Values:
-    """Dataset of an HDF5 file; ``transposed``: with reversed axes."""
+    """Numbers of a dataset in an HDF5 file, with reversed axes if ``transposed`` is true."""
     import h5py
 
     with h5py.File(file.path, "r") as content:
@@ -163,7 +163,7 @@ def _hdf5(file: ImageFile, transposed: bool = False) -> Values:
 
 
 def _check_storage(data: Any, file: ImageFile) -> None:
-    """Refuse chunks and filters with which a small dataset would need much memory."""
+    """Refuse an HDF5 dataset with chunks or filters for which a small dataset would need much memory."""
     chunk = data.dtype.itemsize * int(np.prod(data.chunks, dtype=np.int64)) if data.chunks else 0
     if chunk > data.nbytes + _HDF5_SPARE_BYTES:
         raise file.refused(

@@ -1,7 +1,7 @@
 """Conversion of arrays from files to images in dB, for measured and for simulated images.
 
-Measurement and simulators share this code without importing each other; they differ only in the section of the
-configuration that messages name.
+The packages for measurements and for simulators share this code without importing each other. The only difference is
+the section of the configuration that error messages name.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Options(Protocol):
 
     @property
     def dataset(self) -> str | None:
-        """Name in npz, mat or HDF5."""
+        """Name of the array in an npz, mat or HDF5 file."""
         ...
 
 
@@ -90,7 +90,7 @@ class ImageFile:
     folders: tuple[Path, ...] = ()
 
     def refused(self, text: str) -> RadcalError:
-        """Error about the content of the file; ``text`` follows the key in the sentence."""
+        """Error about the content of the file; ``text`` follows the configuration key in the sentence."""
         return self.error(f"{self.section}.{self.key}: {text}")
 
     def asked(self, key: str, text: str) -> RadcalError:
@@ -100,7 +100,7 @@ class ImageFile:
 
 @dataclass(frozen=True)
 class Counts:
-    """Number of pixels of an image, and of those without a value.
+    """Number of pixels of an image, and numbers of its pixels without a usable value, by reason.
 
     Attributes
     ----------
@@ -131,7 +131,7 @@ class Counts:
 
 
 def to_db(values: Values, file: ImageFile) -> tuple[NDArray[np.float32], Counts]:
-    """Check the numbers of an image against their declared scale and bring them to dB.
+    """Check the numbers of an image against their declared scale and convert them to dB.
 
     Parameters
     ----------
@@ -204,7 +204,7 @@ def _without_impossible(image: NDArray[np.float32], file: ImageFile) -> int:
 
 
 def check_header(file: ImageFile, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
-    """Check of an array's shape and type from its header, before memory is taken for it.
+    """Check the shape and type of an array from the file's header, before memory is allocated for the array.
 
     Parameters
     ----------
@@ -241,7 +241,7 @@ def check_header(file: ImageFile, shape: tuple[int, ...], dtype: np.dtype[Any]) 
 
 @contextmanager
 def reading(file: ImageFile, called: str) -> Iterator[None]:
-    """Context that bounds the memory of a read, and turns exceptions of libraries into the file's error.
+    """Context that limits the memory for reading a file, and turns exceptions of libraries into ``file.error``.
 
     Parameters
     ----------

@@ -95,7 +95,7 @@ def parse_xml(text: bytes) -> Any:
 
 
 def elsewhere(file: h5py.File) -> str | None:
-    """Words for a message on the first external link or external storage of an HDF5 file; None if there is none.
+    """Words for a message on the first external link or external storage of an HDF5 file; None if it has neither.
 
     Parameters
     ----------

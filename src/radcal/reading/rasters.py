@@ -57,12 +57,12 @@ _open = [0]  # number of open rasters: GDAL has one list of drivers for the whol
 
 
 class RasterRefused(ValueError):
-    """Fault of a raster, in words that follow its name in a sentence."""
+    """Refusal of a raster; its text is the reason, which error messages quote after the raster's name."""
 
 
 @contextmanager
 def open_raster(path: Path, folders: Sequence[Path] = (), **settings: str) -> Iterator[Any]:
-    """Open a raster, without rasterio's warning where it has no georeference.
+    """Open a raster; rasterio's warning about a missing georeference is suppressed.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def _beside(path: Path) -> list[Path]:
 
 @contextmanager
 def _drivers_only(settings: dict[str, str]) -> Iterator[None]:
-    """Context in which GDAL has only the allowed drivers, also for files that it opens because of a raster."""
+    """Context in which GDAL has only the allowed drivers, also for other files that a raster makes GDAL open."""
     import rasterio
     from rasterio import _env
 
@@ -174,7 +174,7 @@ def _drivers_only(settings: dict[str, str]) -> Iterator[None]:
 
 
 def _check(path: Path) -> None:
-    """Refuse a file that makes GDAL read other files, itself or by a file beside it."""
+    """Refuse a raster that makes GDAL read other files, by its own content or by that of a file beside it."""
     if not _is_vrt(path):
         head = _head(path)
         if _looks_like_xml(head) or any(mark in head for mark in _MARKS):
@@ -198,7 +198,7 @@ def _head(path: Path) -> bytes:
 
 
 def _parsed(path: Path) -> Any:
-    """Root of an XML file."""
+    """Root element of an XML file."""
     try:
         if path.stat().st_size > _LARGEST_XML:
             raise ValueError(f"it has {path.stat().st_size} bytes, expected at most {_LARGEST_XML}")
@@ -249,7 +249,7 @@ def _sources(path: Path, folders: Sequence[Path]) -> list[Path]:
 
 
 def _source(path: Path, text: str, relative: bool, allowed: Sequence[Path]) -> Path:
-    """Path of one source of a VRT; refused outside the allowed folders."""
+    """Path of one source of a VRT; a source outside the allowed folders is refused."""
     expected = f"expected a file below {' or '.join(map(str, allowed))}"
     if ":" in text or text.startswith("/vsi") or not (relative or text.startswith("/")):
         raise RasterRefused(f"{path.name} names the source {text!r}, {expected}")

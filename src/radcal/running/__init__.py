@@ -1,1 +1,1 @@
-"""One command on a case: lock, repair, jobs, terminal, cluster."""
+"""Execution of one Snakemake command on a case: lock, check of earlier results, jobs, terminal output, cluster."""

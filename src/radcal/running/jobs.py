@@ -118,13 +118,13 @@ def _fail(sentence: str) -> NoReturn:
 
 
 def elapsed() -> str:
-    """Time since the invocation began, as minutes and seconds."""
+    """Time since the Snakemake command began, as minutes and seconds."""
     seconds = int(time.time() - float(os.environ.get(STARTED, time.time())))
     return f"{seconds // 60}:{seconds % 60:02d}"
 
 
 def progress(line: str) -> None:
-    """Print one line on the terminal, and log it."""
+    """Print one line on the terminal, and write it to the job's log file."""
     logging.getLogger("radcal").info(line)
     _say(f"[{elapsed():>6}] {line}")
 
@@ -159,7 +159,7 @@ class Follower:
         self._thread.start()
 
     def stop(self) -> None:
-        """Print the remaining lines, and end the thread."""
+        """Print the remaining lines of the progress file, and end the thread."""
         self._ended.set()
         self._thread.join()
         self._show()

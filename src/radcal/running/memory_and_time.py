@@ -21,7 +21,7 @@ Stage = Literal["light", "scene", "geometry", "measurement", "run", "registratio
 
 @dataclass(frozen=True)
 class _Demand:
-    """Demand of a stage: constant memory [MB], memory per value [byte], time per million values [s]."""
+    """Demand of a stage: constant memory [MB], memory per array value [byte], time per million array values [s]."""
 
     base_mb: float
     value_bytes: float

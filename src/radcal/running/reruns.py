@@ -34,7 +34,7 @@ _RUNS: Mapping[str, str] = {
 
 
 def _first(section: str) -> list[str]:
-    """Rules that read a section, except for the archive, which reads nearly all sections."""
+    """Rules that read a section of the configuration, except rule ``archive``, which reads nearly all sections."""
     return [rule for rule, stage in STAGES.items() if section in stage.model_fields and rule != "archive"]
 
 

@@ -27,7 +27,7 @@ logger = logging.getLogger(__name__)
 
 
 def files_of(folder: str | Path, patterns: Iterable[str]) -> Iterator[Path]:
-    """Existing files with names of the rules' outputs.
+    """Existing files whose paths match the outputs of the workflow's rules.
 
     Parameters
     ----------
@@ -41,12 +41,12 @@ def files_of(folder: str | Path, patterns: Iterable[str]) -> Iterator[Path]:
 
 
 def salvage(folder: str | Path, case: str, patterns: Iterable[str]) -> list[str]:
-    """Set damaged files of a results folder aside, and remove indexes that list a missing run.
+    """Rename damaged files of a results folder, and remove indexes that list a missing run.
 
-    Time stamps in the future, from a clock that was set back since, are set to now.
+    Modification times in the future, which remain after a clock was set back, are set to the present.
 
-    Files up to 16 MiB are read whole; of larger files only header and size are checked here, and the content when a job
-    reads them.
+    Files of up to 16 MiB are read whole and compared with their checksums. Of larger files only the header and the size
+    are checked here; their content is checked when a job reads them.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def salvage(folder: str | Path, case: str, patterns: Iterable[str]) -> list[str]
 
 
 def _contents(path: Path, sentences: list[str]) -> Any:
-    """Content of a JSON file, None for any other file; a damaged file is set aside."""
+    """Content of a JSON file, None for any other file; a damaged file is renamed."""
     try:
         if path.suffix == ".json" and path.stat().st_size <= _MOST_BYTES:
             return read_json(path)
@@ -91,13 +91,13 @@ def _contents(path: Path, sentences: list[str]) -> Any:
 
 
 def _keys(data: Any) -> set[str]:
-    """Keys of the runs that an index lists."""
+    """Hashes of the runs that an index lists."""
     entries = data if isinstance(data, list) else []
     return {entry["key"] for entry in entries if isinstance(entry, dict) and isinstance(entry.get("key"), str)}
 
 
 def _indexes(folder: Path, lost: Mapping[Path, set[str]], sentences: list[str]) -> None:
-    """Remove indexes that list lost runs; the jobs that make the indexes again simulate only these runs."""
+    """Remove indexes that list lost runs; the jobs that write the indexes again simulate only the lost runs."""
     lost = {path: keys for path, keys in lost.items() if keys}
     if not lost:
         return
@@ -115,13 +115,13 @@ def _indexes(folder: Path, lost: Mapping[Path, set[str]], sentences: list[str]) 
 
 
 def _few(names: Sequence[str]) -> str:
-    """Text of some names and the number of the others."""
+    """Text with the first few names and the number of the remaining ones."""
     more = len(names) - _SHOWN
     return ", ".join(names[:_SHOWN]) + (f" and {more} more" if more > 0 else "")
 
 
 def _listing(path: Path, checksums: Mapping[str, str], sentences: list[str]) -> None:
-    """Set aside files that differ from their listed checksums (table, report, figures); they are made again."""
+    """Rename files (table, report, figures) that differ from their listed checksums, so that they are made again."""
     try:
         found = faulty(path.parent, checksums)
     except OSError as error:
@@ -144,12 +144,12 @@ def _remove(path: Path) -> None:
 
 
 def _here(error: StoreError) -> str:
-    """Sentence about a file that the present command makes again."""
+    """Sentence about a damaged file, which says that the present command makes the file again."""
     return str(error).replace("type the same command again to have it made again", "it is made again where needed")
 
 
 def _records(folder: Path, sentences: list[str]) -> set[str]:
-    """Keys of the existing runs."""
+    """Hashes of the runs whose records exist in the run store; damaged records are renamed."""
     store = RunStore(folder)
     found = set()
     for path in sorted(folder.glob("[!.]*.h5")):

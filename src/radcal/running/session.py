@@ -64,7 +64,7 @@ def open_session(
 
 
 def is_dry_run(words: Iterable[str]) -> bool:
-    """Whether a command line asks for a dry run; Snakemake offers no such flag while it reads the Snakefile."""
+    """Whether a command line asks for a dry run, which Snakemake does not reveal while it reads the Snakefile."""
     return any(re.fullmatch("--dry-?run|-[a-z]*n[a-z]*", word) for word in words)
 
 
@@ -142,7 +142,7 @@ class Session:
         return (self.folder / "logs" / "progress.txt").absolute()
 
     def set_damaged_aside(self, outputs: Iterable[str]) -> None:
-        """Rename damaged results before Snakemake plans its jobs, so that it makes them again, and print a message.
+        """Rename damaged results before Snakemake plans its jobs, so that they are made again, and print a message.
 
         A change of the built-in simulator's version is reported too.
 
@@ -189,7 +189,7 @@ class Session:
             remember(self._slurm, cluster)
 
     def end(self, failed: bool = False) -> None:
-        """Release the folder after the last job; after a failure or Ctrl-C, print how to continue."""
+        """Release the lock on the case after the last job; after a failure or Ctrl-C, print how to continue."""
         if self._follower is not None:
             self._follower.stop()
             self._follower = None
@@ -206,7 +206,7 @@ class Session:
             )
 
     def _refusal(self) -> str | None:
-        """Sentence on the first result that cannot be written, None if all can."""
+        """Sentence on the first folder or result file that cannot be written; None if all are writable."""
         if (path := unwritable(self.folder)) is not None:
             return f"{path} cannot be written (Permission denied); results go there, so make it writable."
         if (path := unwritable(_SNAKEMAKE)) is not None:

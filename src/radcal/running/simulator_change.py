@@ -1,4 +1,4 @@
-"""Message on a case whose earlier runs are of another version of the built-in simulator."""
+"""Message on a case whose earlier runs were made with another version of the built-in simulator."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ _PATIENCE_S = 120.0  # Slurm grants a cancelled job 30 s (KillWait) unless confi
 
 
 def job_name(workflow: Any) -> str | None:
-    """Name that all Slurm jobs of a command bear in the queue, None where jobs do not run on Slurm.
+    """Name that all Slurm jobs of a command have in the queue; None where jobs do not run on Slurm.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def job_name(workflow: Any) -> str | None:
 
 
 def remember(file: str | Path, name: str) -> None:
-    """Note the common name of all Slurm jobs of a command in a file, before the first is submitted.
+    """Write the common name of all Slurm jobs of a command to a file, before the first job is submitted.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def cancel_leftovers(file: str | Path) -> int:
 
 
 def _jobs(name: str, file: Path) -> list[str]:
-    """Numbers of the jobs of a name that are queued, running or ending."""
+    """Numbers of the Slurm jobs with a given name that are queued, running or ending."""
     return _ask(["squeue", "--noheader", f"--user={os.geteuid()}", f"--name={name}", "--format=%A"], file).split()
 
 

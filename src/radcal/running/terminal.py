@@ -1,7 +1,7 @@
 """Output to the terminal that does not fail when the terminal or pipe is closed, and a filter of Snakemake's log.
 
-``snakemake ... | head -1`` closes the pipe after one line. Without the guard, the next line that a job prints would
-fail the job, and one that Snakemake prints in a callback would leave its scheduler waiting for ever.
+``snakemake ... | head -1`` closes the pipe after one line. Without :func:`guard`, a job that prints a further line
+would fail, and Snakemake's scheduler would wait for ever if one of its callbacks prints a line.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ __all__ = ["Guarded", "Messages", "guard"]
 
 
 class Guarded:
-    """Text stream that drops what cannot be written, because its reader is gone or the disk is full.
+    """Text stream that discards text that cannot be written because the reader is gone or the disk is full.
 
     Parameters
     ----------
@@ -52,14 +52,14 @@ class Guarded:
             pass
 
     def _mute(self) -> None:
-        """Discard this and every later line, of this process and of those that it starts."""
+        """Discard this and every later line, both of this process and of the processes that it starts."""
         with suppress(OSError, ValueError):
             nobody = os.open(os.devnull, os.O_WRONLY)
             os.dup2(nobody, self._stream.fileno())
             os.close(nobody)
 
     def _end(self) -> None:
-        """Keep Python's exit status unchanged when its last flush fails."""
+        """Keep Python's exit status unchanged when Python's last flush of the stream fails."""
         try:
             self._stream.flush()
         except (OSError, ValueError):
@@ -70,7 +70,7 @@ class Guarded:
 
 
 def guard(logger: logging.Logger | None = None) -> None:
-    """Guard of the standard streams: no job fails because a stream is closed, full or unread.
+    """Guard the standard streams, so that no job fails because a stream is closed, its disk full, or its reader gone.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ class Messages:
         self.interrupted = False
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Whether a record is shown; the text on write-protected outputs is replaced by one sentence."""
+        """Whether a log record is shown; the text on write-protected outputs is replaced by one sentence."""
         text = str(record.msg)
         if text.startswith(_INTERRUPTED):
             self.interrupted = True

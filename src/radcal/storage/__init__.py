@@ -1,1 +1,1 @@
-"""radcal's own files: written atomically, sealed with a checksum, locked, listed."""
+"""radcal's own files: written atomically, with a checksum, and protected by locks."""

@@ -97,7 +97,7 @@ def working_folder(parent: str | Path) -> Path:
 
 
 def sweep(folder: str | Path) -> int:
-    """Remove temporary files and folders of dead processes of this machine; return how many."""
+    """Remove temporary files and folders that ended processes of this machine left; return their number."""
     removed = 0
     host = socket.gethostname()
     for partial in list(Path(folder).rglob(f"{_PARTIAL}{host}-*")):
@@ -113,7 +113,7 @@ def sweep(folder: str | Path) -> int:
 
 
 def sweep_scripts(folder: str | Path, case_folder: str | Path) -> int:
-    """Remove copies of a case's scripts that a killed Snakemake left behind; return how many.
+    """Remove copies of a case's scripts that a killed Snakemake left behind; return their number.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def sweep_scripts(folder: str | Path, case_folder: str | Path) -> int:
 
 
 def unwritable(folder: str | Path, besides: str = "external") -> Path | None:
-    """First folder, at or below one, in which this process may not create files; None if there is none.
+    """First of ``folder`` and the folders below it in which this process may not create files; None if there is none.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def unwritable(folder: str | Path, besides: str = "external") -> Path | None:
 
 
 def clamp_future_mtimes(folder: str | Path) -> int:
-    """Set modification times that lie in the future to now, in their order; return how many there were.
+    """Set modification times in the future to the present, and keep their order; return the number of changed times.
 
     After a clock was set back, Snakemake would fail every job whose output is older than its input. Records of runs,
     which Snakemake does not use, and targets of links are not changed.

@@ -34,7 +34,7 @@ SCHEMAS: Mapping[str, int] = {
 
 
 def inspect(path: str | Path, kind: str | None, most_bytes: int | None = None) -> None:
-    """Inspect a file; set it aside if it is damaged or is not the file expected there.
+    """Inspect a file; rename it to ``*.damaged`` if it is damaged or is not the file expected at its path.
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ def check_case(found: Any) -> None:
 
 
 def kind_of(path: str | Path) -> str | None:
-    """Kind of a file in a results folder, from its name; None for JSON.
+    """Kind of a file in a results folder, derived from the file's name; None for a JSON file.
 
     Raises
     ------

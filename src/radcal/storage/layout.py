@@ -1,4 +1,4 @@
-"""Layout of dataclasses in HDF5, for writing and reading: the types of the fields determine it.
+"""Layout of dataclasses in HDF5 files, for writing and reading; the types of a dataclass's fields determine the layout.
 
 =====================================================  =====================================================
 type of a field                                        in the file
@@ -17,7 +17,7 @@ any of these ``| None``                                absent where the value is
 
 A field that a file lacks takes its default, so that files written before the field was added can still be read.
 ``Annotated[type, About("description", unit="dB")]`` adds the attributes ``description`` and ``unit`` to a dataset or
-group; :func:`table` lists them.
+group; :func:`table` lists these attributes.
 """
 
 from __future__ import annotations
@@ -72,12 +72,12 @@ class Attribute:
 
 @dataclass(frozen=True)
 class Inline:
-    """Mark of a dataclass whose fields stand in the enclosing group; it is None where the group has none of them."""
+    """Mark of a dataclass whose fields are stored in the enclosing group; if that has none of them, None is read."""
 
 
 @dataclass(frozen=True)
 class _Entry:
-    """Field of a dataclass: name, type without None and annotations, description and marks."""
+    """Field of a dataclass: name, type (without None and without annotations), description and marks."""
 
     name: str
     kind: Any
@@ -177,7 +177,7 @@ def same(one: Any, other: Any) -> bool:
 
 
 def _read_entries(kind: type) -> tuple[_Entry, ...]:
-    """Stored fields of a dataclass."""
+    """Entries for the stored fields of a dataclass."""
     hints = typing.get_type_hints(kind, include_extras=True)
     return tuple(_entry(item, hints[item.name]) for item in fields(kind) if item.init)
 
@@ -186,7 +186,7 @@ _entries: Callable[[Any], tuple[_Entry, ...]] = functools.cache(_read_entries)
 
 
 def _entry(item: Field[Any], hint: Any) -> _Entry:
-    """Entry of a field; a field that may be None has the default None."""
+    """Entry for a field of a dataclass; a field that may be None has the default None."""
     said = typing.get_args(hint)[1:] if typing.get_origin(hint) is Annotated else ()
     bare, optional = _without_none(typing.get_args(hint)[0] if said else hint)
     default = item.default if item.default_factory is MISSING else item.default_factory
@@ -312,7 +312,7 @@ def _scalar(held: Any, kind: Any) -> Any:
 
 
 def table(kind: type) -> str:
-    """Table of a layout for the documents.
+    """Table of the layout of a file, for the documentation.
 
     Parameters
     ----------
@@ -330,7 +330,7 @@ def table(kind: type) -> str:
 
 
 def _rows(kind: type, path: str, absent: bool = False) -> Iterator[tuple[str, str, str, str, str]]:
-    """Place, attribute, type, unit and description of each field below a path."""
+    """Rows of the table for the fields below a path: group or dataset, attribute, type, unit and description."""
     for entry in _entries(kind):
         if entry.main:  # its line is that of the field whose type is the dataclass
             continue
@@ -352,7 +352,7 @@ def _rows(kind: type, path: str, absent: bool = False) -> Iterator[tuple[str, st
 
 
 def _holds(kind: Any) -> str:
-    """Name of a type in a table."""
+    """Name of a type, as the table gives it."""
     if _is_array(kind):
         (number,) = typing.get_args(typing.get_args(kind)[1])
         return "numbers" if number is Any else "text" if number is np.str_ else str(number.__name__).rstrip("_")

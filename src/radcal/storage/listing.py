@@ -1,4 +1,4 @@
-"""Lists of checksums for files that cannot hold their own: table of runs, report, figures."""
+"""Lists of checksums for files that cannot hold a checksum themselves: table of runs, report, figures."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def write_listing(path: str | Path, files: Iterable[str | Path]) -> None:
 
 
 def listed(data: Any) -> Mapping[str, str]:
-    """Names and checksums in the content of a list; empty for any other content."""
+    """File names and checksums in the content of a list of checksums; empty for any other content."""
     found = data.get(_KEY) if isinstance(data, dict) else None
     return found if isinstance(found, dict) else {}
 

@@ -1,4 +1,4 @@
-"""Advisory locks: one workflow per case, one process per run; the system releases them when the process ends."""
+"""Advisory locks, one for each case and each run, which the operating system releases when their process ends."""
 
 from __future__ import annotations
 
@@ -71,10 +71,10 @@ class CaseLock:
 
 @contextlib.contextmanager
 def claimed(folder: str | Path, key: str) -> Iterator[None]:
-    """Lock on one run while it is simulated; waits for another process, also on another machine, that holds it.
+    """Lock on one run while it is simulated; this process waits while another, on any machine, holds the lock.
 
-    A killed workflow can leave jobs behind, especially on a cluster. The next command then waits for a run that such a
-    job is making, instead of making it twice.
+    A killed workflow can leave jobs behind, especially on a cluster. If such a job is still simulating a run, the next
+    command waits for that run instead of simulating it again.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def claimed(folder: str | Path, key: str) -> Iterator[None]:
 
 
 def leave(sentence: str) -> NoReturn:
-    """Exit at once with a sentence, without an exception, which Snakemake would wrap; no job has started yet."""
+    """Exit at once with a sentence, before any job starts, and without an exception, which Snakemake would wrap."""
     sys.stderr.write(f"radcal: {sentence}\n")
     sys.stderr.flush()
     os._exit(1)

@@ -43,7 +43,7 @@ def write_hdf5(
     protected: bool = False,
     alike: Callable[[h5py.File], bool] = lambda _: False,
 ) -> Iterator[h5py.File]:
-    """Open a new HDF5 file that appears under ``path``, with checksum and provenance, when the block has ended.
+    """Open a new HDF5 file that appears under ``path``, with checksum and provenance, after the ``with`` block.
 
     An existing file with the same content keeps its bytes, its provenance included; only its time stamp changes.
     Snakemake compares contents, so that the jobs that depend on the file do not run again.
@@ -104,7 +104,7 @@ def write_hdf5(
 
 
 def _protect(path: Path, kind: str, content: str, alike: Callable[[h5py.File], bool]) -> None:
-    """Raise a ConfigError if a finished calibration was made with a file of other content."""
+    """Raise a ConfigError if a finished calibration was made with a file whose content differs from the new one."""
     if not (path.parent / "calibration.h5").is_file():
         return
     try:
@@ -130,7 +130,7 @@ def _protect(path: Path, kind: str, content: str, alike: Callable[[h5py.File], b
 
 
 def _holds(path: Path, kind: str, content: str) -> bool:
-    """Whether an undamaged file of this kind has this digest of its content."""
+    """Whether the file at ``path`` is undamaged, of this kind, and has content with this digest."""
     with contextlib.suppress(Fault, OSError):
         inspect_file(path, kind)
         with h5py.File(path, "r", locking=False) as file:

@@ -1,4 +1,4 @@
-"""Indexes of runs: JSON lists of the keys and parameters of runs in the store."""
+"""Indexes of runs: JSON lists with the hash and the parameters of runs in the run store."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["IndexedRun", "indexed", "read_index", "write_index"]
 
 @dataclass(frozen=True)
 class IndexedRun:
-    """Entry of an index: one run in the store.
+    """Entry of an index: one run in the run store.
 
     Attributes
     ----------

@@ -57,7 +57,7 @@ class Record:
     seconds: float
 
     def largest_difference_db(self, other: Record) -> float:
-        """Largest absolute difference between the pixels of this run and another's [dB]."""
+        """Largest absolute difference between the pixels of this run and those of another run [dB]."""
         each = [np.max(np.abs(values - other.pixels_db[name]), initial=0.0) for name, values in self.pixels_db.items()]
         return float(max(each, default=0.0))
 
@@ -86,11 +86,11 @@ class RunStore:
         self.folder = Path(folder)
 
     def path(self, key: str) -> Path:
-        """Path of the record with this key."""
+        """Path of the record of the run with the hash ``key``."""
         return self.folder / f"{key}.h5"
 
     def get(self, key: str, materials: Iterable[str], image: bool = False) -> Record | None:
-        """Record with this key, None if the store lacks it or the record lacks a material or the image asked for.
+        """Record of the run with the hash ``key``; None if the record, or a requested part of the record, is missing.
 
         A damaged file is renamed to ``*.damaged`` and counts as missing. Records of schema 1, which have a checksum of
         their pixel values only, are read too.
@@ -152,7 +152,7 @@ class RunStore:
         return Record(key, pixels, whole, seconds)
 
     def description(self, key: str) -> dict[str, Any]:
-        """Description of a recorded run (:meth:`Runner.description`), with hashes in place of secrets.
+        """Description of a recorded run (:meth:`Runner.description`), with hashes in place of possible secrets.
 
         Raises
         ------
@@ -168,7 +168,7 @@ class RunStore:
             raise StoreError(f"{self.path(key)}: cannot be read ({error}).") from None
 
     def put(self, record: Record, description: Mapping[str, Any]) -> None:
-        """Write a record atomically; it keeps other materials and the image of an earlier record of the same run."""
+        """Write a record atomically; materials or an image that only an earlier record of the run holds are kept."""
         earlier = self._read(record.key)
         if earlier is not None:
             image = record.image_db if record.image_db is not None else earlier.image_db

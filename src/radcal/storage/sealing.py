@@ -1,7 +1,8 @@
 """Checksums of HDF5 and JSON files, stored in their first bytes.
 
-An HDF5 file starts with a user block of 512 bytes, which HDF5 libraries skip. The block holds the SHA-256 and the
-number of all bytes after it. A JSON file starts with a line that holds the SHA-256 of all bytes after that line.
+An HDF5 file starts with a user block of 512 bytes, which HDF5 libraries skip. The block holds the SHA-256 of all bytes
+after the block, and the number of these bytes. A JSON file starts with a line that holds the SHA-256 of all bytes after
+that line.
 """
 
 from __future__ import annotations
@@ -24,16 +25,16 @@ _CHUNK = 1 << 20
 
 
 class Fault(Exception):
-    """Fault found in a file, as a clause with the file as its subject."""
+    """Fault found in a file; its text continues a sentence that begins with the file's name, such as "is damaged"."""
 
 
 def header(total: str, size: int) -> bytes:
-    """User block of an HDF5 file of a size [bytes]; ``total`` is the SHA-256 of all bytes after the block."""
+    """User block for an HDF5 file of ``size`` bytes; ``total`` is the SHA-256 of all bytes after the block."""
     return f"radcal sha256 {total} bytes {size - BLOCK}\n".encode().ljust(BLOCK, b"\0")
 
 
 def check_hdf5(handle: IO[bytes], size: int, whole: bool) -> None:
-    """Compare an open HDF5 file with its header.
+    """Compare an open HDF5 file with the size and the checksum in its user block.
 
     Parameters
     ----------
@@ -62,7 +63,7 @@ def check_hdf5(handle: IO[bytes], size: int, whole: bool) -> None:
 
 
 def check_json(handle: IO[bytes], whole: bool) -> None:
-    """Compare an open JSON file with its header; parameters as for :func:`check_hdf5`.
+    """Compare an open JSON file with the checksum at its beginning; parameters as for :func:`check_hdf5`.
 
     Raises
     ------
@@ -77,7 +78,7 @@ def check_json(handle: IO[bytes], whole: bool) -> None:
 
 
 def _sha256(handle: IO[bytes]) -> str:
-    """SHA-256 of the rest of an open file."""
+    """SHA-256 of all bytes of an open file after the present position."""
     total = hashlib.sha256()
     while chunk := handle.read(_CHUNK):
         total.update(chunk)
