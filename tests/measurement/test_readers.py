@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import os
+import signal
 import warnings
 import zipfile
 import zlib
@@ -300,6 +302,14 @@ def test_empty_and_wrong_files_end_in_a_sentence(tmp_path, name):
         (tmp_path / name).write_bytes(content)
         with pytest.raises(MeasurementError, match=r"^measurement\.path: .* (cannot be read as|holds)"):
             read(tmp_path / name)
+
+
+def test_a_file_that_crashes_its_reader_ends_in_a_sentence(tmp_path, monkeypatch):
+    """As scipy's reader does with some damaged files."""
+    savemat(tmp_path / "a.mat", {"image": POWER})
+    monkeypatch.setattr("scipy.io.loadmat", lambda *_, **__: os.kill(os.getpid(), signal.SIGSEGV))
+    with pytest.raises(MeasurementError, match=r"a\.mat cannot be read as a MATLAB file .*damaged: reading it crashes"):
+        read(tmp_path / "a.mat")
 
 
 @pytest.fixture(scope="module")

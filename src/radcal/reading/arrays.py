@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import faulthandler
+import os
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any
@@ -189,7 +192,23 @@ def _mat(file: ImageFile) -> Values:
     name = _chosen(list(found), file)
     # the header does not tell whether its numbers are complex
     check_header(file, found[name], np.dtype(np.complex128 if file.options.scale == "complex" else np.float64))
+    if not _survived(lambda: loadmat(file.path, variable_names=[name])):
+        raise ValueError("it is damaged: reading it crashes")
     return np.asarray(loadmat(file.path, variable_names=[name])[name])
+
+
+def _survived(act: Callable[[], object]) -> bool:
+    """Whether a call, tried in a forked process, ends by itself: a damaged MATLAB file can crash scipy's reader."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # Python's warning about threads: the child calls the reader and nothing else
+        child = os.fork()
+    if child == 0:
+        faulthandler.disable()
+        try:
+            act()
+        finally:
+            os._exit(0)  # an error of Python's is raised again by the call in this process
+    return os.WIFEXITED(os.waitpid(child, 0)[1])
 
 
 _MATLAB_NUMBERS = ("double", "single", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)))
