@@ -79,10 +79,10 @@ def write_figures(archive: Archive, folder: str | Path) -> list[Figure]:
             figures.append(Figure(name, title, caption, alt, png, pdf, material))
 
         add("scene", "The scene", scene(archive))
-        add("incidence", "Local incidence and what it does to the backscatter", incidence(archive))
+        add("incidence", "Local incidence and backscatter of the laws", incidence(archive))
         add("images", "Measured, start and calibrated image", images(archive))
-        add("registration", "The measured image brought onto the simulated one", registration(archive))
-        add("residual", "What is left: calibrated minus measured", residual(archive))
+        add("registration", "Registration of the measured image onto the simulated one", registration(archive))
+        add("residual", "Residual: calibrated minus measured", residual(archive))
         if len(archive.materials) > 1:
             add("overview", "Densities of all materials", overview(archive))
         drawings: tuple[tuple[str, str, Callable[[Archive, str], tuple[Canvas, str, str] | None]], ...] = (

@@ -217,7 +217,7 @@ def _curves(axes: Axes, material: MaterialResult, seen: Array) -> None:
     if check.class_deg.size:
         axes.errorbar(
             check.class_deg, check.class_db, 1.96 * check.class_error_db, color="black", linestyle="none",
-            marker="o", markersize=4.5, elinewidth=1.2, zorder=4, label="classes, 95 %",
+            marker="o", markersize=4.5, elinewidth=1.2, zorder=4, label="bins, 95 %",
         )  # fmt: skip
     axes.margins(x=0)
     if axes.get_ylim()[0] < _GRAZING_DB:  # a law that falls steeply at grazing incidence would flatten all other curves
