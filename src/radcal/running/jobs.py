@@ -71,8 +71,7 @@ def logged(path: str | Path, config: Mapping[str, Any] | None = None) -> Iterato
         Sections of the configuration that the job reads; they are recorded in the files that it writes.
     """
     guard()
-    gc.freeze()
-    gc.enable()
+    gc.freeze()  # what the imports made lasts to the end
     if OWNER in os.environ:
         die_with_parent()
         if not alive(int(os.environ[OWNER])):  # the parent ended before the system was told to watch it
