@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from radcal.calibration.class_search import class_targets
 from threadpoolctl import threadpool_limits
 
-from radcal.calibration.class_search import class_targets
 from radcal.calibration.law_check import check_laws
 from radcal.calibration.loop import calibrate
 from radcal.config import Case, load

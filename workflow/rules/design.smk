@@ -82,6 +82,7 @@ rule design_chunk:
         runtime=minutes("run", CASE.design.chunk),
     params:
         case=STAGES["design_chunk"].params(CASE),
+        size=CASE.design_size,
         runs=f"{OUT}/runs",
     message:
         "design, chunk {wildcards.chunk}"

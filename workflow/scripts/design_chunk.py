@@ -13,7 +13,7 @@ with logged(snakemake.log[0], snakemake.params.case):
     runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     targets = read_targets(snakemake.input.target)
     reused = [run.parameters for file in snakemake.input.reused for run in read_index(file)]
-    points = design_points(case, reused)
+    points = design_points(case, snakemake.params.size, reused)
     first = int(snakemake.wildcards.chunk) * case.design.chunk
     index = []
     for k, parameters in list(enumerate(points))[first : first + case.design.chunk]:

@@ -1,8 +1,8 @@
 """Score the reference run and the design against the targets."""
 
-from radcal.calibration.class_search import class_searches
-from radcal.calibration.history import History, score, write_runs
-from radcal.calibration.steps import score_reference
+from radcal.calibration.history import History, write_runs
+from radcal.calibration.objectives import make_objectives
+from radcal.calibration.steps import score, score_reference
 from radcal.config import stages
 from radcal.measurement.target import read_targets
 from radcal.running.jobs import logged, progress
@@ -12,15 +12,15 @@ with logged(snakemake.log[0], snakemake.params.case):
     case = stages.Scores.model_validate(snakemake.params.case)
     targets = read_targets(snakemake.input.target)
     reference = [record for record, _ in indexed([snakemake.input.reference], snakemake.params.runs, case.calibrated)]
-    searches = class_searches(case, targets)
+    objectives = make_objectives(case, targets)
     runs = score_reference(case, reference, targets)
     for kind, files in (("reused", snakemake.input.reused), ("design", snakemake.input.design)):
         listed = indexed(files, snakemake.params.runs, case.calibrated)
         runs += [
-            score(kind, k, record, parameters, targets, searches=searches)
+            score(kind, k, record, parameters, targets, objectives, case.seed)
             for k, (record, parameters) in enumerate(listed)
         ]
     write_runs(snakemake.output.scores, runs)
-    best = {name: History(runs).best(name).rms[name] for name in targets}
+    best = {name: History(runs).best(name).scores[name].rms for name in targets}
     for name, rms in best.items():
         progress(f"design of {len(runs) - len(reference)} runs: best rms of {name} {rms:.2e}")

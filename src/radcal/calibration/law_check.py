@@ -8,24 +8,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal import skewnormal
-from radcal.calibration.class_search import ClassSearch, class_searches
-from radcal.calibration.expected import LawForward, law_cumulants
-from radcal.calibration.grounds import GroundLaw, Method, density_fit, marginal_law, refit, true_angles
-from radcal.calibration.history import History, Run
+from radcal.calibration.expected import law_cumulants
+from radcal.calibration.grounds import GroundLaw, marginal_law, refit
+from radcal.calibration.history import History, Score
 from radcal.calibration.incidence_error import incidence_warnings
+from radcal.calibration.misfit import true_angles
+from radcal.calibration.objectives import make_objectives
 from radcal.calibration.validation import HeldOut, cross_validate, held_out
 from radcal.config import stages
-from radcal.measurement.classes import FEWEST, make_classes
+from radcal.measurement.classes import FEWEST
 from radcal.measurement.ground import Blocks, Ground
-from radcal.measurement.patches import Spread, spreads
+from radcal.measurement.patches import spreads
 from radcal.measurement.target import Target, Targets
 from radcal.radar.texture import log_speckle_cumulants
 
 __all__ = ["LawCheck", "check_laws", "texture_note"]
 
 _IDENTIFIED = 2.0  # see GroundLaw.identified
-_ALONE = Spread(0.8, 0.4)  # until the materials have been looked at together
 
 
 @dataclass(frozen=True)
@@ -86,20 +85,18 @@ def check_laws(case: stages.Archive, targets: Targets, history: History) -> dict
     dict
         By material.
     """
-    searches = class_searches(case, targets)
-    best = {name: history.best(name) for name in targets}
+    best = {name: history.best(name).scores[name] for name in targets}
     laws = {
-        name: searches[name].law(run.parameters[name], run.looks[name], run.cumulants[name])
-        if name in searches
-        else _of_density(case, name, targets[name], run)
-        for name, run in best.items()
+        name: objective.law(best[name])
+        for name, objective in make_objectives(case, targets).items()
         # values of normalised images are no dB
         if case.laws[name].has_curve and case.target.normalisation != "image"
     }
-    if case.validation is not None and not searches:
+    binned = any(target.classes is not None for target in targets.values())
+    if case.validation is not None and not binned:
         found = spreads([law.cell_residuals() for law in laws.values()])
         laws = {name: replace(law, spread=spread) for (name, law), spread in zip(laws.items(), found, strict=True)}
-    return {name: _check(case, name, target, laws.get(name), best[name], searches) for name, target in targets.items()}
+    return {name: _check(case, name, target, laws.get(name), best[name]) for name, target in targets.items()}
 
 
 def texture_note(checks: Mapping[str, LawCheck]) -> str:
@@ -113,18 +110,6 @@ def texture_note(checks: Mapping[str, LawCheck]) -> str:
         f"The simulated speckle has {nominal:.3g} looks, some pixels spread as those of fewer ({each}): "
         "for densities and pictures gamma texture is multiplied onto their simulated pixels."
     )
-
-
-def _of_density(case: stages.Archive, name: str, target: Target, run: Run) -> GroundLaw:
-    """What one density says of the law of a run."""
-    looks = float(case.radar.looks)
-    method = Method(case.laws[name], case.materials[name].box, looks, "density", 1, free_looks=False, priors=False)
-    ground = target.ground
-    classes = make_classes(ground.values_db, ground.incidence_deg, 1, ground.independent)
-    fit = density_fit(ground, classes, method, run.parameters[name])
-    simulated = LawForward(method.law, classes.nodes_deg, looks)(fit.parameters)
-    correction = skewnormal.centred(run.dp[name])[:1] - simulated[:, 0]
-    return GroundLaw(ground, method, classes, _ALONE, fit, correction)
 
 
 def _start_db(case: stages.Archive, name: str, ground: Ground) -> NDArray[np.float64] | None:
@@ -157,8 +142,7 @@ def _check(
     name: str,
     target: Target,
     law: GroundLaw | None,
-    run: Run,
-    searches: Mapping[str, ClassSearch],
+    score: Score,
 ) -> LawCheck:
     nominal = float(case.radar.looks)
     nothing = np.empty(0)
@@ -166,18 +150,18 @@ def _check(
         return LawCheck(
             nominal, nominal, None, None, float(target.values_db.mean()), *(float("nan"),) * 3, *(nothing,) * 3, []
         )
-    held = _held(case, name, target, law)
-    estimated = name in searches or case.validation is not None
+    held, binned = _held(case, name, target, law), target.classes is not None
+    estimated = binned or case.validation is not None
     identified = law.identified >= _IDENTIFIED
     crossed = cross_validate(law, law.ground.block // Blocks.of(case.validation).parts)
     sentences = []
-    why = "" if name in searches else " One density of all pixels cannot tell; objective: classes can tell more."
+    why = "" if binned else " One density of all pixels cannot tell; objective: classes can tell more."
     if not identified:
         sentences.append(
             f"{name}: the law is not identified: its change over the incidence seen is no larger than its own "
             f"uncertainty.{why}"
         )
-    elif name not in searches and crossed.no_better:
+    elif not binned and crossed.no_better:
         # three moments of all pixels do not say that level goes with incidence as the law has it: blocks do
         identified = False
         sentences.append(
@@ -196,7 +180,7 @@ def _check(
         )
     classes = law.classes
     centre = shown = error = nothing
-    if name in searches:
+    if binned:
         if sentence := crossed.sentence(name):
             sentences.append(sentence)
         if law.method.free_looks:
@@ -205,7 +189,7 @@ def _check(
             sentences += incidence_warnings(
                 name, law.method.law, law.fit, marginal, law.ground.incidence_deg, law.method.looks
             )
-        expected = np.asarray(run.cumulants[name])[:, 0] + (
+        expected = np.asarray(score.statistics)[:, 0] + (
             log_speckle_cumulants(law.fit.looks)[0] - log_speckle_cumulants(nominal)[0]
         )
         centre = classes.nodes_deg.mean(axis=1)

@@ -6,21 +6,22 @@ import logging
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from functools import partial
 from multiprocessing import get_context
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from radcal.calibration.class_search import ClassSearch, class_searches
-from radcal.calibration.class_surrogate import ClassRuns
-from radcal.calibration.history import History, Proposal, Run, score
-from radcal.calibration.infill import propose
+from radcal.calibration.history import History, Kind, Proposal, Run, Score
 from radcal.calibration.noise import noise_variance
+from radcal.calibration.objectives import OBJECTIVES, Objective, make_objectives
+from radcal.calibration.search import Search
 from radcal.calibration.stopping import decide
-from radcal.calibration.surrogate import OUTPUTS, Surrogate
-from radcal.config import CommandSimulation, Material, Optimiser, SimulatorConfig, Stop, stages
+from radcal.calibration.surrogate import Surrogate, Training, train_surrogate
+from radcal.config import CommandSimulation, Material, SimulatorConfig, Stop, stages
+from radcal.radar.texture import texture_db, texture_order
 from radcal.running.jobs import die_with_parent
 from radcal.seeds import derived_rng, derived_seed, noise_seed
 from radcal.simulators.runner import Runner
@@ -39,14 +40,15 @@ __all__ = [
     "reference_parameters",
     "reference_runs",
     "repeatability",
+    "score",
     "score_reference",
     "train_all",
     "verify",
+    "with_texture",
 ]
 
 logger = logging.getLogger(__name__)
 
-_Job = TypeVar("_Job")
 _Result = TypeVar("_Result")
 
 
@@ -97,9 +99,9 @@ def score_reference(case: stages.Scores, records: Sequence[Record], targets: Tar
         ``repeat_variance`` that of those which differ from the first.
     """
     start, others = reference_parameters(case.materials), case.start_with_another_law
-    searches = class_searches(case, targets)
+    objectives = make_objectives(case, targets)
     runs = [
-        score("reference", k, record, start, targets, other_law=others, searches=searches)
+        score("reference", k, record, start, targets, objectives, case.seed, other_law=others)
         for k, record in enumerate(records)
     ]
     runs[0] = replace(runs[0], rms_sampling={name: target.rms_sampling for name, target in targets.items()})
@@ -107,18 +109,20 @@ def score_reference(case: stages.Scores, records: Sequence[Record], targets: Tar
         difference = records[0].largest_difference_db(record)
         runs[k] = replace(runs[k], repeat_db=difference)
         if difference > 0:
-            runs[k] = replace(runs[k], repeat_variance=_repeat_variance(case, records[0], record, targets))
+            runs[k] = replace(runs[k], repeat_variance=_repeat_variance(case, records[0], record, targets, objectives))
     return runs
 
 
-def _repeat_variance(case: stages.Scores, first: Record, again: Record, targets: Targets) -> dict[str, list[float]]:
+def _repeat_variance(
+    case: stages.Scores, first: Record, again: Record, targets: Targets, objectives: Mapping[str, Objective]
+) -> dict[str, list[list[float]]]:
     pair = [(record.pixels_db, targets.levels.simulated(record.pixels_db)) for record in (first, again)]
     found = {}
     for name, target in targets.items():
         values = [targets.levels.apply(pixels_db[name][target.order], mapping) for pixels_db, mapping in pair]
         rng = derived_rng(case.seed, "repeat", name)
-        variance = noise_variance(values[0], values[1], rng, target.effective, target.penalised)
-        found[name] = [float(v) for v in variance]
+        variance = noise_variance(values[0], values[1], objectives[name].statistics, rng, target.effective)
+        found[name] = variance.tolist()
     return found
 
 
@@ -187,41 +191,112 @@ def all_parameters(materials: Mapping[str, Material], calibrated: Parameters) ->
     return {**reference_parameters(materials), **{name: list(x) for name, x in calibrated.items()}}
 
 
-def _train(job: tuple[Surrogate, NDArray[np.float64] | None, bool]) -> Surrogate:
-    surrogate, start, retry = job
-    with threadpool_limits(1):
-        return surrogate.train(start, retry=retry)
-
-
-def _propose(job: tuple[Surrogate, NDArray[np.float64], Optimiser, int, NDArray[np.float64], float, int]) -> Proposal:
-    with threadpool_limits(1):
-        return propose(*job)
-
-
-def _propose_law(job: tuple[ClassSearch, ClassRuns, Optimiser, int, tuple[list[float], float]]) -> Proposal:
-    search, runs, config, seed, best = job
-    with threadpool_limits(1):
-        fit = search.propose(search.surrogate(runs.parameters, runs.cumulants), config, seed, [best])
-    return Proposal([float(v) for v in fit.parameters], "exploit", looks=fit.looks, predicted_cost=fit.cost)
-
-
-def _each(function: Callable[[_Job], _Result], jobs: Sequence[_Job], processes: int) -> list[_Result]:
-    """Apply a function to independent jobs; the result does not depend on the number of processes."""
-    if min(processes, len(jobs)) <= 1:
-        return [function(job) for job in jobs]
+def _each(work: Sequence[Callable[[], _Result]], processes: int) -> list[_Result]:
+    """Results of independent calls; they do not depend on the number of processes."""
+    if min(processes, len(work)) <= 1:
+        return [call() for call in work]
+    _WORK[:] = work  # forked processes see it: objectives hold functions, which cannot be sent
     with ProcessPoolExecutor(
-        min(processes, len(jobs)), mp_context=get_context("fork"), initializer=die_with_parent
+        min(processes, len(work)), mp_context=get_context("fork"), initializer=die_with_parent
     ) as pool:
-        return list(pool.map(function, jobs))
+        return list(pool.map(_call, range(len(work))))
+
+
+_WORK: list[Callable[[], Any]] = []
+
+
+def _call(number: int) -> Any:
+    with threadpool_limits(1):
+        return _WORK[number]()
+
+
+def score(
+    kind: Kind,
+    index: int,
+    record: Record,
+    parameters: Parameters,
+    targets: Targets,
+    objectives: Mapping[str, Objective],
+    seed: int,
+    other_law: Sequence[str] = (),
+) -> Run:
+    """Score a record against the targets.
+
+    Parameters
+    ----------
+    kind, index
+        As in :class:`radcal.calibration.history.Run`.
+    record : Record
+        The run.
+    parameters : mapping
+        X by material.
+    targets : Targets
+        By calibrated material.
+    objectives : mapping
+        Objective by material.
+    seed : int
+        Seed of the case, from which that of the texture derives.
+    other_law : sequence of str
+        Materials to which the run gave another law than the one that is calibrated.
+    """
+    mapping = targets.levels.simulated(record.pixels_db)
+    found, pixels_db = {}, dict(record.pixels_db)
+    for name, objective in objectives.items():
+        statistics = objective.statistics(targets.levels.apply(record.pixels_db[name][targets[name].order], mapping))
+        looks, cost = objective.material.looks, None
+        if name not in other_law:
+            looks, cost = objective.worth(parameters[name], statistics)
+        pixels_db[name] = with_texture(record.pixels_db[name], objective, looks, seed)
+        found[name] = statistics, looks, cost
+    densities = targets.score(pixels_db)
+    scores = {}
+    for name, (statistics, looks, cost) in found.items():
+        dp, rms = densities[name]
+        scores[name] = Score(
+            parameters=[float(x) for x in parameters[name]],
+            dp=[float(v) for v in dp],
+            rms=rms,
+            statistics=statistics.tolist(),
+            looks=looks,
+            cost=rms if cost is None else cost,
+            own_law=name not in other_law,
+        )
+    return Run(kind=kind, index=index, key=record.key, seconds=record.seconds, scores=scores)
+
+
+def with_texture(
+    pixels_db: NDArray[np.float32], objective: Objective, looks: float, seed: int, fresh: bool = False
+) -> NDArray[np.float32]:
+    """Pixels of a material in a run with the texture that makes the speckle's looks the material's.
+
+    Parameters
+    ----------
+    pixels_db : ndarray
+        All visible pixels of the material [dB].
+    objective : Objective
+        The material's.
+    looks : float
+        Effective looks of the material; texture only lowers those of the speckle.
+    seed : int
+        Seed of the case.
+    fresh : bool
+        Other random numbers, for the final check.
+
+    Returns
+    -------
+    ndarray of float32
+        The same random numbers for every run: the texture is a smooth function of the looks.
+    """
+    order = texture_order(objective.material.looks, looks)
+    if not np.isfinite(order):
+        return pixels_db
+    rng = np.random.default_rng([derived_seed(seed, "texture", objective.material.name), int(fresh)])
+    return (pixels_db + texture_db(rng.random(pixels_db.shape), order)).astype(np.float32)
 
 
 def train_all(
-    history: History,
-    case: stages.Train,
-    iteration: int,
-    previous: Mapping[str, Surrogate | ClassRuns] | None,
-    processes: int = 1,
-) -> dict[str, Surrogate | ClassRuns]:
+    history: History, case: stages.Train, objectives: Mapping[str, Objective], processes: int = 1
+) -> dict[str, Training]:
     """Train the surrogates of all calibrated materials.
 
     Parameters
@@ -229,49 +304,30 @@ def train_all(
     history : History
         Runs so far.
     case : stages.Train
-        Bounds, and settings of the training.
-    iteration : int
-        Number of the iteration, from 0.
-    previous : mapping, optional
-        Surrogates of the last iteration, by material.
+        Settings of the training.
+    objectives : mapping
+        Objective by material.
     processes : int
         Materials trained at the same time.
 
     Returns
     -------
     dict
-        Surrogate by material; of classes of incidence, the runs that correct law and speckle.
+        Data and hyper-parameters by material.
     """
-    if history.of_classes:
-        return {name: history.class_training(name) for name in case.calibrated}
-    warm = case.surrogate.training == "warm" and previous is not None and iteration % case.surrogate.retrain_every
-    last = {name: item.theta for name, item in (previous or {}).items() if isinstance(item, Surrogate)}
-    jobs = [
-        (
-            Surrogate(
-                case.materials[name].box,
-                *history.training(name),
-                case.surrogate.outputs,
-                noisy=_noisy(history, case.simulator),
-                noise_variance=history.noise_variance(name),
-                integer=case.materials[name].integers,
-            ),
-            last.get(name) if warm else None,
-            case.surrogate.training == "warm",
+    noisy = _noisy(history, case.simulator)
+    work = [
+        partial(
+            train_surrogate, objective, *history.training(name), case.surrogate, history.noise_variance(name), noisy
         )
-        for name in case.calibrated
+        for name, objective in objectives.items()
     ]
-    trained = dict(zip(case.calibrated, _each(_train, jobs, processes), strict=True))
-    for name, surrogate in trained.items():
-        for output, q2, status in zip(OUTPUTS[surrogate.outputs], surrogate.q2, surrogate.status, strict=True):
-            level = logging.WARNING if q2 < 0 or status == "failed" else logging.INFO
-            logger.log(level, "%s, %s: leave-one-out Q2 %.4f, optimiser %s", name, output, q2, status)
-    return dict(trained)
+    return dict(zip(objectives, _each(work, processes), strict=True))
 
 
 def propose_all(
-    surrogates: Mapping[str, Surrogate | ClassRuns],
-    targets: Targets,
+    trainings: Mapping[str, Training],
+    objectives: Mapping[str, Objective],
     history: History,
     case: stages.Propose,
     iteration: int,
@@ -282,12 +338,12 @@ def propose_all(
 
     Parameters
     ----------
-    surrogates, targets : mapping
+    trainings, objectives : mapping
         By material.
     history : History
         Runs so far.
     case : stages.Propose
-        Laws, bounds, seed, and settings of the search.
+        Seed, and settings of the search.
     iteration : int
         Number of the iteration.
     stop : Stop
@@ -300,51 +356,78 @@ def propose_all(
     dict
         Proposal by material.
     """
-    verdicts = decide(history, list(targets), stop).materials
-    best = {name: history.best(name) for name in targets}
-    going = [name for name in targets if verdicts[name].reason is None]
-    seeds = {name: derived_seed(case.seed, "propose", name, iteration) for name in going}
-    searches = class_searches(case, targets)
-    if searches:
-        law_jobs = [
-            (
-                searches[name],
-                surrogate,
-                case.optimiser,
-                seeds[name],
-                (best[name].parameters[name], best[name].looks[name]),
-            )
-            for name in going
-            if isinstance(surrogate := surrogates[name], ClassRuns)
-        ]
-        found = dict(zip(going, _each(_propose_law, law_jobs, processes), strict=True))
-    else:
-        jobs = [
-            (
-                surrogate,
-                targets[name].dp,
-                case.optimiser,
-                seeds[name],
-                surrogate.unit(best[name].parameters[name]),
-                best[name].rms[name],
-                history.failures(name),
-            )
-            for name in going
-            if isinstance(surrogate := surrogates[name], Surrogate)
-        ]
-        found = dict(zip(going, _each(_propose, jobs, processes), strict=True))
+    verdicts = decide(history, list(objectives), stop, case.objective).materials
+    going = [name for name in objectives if verdicts[name].reason is None]
+    best = {name: history.best(name).scores[name] for name in objectives}
+    work = [
+        partial(
+            Search(objectives[name], Surrogate(trainings[name], objectives[name])).propose,
+            case.optimiser,
+            derived_seed(case.seed, "propose", name, iteration),
+            best[name],
+            history.failures(name),
+        )
+        for name in going
+    ]
+    found = dict(zip(going, _each(work, processes), strict=True))
     for name, proposal in found.items():
         logger.info("%s: %s", name, proposal)
-    return {name: found.get(name) or Proposal(list(best[name].parameters[name]), "ended") for name in targets}
+    return {name: found.get(name) or Proposal(list(best[name].parameters), "ended") for name in objectives}
 
 
 def verify(
-    proposals: Mapping[str, Proposal], targets: Targets, runner: Runner, case: stages.Verify, iteration: int
+    proposals: Mapping[str, Proposal],
+    targets: Targets,
+    runner: Runner,
+    case: stages.Verify,
+    history: History,
+    iteration: int,
+    processes: int = 1,
 ) -> Run:
-    """Simulate the proposals in one run and score it."""
+    """Simulate the proposals in one run, score it, and ask the surrogate of all runs what it still promises.
+
+    Parameters
+    ----------
+    proposals : mapping
+        Proposal by material.
+    targets : Targets
+        By calibrated material.
+    runner : Runner
+        The simulator behind the run store.
+    case : stages.Verify
+        Laws, objective, seed and surrogate.
+    history : History
+        Runs so far.
+    iteration : int
+        Number of the iteration.
+    processes : int
+        Materials looked at at the same time.
+
+    Returns
+    -------
+    Run
+    """
+    objectives = make_objectives(case, targets)
     parameters = all_parameters(case.materials, {name: proposal.parameters for name, proposal in proposals.items()})
     record = runner.run(parameters, noise_seed(case))
-    return score("infill", iteration, record, parameters, targets, proposals, searches=class_searches(case, targets))
+    run = score("infill", iteration, record, parameters, targets, objectives, case.seed)
+    run = replace(run, proposals=dict(proposals))
+    ahead = [name for name, objective in objectives.items() if objective.looks_ahead]
+    if not ahead:
+        return run
+    history = History([*history.runs, run])
+    noisy = _noisy(history, case.simulator)
+
+    def outlook(name: str) -> Score:
+        variance = history.noise_variance(name)
+        training = train_surrogate(objectives[name], *history.training(name), case.surrogate, variance, noisy)
+        search = Search(objectives[name], Surrogate(training, objectives[name]))
+        seed = derived_seed(case.seed, "outlook", name, iteration)
+        gain, floor, moved_db = search.outlook(history.best(name).scores[name], seed)
+        return replace(run.scores[name], gain=gain, floor=floor, moved_db=moved_db)
+
+    found = dict(zip(ahead, _each([partial(outlook, name) for name in ahead], processes), strict=True))
+    return replace(run, scores={**run.scores, **found})
 
 
 def design_line(number: int, size: int, record: Record, targets: Targets) -> str:
@@ -373,23 +456,10 @@ def design_line(number: int, size: int, record: Record, targets: Targets) -> str
     return f"design run {number} of {size}: {record.seconds:.1f} s, {text}"
 
 
-def progress_line(history: History, materials: Sequence[str], stop: Stop) -> str:
-    """Runs used, best rms and tolerance in one line."""
+def progress_line(history: History, materials: Sequence[str], stop: Stop, objective: str) -> str:
+    """Runs used, and how the materials stand, in one line."""
     runs = history.count("design") + history.count("infill")
-    if history.of_classes:
-        verdicts = decide(history, materials, stop).materials
-        settled = sum(verdict.reason == "settled" for verdict in verdicts.values())
-        last = history.infill[-1]
-        worst = max(materials, key=lambda name: last.moved_db[name])
-        return (
-            f"run {runs:>3} (iteration {len(history.infill)}): {settled} of {len(materials)} laws meet the stop "
-            f"criterion, the last run would change that of {worst} by {last.moved_db[worst]:.2g} dB"
-        )
-    best = {name: history.best(name).rms[name] for name in materials}
-    if len(best) == 1:
-        text = f"best rms {next(iter(best.values())):.2e}"
-    else:
-        worst = max(best, key=lambda name: best[name])
-        within = sum(value <= stop.rms for value in best.values())
-        text = f"{within} of {len(best)} materials within tolerance, worst {worst} at rms {best[worst]:.2e}"
-    return f"run {runs:>3} (iteration {history.count('infill')}): {text}, tolerance {stop.rms:.1e}"
+    verdicts = decide(history, materials, stop, objective).materials
+    ended = [name for name in materials if verdicts[name].reason in ("rms", "settled")]
+    text = OBJECTIVES[objective].progress_line(history, materials, ended, stop)
+    return f"run {runs:>3} (iteration {history.count('infill')}): {text}"

@@ -12,13 +12,14 @@ from radcal.config.design import Design
 from radcal.config.limits import Seed
 from radcal.config.materials import DEFAULT_LAW, Material, check_parameters, default_materials
 from radcal.config.measurement import FileMeasurement, MeasurementConfig, Synthetic, SyntheticMeasurement
+from radcal.config.objectives import DEFAULT, OBJECTIVES, SINGLE, Objective, names
 from radcal.config.optimiser import Optimiser
 from radcal.config.part import Part
 from radcal.config.pydantic_errors import nearest
 from radcal.config.radar import Radar
 from radcal.config.registration import RegistrationConfig
 from radcal.config.scene import BuiltinScene, SceneConfig
-from radcal.config.sections import TAGS, CaseName, Objective
+from radcal.config.sections import TAGS, CaseName
 from radcal.config.simulator import BuiltinSimulation, CommandSimulation, SimulatorConfig
 from radcal.config.stop import Stop
 from radcal.config.surrogate import SurrogateConfig
@@ -58,7 +59,7 @@ class Case(Part):
     )
     registration: RegistrationConfig = Field(default_factory=RegistrationConfig)
     objective: Objective = Field(
-        "classes",
+        DEFAULT,
         description="classes, likelihood: the law, by incidence-angle bin (docs/right_law.md); density: the histogram",
     )
     target: TargetConfig = Field(default_factory=TargetConfig)
@@ -71,7 +72,7 @@ class Case(Part):
     @model_validator(mode="before")
     @classmethod
     def _fitting_defaults(cls, data: object) -> object:
-        """Case data; the default is ``objective: density`` for one bin, normalisation ``image`` or external laws."""
+        """Case data; the default is one density of all pixels for one bin, normalisation ``image`` or external laws."""
         if not isinstance(data, dict):
             return data
         data = _with_fitting_stop(data)
@@ -83,7 +84,7 @@ class Case(Part):
             isinstance(item, dict) and item.get("calibrate") and item.get("law") == EXTERNAL
             for item in materials.values()
         )
-        return {**data, "objective": "density"} if alone or outside else data
+        return {**data, "objective": SINGLE} if alone or outside else data
 
     @field_validator("scene", "simulator", "measurement", mode="before")
     @classmethod
@@ -157,28 +158,34 @@ class Case(Part):
 
     def _check_objective(self) -> None:
         """Refuse settings that the objective does not use, and settings with which the objective is impossible."""
-        if self.objective == "density" and self.target.incidence_classes not in (1, "auto"):
+        traits, target = OBJECTIVES[self.objective], self.target
+        if not traits.bins and target.incidence_classes not in (1, "auto"):
             raise ValueError(
-                f"target.incidence_classes is {self.target.incidence_classes}, which objective: density does not use, "
-                "expected objective: classes"
+                f"target.incidence_classes is {target.incidence_classes}, which objective: {self.objective} does not "
+                f"use, expected objective: {' or '.join(names(bins=True))}"
             )
-        if self.target.normalisation == "image" and self.validation is not None:
+        if target.normalisation == "image" and self.validation is not None:
             raise ValueError(
                 "validation is configured and target.normalisation is image, whose values are not in dB: errors of "
                 "block means would have no unit, expected normalisation none or offset"
             )
-        if self.objective != "density" and self.target.normalisation == "image":
+        if traits.bins and target.normalisation == "image":
             raise ValueError(
                 f"objective is {self.objective} and target.normalisation is image, whose values are not in dB: "
                 "looks and priors have no meaning there, expected normalisation none or offset"
             )
-        if self.objective != "density" or self.validation is not None:
-            key = "validation is configured" if self.objective == "density" else f"objective is {self.objective}"
+        if traits.bins and (self.surrogate.outputs, self.surrogate.training) != ("centred", "posterior"):
+            raise ValueError(
+                f"surrogate.outputs is {self.surrogate.outputs} and surrogate.training {self.surrogate.training}, "
+                f"which objective: {self.objective} does not use, expected centred and posterior"
+            )
+        if traits.curve or self.validation is not None:
+            key = f"objective is {self.objective}" if traits.curve else "validation is configured"
             for name in self.calibrated:
                 if self.materials[name].law == EXTERNAL:
                     raise ValueError(
                         f"{key} and materials.{name}.law is {EXTERNAL}, whose curve only the simulator knows, "
-                        "expected objective: density without validation"
+                        f"expected objective: {' or '.join(names(curve=False))}, without validation"
                     )
 
     def _check_truth(self, synthetic: Synthetic) -> None:

@@ -8,15 +8,17 @@ from typing import Any, Protocol, Self, TypeVar
 from radcal.config.design import Design
 from radcal.config.materials import Material
 from radcal.config.radar import Radar
-from radcal.config.sections import Objective, Section
+from radcal.config.sections import Section
+from radcal.config.surrogate import SurrogateConfig
 from radcal.config.target import TargetConfig
-from radcal.radar.laws import Law, law_for
+from radcal.radar.laws import EXTERNAL, Law, law_for
 from radcal.storage.disclosure import Undisclosed
 
 __all__ = ["Part"]
 
-# with incidence-angle bins the law is found without runs, so that two are enough
-_DESIGN_SIZE: Mapping[Objective, int] = {"classes": 2, "likelihood": 2, "density": 16}
+# a baseline knows most of how a run depends on X: two runs show how much of it is right
+_DESIGN_SIZE = 2
+_DESIGN_SIZE_WITHOUT_BASELINE = 8
 
 
 class _Materials(Protocol):
@@ -36,12 +38,15 @@ class _Levels(_Materials, Protocol):
     def target(self) -> TargetConfig: ...
 
 
-class _Design(Protocol):
-    @property
-    def objective(self) -> Objective: ...
-
+class _Design(_Levels, Protocol):
     @property
     def design(self) -> Design: ...
+
+    @property
+    def surrogate(self) -> SurrogateConfig: ...
+
+    @property
+    def has_baseline(self) -> bool: ...
 
 
 _OfMaterials = TypeVar("_OfMaterials", bound=_Materials)
@@ -101,6 +106,18 @@ class Part(Section):
         return [name for name, material in self.materials.items() if not material.calibrate]
 
     @property
+    def has_baseline(self: _Design) -> bool:
+        """Whether law, speckle and noise predict the statistics of every calibrated material."""
+        curves = all(material.law != EXTERNAL for material in self.materials.values() if material.calibrate)
+        learnt = self.surrogate.baseline and self.surrogate.outputs == "centred"
+        return curves and learnt and self.target.normalisation != "image"
+
+    @property
     def design_size(self: _Design) -> int:
         """Number of runs of the design."""
-        return _DESIGN_SIZE[self.objective] if self.design.size == "auto" else self.design.size
+        if self.design.size != "auto":
+            return self.design.size
+        if self.has_baseline:
+            return _DESIGN_SIZE
+        most = max(len(material.box) for material in self.materials.values() if material.calibrate)
+        return max(_DESIGN_SIZE_WITHOUT_BASELINE, 2 * most)

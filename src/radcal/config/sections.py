@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict
 
-__all__ = ["TAGS", "CaseName", "Objective", "Section"]
+__all__ = ["TAGS", "CaseName", "Section"]
 
 _LONGEST_NAME = 100  # file systems allow names of 255 bytes, and files named after a case have longer names
 
@@ -23,7 +23,6 @@ def _case_name(value: str) -> str:
     return value
 
 
-Objective = Literal["classes", "density", "likelihood"]
 CaseName = Annotated[str, AfterValidator(_case_name)]
 
 

@@ -16,12 +16,13 @@ from radcal.config.design import Design
 from radcal.config.limits import Seed
 from radcal.config.materials import Material
 from radcal.config.measurement import MeasurementConfig
+from radcal.config.objectives import Objective
 from radcal.config.optimiser import Optimiser
 from radcal.config.part import Part
 from radcal.config.radar import Radar
 from radcal.config.registration import RegistrationConfig
 from radcal.config.scene import SceneConfig
-from radcal.config.sections import CaseName, Objective
+from radcal.config.sections import CaseName
 from radcal.config.simulator import SimulatorConfig
 from radcal.config.stop import Stop
 from radcal.config.surrogate import SurrogateConfig
@@ -94,15 +95,21 @@ class Measurement(Simulator):
     target: TargetConfig
 
 
-class Scores(Stage):
-    """Sections for the scores of the runs: laws and pass; the objective comes from the file of targets."""
+class Laws(Stage):
+    """Sections for the laws of the runs, with their pass."""
 
     seed: Seed
     radar: Radar
     materials: dict[str, Material]
 
 
-class Simulation(Simulator, Scores):
+class Scores(Laws):
+    """Sections for the scores of the runs: laws and objective."""
+
+    objective: Objective
+
+
+class Simulation(Simulator, Laws):
     """Sections that determine the numbers of a run."""
 
 
@@ -121,30 +128,32 @@ class Registration(Stage):
     registration: RegistrationConfig
 
 
-class Target(Simulation):
+class Target(Simulation, Scores):
     """Sections for the targets: pixels, levels and incidence-angle bins."""
 
-    objective: Objective
     target: TargetConfig
     validation: Validation | None
 
 
 class DesignSize(Stage):
-    """Sections for the number of runs and of chunks of the design."""
+    """Sections for the number of runs of the design."""
 
-    objective: Objective
+    materials: dict[str, Material]
+    target: TargetConfig
+    design: Design
+    surrogate: SurrogateConfig
+
+
+class DesignChunk(Simulation):
+    """Sections for the runs of the design; their number is a parameter of its own."""
+
     design: Design
 
 
-class DesignChunk(Simulation, DesignSize):
-    """Sections for the runs of the design."""
-
-
-class Train(Stage):
+class Train(Scores):
     """Sections for the training of surrogates; section ``simulator`` tells whether runs are deterministic."""
 
     simulator: SimulatorConfig
-    materials: dict[str, Material]
     surrogate: SurrogateConfig
 
 
@@ -154,8 +163,8 @@ class Propose(Scores):
     optimiser: Optimiser
 
 
-class Verify(Simulation):
-    """Sections for the run of the proposals and its score."""
+class Verify(Simulation, Train):
+    """Sections for the run of the proposals, its score, and what the surrogate of all runs still promises."""
 
 
 class StopSettings(Stage):

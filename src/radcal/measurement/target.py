@@ -64,6 +64,8 @@ class Target:
         Connected area of the material (patch), and part of a block of the image, of each pixel.
     kept_out : Ground or None
         Held-out pixels, to which no law is fitted; None without validation.
+    noise_db : float
+        Mean noise-equivalent backscatter that the simulator adds at these pixels [dB]; -inf where no noise is known.
     classes : ClassTarget or None
         Statistics of the pixels by incidence-angle bin; None where the objective uses no bins.
     """
@@ -86,6 +88,7 @@ class Target:
     patch: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     block: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     kept_out: Ground | None = None
+    noise_db: float = float("-inf")
     classes: ClassTarget | None = None
 
     @property

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radcal import skewnormal
-from radcal.config import Radar, TargetConfig, Validation, stages
+from radcal.config import BuiltinSimulation, Radar, TargetConfig, Validation, stages
 from radcal.errors import MeasurementError
 from radcal.measurement.goodness import effective_sample_size, goodness_of_fit
 from radcal.measurement.ground import Blocks, Ground
@@ -197,22 +198,30 @@ def make_targets(
     looks = estimate_looks(measurement.image_db, geometry.material, case.radar)
     if config.leave_out_point_targets:
         flags["point targets"] = point_targets(measurement.image_db, geometry.material, case.radar)
+    targets = {
+        name: make_target(
+            name,
+            geometry,
+            measurement,
+            config,
+            case.seed,
+            registered.uncertainty_px,
+            levels=levels,
+            flags=flags,
+            radar=case.radar,
+            validation=case.validation,
+        )
+        for name in case.calibrated
+    }
+    if isinstance(case.simulator, BuiltinSimulation):
+        simulated_db = noise_floor_db(case.radar, geometry.flat_incidence_deg)
+        rows = {name: target.pixels // geometry.shape[1] for name, target in targets.items()}
+        targets = {
+            name: replace(target, noise_db=float(10.0 * np.log10(np.mean(10.0 ** (simulated_db[rows[name]] / 10.0)))))
+            for name, target in targets.items()
+        }
     return Targets(
-        {
-            name: make_target(
-                name,
-                geometry,
-                measurement,
-                config,
-                case.seed,
-                registered.uncertainty_px,
-                levels=levels,
-                flags=flags,
-                radar=case.radar,
-                validation=case.validation,
-            )
-            for name in case.calibrated
-        },
+        targets,
         levels,
         looks.looks if looks is not None else float("nan"),
     )

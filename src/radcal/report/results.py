@@ -121,7 +121,7 @@ def gather(
 
 def _final_parameters(case: stages.Archive, history: History, targets: Targets) -> dict[str, Sequence[float]]:
     """X of every material in the final runs: that of the best run, or that of a fixed law."""
-    best = {name: history.best(name).parameters[name] for name in targets}
+    best = {name: history.best(name).scores[name].parameters for name in targets}
     return {name: best.get(name, material.start_parameters) for name, material in case.materials.items()}
 
 
@@ -204,6 +204,7 @@ def _material(
     fit, of_classes = target.goodness, target.classes is not None
     unknown = [np.nan] * len(material.parameter_names)
     proposals = [run.proposals[name] for run in history.infill]
+    scores = [run.scores[name] for run in runs]
     return MaterialResult(
         law=material.law,
         parameter_names=tuple(material.parameter_names),
@@ -223,11 +224,9 @@ def _material(
         fit_ad=fit.ad,
         fit_ad_p=fit.ad_p,
         best=runs.index(history.best(name)),
-        parameters=_law(
-            [unknown if name in run.other_law else run.parameters[name] for run in runs], material, case.radar
-        ),
-        dp=np.array([run.dp[name] for run in runs]),
-        rms=np.array([run.rms[name] for run in runs]),
+        parameters=_law([score.parameters if score.own_law else unknown for score in scores], material, case.radar),
+        dp=np.array([score.dp for score in scores]),
+        rms=np.array([score.rms for score in scores]),
         bounds=np.array(material.box),
         start=_law(material.start_parameters, material.at_start, case.radar),
         target_dp=target.dp,
@@ -242,12 +241,12 @@ def _material(
         check=_check(check),
         final_dp=found.calibrated_dp,
         fresh_dp=found.fresh_dp,
-        predicted_rms=_numbers(proposal.predicted_rms for proposal in proposals),
-        floor_rms=_numbers(proposal.floor_rms for proposal in proposals),
+        predicted_rms=_numbers(None if of_classes else proposal.cost for proposal in proposals),
+        floor_rms=_numbers(None if of_classes else proposal.floor for proposal in proposals),
         mode=tuple(proposal.mode for proposal in proposals),
         hidden=None if hidden is None else np.array(hidden),
-        cost=_numbers(run.cost.get(name) for run in runs) if of_classes else None,
-        run_looks=_numbers(run.looks.get(name) for run in runs) if of_classes else None,
+        cost=_numbers(score.cost if score.own_law else None for score in scores) if of_classes else None,
+        run_looks=_numbers(score.looks if score.own_law else None for score in scores) if of_classes else None,
     )
 
 

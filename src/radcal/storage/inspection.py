@@ -25,8 +25,8 @@ SCHEMAS: Mapping[str, int] = {
     "geometry": 5,
     "measurement": 2,
     "registered": 2,
-    "target": 4,
-    "surrogate": 4,
+    "target": 5,
+    "surrogate": 5,
     "run": 2,
     "calibration": 3,
 }

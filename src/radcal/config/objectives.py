@@ -1,0 +1,52 @@
+"""Names of the objectives, and what each of them asks of the rest of the configuration."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Annotated
+
+from pydantic import AfterValidator, WithJsonSchema
+
+__all__ = ["OBJECTIVES", "Objective", "Traits", "names"]
+
+
+@dataclass(frozen=True)
+class Traits:
+    """Properties of an objective that other sections depend on.
+
+    Attributes
+    ----------
+    bins : bool
+        Whether statistics are compared by incidence-angle bin, in dB.
+    curve : bool
+        Whether every calibrated law needs a curve.
+    """
+
+    bins: bool
+    curve: bool = False
+
+
+OBJECTIVES: dict[str, Traits] = {
+    "classes": Traits(bins=True),
+    "density": Traits(bins=False),
+    "likelihood": Traits(bins=True, curve=True),
+}
+"""Traits of each objective by its name; ``radcal.calibration.objectives`` holds their classes."""
+
+DEFAULT = "classes"
+SINGLE = "density"
+
+
+def names(bins: bool | None = None, curve: bool | None = None) -> Collection[str]:
+    """Names of the objectives with these traits."""
+    return [name for name, one in OBJECTIVES.items() if bins in (None, one.bins) and curve in (None, one.curve)]
+
+
+def _known(value: str) -> str:
+    if value not in OBJECTIVES:
+        raise ValueError(f"is {value!r}, expected one of {sorted(OBJECTIVES)}")
+    return value
+
+
+Objective = Annotated[str, AfterValidator(_known), WithJsonSchema({"enum": sorted(OBJECTIVES), "type": "string"})]
