@@ -44,7 +44,9 @@ def main() -> None:
     """Print a line per target and, last, the summary as JSON."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="2 targets in place of 20")
-    parser.add_argument("--methods", default="radcal,radcal_default,radcal_black_box", help="comma-separated, of: " + ", ".join(METHODS))
+    parser.add_argument(
+        "--methods", default="radcal,radcal_default,radcal_black_box", help="comma-separated, of: " + ", ".join(METHODS)
+    )
     arguments = parser.parse_args()
     if unknown := set(arguments.methods.split(",")) - set(METHODS):
         parser.error(f"unknown method {unknown.pop()!r}, expected some of {', '.join(METHODS)}")

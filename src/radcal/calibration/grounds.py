@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.calibration.expected import Forward, LawForward
 from radcal.calibration.law_fit import LawFit, Residuals, fit_law, prior_residuals
-from radcal.calibration.misfit import SKEWNESS_SHAPE, BinMisfit, Method, true_angles
-from radcal.calibration.priors import CurvePrior, looks_residuals
+from radcal.calibration.misfit import BinMisfit, Method, true_angles
+from radcal.calibration.priors import CurvePrior
 from radcal.measurement.classes import Classes, class_of, incidence_edges, make_classes, winsorised
 from radcal.measurement.ground import Ground
 from radcal.measurement.patches import Effects, Spread, patch_effects, spreads
@@ -22,7 +22,6 @@ from radcal.radar.texture import log_speckle_cumulants
 __all__ = [
     "GroundLaw",
     "curve_prior",
-    "density_fit",
     "fit_grounds",
     "ground_residuals",
     "limited",
@@ -126,9 +125,7 @@ def limited(ground: Ground, member: NDArray[np.int64]) -> Ground:
 
 
 def _limited(ground: Ground, method: Method) -> Ground:
-    """The same, in classes still to be made; the density is fitted to what there is."""
-    if method.misfit.single:
-        return ground
+    """The same, in bins still to be made."""
     edges = incidence_edges(ground.incidence_deg, method.classes)
     return limited(ground, class_of(ground.incidence_deg, edges))
 
@@ -158,48 +155,7 @@ def refit(found: GroundLaw, ground: Ground) -> GroundLaw:
     fit = fit_law(
         residuals, method.bounds, method.looks, method.free_looks, start, prior=curve_prior(ground, found.method)
     )
-    if method.misfit.single:
-        fit = density_fit(ground, classes, method, fit.parameters)
     return GroundLaw(ground, found.method, classes, found.spread, fit)
-
-
-def density_fit(ground: Ground, classes: Classes, method: Method, parameters: ArrayLike) -> LawFit:
-    """How well one density of all pixels knows the law that was found by it.
-
-    Looks were taken for the sensor's and skewness for that of speckle alone. Texture moves both, and how well the law
-    is known must not hang on there being none: looks are as uncertain as their prior, skewness as in classes. The
-    simulated density has speckle of its own.
-
-    Parameters
-    ----------
-    ground : Ground
-        The pixels.
-    classes : Classes
-        One.
-    method : Method
-        Of objective ``density``.
-    parameters : array_like, shape (d,)
-        X.
-
-    Returns
-    -------
-    LawFit
-        Of this X and the sensor's looks.
-    """
-    x, looks = np.asarray(parameters, dtype=np.float64), method.looks
-    compared = replace(classes, effective=0.5 * classes.effective)
-    residuals = ground_residuals(ground, compared, method, _START_SPREAD)
-    sampling = np.sqrt(6.0 / compared.effective.sum())  # of a skewness, as the objective has it
-    weight = np.array([1.0, 1.0, sampling / np.hypot(sampling, SKEWNESS_SHAPE)])
-    fit = fit_law(
-        lambda at, effective: weight * residuals(at, effective),
-        method.bounds,
-        looks,
-        start=(x, looks),
-        prior=lambda _, effective: looks_residuals(effective, looks),
-        moves=False,
-    )
-    return replace(fit, parameters=x, looks=looks)
 
 
 def marginal_law(found: GroundLaw, looks: float) -> LawFit:
@@ -231,7 +187,6 @@ def marginal_law(found: GroundLaw, looks: float) -> LawFit:
 def fit_grounds(
     grounds: Mapping[str, Ground],
     methods: Mapping[str, Method],
-    forwards: Mapping[str, Forward] | None = None,
 ) -> dict[str, GroundLaw]:
     """Fit the laws of several materials, and the spread of patches that they share, in turn.
 
@@ -240,20 +195,13 @@ def fit_grounds(
     grounds : mapping
         Pixels by material.
     methods : mapping
-        How each is fitted. ``density`` is the paper's: one class, the sensor's looks, no priors.
-    forwards : mapping, optional
-        Surrogate of the simulator's class cumulants by material; the law and speckle themselves
-        where missing.
+        How each is fitted.
 
     Returns
     -------
     dict
         Law by material.
     """
-    methods = {
-        name: replace(m, classes=1, free_looks=False, priors=False) if m.misfit.single else m
-        for name, m in methods.items()
-    }
     grounds = {name: _limited(ground, methods[name]) for name, ground in grounds.items()}
     classes = {
         name: make_classes(g.values_db, g.incidence_deg, methods[name].classes, g.independent)
@@ -267,7 +215,7 @@ def fit_grounds(
             if turn and not method.misfit.of_fields:  # only the classes know of patches
                 found[name] = replace(found[name], spread=spread[name])
                 continue
-            residuals = ground_residuals(ground, classes[name], method, spread[name], (forwards or {}).get(name))
+            residuals = ground_residuals(ground, classes[name], method, spread[name])
             last = found.get(name)
             start = (last.fit.parameters, last.fit.looks) if last else None
             fit = fit_law(

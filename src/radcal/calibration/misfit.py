@@ -1,8 +1,4 @@
-"""Misfit of measured pixels and expected statistics: residuals in standard deviations, of three kinds.
-
-All take the cumulants that a simulator (or law and speckle alone) shows at the sensor's looks, and give residuals whose
-sum of squares is minimised.
-"""
+"""Misfit of measured pixels and expected statistics: residuals in standard deviations, of two kinds."""
 
 from __future__ import annotations
 
@@ -14,7 +10,6 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radcal import skewnormal
 from radcal.calibration.expected import expected_cumulants, law_cumulants
 from radcal.calibration.incidence_error import ErrorKind, attenuation, true_nodes
 from radcal.calibration.moments import from_cumulants, sampling_covariance
@@ -24,7 +19,7 @@ from radcal.measurement.patches import Spread
 from radcal.radar.laws import Law
 from radcal.radar.texture import log_speckle_cumulants
 
-__all__ = ["SKEWNESS_SHAPE", "BinMisfit", "DensityMisfit", "LikelihoodMisfit", "Method", "Misfit", "true_angles"]
+__all__ = ["SKEWNESS_SHAPE", "BinMisfit", "LikelihoodMisfit", "Method", "Misfit", "true_angles"]
 
 # a skewness says which law texture follows as much as it says the backscatter law: the gamma law of 2.5 looks has
 # -0.69 in dB, the K distribution of 4 looks with the same variance -0.36
@@ -32,20 +27,12 @@ SKEWNESS_SHAPE = 0.3
 _LOG_SD_PATCH = 0.1  # texture differs between patches: looks by some 20 %
 _BIN_DB = 0.5
 _LEVELS = 8  # that represent a bin
+Doubles = NDArray[np.float64]
 
 
 class Misfit(ABC):
-    """Misfit of one material.
+    """Misfit of one material; ``of_fields`` says whether the variance between fields is part of it."""
 
-    Attributes
-    ----------
-    single : bool
-        Whether all pixels are one sample of the sensor's looks, without priors.
-    of_fields : bool
-        Whether the variance between fields is part of it.
-    """
-
-    single: ClassVar[bool] = False
     of_fields: ClassVar[bool] = False
 
     @classmethod
@@ -54,13 +41,7 @@ class Misfit(ABC):
         """Misfit of a material's pixels in their incidence-angle bins, fitted with a method."""
 
     @abstractmethod
-    def __call__(
-        self,
-        parameters: NDArray[np.float64],
-        looks: float,
-        simulated: NDArray[np.float64],
-        slack: NDArray[np.float64] | float = 0.0,
-    ) -> NDArray[np.float64]:
+    def __call__(self, parameters: Doubles, looks: float, simulated: Doubles, slack: Doubles | float = 0.0) -> Doubles:
         """Residuals of unit variance.
 
         Parameters
@@ -105,12 +86,12 @@ class BinMisfit(Misfit):
     """
 
     classes: Classes
-    patch_share: NDArray[np.float64]
-    cell_share: NDArray[np.float64]
+    patch_share: Doubles
+    cell_share: Doubles
     between_db: float
     within_db: float
     method: Method | None = None
-    true_deg: NDArray[np.float64] | None = None
+    true_deg: Doubles | None = None
 
     of_fields: ClassVar[bool] = True
 
@@ -125,13 +106,13 @@ class BinMisfit(Misfit):
         return cls(classes, shares, by_cell, spread.between, spread.within, method, true_deg)
 
     @property
-    def patch_variance(self) -> NDArray[np.float64]:
+    def patch_variance(self) -> Doubles:
         """Expected variance among the patches and cells inside of each class [dB^2], shape (n,)."""
         inside = [1.0 - (share**2).sum(axis=1) for share in (self.patch_share, self.cell_share)]
         return np.asarray(self.between_db**2 * inside[0] + self.within_db**2 * inside[1])
 
     @cached_property
-    def covariance(self) -> NDArray[np.float64]:
+    def covariance(self) -> Doubles:
         """Covariance of all means, then all log sds, then all skewnesses, shape (3 n, 3 n)."""
         n = self.classes.size
         whole = np.zeros((3, n, 3, n))
@@ -144,27 +125,21 @@ class BinMisfit(Misfit):
         return whole.reshape(3 * n, 3 * n)
 
     @cached_property
-    def _whitening(self) -> NDArray[np.float64]:
+    def _whitening(self) -> Doubles:
         return np.asarray(np.linalg.inv(np.linalg.cholesky(self.covariance)))
 
     @cached_property
-    def _measured(self) -> NDArray[np.float64]:
+    def _measured(self) -> Doubles:
         return from_cumulants(self.classes.cumulants).T.ravel()
 
-    def _shift(self, x: NDArray[np.float64]) -> NDArray[np.float64] | float:
+    def _shift(self, x: Doubles) -> Doubles | float:
         """Change of the cumulants by the error of the incidence."""
         m = self.method
         if m is None or m.incidence_error_deg == 0.0 or not m.law.has_curve or self.true_deg is None:
             return 0.0
         return law_cumulants(m.law, x, self.true_deg) - law_cumulants(m.law, x, self.classes.nodes_deg)
 
-    def __call__(
-        self,
-        parameters: NDArray[np.float64],
-        looks: float,
-        simulated: NDArray[np.float64],
-        slack: NDArray[np.float64] | float = 0.0,
-    ) -> NDArray[np.float64]:
+    def __call__(self, parameters: Doubles, looks: float, simulated: Doubles, slack: Doubles | float = 0.0) -> Doubles:
         """Whitened differences of all means, log sds and skewnesses, shape (3 n,)."""
         sensor = looks if self.method is None else self.method.looks
         expected = expected_cumulants(simulated, sensor, looks, self.patch_variance, self._shift(parameters))
@@ -198,22 +173,16 @@ class LikelihoodMisfit(Misfit):
     """
 
     classes: Classes
-    values_db: NDArray[np.float64]
+    values_db: Doubles
     method: Method | None = None
-    true_deg: NDArray[np.float64] | None = None
+    true_deg: Doubles | None = None
 
     @classmethod
     def of(cls, ground: Ground, classes: Classes, method: Method, spread: Spread) -> LikelihoodMisfit:
         """Misfit of a material's pixels in their incidence-angle bins, fitted with a method."""
         return cls(classes, ground.values_db, method, true_angles(ground, method, classes.nodes_deg))
 
-    def __call__(
-        self,
-        parameters: NDArray[np.float64],
-        looks: float,
-        simulated: NDArray[np.float64],
-        slack: NDArray[np.float64] | float = 0.0,
-    ) -> NDArray[np.float64]:
+    def __call__(self, parameters: Doubles, looks: float, simulated: Doubles, slack: Doubles | float = 0.0) -> Doubles:
         """Deviance residuals of the law's levels, moved to the simulated mean of each bin; no slack is used."""
         m = self.method
         assert m is not None  # noqa: S101
@@ -225,12 +194,12 @@ class LikelihoodMisfit(Misfit):
         return self.residuals(levels + moved[:, None], looks)
 
     @cached_property
-    def _bins(self) -> NDArray[np.float64]:
+    def _bins(self) -> Doubles:
         low, high = float(self.values_db.min()), float(self.values_db.max())
         return np.arange(np.floor(low / _BIN_DB), np.ceil(high / _BIN_DB) + 1.0) * _BIN_DB
 
     @cached_property
-    def _counts(self) -> NDArray[np.float64]:
+    def _counts(self) -> Doubles:
         """Tempered counts, shape (n, bins); the first and last bins reach to infinity."""
         place = np.clip(np.searchsorted(self._bins, self.values_db, side="right") - 1, 0, self._bins.size - 2)
         joint = np.bincount(self.classes.member * (self._bins.size - 1) + place, minlength=self._places)
@@ -241,7 +210,7 @@ class LikelihoodMisfit(Misfit):
     def _places(self) -> int:
         return self.classes.size * (self._bins.size - 1)
 
-    def residuals(self, level_db: NDArray[np.float64], looks: float) -> NDArray[np.float64]:
+    def residuals(self, level_db: Doubles, looks: float) -> Doubles:
         """Deviance residuals.
 
         Parameters
@@ -271,46 +240,6 @@ class LikelihoodMisfit(Misfit):
 
 
 @dataclass(frozen=True)
-class DensityMisfit(Misfit):
-    """Differences in (mean, log sd, skewness) of the one density of all pixels, the paper's objective.
-
-    Attributes
-    ----------
-    target_cp : array_like, shape (3,)
-        Mean [dB], standard deviation [dB] and skewness of the target.
-    effective : float
-        Independent pixels behind it.
-    sensor : float
-        Looks of the sensor.
-    """
-
-    target_cp: ArrayLike
-    effective: float
-    sensor: float
-
-    single: ClassVar[bool] = True
-
-    @classmethod
-    def of(cls, ground: Ground, classes: Classes, method: Method, spread: Spread) -> DensityMisfit:
-        """Misfit of a material's pixels, fitted with a method."""
-        cp = skewnormal.centred(skewnormal.fit(ground.values_db).dp)
-        return cls(cp, float(classes.effective.sum()), method.looks)
-
-    def __call__(
-        self,
-        parameters: NDArray[np.float64],
-        looks: float,
-        simulated: NDArray[np.float64],
-        slack: NDArray[np.float64] | float = 0.0,
-    ) -> NDArray[np.float64]:
-        """Three residuals of the cumulants of one bin, shape (1, 3); no slack is used."""
-        mean, sd, skewness = np.asarray(self.target_cp, dtype=np.float64)
-        expected = from_cumulants(expected_cumulants(simulated, self.sensor, looks))[0]
-        difference = expected - np.array([mean, np.log(sd), skewness])
-        return np.asarray(difference / np.array([sd, np.sqrt(0.5), np.sqrt(6.0)]) * np.sqrt(self.effective))
-
-
-@dataclass(frozen=True)
 class Method:
     """How a material's law is fitted.
 
@@ -325,11 +254,11 @@ class Method:
     misfit : type of Misfit
         What is minimised.
     classes : int or 'auto'
-        Number of incidence-angle bins; a single sample has one.
+        Number of incidence-angle bins.
     free_looks : bool
-        Whether the effective looks are searched; never for a single sample.
+        Whether the effective looks are searched.
     priors : bool
-        Weak priors on curve and looks; never for a single sample.
+        Weak priors on curve and looks.
     incidence_error_deg : float
         Standard deviation of the error of the local incidence [deg].
     incidence_error : {'classical', 'berkson'}
@@ -347,7 +276,7 @@ class Method:
     incidence_error: ErrorKind = "classical"
 
 
-def true_angles(ground: Ground, method: Method, nodes_deg: NDArray[np.float64]) -> NDArray[np.float64]:
+def true_angles(ground: Ground, method: Method, nodes_deg: Doubles) -> Doubles:
     """True angles behind mapped ones of a material [deg], (n, m) to (n, k), at the error that the method tells."""
     mapped, error = ground.incidence_deg, method.incidence_error_deg
     share = attenuation(mapped, error)

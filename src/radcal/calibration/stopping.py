@@ -7,26 +7,10 @@ from dataclasses import dataclass
 
 from radcal.calibration.history import History
 from radcal.calibration.objectives import OBJECTIVES, Objective
-from radcal.calibration.objectives.objective import Progress, Reason
+from radcal.calibration.objectives.objective import Progress, Reason, Verdict
 from radcal.config import Stop
 
 __all__ = ["Decision", "Verdict", "decide"]
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """State of a material.
-
-    Attributes
-    ----------
-    reason : str or None
-        Why it ended, None while it goes on.
-    sentence : str
-        The same for people.
-    """
-
-    reason: Reason | None
-    sentence: str
 
 
 @dataclass(frozen=True)
@@ -90,7 +74,7 @@ def _judge(history: History, name: str, stop: Stop, objective: type[Objective]) 
     scores = [run.scores[name] for run in history.runs if run.kind != "infill"]
     best, idle = min(score.cost for score in scores if score.own_law), 0
     if ending := objective.ending_before_infill(name, best, stop):
-        return Verdict(ending.reason, ending.sentence)
+        return ending
     for k, run in enumerate(history.infill, start=1):
         if design + k > stop.max_runs:
             break
@@ -100,7 +84,7 @@ def _judge(history: History, name: str, stop: Stop, objective: type[Objective]) 
             best = min(best, score.cost)
         sampling = history.rms_sampling(name)
         if ending := objective.ending(Progress(name, design + k, best, idle, score, proposal, sampling), stop):
-            return Verdict(ending.reason, ending.sentence)
+            return ending
         if idle >= stop.stagnation_runs:
             return Verdict("stagnation", f"{objective.standing(name, best, stop)}, no better for {idle} runs.")
     standing = objective.standing(name, best, stop)

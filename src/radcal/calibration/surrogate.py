@@ -42,7 +42,7 @@ class Training:
     q2 : ndarray, shape (3,)
         Leave-one-out Q2 of each statistic: one minus the mean squared error over the variance; NaN for a single run.
     status : tuple of str
-        End of the optimiser for each statistic.
+        Whether the training of each statistic failed, as smt's may, or trained it.
     direct : bool
         Whether (xi [dB], omega [dB], alpha) are learnt in place of the statistics.
     """
@@ -233,7 +233,7 @@ def _train_one(
         scales, nugget, status = train_smt(unit, values[:, 0], noisy=noise != 0.0)
         nugget = max(nugget, JITTER if noise != 0.0 else 0.0)
     else:
-        (scales, nugget), status = train(unit, values, noise), "converged"
+        (scales, nugget), status = train(unit, values, noise), "trained"
     errors = Kriging(unit, values, scales, nugget).leave_one_out() if len(unit) > 1 else np.full(1, np.nan)
     return _Trained(scales, nugget, float((errors**2).sum()), status)
 

@@ -16,7 +16,7 @@ from radcal.calibration.history import History, Score
 from radcal.calibration.law_fit import LOOKS, fit_law
 from radcal.calibration.misfit import BinMisfit, LikelihoodMisfit, Method, Misfit
 from radcal.calibration.moments import from_cumulants, to_cumulants
-from radcal.calibration.objectives.objective import Doubles, Ending, Material, Objective, Points, Progress
+from radcal.calibration.objectives.objective import Doubles, Material, Objective, Points, Progress, Verdict
 from radcal.config import Stop
 from radcal.errors import MeasurementError
 
@@ -129,7 +129,7 @@ class Bins(Objective):
         return GroundLaw(self.ground, method, classes, self.bins.spread, fit, correction)
 
     @classmethod
-    def ending(cls, progress: Progress, stop: Stop) -> Ending | None:
+    def ending(cls, progress: Progress, stop: Stop) -> Verdict | None:
         """End where the surrogate of all runs promises no better law, or hardly another one."""
         score, name = progress.score, progress.name
         if score.gain is None:
@@ -145,7 +145,7 @@ class Bins(Objective):
             )
         else:
             return None
-        return Ending("settled", f"{name}: stop criterion met after {progress.runs} runs: {text}")
+        return Verdict("settled", f"{name}: stop criterion met after {progress.runs} runs: {text}")
 
     @classmethod
     def standing(cls, name: str, best: float, stop: Stop) -> str:

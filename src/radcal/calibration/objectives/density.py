@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radcal import skewnormal
 from radcal.calibration.expected import LawForward
-from radcal.calibration.grounds import GroundLaw, density_fit
+from radcal.calibration.grounds import GroundLaw, ground_residuals
 from radcal.calibration.history import History, Proposal, Score
-from radcal.calibration.misfit import DensityMisfit, Method
+from radcal.calibration.law_fit import fit_law
+from radcal.calibration.misfit import Method
 from radcal.calibration.moments import from_cumulants, from_dp, to_dp
-from radcal.calibration.objectives.objective import Doubles, Ending, Material, Objective, Points, Progress, drawn
+from radcal.calibration.objectives.objective import Doubles, Material, Objective, Points, Progress, Verdict, drawn
+from radcal.calibration.priors import looks_residuals
 from radcal.config import Stop
 from radcal.measurement.classes import make_classes
 from radcal.measurement.patches import Spread
@@ -88,45 +91,54 @@ class Density(Objective):
 
     def law(self, score: Score) -> GroundLaw:
         """Law of a run with what one density says of its uncertainty."""
-        m, ground = self.material, self.material.target.ground
-        method = Method(m.law, m.box, m.looks, DensityMisfit, 1, free_looks=False, priors=False)
+        m, ground, x = self.material, self.material.target.ground, np.asarray(score.parameters, dtype=np.float64)
+        method = Method(m.law, m.box, m.looks, classes=1)
         classes = make_classes(ground.values_db, ground.incidence_deg, 1, ground.independent)
-        fit = density_fit(ground, classes, method, score.parameters)
-        simulated = LawForward(method.law, classes.nodes_deg, m.looks)(fit.parameters)
-        correction = np.array([score.statistics[0][0]]) - simulated[:, 0]
+        # the simulated density has speckle of its own, and there may be texture, which moves looks and skewness
+        compared = replace(classes, effective=0.5 * classes.effective)
+        fit = fit_law(
+            ground_residuals(ground, compared, method, _ALONE),
+            m.box,
+            m.looks,
+            start=(x, m.looks),
+            prior=lambda _, looks: looks_residuals(looks, m.looks),
+            moves=False,
+        )
+        correction = np.array([score.statistics[0][0]]) - LawForward(m.law, classes.nodes_deg, m.looks)(x)[:, 0]
+        fit = replace(fit, parameters=x, looks=m.looks)
         return GroundLaw(ground, method, classes, _ALONE, fit, correction)
 
     @classmethod
-    def ending_before_infill(cls, name: str, best: float, stop: Stop) -> Ending | None:
+    def ending_before_infill(cls, name: str, best: float, stop: Stop) -> Verdict | None:
         """End within the tolerance."""
         if best <= stop.rms:
             sentence = f"{name}: rms {best:.2g} within the tolerance {stop.rms:.2g} before any infill."
-            return Ending("rms", sentence)
+            return Verdict("rms", sentence)
         return None
 
     @classmethod
-    def ending(cls, progress: Progress, stop: Stop) -> Ending | None:
+    def ending(cls, progress: Progress, stop: Stop) -> Verdict | None:
         """End within the tolerance, at a floor that keeps above it, or at the sampling error."""
         name, best, proposal = progress.name, progress.best, progress.proposal
         if best <= stop.rms:
             sentence = f"{name}: rms {best:.2g} within the tolerance {stop.rms:.2g} after {progress.runs} runs."
-            return Ending("rms", sentence)
+            return Verdict("rms", sentence)
         known = len(progress.score.parameters) + 2 <= progress.runs and _kept(proposal, progress.score.rms)
         if proposal.floor is not None and proposal.floor >= UNREACHABLE_SHARE * best and known:
-            return Ending(
+            return Verdict(
                 "unreachable",
                 f"{name}: rms {best:.2g} after {progress.runs} runs, above the tolerance {stop.rms:.2g}; a multi-start "
                 "search of the surrogate, two standard errors in favour, finds no rms below "
                 f"{proposal.floor:.2g} inside the bounds: the target is out of reach there.",
             )
         if proposal.mode == "exhausted":
-            return Ending(
+            return Verdict(
                 "unreachable",
                 f"{name}: rms {best:.2g}, above the tolerance {stop.rms:.2g}: every combination of whole parameters "
                 "inside the bounds has been simulated.",
             )
         if stop.at_sampling_error and progress.idle >= _PATIENCE and best < _OF_SAMPLING * progress.sampling:
-            return Ending(
+            return Verdict(
                 "stagnation",
                 f"{name}: rms {best:.2g}, no better for {progress.idle} runs and below a third of the sampling error "
                 f"{progress.sampling:.2g}: a better fit would not be significant (stop.at_sampling_error: false "

@@ -18,7 +18,7 @@ from radcal.config import Stop
 from radcal.measurement.target import Target
 from radcal.radar.laws import Law
 
-__all__ = ["Baseline", "Doubles", "Ending", "Material", "Objective", "Points", "Progress", "Reason", "drawn"]
+__all__ = ["Baseline", "Doubles", "Material", "Objective", "Points", "Progress", "Reason", "Verdict", "drawn"]
 
 Doubles = NDArray[np.float64]
 
@@ -113,10 +113,18 @@ class Progress:
 
 
 @dataclass(frozen=True)
-class Ending:
-    """End of a material's search: reason, and the sentence that tells it."""
+class Verdict:
+    """State of a material.
 
-    reason: Reason
+    Attributes
+    ----------
+    reason : str or None
+        Why it ended, None while it goes on.
+    sentence : str
+        The same for people.
+    """
+
+    reason: Reason | None
     sentence: str
 
 
@@ -201,11 +209,11 @@ class Objective(ABC):
 
     @classmethod
     @abstractmethod
-    def ending(cls, progress: Progress, stop: Stop) -> Ending | None:
+    def ending(cls, progress: Progress, stop: Stop) -> Verdict | None:
         """End of a material's search after an infill run, or None while it goes on."""
 
     @classmethod
-    def ending_before_infill(cls, name: str, best: float, stop: Stop) -> Ending | None:
+    def ending_before_infill(cls, name: str, best: float, stop: Stop) -> Verdict | None:
         """End of a material's search before any infill run, or None."""
         return None
 
