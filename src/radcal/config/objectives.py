@@ -21,16 +21,23 @@ class Traits:
         Whether statistics are compared by incidence-angle bin, in dB.
     curve : bool
         Whether every calibrated law needs a curve.
+    compares : str
+        What is compared, in words.
+    values : int
+        Values compared in each bin whose squared residuals sum to about their number for a right law; 0 where there is
+        no such number.
     """
 
     bins: bool
     curve: bool = False
+    compares: str = ""
+    values: int = 0
 
 
 OBJECTIVES: dict[str, Traits] = {
-    "classes": Traits(bins=True),
-    "density": Traits(bins=False),
-    "likelihood": Traits(bins=True, curve=True),
+    "classes": Traits(bins=True, compares="mean level, spread and skewness", values=3),
+    "density": Traits(bins=False, compares="the histogram"),
+    "likelihood": Traits(bins=True, curve=True, compares="the levels"),
 }
 """Traits of each objective by its name; ``radcal.calibration.objectives`` holds their classes."""
 

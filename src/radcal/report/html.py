@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from radcal import skewnormal
+from radcal.config.objectives import OBJECTIVES
 from radcal.report.archive import Archive, MaterialResult
 from radcal.report.figures import Figure
 from radcal.report.reasons import REASONS
@@ -134,7 +135,7 @@ def _belief(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) 
         return f"law{'s' if len(found) > 1 else ''}{whose}"
 
     no = f"{laws(lost)} {'are' if len(lost) > 1 else 'is'} not identified"
-    if summary["objective"] == "density":
+    if not OBJECTIVES[summary["objective"]].bins:
         matched = "What was matched is the histogram, not the law"
         text = f"{matched}: the {no}." if lost else f"{matched}."
     elif lost:
@@ -161,7 +162,7 @@ def _ending(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) 
     missed = [m for m in materials if not m["within"]]
     reasons = _listed(list(dict.fromkeys(m["reason"] for m in missed))) if missed else summary["stop_reason"]
     who = _who(missed, len(materials)) if missed else "none"
-    if summary["objective"] != "density":
+    if OBJECTIVES[summary["objective"]].bins:
         whose = (
             f"the law of {materials[0]['name']}" if len(materials) == 1 else f"the laws of {len(materials)} materials"
         )
@@ -225,6 +226,7 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) 
     config = json.loads(archive.config)
     text = environment.get_template("report.html.j2").render(
         summary=summary,
+        objective=OBJECTIVES[archive.objective],
         verdict=_verdict(summary, materials),
         materials=materials,
         within=[m for m in materials if m["within"]],

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.config.objectives import OBJECTIVES
 from radcal.radar.laws import Law
 from radcal.report.archive import Archive, MaterialResult
 from radcal.report.drawing import (
@@ -82,8 +83,8 @@ def _law_cost(case: Archive, name: str, costs: Array) -> tuple[Canvas, str, str]
     upper, lower = canvas.subplots(2, 1, sharex=True)
     squares = np.maximum(2.0 * costs, 1e-3)
     _runs(upper, case, material, squares)
-    numbers = 3 * material.check.class_deg.size
-    if case.objective == "classes":
+    numbers = OBJECTIVES[case.objective].values * material.check.class_deg.size
+    if numbers:
         upper.axhline(numbers, label="a right law", **SAMPLING)
     upper.set_ylabel("squared residuals")
     upper.set_title(titled(name, f"best misfit {short(squares[material.best])} in run {material.best}"))
@@ -103,7 +104,7 @@ def _law_cost(case: Archive, name: str, costs: Array) -> tuple[Canvas, str, str]
         "Above: sum of the squared residuals of the incidence-angle bins, in standard deviations, at the effective "
         "looks that suit each run best. "
     )
-    if case.objective == "classes":
+    if numbers:
         caption += f"For a right law it is about {numbers}, the number of values compared (dotted). "
     caption += (
         "Below: root mean square difference of the simulated and the target density, which the search does not "
@@ -113,7 +114,7 @@ def _law_cost(case: Archive, name: str, costs: Array) -> tuple[Canvas, str, str]
     return (
         canvas,
         caption,
-        f"Misfit of each run of {name} on logarithmic axes: classes, density.",
+        f"Misfit of each run of {name} on logarithmic axes: incidence-angle bins, density.",
     )
 
 
