@@ -49,6 +49,8 @@ class Proposal:
         Predicted cost of NSGA-II's best point, before the least-squares fit.
     statistics, errors : list of list of float
         Statistics predicted at the proposal, and their kriging standard deviations, shape (n, 3).
+    q2 : list of float or None
+        Leave-one-out Q2 of the surrogate for mean, log sd and skewness; None where a single run tells none.
     """
 
     parameters: list[float]
@@ -59,6 +61,7 @@ class Proposal:
     nsga2_cost: float | None = None
     statistics: list[list[float]] = field(default_factory=list)
     errors: list[list[float]] = field(default_factory=list)
+    q2: list[float | None] = field(default_factory=list)
 
 
 @dataclass(frozen=True)

@@ -325,4 +325,5 @@ class Search:
             nsga2_cost=nsga2_cost,
             statistics=self.surrogate.predict(unit)[0].tolist(),
             errors=self.surrogate.standard_error(unit)[0].tolist(),
+            q2=[float(v) if np.isfinite(v) else None for v in self.surrogate.training.q2],
         )

@@ -130,6 +130,20 @@ class Check:
 
 
 @dataclass(frozen=True)
+class Fidelity:
+    """Predictions of the surrogate for each infill run, and what the run showed; NaN without a prediction."""
+
+    predicted_cost: Annotated[Doubles, About("cost that the surrogate predicted", shape="m")]
+    verified_cost: Annotated[Doubles, About("cost of the run", shape="m")]
+    predicted: Annotated[
+        Doubles, About("predicted mean, log sd and skewness of each incidence-angle bin", _UNIT, "m, b, 3")
+    ]
+    error: Annotated[Doubles, About("kriging standard deviations of these", _UNIT, "m, b, 3")]
+    verified: Annotated[Doubles, About("the same statistics of the run", _UNIT, "m, b, 3")]
+    q2: Annotated[Doubles, About("leave-one-out Q2 of the surrogate, by statistic", shape="m, 3")]
+
+
+@dataclass(frozen=True)
 class MaterialResult:
     """Target and results of one calibrated material, with d parameters, n runs, m infill runs and p pixels."""
 
@@ -192,6 +206,7 @@ class MaterialResult:
     run_looks: Annotated[
         Doubles | None, About("effective number of looks at which each run fits the target best", shape="n")
     ] = None
+    fidelity: Annotated[Fidelity | None, About("predictions of the surrogate and the runs that verified them")] = None
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from radcal.report.archive import Archive
 from radcal.report.density_figures import densities, histogram, overview, quality
 from radcal.report.drawing import STYLE, slugs
+from radcal.report.fidelity_figures import fidelity
 from radcal.report.held_out_figures import held_out
 from radcal.report.law_figures import cost, law
 from radcal.report.map_figures import images, registration, residual
@@ -90,6 +91,7 @@ def write_figures(archive: Archive, folder: str | Path) -> list[Figure]:
             ("law", "The law found", law),
             ("held_out", "Held-out ground", held_out),
             ("cost", "Cost of each run", cost),
+            ("fidelity", "Predicted and verified", fidelity),
             ("histogram", "Measured pixels and the design", histogram),
             ("quality", "Fit of a skew normal to the pixels", quality),
         )

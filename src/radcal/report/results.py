@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.calibration.conclusion import Conclusion
-from radcal.calibration.history import History
+from radcal.calibration.history import History, Run
 from radcal.calibration.law_check import LawCheck
 from radcal.config import Material, Radar, Stop, stages
 from radcal.measurement.levels import Levels
@@ -24,6 +24,7 @@ from radcal.radar.laws import EXTERNAL
 from radcal.report.archive import (
     Archive,
     Check,
+    Fidelity,
     HeldOutBlocks,
     Images,
     LawParameters,
@@ -247,6 +248,24 @@ def _material(
         hidden=None if hidden is None else np.array(hidden),
         cost=_numbers(score.cost if score.own_law else None for score in scores) if of_classes else None,
         run_looks=_numbers(score.looks if score.own_law else None for score in scores) if of_classes else None,
+        fidelity=_fidelity(history.infill, name),
+    )
+
+
+def _fidelity(infill: Sequence[Run], name: str) -> Fidelity | None:
+    """Predictions of the surrogate for a material, and what the runs showed."""
+    if not infill:
+        return None
+    proposals, scores = [run.proposals[name] for run in infill], [run.scores[name] for run in infill]
+    verified = np.array([score.statistics for score in scores])
+    nothing = np.full(verified.shape[1:], np.nan)
+    return Fidelity(
+        predicted_cost=_numbers(proposal.cost for proposal in proposals),
+        verified_cost=_numbers(score.cost for score in scores),
+        predicted=np.array([proposal.statistics or nothing for proposal in proposals]),
+        error=np.array([proposal.errors or nothing for proposal in proposals]),
+        verified=verified,
+        q2=np.array([proposal.q2 or [np.nan] * 3 for proposal in proposals], dtype=np.float64),
     )
 
 
