@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from radcal.config import SimulatorConfig
     from radcal.config.stages import Simulation
 
-__all__ = ["derived_rng", "derived_seed", "measurement_seed", "noise_seed"]
+__all__ = ["derived_rng", "derived_seed", "draw_seeds", "measurement_seed", "noise_seed"]
 
 
 def derived_seed(seed: int, *names: str | int, bits: int = 63) -> int:
@@ -38,6 +38,13 @@ def derived_seed(seed: int, *names: str | int, bits: int = 63) -> int:
 def noise_seed(case: Simulation, fresh: bool = False) -> int:
     """Seed of speckle and thermal noise: one for all runs of a case, another for the final check."""
     return derived_seed(case.seed, "runs", "fresh" if fresh else "common", bits=case.simulator.seed_width)
+
+
+def draw_seeds(case: Simulation) -> list[int]:
+    """Seeds of all draws of speckle of a run: that of all runs first, then those of the further draws."""
+    more = range(2, case.simulator.draws + 1)
+    width = case.simulator.seed_width
+    return [noise_seed(case), *(derived_seed(case.seed, "runs", "draw", k, bits=width) for k in more)]
 
 
 def measurement_seed(simulator: SimulatorConfig, seed: int) -> int:

@@ -12,8 +12,8 @@ with logged(snakemake.log[0], snakemake.params.case):
     first, *again = reference_runs(case, runner)
     differences = [first.largest_difference_db(record) for record in again]
     start = reference_parameters(case.materials)
-    repeated = [IndexedRun(record.key, start, db) for record, db in zip(again, differences, strict=True)]
-    write_index(snakemake.output.index, [IndexedRun(first.key, start), *repeated])
+    repeated = [IndexedRun.of(record, start, db) for record, db in zip(again, differences, strict=True)]
+    write_index(snakemake.output.index, [IndexedRun.of(first, start), *repeated])
     progress(f"reference run: {first.seconds:.1f} s for {first.image_db.shape} pixels")
     if sentence := repeatability(case.simulator, differences):
         progress(sentence)

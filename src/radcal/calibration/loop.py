@@ -12,9 +12,9 @@ from radcal.calibration.design import design_points
 from radcal.calibration.history import History
 from radcal.calibration.objectives import make_objectives
 from radcal.calibration.steps import (
-    noise_seed,
     propose_all,
     reference_runs,
+    run_all_draws,
     score,
     score_reference,
     train_all,
@@ -65,14 +65,17 @@ def calibrate(
     """
     simulation, scores = stages.Verify.of(case), stages.Scores.of(case)
     train, proposal = stages.Train.of(case), stages.Propose.of(case)
-    seed = noise_seed(simulation)
     others = case.start_with_another_law
     if others and reference is None:
         raise ValueError(f"materials {others} start with another law: expected a reference runner")
     runs = score_reference(scores, reference_runs(stages.ReferenceRun.of(case), reference or runner), targets)
     objectives = make_objectives(scores, targets)
     for k, parameters in enumerate(design_points(stages.DesignChunk.of(case), case.design_size)):
-        runs.append(score("design", k, runner.run(parameters, seed), parameters, targets, objectives, case.seed))
+        runs.append(
+            score(
+                "design", k, run_all_draws(simulation, runner, parameters), parameters, targets, objectives, case.seed
+            )
+        )
     history, k = History(runs), 0
     report(history)
     while not (decision := decide(history, list(targets), case.stop, case.objective)).ended:

@@ -23,7 +23,7 @@ from radcal.calibration.surrogate import Surrogate, Training, train_surrogate
 from radcal.config import CommandSimulation, Material, SimulatorConfig, Stop, stages
 from radcal.radar.texture import texture_db, texture_order
 from radcal.running.jobs import die_with_parent
-from radcal.seeds import derived_rng, derived_seed, noise_seed
+from radcal.seeds import derived_rng, derived_seed, draw_seeds, noise_seed
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import Parameters, Record
 
@@ -40,6 +40,7 @@ __all__ = [
     "reference_parameters",
     "reference_runs",
     "repeatability",
+    "run_all_draws",
     "score",
     "score_reference",
     "train_all",
@@ -74,10 +75,17 @@ def reference_runs(case: stages.ReferenceRun, runner: Runner) -> list[Record]:
         it may be declared.
     """
     parameters, seed = reference_parameters(case.materials), noise_seed(case)
-    records = [runner.run(parameters, seed, image=True)]
+    records = [run_all_draws(case, runner, parameters, image=True)]
     if isinstance(case.simulator, CommandSimulation) and case.simulator.deterministic is None:
         records.append(runner.run(parameters, seed, repeat=True))
     return records
+
+
+def run_all_draws(case: stages.Simulation, runner: Runner, parameters: Parameters, image: bool = False) -> Record:
+    """Record of a run, with the records of its further draws of speckle; only the first holds the whole image."""
+    first, *others = draw_seeds(case)
+    record = runner.run(parameters, first, image=image)
+    return replace(record, draws=tuple(runner.run(parameters, seed) for seed in others))
 
 
 def score_reference(case: stages.Scores, records: Sequence[Record], targets: Targets) -> list[Run]:
@@ -227,7 +235,7 @@ def score(
     kind, index
         As in :class:`radcal.calibration.history.Run`.
     record : Record
-        The run.
+        The run with its draws of speckle, whose statistics are averaged.
     parameters : mapping
         X by material.
     targets : Targets
@@ -239,10 +247,13 @@ def score(
     other_law : sequence of str
         Materials to which the run gave another law than the one that is calibrated.
     """
-    mapping = targets.levels.simulated(record.pixels_db)
-    found, pixels_db = {}, dict(record.pixels_db)
+    pixels_db = dict(record.pixels_db)
+    draws = [(draw.pixels_db, targets.levels.simulated(draw.pixels_db)) for draw in (record, *record.draws)]
+    found = {}
     for name, objective in objectives.items():
-        statistics = objective.statistics(targets.levels.apply(record.pixels_db[name][targets[name].order], mapping))
+        order = targets[name].order
+        each = [objective.statistics(targets.levels.apply(db[name][order], mapping)) for db, mapping in draws]
+        statistics = np.mean(each, axis=0)
         looks, cost = objective.material.looks, None
         if name not in other_law:
             looks, cost = objective.worth(parameters[name], statistics)
@@ -261,7 +272,13 @@ def score(
             cost=rms if cost is None else cost,
             own_law=name not in other_law,
         )
-    return Run(kind=kind, index=index, key=record.key, seconds=record.seconds, scores=scores)
+    return Run(
+        kind=kind,
+        index=index,
+        key=record.key,
+        seconds=sum(draw.seconds for draw in (record, *record.draws)),
+        scores=scores,
+    )
 
 
 def with_texture(
@@ -409,7 +426,7 @@ def verify(
     """
     objectives = make_objectives(case, targets)
     parameters = all_parameters(case.materials, {name: proposal.parameters for name, proposal in proposals.items()})
-    record = runner.run(parameters, noise_seed(case))
+    record = run_all_draws(case, runner, parameters)
     run = score("infill", iteration, record, parameters, targets, objectives, case.seed)
     run = replace(run, proposals=dict(proposals))
     ahead = [name for name, objective in objectives.items() if objective.looks_ahead]

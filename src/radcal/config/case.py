@@ -30,6 +30,8 @@ from radcal.radar.laws import EXTERNAL, LAWS
 
 __all__ = ["Case"]
 
+_DRAWS_IN_BINS = 4
+
 
 def _with_fitting_stop(data: dict[str, Any]) -> dict[str, Any]:
     """Case data, with ``stop.at_sampling_error`` set for an external program without a configured ``stop.rms``."""
@@ -39,6 +41,18 @@ def _with_fitting_stop(data: dict[str, Any]) -> dict[str, Any]:
         return data
     kind = simulator.get("kind") if isinstance(simulator, dict) else getattr(simulator, "kind", None)
     return {**data, "stop": {**stop, "at_sampling_error": True}} if kind == "command" else data
+
+
+def _with_fitting_draws(data: dict[str, Any]) -> dict[str, Any]:
+    """Case data, with several draws of speckle for radcal's own simulator under incidence-angle bins."""
+    simulator, objective = data.get("simulator", {}), data.get("objective", DEFAULT)
+    traits = OBJECTIVES.get(objective) if isinstance(objective, str) else None
+    if not isinstance(simulator, dict) or "draws" in simulator or traits is None or not traits.bins:
+        return data
+    tag = TAGS["simulator"]
+    if simulator.get(tag, "builtin") != "builtin":
+        return data
+    return {**data, "simulator": {**simulator, tag: "builtin", "draws": _DRAWS_IN_BINS}}
 
 
 class Case(Part):
@@ -77,14 +91,14 @@ class Case(Part):
             return data
         data = _with_fitting_stop(data)
         if "objective" in data:
-            return data
+            return _with_fitting_draws(data)
         target, materials = (data[key] if isinstance(data.get(key), dict) else {} for key in ("target", "materials"))
         alone = target.get("incidence_classes") in (1, "1") or target.get("normalisation") == "image"
         outside = any(
             isinstance(item, dict) and item.get("calibrate") and item.get("law") == EXTERNAL
             for item in materials.values()
         )
-        return {**data, "objective": SINGLE} if alone or outside else data
+        return _with_fitting_draws({**data, "objective": SINGLE} if alone or outside else data)
 
     @field_validator("scene", "simulator", "measurement", mode="before")
     @classmethod

@@ -17,16 +17,21 @@ _SEED_BITS = 31  # width of an external program's seeds: a C int
 _ONLY_MASKS = frozenset({"looks", "nesz_db", "range_resolution_m", "azimuth_resolution_m"})
 
 
+_DRAWS = "draws of speckle in which each run is simulated; their statistics are averaged"
+Draws = Annotated[Integer, Field(ge=1, le=64)]
+
+
 class BuiltinSimulation(Section):
     """radcal's own simulator."""
 
     kind: Literal["builtin"] = Field("builtin", description=_KIND)
     keep_images: bool = Field(False, description="whether every run record keeps the whole image")
+    draws: Draws = Field(1, description=_DRAWS + "; 4 by default with incidence-angle bins")
 
     @property
     def longest_run_s(self) -> float:
         """Upper limit of a run's duration [s], far above the usual one."""
-        return 900.0
+        return 900.0 * self.draws
 
     @property
     def seed_width(self) -> int:
@@ -196,13 +201,14 @@ class CommandSimulation(Section):
         description="whether the program takes no seed; it then need not receive one, and no rms with fresh speckle is "
         "given",
     )
+    draws: Draws = Field(1, description=_DRAWS)
     keep_images: bool = Field(False, description="whether every run record keeps the whole image")
     keep_folders: bool = Field(False, description="whether the folders of successful runs are kept, too")
 
     @property
     def longest_run_s(self) -> float:
         """Upper limit of a run's duration with all its retries [s]."""
-        return self.timeout_s * (self.retries + 1) + self._waits_s
+        return (self.timeout_s * (self.retries + 1) + self._waits_s) * self.draws
 
     @property
     def _waits_s(self) -> float:

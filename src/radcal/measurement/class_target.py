@@ -20,10 +20,13 @@ class ClassTarget:
     Attributes
     ----------
     classes : Classes
-        Bins of the target's pixels with their measured statistics. ``effective`` is half of the number of independent
-        pixels, because measured statistics are compared with simulated ones, which have a sampling error too.
+        Bins of the target's pixels with their measured statistics. ``effective`` is the number of independent
+        pixels over 1 + 1/K, because measured statistics are compared with simulated ones, which have the sampling error
+        of K draws of speckle.
     spread : Spread
         Between-field and within-field standard deviation, pooled over the materials [dB].
+    draws : int
+        Number K of draws of speckle in each run.
     free_looks : bool
         Whether the effective number of looks of the material is estimated with the law.
     priors : bool
@@ -39,6 +42,7 @@ class ClassTarget:
 
     classes: Classes
     spread: Spread
+    draws: int
     free_looks: bool
     priors: bool
     incidence_error_deg: float

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from radcal.errors import StoreError
@@ -25,16 +25,24 @@ class IndexedRun:
         Law parameters X by material.
     difference_db : float or None
         Largest difference between the pixels of the repeated and the first reference run [dB]; None for other runs.
+    draws : tuple of str
+        Hashes of its further draws of speckle.
     """
 
     key: str
     parameters: Parameters
     difference_db: float | None = None
+    draws: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, record: Record, parameters: Parameters, difference_db: float | None = None) -> IndexedRun:
+        """Entry of a run, from its record."""
+        return cls(record.key, parameters, difference_db, tuple(draw.key for draw in record.draws))
 
 
 def write_index(path: str | Path, runs: Iterable[IndexedRun]) -> None:
-    """Write an index as JSON; fields that are None are omitted."""
-    write_json(path, [{name: value for name, value in asdict(run).items() if value is not None} for run in runs])
+    """Write an index as JSON; empty fields are omitted."""
+    write_json(path, [{name: value for name, value in asdict(run).items() if value not in (None, ())} for run in runs])
 
 
 def read_index(path: str | Path) -> list[IndexedRun]:
@@ -45,7 +53,7 @@ def read_index(path: str | Path) -> list[IndexedRun]:
     StoreError
         The file is missing or damaged.
     """
-    return [IndexedRun(**entry) for entry in read_json(path)]
+    return [IndexedRun(**{**entry, "draws": tuple(entry.get("draws", ()))}) for entry in read_json(path)]
 
 
 def indexed(
@@ -72,16 +80,21 @@ def indexed(
     store = RunStore(runs)
     for file in files:
         for run in read_index(file):
-            record, path = store.get(run.key, materials, image), store.path(run.key)
-            if record is None and not path.is_file():
-                raise StoreError(
-                    f"{path}: missing or damaged, though {file} lists it; type the same command again to make this "
-                    "run again."
-                )
-            if record is None:
-                wanted = [*materials, *(["the whole image"] if image else [])]
-                raise StoreError(
-                    f"{path}: missing or without {', '.join(wanted)}, though {file} lists it; delete {file} and type "
-                    "the same command again to make this run again."
-                )
-            yield record, run.parameters
+            draws = tuple(_found(store, file, key, materials, False) for key in run.draws)
+            yield replace(_found(store, file, run.key, materials, image), draws=draws), run.parameters
+
+
+def _found(store: RunStore, file: str | Path, key: str, materials: Sequence[str], image: bool) -> Record:
+    """Record that an index lists."""
+    record, path = store.get(key, materials, image), store.path(key)
+    if record is None and not path.is_file():
+        raise StoreError(
+            f"{path}: missing or damaged, though {file} lists it; type the same command again to make this run again."
+        )
+    if record is None:
+        wanted = [*materials, *(["the whole image"] if image else [])]
+        raise StoreError(
+            f"{path}: missing or without {', '.join(wanted)}, though {file} lists it; delete {file} and type the same "
+            "command again to make this run again."
+        )
+    return record

@@ -49,12 +49,15 @@ class Record:
         Whole image [dB], None where it was not recorded.
     seconds : float
         Wall time of the simulator.
+    draws : tuple of Record
+        Further draws of speckle with the same parameters, each with a record of its own in the run store.
     """
 
     key: str
     pixels_db: Mapping[str, NDArray[np.float32]]
     image_db: NDArray[np.float32] | None
     seconds: float
+    draws: tuple[Record, ...] = ()
 
     def largest_difference_db(self, other: Record) -> float:
         """Largest absolute difference between the pixels of this run and those of another run [dB]."""

@@ -124,7 +124,7 @@ class Bins(Objective):
         correction = statistics[:, 0] - LawForward(method.law, classes.nodes_deg, method.looks)(x)[:, 0]
         # part of how it differs from bin to bin is the run's own speckle
         common = correction.mean()
-        noise = float(np.mean(np.exp(2.0 * statistics[:, 1]) / (2.0 * classes.effective)))
+        noise = float(np.mean(np.exp(2.0 * statistics[:, 1]) / ((1.0 + self.bins.draws) * classes.effective)))
         correction = common + max(0.0, 1.0 - noise / max(float(np.var(correction)), 1e-12)) * (correction - common)
         return GroundLaw(self.ground, method, classes, self.bins.spread, fit, correction)
 
