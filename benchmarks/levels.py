@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from radcal.calibration.loop import calibrate
-from radcal.calibration.steps import noise_seed, reference_parameters
+from radcal.calibration.steps import noise_seed
 from radcal.config import Case, case_from
 from radcal.measurement.registration import register
 from radcal.measurement.sources import make_measurement
@@ -71,7 +71,7 @@ class Bench:
             }
         )
         measurement = make_measurement(case, self.geometry, self.simulator)
-        reference = self.runner.run(reference_parameters(case.materials), noise_seed(case), image=True).image_db
+        reference = self.runner.run(case.start_parameters, noise_seed(case), image=True).image_db
         assert reference is not None  # asked for
         registered = register(reference, measurement, case.registration)
         targets = make_targets(case, self.geometry, registered, reference)

@@ -2,7 +2,7 @@
 
 from radcal.calibration.history import History, write_runs
 from radcal.calibration.objectives import make_objectives
-from radcal.calibration.steps import score, score_reference
+from radcal.calibration.scoring import score, score_reference
 from radcal.config import stages
 from radcal.measurement.target import read_targets
 from radcal.running.jobs import logged, progress

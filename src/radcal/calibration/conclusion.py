@@ -14,7 +14,8 @@ from radcal.calibration.history import History
 from radcal.calibration.law_check import LawCheck, check_laws, texture_note
 from radcal.calibration.noise import noise_sentence
 from radcal.calibration.objectives import Objective, make_objectives
-from radcal.calibration.steps import not_fresh, repeatability, with_texture
+from radcal.calibration.scoring import with_texture
+from radcal.calibration.steps import not_fresh, repeatability
 from radcal.calibration.stopping import Decision, decide
 from radcal.config import Stop, stages
 from radcal.errors import StoreError

@@ -133,7 +133,7 @@ def _limited(ground: Ground, method: Method) -> Ground:
 def curve_prior(ground: Ground, method: Method) -> Residuals:
     """Residuals of the priors on a material's curve and looks."""
     level = float(ground.values_db.mean()), float(ground.incidence_deg.mean())
-    prior = CurvePrior.of(method.law, *level) if method.priors and method.law.has_curve else None
+    prior = CurvePrior(method.law, *level) if method.priors and method.law.has_curve else None
     return prior_residuals(prior, method.looks, method.free_looks)
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radcal.calibration.law_fit import LawFit
-from radcal.radar.laws import Law
+from radcal.radar.laws import Law, seen_rad
 from radcal.radar.texture import log_speckle_cumulants
 
 __all__ = [
@@ -29,7 +29,6 @@ __all__ = [
     "incidence_warnings",
     "law_gap_db",
     "registration_error_deg",
-    "seen_rad",
     "true_nodes",
 ]
 
@@ -139,12 +138,6 @@ def law_gap_db(law: Law, first: LawFit, second: LawFit, incidence_deg: ArrayLike
     variance = _shape_variance(law, first, phi) + _shape_variance(law, second, phi)
     k = int(difference.argmax())
     return float(difference[k]), float(difference[k] / np.sqrt(max(variance[k], 1e-12)))
-
-
-def seen_rad(incidence_deg: ArrayLike) -> NDArray[np.float64]:
-    """Incidence seen: 91 angles [rad] from the 5 % to the 95 % quantile of the pixels' incidence [deg]."""
-    low, high = np.quantile(np.asarray(incidence_deg, dtype=np.float64), [0.05, 0.95])
-    return np.radians(np.linspace(float(low), float(high), 91))
 
 
 def _shape_variance(law: Law, fit: LawFit, phi: NDArray[np.float64]) -> NDArray[np.float64]:

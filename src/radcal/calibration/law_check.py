@@ -14,8 +14,9 @@ from radcal.calibration.history import History, Score
 from radcal.calibration.incidence_error import incidence_warnings
 from radcal.calibration.misfit import true_angles
 from radcal.calibration.objectives import make_objectives
-from radcal.calibration.validation import HeldOut, cross_validate, held_out
+from radcal.calibration.validation import CrossValidation, HeldOut, cross_validate, held_out
 from radcal.config import stages
+from radcal.config.objectives import DEFAULT
 from radcal.measurement.classes import FEWEST
 from radcal.measurement.ground import Blocks, Ground
 from radcal.measurement.patches import spreads
@@ -137,48 +138,17 @@ def _held(case: stages.Archive, name: str, target: Target, law: GroundLaw) -> He
     return HeldOut.pooled([part for part in parts if part is not None])
 
 
-def _check(
-    case: stages.Archive,
-    name: str,
-    target: Target,
-    law: GroundLaw | None,
-    score: Score,
-) -> LawCheck:
-    nominal = float(case.radar.looks)
-    nothing = np.empty(0)
+def _check(case: stages.Archive, name: str, target: Target, law: GroundLaw | None, score: Score) -> LawCheck:
+    nominal, nothing, unknown = float(case.radar.looks), np.empty(0), float("nan")
+    level_db = float(target.values_db.mean())
     if law is None:
-        return LawCheck(
-            nominal, nominal, None, None, float(target.values_db.mean()), *(float("nan"),) * 3, *(nothing,) * 3, []
-        )
+        return LawCheck(score.looks, nominal, None, None, level_db, *(unknown,) * 3, *(nothing,) * 3, [])
     held, binned = _held(case, name, target, law), target.classes is not None
-    estimated = binned or case.validation is not None
-    identified = law.identified >= _IDENTIFIED
     crossed = cross_validate(law, law.ground.block // Blocks.of(case.validation).parts)
-    sentences = []
-    why = "" if binned else " One density of all pixels cannot tell; objective: classes can tell more."
-    if not identified:
-        sentences.append(
-            f"{name}: the law is not identified: its change over the incidence seen is no larger than its own "
-            f"uncertainty.{why}"
-        )
-    elif not binned and crossed.no_better:
-        # three moments of all pixels do not say that level goes with incidence as the law has it: blocks do
-        identified = False
-        sentences.append(
-            f"{name}: the law is not identified: blocks of its own ground, each predicted from the others, are "
-            f"{crossed.rmse_law_patch_db:.2f} dB off, from a constant {crossed.rmse_constant_db:.2f} dB.{why}"
-        )
-    if held is not None and not held.rmse_law_patch_db < held.rmse_constant_db:
-        sentences.append(
-            f"{name}: its law is no better than a constant: means of {held.n_blocks} held-out blocks are "
-            f"{held.rmse_law_patch_db:.2f} dB off, from a constant {held.rmse_constant_db:.2f} dB."
-        )
-    if held is None and case.validation is not None:
-        sentences.append(
-            f"{name}: validation checks nothing: no held-out block holds 20 of its pixels "
-            f"(validation.rows is {case.validation.rows}, keep {case.validation.keep})."
-        )
-    classes = law.classes
+    identified = law.identified >= _IDENTIFIED
+    # three moments of all pixels do not say that level goes with incidence as the law has it: blocks do
+    worse = identified and not binned and crossed.no_better
+    sentences = _doubts(name, identified, crossed if worse else None, binned) + _held_sentences(case, name, held)
     centre = shown = error = nothing
     if binned:
         if sentence := crossed.sentence(name):
@@ -186,31 +156,64 @@ def _check(
         if law.method.free_looks:
             local = target.looks if np.isfinite(target.looks) else nominal
             marginal = marginal_law(law, min(local, nominal))
-            sentences += incidence_warnings(
-                name, law.method.law, law.fit, marginal, law.ground.incidence_deg, law.method.looks
-            )
-        expected = np.asarray(score.statistics)[:, 0] + (
-            log_speckle_cumulants(law.fit.looks)[0] - log_speckle_cumulants(nominal)[0]
-        )
-        centre = classes.nodes_deg.mean(axis=1)
-        nodes = true_angles(law.ground, law.method, classes.nodes_deg)
-        level, there = (
-            law_cumulants(law.method.law, law.fit.parameters, at)[:, 0] for at in (classes.nodes_deg, nodes)
-        )
-        # an error of the incidence is part of what is expected, and not of the law
-        shown = level + classes.cumulants[:, 0] - (expected + there - level)
-        error = np.sqrt(classes.cumulants[:, 1] / classes.effective)
+            incidence_deg = law.ground.incidence_deg
+            sentences += incidence_warnings(name, law.method.law, law.fit, marginal, incidence_deg, law.method.looks)
+        centre, shown, error = _levels_asked(law, score, nominal)
+    estimated = binned or case.validation is not None
     return LawCheck(
         looks=law.fit.looks,
         looks_nominal=nominal,
-        identified=bool(identified),
+        identified=bool(identified and not worse),
         held=held,
         constant_db=float(law.ground.values_db.mean()),
-        between_db=law.spread.between if estimated else float("nan"),
-        within_db=law.spread.within if estimated else float("nan"),
+        between_db=law.spread.between if estimated else unknown,
+        within_db=law.spread.within if estimated else unknown,
         incidence_error_deg=law.method.incidence_error_deg,
         class_deg=centre,
         class_db=shown,
         class_error_db=error,
         sentences=sentences,
     )
+
+
+def _doubts(name: str, identified: bool, crossed: CrossValidation | None, binned: bool) -> list[str]:
+    """Sentence on a law that is not identified, by its own uncertainty or by blocks of its own ground."""
+    why = "" if binned else f" One density of all pixels cannot tell; objective: {DEFAULT} can tell more."
+    if not identified:
+        return [
+            f"{name}: the law is not identified: its change over the incidence seen is no larger than its own "
+            f"uncertainty.{why}"
+        ]
+    if crossed is None:
+        return []
+    return [
+        f"{name}: the law is not identified: blocks of its own ground, each predicted from the others, are "
+        f"{crossed.rmse_law_patch_db:.2f} dB off, from a constant {crossed.rmse_constant_db:.2f} dB.{why}"
+    ]
+
+
+def _held_sentences(case: stages.Archive, name: str, held: HeldOut | None) -> list[str]:
+    """Sentence on held-out ground that a constant predicts as well, or that there is none."""
+    if held is None and case.validation is not None:
+        return [
+            f"{name}: validation checks nothing: no held-out block holds 20 of its pixels "
+            f"(validation.rows is {case.validation.rows}, keep {case.validation.keep})."
+        ]
+    if held is None or held.rmse_law_patch_db < held.rmse_constant_db:
+        return []
+    return [
+        f"{name}: its law is no better than a constant: means of {held.n_blocks} held-out blocks are "
+        f"{held.rmse_law_patch_db:.2f} dB off, from a constant {held.rmse_constant_db:.2f} dB."
+    ]
+
+
+def _levels_asked(law: GroundLaw, score: Score, nominal: float) -> tuple[NDArray[np.float64], ...]:
+    """Mean incidence [deg] of each bin, the level [dB] that its pixels ask of the law, and that level's error [dB]."""
+    classes, method = law.classes, law.method
+    speckle = log_speckle_cumulants(law.fit.looks)[0] - log_speckle_cumulants(nominal)[0]
+    expected = np.asarray(score.statistics)[:, 0] + speckle
+    nodes = true_angles(law.ground, method, classes.nodes_deg)
+    level, there = (law_cumulants(method.law, law.fit.parameters, at)[:, 0] for at in (classes.nodes_deg, nodes))
+    # an error of the incidence is part of what is expected, and not of the law
+    shown = level + classes.cumulants[:, 0] - (expected + there - level)
+    return classes.nodes_deg.mean(axis=1), shown, np.sqrt(classes.cumulants[:, 1] / classes.effective)

@@ -11,12 +11,11 @@ from collections.abc import Callable
 from radcal.calibration.design import design_points
 from radcal.calibration.history import History
 from radcal.calibration.objectives import make_objectives
+from radcal.calibration.scoring import score, score_reference
 from radcal.calibration.steps import (
     propose_all,
     reference_runs,
     run_all_draws,
-    score,
-    score_reference,
     train_all,
     verify,
 )

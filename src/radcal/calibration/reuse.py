@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from radcal.calibration.steps import reference_parameters
 from radcal.config import stages
 from radcal.errors import ConfigError, StoreError
 from radcal.seeds import draw_seeds
@@ -48,7 +47,7 @@ def reuse_runs(case: stages.Reuse, runner: Runner, earlier: str | Path) -> list[
     """
     store = RunStore(earlier)
     seed, *more = draw_seeds(case)
-    reference = reference_parameters(case.materials)
+    reference = case.start_parameters
     taken: list[IndexedRun] = []
     unlike: Counter[str] = Counter()
     for path in sorted(Path(earlier).glob("[!.]*.h5")):

@@ -72,6 +72,11 @@ class Part(Section):
         return [name for name, material in self.materials.items() if material.calibrate]
 
     @property
+    def start_parameters(self: _Materials) -> dict[str, list[float]]:
+        """Parameters of the reference run: every material at its start, for the laws of ``at_start``."""
+        return {name: material.start_parameters for name, material in self.materials.items()}
+
+    @property
     def start_with_another_law(self: _Materials) -> list[str]:
         """Names of the calibrated materials that have another law in the reference run."""
         return [name for name, material in self.materials.items() if material.starts_with_another_law]

@@ -25,7 +25,6 @@ from radcal.report.drawing import (
     short,
     titled,
 )
-from radcal.report.summary import law_difference_db
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -230,7 +229,7 @@ def _curves(axes: Axes, material: MaterialResult, seen: Array) -> None:
 def _truth(axes: Axes, material: MaterialResult, hidden: Array, incidence_deg: Array, seen: Array) -> float:
     """Draw the found law minus the true one, and return the largest difference over the incidence in the image [dB]."""
     curve, found = material.parameters.curve(), material.parameters.values[material.best]
-    difference = law_difference_db(curve, found, hidden, incidence_deg)
+    difference = curve.largest_difference_db(found, hidden, incidence_deg)
     for angles, width in ((_ANGLES_DEG, 1.0), (seen, 3.2)):
         gap = curve(np.radians(angles), found) - curve(np.radians(angles), hidden)
         axes.plot(angles, gap, **FOUND | {"linewidth": width})

@@ -12,36 +12,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from radcal import skewnormal
 from radcal.config import stages
-from radcal.radar.laws import Law
 from radcal.report.archive import Archive, Check, HeldOutBlocks, MaterialResult, RegistrationSummary
 
-__all__ = ["law_difference_db", "numbered_jobs", "sentences", "summarise", "wall_seconds"]
-
-
-def law_difference_db(law: Law, found: ArrayLike, hidden: ArrayLike, incidence_deg: ArrayLike) -> float:
-    """Largest difference between two curves of a law over the incidence angles of a material.
-
-    Parameters
-    ----------
-    law : Law
-        Law of both curves.
-    found, hidden : array_like, shape (d,)
-        Calibrated and true parameters X.
-    incidence_deg : array_like
-        Local incidence of the material's pixels [deg]; the curves are compared between its 5 and 95 % quantiles.
-
-    Returns
-    -------
-    float
-        Maximum of the absolute difference [dB].
-    """
-    low, high = np.percentile(np.asarray(incidence_deg), [5.0, 95.0])
-    phi = np.radians(np.linspace(low, high, 201))
-    return float(np.max(np.abs(law(phi, found) - law(phi, hidden))))
+__all__ = ["numbered_jobs", "sentences", "summarise", "wall_seconds"]
 
 
 def numbered_jobs(archive: Archive) -> dict[str, int]:
@@ -162,7 +139,7 @@ def _material(material: MaterialResult, counted: NDArray[np.bool_], tolerance: f
         law = material.parameters.curve()
         # external laws have no curve to compare
         if law.has_curve:
-            summary["law_difference_db"] = law_difference_db(law, x[best], material.hidden, material.incidence_deg)
+            summary["law_difference_db"] = law.largest_difference_db(x[best], material.hidden, material.incidence_deg)
     return summary
 
 

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.calibration.grounds import GroundLaw
 from radcal.calibration.history import History, Proposal, Score
-from radcal.calibration.incidence_error import seen_rad
 from radcal.calibration.misfit import Misfit
 from radcal.config import Stop
 from radcal.measurement.target import Target
@@ -230,10 +229,8 @@ class Objective(ABC):
     def moved_db(self, first: ArrayLike, second: ArrayLike) -> float | None:
         """Largest difference of the laws of two X over the incidence seen [dB]; None for a law without a curve."""
         law = self.material.law
-        if not law.has_curve:
-            return None
-        seen = seen_rad(self.material.target.incidence_deg)
-        return float(np.abs(law(seen, first) - law(seen, second)).max())
+        incidence_deg = self.material.target.incidence_deg
+        return law.largest_difference_db(first, second, incidence_deg) if law.has_curve else None
 
 
 def drawn(values: Doubles, target: Doubles, slack: Doubles | float) -> Doubles:

@@ -19,10 +19,10 @@ from collections.abc import Sequence
 
 from radcal.errors import ConfigError
 from radcal.radar.laws.curves import CURVES
-from radcal.radar.laws.law import EXTERNAL, Law
+from radcal.radar.laws.law import EXTERNAL, Law, seen_rad
 from radcal.radar.laws.soil import SOIL
 
-__all__ = ["EXTERNAL", "LAWS", "Law", "external_law", "law_for", "laws_table"]
+__all__ = ["EXTERNAL", "LAWS", "Law", "external_law", "law_for", "laws_table", "seen_rad"]
 
 LAWS: dict[str, Law] = {**CURVES, **SOIL}
 
