@@ -25,7 +25,7 @@ def test_every_run_is_there_in_order(made):
         for name in made.targets:
             group = file[f"materials/{name}"]
             for key in ("parameters", "dp", "rms"):
-                np.testing.assert_array_equal(group[key], [getattr(run, key)[name] for run in made.history.runs])
+                np.testing.assert_array_equal(group[key], [getattr(run.scores[name], key) for run in made.history.runs])
 
 
 def test_promises_of_proposals_not_computed_are_nan(made):

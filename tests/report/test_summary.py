@@ -27,11 +27,11 @@ def test_materials(made):
     materials = summarise(made.archive, {"design": 3.0})["materials"]
     dyke, beans = materials["dyke"], materials["stem beans"]
     best = made.history.runs[5]
-    assert dyke["parameters"] == dict(zip(("X1", "X2", "X3", "X4"), best.parameters["dyke"], strict=True))
+    assert dyke["parameters"] == dict(zip(("X1", "X2", "X3", "X4"), best.scores["dyke"].parameters, strict=True))
     assert dyke["bounds"] == [[0.0, 50.0]] * 4
-    assert dyke["rms"] == best.rms["dyke"]
+    assert dyke["rms"] == best.scores["dyke"].rms
     assert dyke["mse"] == pytest.approx(dyke["rms"] ** 2)
-    assert dyke["rms_start"] == made.history.runs[0].rms["dyke"]
+    assert dyke["rms_start"] == made.history.runs[0].scores["dyke"].rms
     assert list(dyke["target"].values()) == made.targets["dyke"].dp.tolist()
     assert dyke["calibrated"]["xi"] == pytest.approx(dyke["target"]["xi"] + 1e-6, abs=1e-12)
     assert dyke["rms_sampling"] == 0.004

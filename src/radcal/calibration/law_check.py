@@ -178,7 +178,6 @@ def _check(
             f"{name}: validation checks nothing: no held-out block holds 20 of its pixels "
             f"(validation.rows is {case.validation.rows}, keep {case.validation.keep})."
         )
-    classes = law.classes
     centre = shown = error = nothing
     if binned:
         if sentence := crossed.sentence(name):
@@ -189,17 +188,7 @@ def _check(
             sentences += incidence_warnings(
                 name, law.method.law, law.fit, marginal, law.ground.incidence_deg, law.method.looks
             )
-        expected = np.asarray(score.statistics)[:, 0] + (
-            log_speckle_cumulants(law.fit.looks)[0] - log_speckle_cumulants(nominal)[0]
-        )
-        centre = classes.nodes_deg.mean(axis=1)
-        nodes = true_angles(law.ground, law.method, classes.nodes_deg)
-        level, there = (
-            law_cumulants(law.method.law, law.fit.parameters, at)[:, 0] for at in (classes.nodes_deg, nodes)
-        )
-        # an error of the incidence is part of what is expected, and not of the law
-        shown = level + classes.cumulants[:, 0] - (expected + there - level)
-        error = np.sqrt(classes.cumulants[:, 1] / classes.effective)
+        centre, shown, error = _by_bin(law, score, nominal)
     return LawCheck(
         looks=law.fit.looks,
         looks_nominal=nominal,
@@ -214,3 +203,18 @@ def _check(
         class_error_db=error,
         sentences=sentences,
     )
+
+
+def _by_bin(
+    law: GroundLaw, score: Score, nominal: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Angle [deg], measured value of the law [dB] and its standard error [dB] of each incidence-angle bin."""
+    classes = law.classes
+    expected = np.asarray(score.statistics)[:, 0] + (
+        log_speckle_cumulants(law.fit.looks)[0] - log_speckle_cumulants(nominal)[0]
+    )
+    nodes = true_angles(law.ground, law.method, classes.nodes_deg)
+    level, there = (law_cumulants(law.method.law, law.fit.parameters, at)[:, 0] for at in (classes.nodes_deg, nodes))
+    # an error of the incidence is part of what is expected, and not of the law
+    shown = level + classes.cumulants[:, 0] - (expected + there - level)
+    return classes.nodes_deg.mean(axis=1), shown, np.sqrt(classes.cumulants[:, 1] / classes.effective)
