@@ -29,8 +29,8 @@ from radcal.storage.runs import Record, RunStore
 HIDDEN = [6.1, 14.2, 21.5, 3.3]
 # the density's xi is this far from the target's in successive runs, per material
 SHIFTS = {
-    "dyke": {"reference": [9.0], "design": [5.0, -6.0, 2.0], "infill": [0.2, 1e-6]},
-    "stem beans": {"reference": [-40.0], "design": [3.0, 1.0, -7.0], "infill": [0.5, 0.6]},
+    "dyke": {"reference": [9.0], "design": [5.0, -6.0, 2.0, 4.0], "infill": [0.2, 1e-6]},
+    "stem beans": {"reference": [-40.0], "design": [3.0, 1.0, -7.0, 2.0], "infill": [0.5, 0.6]},
 }
 
 

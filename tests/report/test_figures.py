@@ -74,7 +74,7 @@ def test_every_figure_as_png_and_pdf(figures):
 
 def test_captions_say_what_is_seen(figures):
     captions = {figure.name: figure.caption for figure in figures}
-    assert "3 of the 3 runs of the design, drawn at random (seed 4)" in captions["histogram_dyke"]
+    assert "4 of the 4 runs of the design, drawn at random (seed 4)" in captions["histogram_dyke"]
     assert "differs from the hidden truth" in captions["law_dyke"]
     assert "cannot tell whether the law found is right" in captions["law_stem_beans"]
     assert "lower bound of the rms" in captions["cost_stem_beans"]
