@@ -49,9 +49,7 @@ def test_defaults_are_a_valid_case() -> None:
     assert case.materials["dyke"].box == [(0.0, 50.0)] * 4
     assert (case.stop.rms, case.stop.max_runs, case.stop.stagnation_runs) == (1e-5, 200, 20)
     assert (case.objective, case.design.sampler, case.design_size) == ("classes", "sobol", 2)
-    # the published method is one key away
-    assert case_from({"objective": "density"}).design_size == 16
-    assert case_from({"objective": "density", "design": {"size": 20}}).design_size == 20
+    assert case.has_baseline
 
 
 BAD: list[tuple[dict[str, Any], list[str]]] = [
@@ -193,15 +191,16 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     ({"target": {"pixels": 49}}, ["target.pixels is 49", "50"]),
     ({"target": {"margin_px": -1}}, ["target.margin_px is -1"]),
     ({"design": {"sampler": "halton"}}, ["design.sampler is 'halton'", "'sobol'", "'latin_hypercube'"]),
-    ({"design": {"size": 0}}, ["design.size is 0"]),
+    ({"design": {"size": -1}}, ["design.size is -1"]),
     ({"design": {"chunk": 0}}, ["design.chunk is 0"]),
-    ({"surrogate": {"training": "hot"}}, ["surrogate.training is 'hot'", "'warm'"]),
-    ({"surrogate": {"retrain_every": 0}}, ["surrogate.retrain_every is 0"]),
+    ({"surrogate": {"training": "hot"}}, ["surrogate.training is 'hot'", "'posterior'"]),
+    ({"surrogate": {"baseline": "law"}}, ["surrogate.baseline is 'law'"]),
+    ({"surrogate": {"training": "smt"}}, ["surrogate.training smt, which objective: classes does not use"]),
     ({"optimiser": {"population": 3}}, ["optimiser.population is 3", "4"]),
     ({"optimiser": {"evaluations": 0}}, ["optimiser.evaluations is 0"]),
     ({"stop": {"rms": 0}}, ["stop.rms is 0"]),
     ({"stop": {"rms": float("nan")}}, ["stop.rms is nan"]),
-    ({"objective": "density", "stop": {"max_runs": 15}}, ["stop.max_runs is 15", "design.size (16)"]),
+    ({"surrogate": {"baseline": False}, "stop": {"max_runs": 7}}, ["stop.max_runs is 7", "design.size (8)"]),
     ({"stop": {"stagnation_runs": 0}}, ["stop.stagnation_runs is 0"]),
 ]
 
@@ -346,10 +345,53 @@ def test_where_there_can_be_no_classes_the_density_is_minimised() -> None:
     assert case_from({"target": {"incidence_classes": 5}}).objective == "classes"
 
 
-def test_an_external_law_has_no_classes() -> None:
+def test_an_external_law_has_classes_and_neither_likelihood_nor_validation() -> None:
     soil = {"calibrate": True, "law": "external", "names": ["a"], "bounds": [[0, 1]], "start": [0.5]}
     case = {"simulator": COMMAND, "materials": {"soil": soil}, "measurement": NO_TRUTH}
-    case_from(case)
-    for changes in ({"objective": "classes"}, {"validation": {}}):
+    assert case_from(case | {"objective": "classes"}).objective == "classes"
+    for changes in ({"objective": "likelihood"}, {"validation": {}}):
         with pytest.raises(ConfigError, match=r"materials\.soil\.law is external, whose curve only the simulator"):
             case_from(case | changes)
+
+
+def external(parameters: int) -> dict[str, Any]:
+    """A case of a law that only the simulator knows."""
+    names, bounds = [f"p{k}" for k in range(parameters)], [[0, 1]] * parameters
+    soil = {"calibrate": True, "law": "external", "names": names, "bounds": bounds, "start": [0.5] * parameters}
+    return {"simulator": COMMAND, "materials": {"soil": soil}, "measurement": NO_TRUTH}
+
+
+@pytest.mark.parametrize(
+    ("changes", "baseline", "size"),
+    [
+        ({}, True, 2),
+        ({"objective": "density"}, True, 2),
+        ({"objective": "likelihood"}, True, 2),
+        ({"design": {"size": 0}}, True, 0),
+        ({"objective": "density", "design": {"size": 20}}, True, 20),
+        ({"surrogate": {"baseline": False}}, False, 8),
+        ({"objective": "density", "surrogate": {"outputs": "direct"}}, False, 8),
+        ({"target": {"normalisation": "image"}}, False, 8),
+        (external(3), False, 8),
+        (external(7), False, 14),
+        ({**external(7), "design": {"size": 3}}, False, 3),
+    ],
+)
+def test_the_design_is_larger_where_no_baseline_predicts_the_runs(
+    changes: dict[str, Any], baseline: bool, size: int
+) -> None:
+    case = case_from(changes)
+    assert (case.has_baseline, case.design_size) == (baseline, size)
+
+
+@pytest.mark.parametrize(
+    "earlier", [{"training": "warm"}, {"retrain_every": 5}, {"training": "warm", "retrain_every": 1}]
+)
+def test_keys_of_an_earlier_version_are_read_with_a_warning(earlier: dict[str, Any]) -> None:
+    with pytest.warns(FutureWarning, match=r"surrogate\.training: warm and surrogate\.retrain_every have no effect"):
+        case = case_from({"surrogate": earlier})
+    assert case == case_from({})
+    with pytest.warns(FutureWarning):
+        assert case_from({"objective": "density", "surrogate": {"retrain_every": 5, "training": "smt"}}).surrogate == (
+            case_from({"objective": "density", "surrogate": {"training": "smt"}}).surrogate
+        )

@@ -85,7 +85,7 @@ FIRST: dict[str, Any] = {
     "target": {"pixels": 900, "margin_px": 2, "snr_db": 1.0, "incidence_classes": 4, "incidence_error_deg": 1.0},
     "validation": {"rows": 20, "columns": 30, "means": 10},
     "design": {"size": 4, "chunk": 3},
-    "surrogate": {"retrain_every": 6},
+    "surrogate": {"training": "posterior"},
     "optimiser": {"population": 50, "evaluations": 700},
     "stop": {"rms": 1e-4, "max_runs": 150, "stagnation_runs": 15, "law_db": 0.1},
 }  # fmt: skip

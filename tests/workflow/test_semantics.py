@@ -56,7 +56,7 @@ CHANGES = {
     "target": {"pixels": 300},
     "validation": {"rows": 20, "means": 10, "keep": "even"},
     "design": {"sampler": "latin_hypercube"},
-    "surrogate": {"training": "smt"},
+    "surrogate": {"baseline": False},
     "optimiser": {"evaluations": 900},
     "stop": {"rms": 2e-3},
 }
@@ -221,7 +221,7 @@ def test_another_seed_is_another_design_as_if_it_had_always_been(finished, tmp_p
         project.write(seed=2, target={"pixels": 300})
         ended(project, "design", *CASE)
     scores = [
-        [(run.key, run.parameters, run.dp, run.rms) for run in read_runs([project.out() / "scores.json"]).runs]
+        [(run.key, run.scores["field"]) for run in read_runs([project.out() / "scores.json"]).runs]
         for project in (finished, fresh)
     ]
     assert scores[0] == scores[1]

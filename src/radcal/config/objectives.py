@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from pydantic import AfterValidator, WithJsonSchema
+from pydantic_core import PydanticCustomError
 
 __all__ = ["OBJECTIVES", "Objective", "Traits", "names"]
 
@@ -52,7 +53,8 @@ def names(bins: bool | None = None, curve: bool | None = None) -> Collection[str
 
 def _known(value: str) -> str:
     if value not in OBJECTIVES:
-        raise ValueError(f"is {value!r}, expected one of {sorted(OBJECTIVES)}")
+        *first, last = map(repr, sorted(OBJECTIVES))
+        raise PydanticCustomError("literal_error", f"{', '.join(first)} or {last}")  # type: ignore[misc]
     return value
 
 
