@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from radcal.calibration.class_search import class_searches
+
 from radcal.calibration.expected import LawForward
 from radcal.calibration.history import History, Run
 from radcal.calibration.law_check import check_laws, texture_note

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy import stats
-
-from radcal.calibration.expected import LawForward, expected_cumulants, law_cumulants
 from radcal.calibration.objective import (
     ClassesObjective,
     DensityObjective,
     LikelihoodObjective,
     sampling_covariance,
 )
+from scipy import stats
+
+from radcal.calibration.expected import LawForward, expected_cumulants, law_cumulants
 from radcal.measurement.classes import class_cumulants, make_classes
 from radcal.radar.laws import LAWS
 from radcal.radar.texture import log_speckle_cumulants

@@ -4,9 +4,9 @@ import random
 
 import numpy as np
 import pytest
+from radcal.calibration.infill import UNREACHABLE_SHARE, Search, propose
 
 from radcal import skewnormal
-from radcal.calibration.infill import UNREACHABLE_SHARE, Search, propose
 from radcal.calibration.nsga2 import nsga2
 from radcal.config import Optimiser
 
