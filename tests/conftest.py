@@ -40,6 +40,11 @@ def pytest_configure(config: pytest.Config) -> None:
         config.option.markexpr = ""
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Folders whose tests are all deselected are not read."""
+    return True if config.option.markexpr == DESELECTED and _marker(collection_path) else None
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark by folder, so that no test can forget; begin with the longest, so that no worker ends alone."""
     for item in items:

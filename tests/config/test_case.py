@@ -75,6 +75,7 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     (dyke(start={"law": "constant_gamma"}), ["materials.dyke.start.parameters is missing"]),
     (dyke(start={"law": "constant_gamma", "parameters": [1, 2]}), ["materials.dyke.start", "2 numbers", "takes 1"]),
     (dyke(start={"law": "gamma", "parameters": [1]}), ["materials.dyke.start: law is 'gamma', expected one of"]),
+    (dyke(law="x" * 10_000), ["materials.dyke: law is 'xxx", "xxx..., expected one of ['"]),
     (dyke(start={"low": "mangia", "parameters": X}), ["materials.dyke.start.low", "did you mean 'law'?"]),
     (dyke(start={"law": "mangia", "parameters": [60, 1, 1, 1]}), ["materials.dyke", "X1 is 60", "inside its bounds"]),
     (

@@ -304,10 +304,17 @@ def test_empty_and_wrong_files_end_in_a_sentence(tmp_path, name):
             read(tmp_path / name)
 
 
-def test_a_file_that_crashes_its_reader_ends_in_a_sentence(tmp_path, monkeypatch):
+@pytest.mark.parametrize("reader", ["whosmat", "loadmat"])
+def test_a_file_that_crashes_its_reader_ends_in_a_sentence(tmp_path, monkeypatch, reader):
     """As scipy's reader does with some damaged files."""
     savemat(tmp_path / "a.mat", {"image": POWER})
-    monkeypatch.setattr("scipy.io.loadmat", lambda *_, **__: os.kill(os.getpid(), signal.SIGSEGV))
+    here = os.getpid()
+
+    def crash(*_, **__):
+        assert os.getpid() != here
+        os.kill(os.getpid(), signal.SIGSEGV)
+
+    monkeypatch.setattr(f"scipy.io.{reader}", crash)
     with pytest.raises(MeasurementError, match=r"a\.mat cannot be read as a MATLAB file .*damaged: reading it crashes"):
         read(tmp_path / "a.mat")
 

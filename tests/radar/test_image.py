@@ -149,6 +149,14 @@ def test_reflectivity_is_the_weighted_mean_over_visible_facets(geometry: Geometr
         assert weights == pytest.approx(1.0, rel=1e-5)
 
 
+def test_a_law_beyond_single_precision_ends_in_a_sentence_about_its_material() -> None:
+    """Its infinite power would become NaN in the pixels of its neighbours."""
+    laws = dict.fromkeys(("dyke", "grass"), LAWS["mangia"])
+    with pytest.raises(ConfigError, match=r"^materials\.grass: .* give a sigma0 of 391 dB, expected at most 380 dB"):
+        law_tables(("dyke", "grass"), laws, {"dyke": DYKE, "grass": [390.0, 0.0, 1.0, 5.0]})
+    assert np.isfinite(law_tables(("grass",), laws, {"grass": [370.0, 0.0, 1.0, 5.0]})).all()
+
+
 def test_reflectivity_of_a_flat_scene_is_the_law(build_scene: Callable[..., Scene], radar: Radar) -> None:
     geometry = make_geometry(build_scene(lambda east, north: 0 * east), radar)
     tables = law_tables(geometry.names, {"dyke": LAWS["mangia"]}, {"dyke": DYKE})

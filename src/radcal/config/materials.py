@@ -11,7 +11,7 @@ from typing import Annotated, Any, Self
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from radcal.config.limits import Parameter, Real
-from radcal.config.pydantic_errors import nearest
+from radcal.config.pydantic_errors import nearest, shown
 from radcal.config.sections import Section
 from radcal.radar.laws import EXTERNAL, LAWS, Law, external_law
 
@@ -34,7 +34,7 @@ def _law_of(
 ) -> Law:
     """Law that a material names, with its knots and the names and units of its parameters."""
     if name not in LAWS and name != EXTERNAL:
-        raise ValueError(f"law is {name!r}, expected one of {[*sorted(LAWS), EXTERNAL]}")
+        raise ValueError(f"law is {shown(repr(name))}, expected one of {[*sorted(LAWS), EXTERNAL]}")
     if name != EXTERNAL and (names is not None or units is not None):
         raise ValueError(f"law {name!r} names its own parameters: names and units are for law: {EXTERNAL}")
     if name == EXTERNAL or "angles_deg" not in LAWS[name].needs:

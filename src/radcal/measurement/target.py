@@ -204,13 +204,7 @@ def write_targets(path: str | Path, targets: Targets) -> None:
 
 
 def read_targets(path: str | Path) -> Targets:
-    """Read the targets that :func:`write_targets` wrote.
-
-    Raises
-    ------
-    StoreError
-        The file is missing, damaged, or of another version or case.
-    """
+    """Read the targets that :func:`write_targets` wrote; errors are those of :func:`.read_hdf5`."""
     with read_hdf5(path, "target") as file:
         stored = take(file, _Stored)
     return Targets(stored.materials, stored.levels, stored.looks)

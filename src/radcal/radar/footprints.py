@@ -99,10 +99,10 @@ def _holds(line: Any, facet: Any, place: Any, axis: Any, half: Any) -> Any:
     return abs(along) <= half[0] and abs(beside) <= half[1]
 
 
-@njit(parallel=True)
+@njit()
 def _covers(place: Any, axis: Any, half: Any, reach: Any, shape: Any, found: Any) -> None:
     """Mask of the objects whose footprint holds the middle of at least one facet, written to ``found``."""
-    for i in prange(place.shape[0]):
+    for i in range(place.shape[0]):
         found[i] = False
         low, high = max(0, int(place[i, 0] - reach[i, 0])), min(shape[0], int(place[i, 0] + reach[i, 0]) + 1)
         left, right = max(0, int(place[i, 1] - reach[i, 1])), min(shape[1], int(place[i, 1] + reach[i, 1]) + 1)
@@ -122,10 +122,10 @@ def _between(grid: Any, row: Any, column: Any) -> Any:
     return (1.0 - p) * upper + p * ((1.0 - q) * grid[r + 1, c] + q * grid[r + 1, c + 1])
 
 
-@njit(parallel=True)
+@njit()
 def _mean_ground(elevation: Any, k: Any, place: Any, axis: Any, half: Any, mean: Any) -> None:
     """Mean elevation of the ground in each footprint, written to ``mean``."""
-    for i in prange(place.shape[0]):
+    for i in range(place.shape[0]):
         total = 0.0
         for m in range(_SAMPLES):
             for n in range(_SAMPLES):
@@ -351,7 +351,7 @@ def add_up(owner: Any, extent: Any, total: Any) -> None:
                 total[owner[line, f]] += extent[line, f]
 
 
-@njit(parallel=True)
+@njit()
 def locate(
     place: Any, height: Any, ground: Any, first: Any, last: Any, horizon: Any, edges: Any, track: Any, step: Any,
     slant: Any,
@@ -361,7 +361,7 @@ def locate(
     ``ground`` is the elevation of the ground on these lines and on one more line on either side [m].
     """
     facets = horizon.shape[1]
-    for i in prange(place.shape[0]):
+    for i in range(place.shape[0]):
         if place[i, 0] < first or place[i, 0] >= last:
             continue
         line, f = int(place[i, 0]) - first, min(max(int(place[i, 1]), 0), facets - 1)

@@ -215,12 +215,6 @@ def _recorded_pass(path: Path, ours: str, immaterial: Container[str]) -> str:
 
 
 def read_geometry(path: str | Path) -> Geometry:
-    """Read a geometry that :func:`write_geometry` wrote.
-
-    Raises
-    ------
-    StoreError
-        The file is missing, damaged, or of another version or case.
-    """
+    """Read a geometry that :func:`write_geometry` wrote; errors are those of :func:`.read_hdf5`."""
     with read_hdf5(path, "geometry") as file:
         return take(file, Geometry)

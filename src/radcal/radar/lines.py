@@ -137,7 +137,8 @@ def fill_lines(
     beyond = ((_HALO - first + low, _HALO - high + last), (_HALO, _HALO))
     block = np.pad(elevation[low:high], beyond, mode="reflect", reflect_type="odd")
     if k == 1:
-        fine = block[_HALO - 1 : _HALO + last - first + 1, _HALO:-_HALO]
+        # contiguous as refined ground is, so that compiled functions see one type of array
+        fine = np.ascontiguousarray(block[_HALO - 1 : _HALO + last - first + 1, _HALO:-_HALO])
     else:
         rows = (np.arange(-1, (last - first) * k + 1) + 0.5) / k - 0.5 + _HALO
         columns = (np.arange(nx * k) + 0.5) / k - 0.5 + _HALO

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from radcal.errors import ConfigError
 from radcal.radar.compiled import njit, prange
 from radcal.radar.geometry import Geometry
 from radcal.radar.laws import Law
@@ -16,6 +17,8 @@ from radcal.radar.laws import Law
 __all__ = ["Reflectivity", "law_tables", "reflectivity", "uniform"]
 
 _LEVELS = 65536  # steps of the incidence angle between 0 and 90 degrees
+_GRAZING = _LEVELS * 85 // 90
+_BRIGHTEST_DB = 380.0  # single precision ends at 385 dB
 
 
 @dataclass(frozen=True)
@@ -77,13 +80,26 @@ def law_tables(
     ndarray of float32, shape (materials + 2, 65536)
         sigma0 [linear power] at incidence i / 65535 times 90 degrees; row 0 is no material, the
         last is 1 for objects, whose weights hold their cross-section.
+
+    Raises
+    ------
+    ConfigError
+        A material is so bright that its power exceeds single precision.
     """
     phi = np.linspace(0.0, np.pi / 2.0, _LEVELS)
     tables = np.zeros((len(names) + 2, _LEVELS), dtype=np.float32)
     tables[-1] = 1.0
     for k, name in enumerate(names, start=1):
         if name in laws:
-            tables[k] = 10.0 ** (laws[name](phi, parameters[name]) / 10.0)
+            sigma0_db = laws[name](phi, parameters[name])
+            # a few laws grow without limit towards 90 degrees, which no facet reaches
+            brightest = float(np.max(sigma0_db[:_GRAZING]))
+            if brightest > _BRIGHTEST_DB:
+                raise ConfigError(
+                    f"materials.{name}: parameters {np.asarray(parameters[name]).tolist()} give a sigma0 of "
+                    f"{brightest:.4g} dB, expected at most {_BRIGHTEST_DB:g} dB."
+                )
+            tables[k] = 10.0 ** (sigma0_db / 10.0)
     return tables
 
 

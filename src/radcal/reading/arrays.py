@@ -185,6 +185,7 @@ def _check_storage(data: Any, file: ImageFile) -> None:
 def _mat(file: ImageFile) -> Values:
     from scipy.io import loadmat, whosmat
 
+    _check_survival(lambda: whosmat(file.path))
     try:
         found = {name: shape for name, shape, kind in whosmat(file.path) if kind in _MATLAB_NUMBERS}
     except NotImplementedError:  # version 7.3 is HDF5, with reversed axes
@@ -192,13 +193,12 @@ def _mat(file: ImageFile) -> Values:
     name = _chosen(list(found), file)
     # the header does not tell whether its numbers are complex
     check_header(file, found[name], np.dtype(np.complex128 if file.options.scale == "complex" else np.float64))
-    if not _survived(lambda: loadmat(file.path, variable_names=[name])):
-        raise ValueError("it is damaged: reading it crashes")
+    _check_survival(lambda: loadmat(file.path, variable_names=[name]))
     return np.asarray(loadmat(file.path, variable_names=[name])[name])
 
 
-def _survived(act: Callable[[], object]) -> bool:
-    """Whether a call, tried in a forked process, ends by itself: a damaged MATLAB file can crash scipy's reader."""
+def _check_survival(act: Callable[[], object]) -> None:
+    """Refuse a damaged file that crashes its reader, as MATLAB files can scipy's; a forked process tries the call."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Python's warning about threads: the child calls the reader and nothing else
         child = os.fork()
@@ -208,7 +208,8 @@ def _survived(act: Callable[[], object]) -> bool:
             act()
         finally:
             os._exit(0)  # an error of Python's is raised again by the call in this process
-    return os.WIFEXITED(os.waitpid(child, 0)[1])
+    if os.WIFSIGNALED(os.waitpid(child, 0)[1]):
+        raise ValueError("it is damaged: reading it crashes")
 
 
 _MATLAB_NUMBERS = ("double", "single", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)))

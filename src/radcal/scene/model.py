@@ -97,12 +97,6 @@ def write_scene(path: str | Path, scene: Scene) -> None:
 
 
 def read_scene(path: str | Path) -> Scene:
-    """Read a scene that :func:`write_scene` wrote.
-
-    Raises
-    ------
-    StoreError
-        The file is missing, damaged, or of another version or case.
-    """
+    """Read a scene that :func:`write_scene` wrote; errors are those of :func:`.read_hdf5`."""
     with read_hdf5(path, "scene") as file:
         return take(file, Scene)

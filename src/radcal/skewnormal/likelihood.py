@@ -120,8 +120,10 @@ def objective(
     n = x.size
     ratio = np.exp(-0.5 * w * w - 0.5 * math.log(2.0 * math.pi) - log_phi)  # N(w) / Phi(w)
     curved = -ratio * (w + ratio)  # derivative of the ratio
-    one = np.ones(n)
-    sums = np.stack([one, z, z * z]) @ np.stack([z, ratio, curved, log_phi], axis=1) / n
+    powers, terms = np.empty((3, n)), np.empty((n, 4))  # half the time of np.stack
+    powers[0], powers[1], powers[2] = 1.0, z, z * z
+    terms[:, 0], terms[:, 1], terms[:, 2], terms[:, 3] = z, ratio, curved, log_phi
+    sums = powers @ terms / n
     z1, r0, c0, mean_log_phi = sums[0].tolist()
     z2, r1, c1, _ = sums[1].tolist()
     c2 = float(sums[2, 2])
@@ -183,7 +185,7 @@ def search(
         slope = gradient[moving]
         if np.abs(slope).max() < tolerance:
             break
-        scales, directions = np.linalg.eigh(hessian[np.ix_(moving, moving)])
+        scales, directions = np.linalg.eigh(hessian[moving[:, None], moving])
         scales = np.maximum(np.abs(scales), 1e-6 * np.abs(scales).max())
         step = np.zeros(3)
         step[moving] = -directions @ ((directions.T @ slope) / scales)
