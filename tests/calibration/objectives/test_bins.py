@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from radcal.calibration.class_search import ClassSearch, class_searches, class_targets
 from radcal.calibration.class_surrogate import ClassRuns, Corrected
+
 from radcal.calibration.expected import LawForward
 from radcal.calibration.history import History
 from radcal.calibration.loop import calibrate
