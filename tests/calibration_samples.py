@@ -15,6 +15,10 @@ from radcal.measurement.target import Target
 from radcal.radar.laws import Law, external_law
 from radcal.skewnormal import fit
 
+# hidden laws of the field and the lake in calibration/conftest.py, and their bounds
+TRUTH = {"field": [-30.0, 22.0, 6.0, 4.0], "lake": [-35.0, 12.0, 25.0, 6.0]}
+BOUNDS = [[-60, 0], [0, 50], [0, 50], [0, 20]]
+
 
 def make_target(values_db: ArrayLike, incidence_deg: ArrayLike, **changes: Any) -> Target:
     """Target of all pixels of a material, each of them independent."""
