@@ -23,6 +23,7 @@ from radcal.calibration.steps import (
 from radcal.calibration.surrogate import read_trainings, write_trainings
 from radcal.config import stages
 from radcal.measurement.target import read_targets, write_targets
+from radcal.radar.texture import log_speckle_cumulants
 from radcal.storage.layout import same
 from radcal.storage.runs import Record
 
@@ -116,9 +117,9 @@ def test_texture_lowers_looks_and_a_fresh_run_has_its_own(made):
     assert abs(np.corrcoef(*drawn)[0, 1]) < 0.05
     assert drawn[0].std() == pytest.approx(drawn[1].std(), rel=0.05)
     np.testing.assert_array_equal(drawn[0], with_texture(values, objective, 2.5, 1))
-    # with speckle of 4 looks the power has the relative variance of 2.5
-    power = 10.0 ** (drawn[0] / 10.0)
-    assert (1.0 + power.var() / power.mean() ** 2) * 1.25 == pytest.approx(1.0 + 1.0 / 2.5, rel=0.03)
+    # with speckle of 4 looks it has the variance in dB of that of 2.5
+    wanted = log_speckle_cumulants(2.5)[1] - log_speckle_cumulants(4.0)[1]
+    assert drawn[0].var() == pytest.approx(wanted, rel=0.05)
     assert with_texture(values, objective, 4.0, 1) is values
 
 

@@ -76,7 +76,7 @@ def test_the_best_run_is_that_of_the_smallest_cost_and_the_last_had_nothing_to_g
 def test_a_run_is_worth_its_smallest_cost_over_the_looks(objectives, calibrated):
     history, _ = calibrated
     for name, objective in objectives.items():
-        score = history.runs[0].scores[name]
+        score = history.infill[0].scores[name]
         looks = np.geomspace(0.3, 4.4, 400)
         points = Points(
             np.repeat([score.statistics], looks.size, axis=0),
@@ -222,9 +222,14 @@ def test_a_law_of_the_simulator_alone_has_bins_too(parts):
     assert objective.explores
     assert not len(objective.starts)
     statistics = from_cumulants(targets["field"].classes.classes.cumulants)
-    at, away = (objective.worth(TRUTH["field"], statistics + shift)[1] for shift in (0.0, [1.0, 0.0, 0.0]))
-    assert at < 0.5
-    assert away > at + 2.0
+    tilt = np.zeros((3, 3))
+    tilt[:, 0] = [1.0, 0.0, -1.0]
+    at, higher, tilted = (
+        objective.worth(TRUTH["field"], statistics + shift)[1] for shift in (0.0, [1.0, 0.0, 0.0], tilt)
+    )
+    # a single field says little of the level, its own slope it has
+    assert at < 0.1 < 0.5 < higher
+    assert tilted > 5.0 * higher
     assert objective.moved_db(TRUTH["field"], TRUTH["lake"]) is None
 
 

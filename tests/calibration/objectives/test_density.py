@@ -120,7 +120,7 @@ def test_one_run_of_another_level_is_followed_everywhere(density):
 def test_the_law_of_a_run_has_its_mean(density):
     statistics = density.baseline(X) + [1.5, 0.0, 0.0]
     law = density.law(make_score(0.0, list(X), statistics=statistics.tolist()))
-    np.testing.assert_allclose(law.correction_db, 1.5, atol=1e-9)
+    np.testing.assert_allclose(law.correction_db, 1.5, atol=0.01)  # quantiles of 64 angles and of 24
     np.testing.assert_array_equal(law.fit.parameters, X)
     assert law.fit.looks == 4.0
     mean = law.levels_db(density.material.target.incidence_deg).mean()

@@ -80,7 +80,11 @@ def test_rules_scripts_and_the_report_compare_no_objective():
 
 
 class Quartiles(Objective):
-    """Median and interquartile range of all pixels."""
+    """Median and interquartile range of all pixels; ends where the surrogate of all runs promises nothing better."""
+
+    looks_ahead = True
+    explores = False
+    tolerance = 1e-6
 
     def __init__(self, material):
         super().__init__(material)
@@ -113,9 +117,9 @@ class Quartiles(Objective):
 
     @classmethod
     def ending(cls, progress, stop):
-        if progress.best > 1e-6:
+        if progress.score.gain > 0.01:
             return None
-        return Verdict("settled", f"{progress.name}: quartiles agree after {progress.runs} runs.")
+        return Verdict("settled", f"{progress.name}: quartiles agree best after {progress.runs} runs.")
 
     @classmethod
     def standing(cls, name, best, stop):
@@ -123,7 +127,7 @@ class Quartiles(Objective):
 
     @classmethod
     def progress_line(cls, history, materials, ended, stop):
-        return f"quartiles of {len(ended)} of {len(materials)} materials agree"
+        return f"quartiles of {len(ended)} of {len(materials)} materials agree best"
 
 
 def test_a_fourth_objective_is_one_class_and_two_entries(parts, monkeypatch, tmp_path):
@@ -139,20 +143,21 @@ def test_a_fourth_objective_is_one_class_and_two_entries(parts, monkeypatch, tmp
             "materials": {name: {"calibrate": True, "bounds": BOUNDS} for name in TRUTH},
             "measurement": {"source": "synthetic", "synthetic": {"parameters": TRUTH}},
             "design": {"size": 1},
-            "optimiser": {"population": 20, "evaluations": 100},
+            "optimiser": {"population": 10, "evaluations": 40},
             "stop": {"max_runs": 15},
         }
     )
     runner = Runner(RunStore(tmp_path), simulator, geometry, scene.identity, case)
     history, decision = calibrate(case, runner, targets)
     assert decision.reason == "settled"
-    assert decision.materials["lake"].sentence.startswith("lake: quartiles agree after ")
-    found = make_objectives(case, targets)
-    for name, objective in found.items():
-        best = history.best(name).scores[name]
-        np.testing.assert_allclose(best.statistics[0][:2], objective._measured[0, :2], atol=0.01)
+    assert decision.materials["lake"].sentence.startswith("lake: quartiles agree best after ")
+    for name, objective in make_objectives(case, targets).items():
+        best, measured = history.best(name).scores[name], objective._measured[0]
+        np.testing.assert_allclose(best.statistics[0][0], measured[0], atol=0.3)
+        np.testing.assert_allclose(best.statistics[0][1], measured[1], atol=0.05)
+        assert best.cost < 0.02 * history.runs[0].scores[name].cost
     line = progress_line(history, list(targets), case.stop, "quartiles")
-    assert line.endswith("quartiles of 2 of 2 materials agree")
+    assert line.endswith("quartiles of 2 of 2 materials agree best")
     assert set(check_laws(case, targets, history)) == set(TRUTH)
 
 
