@@ -11,12 +11,12 @@ from radcal.calibration.smt_kriging import train_smt
 from radcal.errors import SurrogateError
 
 
-def example(n=12):
+def example(n=7):
     x = np.random.default_rng(n).random((n, 2))
     return x, 3.0 * np.sin(4.0 * x[:, 0]) - x[:, 1] ** 2
 
 
-def test_length_scales_are_smts():
+def test_length_scales_are_smts(capfd):
     """In widths of the box: kriging with them predicts what smt's own model does."""
     x, y = example()
     scales, nugget, status = train_smt(x, y)
@@ -24,6 +24,7 @@ def test_length_scales_are_smts():
     model.set_training_values(x, y[:, None])
     model.train()
     assert status == "trained"
+    assert capfd.readouterr().out == ""
     assert nugget == model.options["nugget"]
     new = np.random.default_rng(5).random((20, 2))
     found = Kriging(x, y[:, None], scales, nugget).mean(new)
@@ -31,18 +32,10 @@ def test_length_scales_are_smts():
 
 
 def test_a_noisy_output_gets_a_nugget():
-    x, y = example(25)
-    scales, nugget, status = train_smt(x, y + 0.5 * np.random.default_rng(1).standard_normal(25), noisy=True)
+    x, y = example(15)
+    scales, nugget, status = train_smt(x, y + 0.5 * np.random.default_rng(1).standard_normal(15), noisy=True)
     assert (scales.shape, status) == ((2,), "trained")
     assert 1e-4 < nugget < 1.0
-
-
-def test_an_output_without_structure_is_no_silent_success(capfd):
-    """smt leaves length scales at their start, or prints that it failed: the status says so, and nothing is printed."""
-    x = np.random.default_rng(0).random((8, 2))
-    _, _, status = train_smt(x, np.zeros(8))
-    assert status == "failed"
-    assert capfd.readouterr().out == ""
 
 
 def test_one_run_ends_in_a_sentence():

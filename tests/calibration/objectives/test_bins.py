@@ -1,4 +1,4 @@
-"""Laws in classes of incidence, end to end on the built-in simulator."""
+"""Laws in incidence-angle bins, end to end on the built-in simulator."""
 
 from __future__ import annotations
 
@@ -6,103 +6,41 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from radcal.calibration.class_search import ClassSearch, class_searches, class_targets
-from radcal.calibration.class_surrogate import ClassRuns, Corrected
+from calibration_samples import BOUNDS, TRUTH, make_material, make_score
 
 from radcal.calibration.expected import LawForward
-from radcal.calibration.history import History
 from radcal.calibration.loop import calibrate
-from radcal.calibration.steps import noise_seed, propose_all, train_all
-from radcal.calibration.surrogate import read_surrogates, write_surrogates
-from radcal.config import case_from
-from radcal.measurement.registration import Registered
-from radcal.measurement.sources import make_measurement
-from radcal.measurement.target import Targets, read_targets, write_targets
-from radcal.measurement.target_fit import HELD_OUT, make_targets
+from radcal.calibration.misfit import LikelihoodMisfit
+from radcal.calibration.moments import from_cumulants, to_cumulants
+from radcal.calibration.objectives import make_objectives
+from radcal.calibration.objectives.bins import Bins, Likelihood
+from radcal.calibration.objectives.objective import Points
+from radcal.calibration.search import Search
+from radcal.calibration.steps import noise_seed
+from radcal.calibration.surrogate import Surrogate, train_surrogate
+from radcal.config import SurrogateConfig
+from radcal.errors import MeasurementError
 from radcal.radar.laws import LAWS
-from radcal.radar.projection import make_geometry
-from radcal.radar.texture import texture_db, texture_order
-from radcal.scene.model import Scene
-from radcal.scene.slant_range import flat_incidence_deg
-from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.runner import Runner
-from radcal.storage.layout import same
 from radcal.storage.runs import RunStore
 
-TRUTH = {"field": [-30.0, 22.0, 6.0, 4.0], "lake": [-35.0, 12.0, 25.0, 6.0]}
-BOUNDS = [[-60, 0], [0, 50], [0, 50], [0, 20]]
+MANGIA = LAWS["mangia"]
 
 
 @pytest.fixture(scope="module")
-def parts():
-    material = np.ones((90, 110), dtype=np.uint8)
-    material[:, 55:] = 2
-    scene = Scene("tiny", ("field", "lake"), material, None, 1.0, flat_incidence_deg(20.0, 45.0, 90))
-    case = case_from(
-        {
-            "scene": {
-                "source": "slant_range",
-                "labels": "-",
-                "names": "-",
-                "near_incidence_deg": 20,
-                "far_incidence_deg": 45,
-            },
-            "objective": "classes",
-            "materials": {name: {"calibrate": True, "bounds": BOUNDS} for name in TRUTH},
-            "measurement": {"source": "synthetic", "synthetic": {"parameters": TRUTH}},
-            "registration": {"method": "none"},
-            "radar": {"looks": 4, "nesz_db": -40},
-            "target": {"pixels": 1000, "incidence_classes": 3},
-            "validation": {"rows": 20, "means": 10, "keep": "even"},
-            "design": {"size": 2},
-            "optimiser": {"population": 20, "evaluations": 200},
-            "stop": {"max_runs": 20},
-        }
-    )
-    geometry = make_geometry(scene, case.radar)
-    simulator = BuiltinSimulator(geometry, case.radar, {name: m.law for name, m in case.materials.items()})
-    measurement = make_measurement(case, geometry, simulator)
-    # texture on one of them: fewer looks than the sensor has
-    image = measurement.image_db.copy()
-    lake = geometry.material == 2
-    u = np.random.default_rng(1).random(int(lake.sum()))
-    image[lake] += texture_db(u, texture_order(4.0, 2.5)).astype(np.float32)
-    registered = Registered(
-        measurement=replace(measurement, image_db=image),
-        unregistered_db=image,
-        displacement_px=np.zeros((2, *image.shape), dtype=np.float32),
-        uncertainty_px=np.zeros(image.shape, dtype=np.float32),
-        correlation=np.ones(image.shape, dtype=np.float32),
-        method="none",
-        applied=False,
-        verdict="",
-    )
-    targets = class_targets(case, make_targets(case, geometry, registered, image), geometry, registered)
-    return case, simulator, geometry, scene, targets
-
-
-@pytest.fixture(scope="module")
-def runner(parts, tmp_path_factory):
-    case, simulator, geometry, scene, _ = parts
-    return Runner(RunStore(tmp_path_factory.mktemp("runs")), simulator, geometry, scene.identity, case)
-
-
-@pytest.fixture(scope="module")
-def calibrated(parts, runner):
+def objectives(parts):
     case, _, _, _, targets = parts
-    return calibrate(case, runner, targets)
+    return make_objectives(case, targets)
 
 
-def laws_are_right(case, targets, history):
+def laws_are_right(objectives, history):
     """Within three standard errors of their own, which are small enough to mean something."""
     angle = np.linspace(21.5, 43.5, 40)
-    searches = class_searches(case, targets)
     for name, truth in TRUTH.items():
-        best = history.best(name)
-        x = best.parameters[name]
-        error = LAWS["mangia"](np.radians(angle), x) - LAWS["mangia"](np.radians(angle), truth)
+        score = history.best(name).scores[name]
+        error = MANGIA(np.radians(angle), score.parameters) - MANGIA(np.radians(angle), truth)
         # a single patch says nothing of how its level differs from that of others, the shape is its own
-        law = searches[name].law(x, best.looks[name], best.cumulants[name])
+        law = objectives[name].law(score)
         slopes = law.slopes(angle)
         shape = slopes - slopes.mean(axis=0)
         sd = np.sqrt(np.einsum("kd,de,ke->k", shape, law.fit.covariance, shape))
@@ -111,228 +49,219 @@ def laws_are_right(case, targets, history):
         assert abs(error.mean()) < 1.0, name
 
 
-def test_it_settles_on_the_laws_in_a_few_runs(parts, calibrated):
-    case, _, _, _, targets = parts
+def test_it_settles_on_the_laws_in_a_few_runs(objectives, calibrated):
     history, decision = calibrated
     assert decision.reason == "settled"
     assert decision.converged
     assert len(history.infill) <= 5
-    laws_are_right(case, targets, history)
+    laws_are_right(objectives, history)
 
 
 def test_looks_are_those_of_each_material(calibrated):
     history, _ = calibrated
-    assert history.best("field").looks["field"] > 3.0
-    assert history.best("lake").looks["lake"] == pytest.approx(2.5, rel=0.2)
+    looks = {name: history.best(name).scores[name].looks for name in TRUTH}
+    assert looks["field"] > 3.0
+    assert looks["lake"] == pytest.approx(2.5, rel=0.2)
 
 
-def test_texture_brings_the_spread_to_the_measured_one(parts, calibrated):
-    """The density of a run has the material's looks: its spread is the target's, though the speckle's is less."""
-    _, _, _, _, targets = parts
-    history, _ = calibrated
-    best = history.best("lake")
-    sd = np.sqrt(np.array(best.cumulants["lake"])[:, 1])
-    measured = np.sqrt(targets["lake"].classes.classes.cumulants[:, 1])
-    assert (sd < 0.9 * measured).all()
-    assert best.rms["lake"] < 0.01
-
-
-def test_the_best_run_is_that_of_the_smallest_cost(calibrated):
+def test_the_best_run_is_that_of_the_smallest_cost_and_the_last_had_nothing_to_gain(calibrated):
     history, _ = calibrated
     for name in TRUTH:
-        costs = [run.cost[name] for run in history.runs]
-        assert history.best(name).cost[name] == min(costs)
-        assert history.best(name).left[name] < 0.5
+        assert history.best(name).scores[name].cost == min(run.scores[name].cost for run in history.runs)
+        last = history.infill[-1].scores[name]
+        assert last.gain <= 0.05 or last.moved_db <= 0.05
+        assert last.floor is None, "a law with a curve explores nothing"
 
 
-def test_no_simulator_knows_less_than_the_best_looks_say(parts, calibrated):
-    """The score of a run is the smallest cost over the looks."""
-    case, _, _, _, targets = parts
+def test_a_run_is_worth_its_smallest_cost_over_the_looks(objectives, calibrated):
     history, _ = calibrated
-    search = class_searches(case, targets)["lake"]
-    run = history.runs[0]
-    x, cumulants = np.array(run.parameters["lake"]), np.array(run.cumulants["lake"])
-    grid = [search.cost(x, float(looks), cumulants) for looks in np.geomspace(0.3, 4.4, 200)]
-    assert run.cost["lake"] <= min(grid) + 1e-6
-    assert run.cost["lake"] == pytest.approx(min(grid), rel=1e-3)
+    for name, objective in objectives.items():
+        score = history.infill[0].scores[name]
+        looks = np.geomspace(0.3, 4.4, 400)
+        points = Points(
+            np.repeat([score.statistics], looks.size, axis=0),
+            np.repeat([score.parameters], looks.size, axis=0),
+            looks,
+        )
+        costs = objective.cost(points)
+        found = objective.worth(score.parameters, np.array(score.statistics))
+        assert found[1] == score.cost <= costs.min() + 1e-6
+        assert found[1] == pytest.approx(costs.min(), rel=1e-3)
+        assert found[0] == pytest.approx(looks[np.argmin(costs)], rel=0.01)
+        assert costs.max() > 1.5 * costs.min()
 
 
-def test_the_maximum_of_runs_ends_it(parts, runner):
-    case, _, _, _, targets = parts
-    case = case.model_copy(update={"stop": case.stop.model_copy(update={"max_runs": 2})})
-    history, decision = calibrate(case, runner, targets)
-    assert (decision.reason, decision.converged) == ("max_runs", False)
-    assert not history.infill
-    assert "stop criterion not met at the maximum of 2 runs" in decision.materials["lake"].sentence
+def test_known_looks_are_not_searched(parts):
+    *_, targets = parts
+    target = targets["lake"]
+    known = replace(target, classes=replace(target.classes, free_looks=False))
+    objective = Bins(make_material(known, BOUNDS, MANGIA))
+    statistics = np.asarray(objective.baseline(np.array(TRUTH["lake"])))
+    looks, cost = objective.worth(TRUTH["lake"], statistics)
+    assert looks == 4.0
+    assert cost == pytest.approx(
+        objective.cost(Points(statistics[None], np.array([TRUTH["lake"]]), np.array([4.0])))[0]
+    )
+    assert not objective.free_looks
 
 
-def test_steps_from_files_are_those_from_memory(parts, calibrated, tmp_path):
-    case, _, _, _, targets = parts
-    history, _ = calibrated
-    write_targets(tmp_path / "target.h5", targets)
-    again = read_targets(tmp_path / "target.h5")
-    start = History([run for run in history.runs if run.kind != "infill"])
-    surrogates = train_all(start, case, 0, None)
-    write_surrogates(tmp_path / "surrogate.h5", surrogates)
-    read = read_surrogates(tmp_path / "surrogate.h5")
-    assert all(isinstance(item, ClassRuns) for item in read.values())
-    proposals = propose_all(read, again, start, case, 0, case.stop)
-    assert proposals == dict(history.infill[0].proposals)
-    assert all(target.kept_out is not None and target.classes is not None for target in targets.values())
-    assert same(dict(again), dict(targets))
-
-
-def test_proposals_do_not_depend_on_the_number_of_processes(parts, calibrated):
-    case, _, _, _, targets = parts
-    history, _ = calibrated
-    start = History([run for run in history.runs if run.kind != "infill"])
-    found = [
-        propose_all(train_all(start, case, 0, None), targets, start, case, 0, case.stop, processes)
-        for processes in (1, 2)
-    ]
-    assert found[0] == found[1]
-
-
-def test_noise_is_part_of_what_is_expected_without_any_run(parts, runner):
-    """Of a law far below the noise: law, noise and speckle, within what speckle leaves."""
+def test_the_baseline_is_law_noise_and_speckle(parts, objectives, runner):
+    """Of a law far below the noise, as a run shows it, within what speckle leaves."""
     case, _, _, _, targets = parts
     deep = {"field": [-70.0, 5.0, 5.0, 5.0], "lake": TRUTH["lake"]}
     record = runner.run(deep, noise_seed(case))
-    search = class_searches(case, targets)["field"]
-    shown = targets["field"].classes.cumulants(record.pixels_db["field"][targets["field"].order])
-    expected = search.surrogate([], [])(np.array(deep["field"]))
-    assert search.classes.noise_db == pytest.approx(-40.0)
+    objective = objectives["field"]
+    shown = objective.statistics(record.pixels_db["field"][targets["field"].order])
+    expected = objective.baseline(np.array(deep["field"]))
+    assert targets["field"].noise_db == pytest.approx(-40.0)
     np.testing.assert_allclose(shown[:, 0], expected[:, 0], atol=0.6)
-    alone = LawForward(LAWS["mangia"], search.classes.classes.nodes_deg, 4.0)(np.array(deep["field"]))
+    np.testing.assert_allclose(shown[:, 1], expected[:, 1], atol=0.12)
+    alone = LawForward(MANGIA, objective.bins.classes.nodes_deg, 4.0)(np.array(deep["field"]))
     assert alone[:, 0].max() < -60.0
 
 
-def test_where_there_is_infill_it_alone_corrects(calibrated):
-    history, _ = calibrated
-    assert len(history.class_training("field").parameters) <= len(history.infill)
-    design = type(history)([run for run in history.runs if run.kind != "infill"])
-    assert len(design.class_training("field").parameters) == len(design.runs)
+def test_some_of_the_pixels_keep_their_bins(objectives, parts):
+    *_, targets = parts
+    values, member = targets["field"].values_db, targets["field"].classes.classes.member
+    some = np.flatnonzero(np.arange(values.size) % 3 > 0)
+    found = objectives["field"].statistics(np.asarray(values), some)
+    wanted = [values[some][member[some] == k].mean() for k in range(3)]
+    np.testing.assert_allclose(found[:, 0], wanted, atol=0.02)
 
 
-def test_a_fresh_run_has_texture_of_its_own(parts):
-    case, _, _, _, targets = parts
-    search = class_searches(case, targets)["lake"]
-    values = np.zeros(5000, dtype=np.float32)
-    drawn = [search.textured(values, 2.5, fresh) for fresh in (False, True)]
-    assert abs(np.corrcoef(*drawn)[0, 1]) < 0.05
-    assert drawn[0].std() == pytest.approx(drawn[1].std(), rel=0.05)
+def outlook(objective, x, statistics):
+    """What one run promises besides itself."""
+    x, statistics = np.asarray(x, dtype=np.float64), np.asarray(statistics)
+    looks, cost = objective.worth(x, statistics)
+    training = train_surrogate(objective, x[None], statistics[None], SurrogateConfig())
+    found = Search(objective, Surrogate(training, objective))
+    return cost, found.outlook(make_score(cost, list(x), looks=looks, statistics=statistics.tolist()), seed=1)
 
 
-def test_ground_is_held_out_in_whole_blocks(parts):
-    _, _, geometry, _, targets = parts
-    columns = geometry.shape[1]
-    for target in targets.values():
-        assert set((target.pixels // columns // 20) % 2) == {0}
-        assert target.left_out[HELD_OUT] == target.kept_out.values_db.size
-        assert set(target.kept_out.block % 4) == {2, 3}
-        assert np.unique(target.patch).tolist() == np.unique(target.kept_out.patch).tolist() == [1]
-
-
-def test_another_objective_has_no_classes(parts):
-    case, _, geometry, _, targets = parts
-    density = case.model_copy(update={"objective": "density"})
-    assert class_targets(density, targets, geometry, None) is targets
-
-
-def test_errors_of_slopes_and_of_the_place_add_up(parts):
-    case, _, geometry, _, targets = parts
-    shape = geometry.shape
-    registered = Registered(
-        measurement=None,
-        unregistered_db=np.empty(0),
-        displacement_px=np.zeros((2, *shape), dtype=np.float32),
-        uncertainty_px=np.full(shape, 2.0, dtype=np.float32),
-        correlation=np.ones(shape, dtype=np.float32),
-        method="gefolki",
-        applied=True,
-        verdict="",
-    )
-    errors = [
-        class_targets(case, targets, geometry, registered, slope)["field"].classes.incidence_error_deg
-        for slope in (0.0, 3.0)
-    ]
-    # a displacement of 2 pixels in any direction, on rows of which each has its incidence
-    rows = targets["field"].pixels // shape[1]
-    a_row = np.gradient(geometry.incidence_deg[:, 0])
-    assert errors[0] == pytest.approx(np.sqrt((a_row[rows] ** 2).mean()) * 2.0 / np.sqrt(2.0), rel=1e-3)
-    assert errors[1] == pytest.approx(np.hypot(errors[0], 3.0))
-
-
-def test_its_own_correction_leaves_nothing_at_the_minimum(parts):
+def test_nothing_is_left_at_the_minimum_and_much_away_from_it(objectives):
     """Where the simulator is law and speckle alone, the law found without it is the minimum."""
-    case, _, _, _, targets = parts
-    search: ClassSearch = class_searches(case, targets)["field"]
-    x, looks = search.classes.first, search.classes.first_looks
-    run = LawForward(LAWS["mangia"], search.classes.classes.nodes_deg, 4.0)(x)
-    left, moved = search.left(x, looks, run)
-    assert left < 1e-2
+    objective = objectives["field"]
+    x = objective.bins.first
+    least, (gain, floor, moved) = outlook(objective, x, objective.baseline(x))
+    assert gain < 1e-2
     assert moved < 0.2
+    assert floor is None
     away = x + [3.0, 0.0, 0.0, 0.0]
-    left, moved = search.left(away, looks, LawForward(LAWS["mangia"], search.classes.classes.nodes_deg, 4.0)(away))
-    assert left > 1.0
-    assert moved > 1.0
+    cost, (gain, _, moved) = outlook(objective, away, objective.baseline(away))
+    assert cost > least + 1.0
+    assert gain == pytest.approx(cost - least, abs=2e-2)
+    seen = np.radians(np.linspace(*np.quantile(objective.ground.incidence_deg, [0.05, 0.95]), 91))
+    assert moved == pytest.approx(np.abs(MANGIA(seen, away) - MANGIA(seen, x)).max(), abs=0.2)
 
 
-NODES = np.linspace(20.0, 45.0, 24).reshape(2, 12)
+def test_a_simulator_brighter_than_law_and_speckle_is_followed(objectives):
+    """Runs show 0.7 dB more than is expected: the law found is 0.7 dB lower."""
+    objective = objectives["field"]
+    x = objective.bins.first
+    _, (_, _, moved) = outlook(objective, x, objective.baseline(x) + [0.7, 0.0, 0.0])
+    # but for the prior on the level, 0.7 dB against its 10
+    assert moved == pytest.approx(0.7, rel=0.1)
 
 
-def test_runs_correct_law_and_speckle():
-    baseline = LawForward(LAWS["mangia"], NODES, 4.0)
-    first, second = np.array(TRUTH["field"]), np.array(TRUTH["lake"])
-    shift = np.array([0.7, 0.0, 0.0])
-    np.testing.assert_allclose(Corrected(baseline)(first), baseline(first), rtol=1e-12)
-    found = Corrected(baseline, [first], [baseline(first) + shift])
-    np.testing.assert_allclose(found(first), baseline(first) + shift, rtol=1e-9)
-    np.testing.assert_allclose(found(second)[:, 0], baseline(second)[:, 0] + 0.7, rtol=1e-9)
-
-
-def test_at_its_runs_the_correction_is_what_they_showed():
-    baseline = LawForward(LAWS["mangia"], NODES, 4.0)
-    x = np.random.default_rng(3).uniform(*np.array(BOUNDS).T, (5, 4))
-    x[:, 3] += 0.1
-    shown = np.stack([baseline(point) + [0.1 * k, 0.2 * k, 0.0] for k, point in enumerate(x)])
-    found = Corrected(baseline, x, shown)
-    for point, run in zip(x, shown, strict=True):
-        np.testing.assert_allclose(found(point), run, rtol=1e-6, atol=1e-6)
-
-
-def test_a_difference_that_goes_with_the_level_is_followed():
-    """Noise of -20 dB lifts weak levels: two runs on either side say by how much."""
-    baseline = LawForward(LAWS["mangia"], NODES, 4.0)
+def test_two_runs_tell_how_the_noise_lifts_weak_levels(objectives):
+    """Noise of -20 dB, unknown to the baseline, seen in two runs on either side."""
+    objective = objectives["lake"]
+    truth = np.array(TRUTH["lake"])
 
     def noisy(x):
-        run = baseline(x)
-        run[:, 0] = 10.0 * np.log10(10.0 ** (run[:, 0] / 10.0) + 0.01)
-        return run
+        law = LawForward(MANGIA, objective.bins.classes.nodes_deg, 4.0, -20.0)
+        return from_cumulants(law(np.asarray(x)))
 
-    truth = np.array(TRUTH["lake"])
-    runs = [truth + [shift, 0.0, 0.0, 0.0] for shift in (-2.0, 2.0)]
-    both = Corrected(baseline, runs, [noisy(x) for x in runs])
-    one = Corrected(baseline, runs[:1], [noisy(runs[0])])
-    wanted = noisy(truth)[:, 0]
-    assert np.abs(both(truth)[:, 0] - wanted).max() < 0.25 * np.abs(one(truth)[:, 0] - wanted).max()
+    def error(*shifts):
+        runs = np.array([truth + [shift, 0.0, 0.0, 0.0] for shift in shifts])
+        shown = np.array([noisy(x) for x in runs])
+        found = Surrogate(train_surrogate(objective, runs, shown, SurrogateConfig()), objective)
+        return np.abs(found.predict(found.unit(truth))[0, :, 0] - noisy(truth)[:, 0]).max()
+
+    assert error(-2.0, 2.0) < 0.25 * error(-2.0)
+    assert error(-2.0) > 0.3
+
+
+def test_parts_are_levels_and_spreads_and_sum_to_all(objectives):
+    objective = objectives["field"]
+    x = np.array(TRUTH["field"])
+    statistics = objective.baseline(x)
+    higher = statistics + [1.0, 0.0, 0.0]
+    points = Points(np.array([statistics, higher]), np.array([x, x]), np.array([3.0, 3.0]))
+    residuals = objective.residuals(points)
+    found = objective.parts(residuals)
+    np.testing.assert_allclose(found.sum(axis=1), (residuals**2).sum(axis=1), rtol=1e-9)
+    np.testing.assert_allclose(objective.cost(points), 0.5 * (residuals**2).sum(axis=1), rtol=1e-12)
+    likelihood = Likelihood(objective.material)
+    residuals = likelihood.residuals(points)
+    np.testing.assert_allclose(likelihood.parts(residuals).sum(axis=1), (residuals**2).sum(axis=1), rtol=1e-9)
+
+
+def test_the_scale_is_that_of_the_measured_bins(objectives):
+    """Means in it have the sampling's standard deviation, and that of the spread of fields."""
+    objective = objectives["field"]
+    classes, spread = objective.bins.classes, objective.bins.spread
+    means = objective.scale[:, 0] ** 2 - classes.cumulants[:, 1] / classes.effective
+    assert objective.scale.shape == (3, 3)
+    assert (means >= 0.99 * spread.between**2).all()
+    assert (means < 1.01 * (spread.between**2 + spread.within**2)).all()
+
+
+def test_costs_as_good_as_the_smallest_are_promising(objectives):
+    found = objectives["field"].promising(np.array([4.0, 4.04, 4.06, 4.97]), 5.0)
+    assert found.tolist() == [True, True, False, False]
+    assert objectives["field"].promising(np.array([4.94, 4.96]), 5.0).tolist() == [True, False]
+    assert not objectives["field"].promising(np.array([4.96]), 5.0).any()
+
+
+def test_a_law_of_the_simulator_alone_has_bins_too(parts):
+    *_, targets = parts
+    material = make_material(targets["field"], BOUNDS)
+    objective = Bins(material)
+    assert objective.baseline is None
+    assert objective.explores
+    assert not len(objective.starts)
+    statistics = from_cumulants(targets["field"].classes.classes.cumulants)
+    tilt = np.zeros((3, 3))
+    tilt[:, 0] = [1.0, 0.0, -1.0]
+    at, higher, tilted = (
+        objective.worth(TRUTH["field"], statistics + shift)[1] for shift in (0.0, [1.0, 0.0, 0.0], tilt)
+    )
+    # a single field says little of the level, its own slope it has
+    assert at < 0.1 < 0.5 < higher
+    assert tilted > 5.0 * higher
+    assert objective.moved_db(TRUTH["field"], TRUTH["lake"]) is None
+
+
+def test_a_target_without_bins_ends_in_a_sentence(parts):
+    *_, targets = parts
+    with pytest.raises(MeasurementError, match="the target of dyke has no incidence-angle bins"):
+        Bins(make_material(replace(targets["field"], classes=None), BOUNDS, MANGIA))
+
+
+def test_the_law_of_a_run_passes_through_what_its_bins_show(objectives):
+    """Its correction is what they hold besides law and speckle, less the scatter of the run's own speckle."""
+    objective = objectives["field"]
+    x = np.array(TRUTH["field"])
+    statistics = objective.baseline(x) + [1.5, 0.0, 0.0]
+    law = objective.law(make_score(0.0, list(x), looks=3.0, statistics=statistics.tolist()))
+    law_alone = LawForward(MANGIA, objective.bins.classes.nodes_deg, 4.0)(x)[:, 0]
+    wanted = to_cumulants(statistics)[:, 0] - law_alone
+    np.testing.assert_allclose(law.correction_db, wanted, atol=0.05)
+    np.testing.assert_array_equal(law.fit.parameters, x)
+    assert law.fit.looks == 3.0
 
 
 def test_the_likelihood_of_the_pixels_finds_the_laws_too(parts, tmp_path):
-    """The objective that knows nothing of patches, through the same loop and the same runs."""
-    classes, simulator, geometry, scene, targets = parts
-    case = classes.model_copy(update={"objective": "likelihood"})
-    targets = Targets(
-        {name: replace(t, classes=replace(t.classes, objective="likelihood")) for name, t in targets.items()},
-        targets.levels,
-        targets.looks,
-    )
-    write_targets(tmp_path / "target.h5", targets)
-    targets = read_targets(tmp_path / "target.h5")
+    """The objective that knows nothing of patches, through the same loop and the same targets."""
+    case, simulator, geometry, scene, targets = parts
+    case = case.model_copy(update={"objective": "likelihood"})
     runner = Runner(RunStore(tmp_path / "runs"), simulator, geometry, scene.identity, case)
     history, decision = calibrate(case, runner, targets)
+    objectives = make_objectives(case, targets)
+    assert all(objective.misfit is LikelihoodMisfit for objective in objectives.values())
     assert decision.reason == "settled"
-    laws_are_right(case, targets, history)
+    laws_are_right(objectives, history)
     # texture of the one, none of the other
-    assert history.best("lake").looks["lake"] == pytest.approx(2.5, rel=0.2)
-    assert history.best("field").looks["field"] > 3.0
+    assert history.best("lake").scores["lake"].looks == pytest.approx(2.5, rel=0.2)
+    assert history.best("field").scores["field"].looks > 3.0
