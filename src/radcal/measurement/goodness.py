@@ -126,9 +126,9 @@ def effective_sample_size(image_db: NDArray[np.float32], inside: NDArray[np.int6
     Bayley and Hammersley, "The effective number of independent observations in an
     autocorrelated time series", J. R. Statist. Soc. Suppl. 8 (1946).
     """
-    shape = image_db.shape
     from scipy import fft  # every process of the workflow imports this module, and few call it
 
+    shape = image_db.shape
     size = tuple(fft.next_fast_len(n + _REACH_PX + 1, real=True) for n in shape)
 
     def pairs(values: NDArray[np.float64]) -> NDArray[np.float64]:
