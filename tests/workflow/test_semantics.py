@@ -194,8 +194,8 @@ def test_results_of_an_earlier_version_are_made_again_from_its_runs(finished):
             write_json(path, runs)
     said = ended(finished, "design", *CASE)
     assert (
-        "radcal: results/tiny/target.h5: was written with schema 4, this radcal reads 5; set aside as target.damaged; it "
-        "is made again where needed (finished runs are kept)."
+        "radcal: results/tiny/target.h5: was written with schema 4, this radcal reads 5; set aside as target.damaged; "
+        "it is made again where needed (finished runs are kept)."
     ) in said
     assert (out / "target.damaged").is_file()
     assert len(read_runs([out / "scores.json"]).runs) == 13

@@ -24,8 +24,8 @@ _RUNS: Mapping[str, str] = {
     "measurement": "none of the design; infill towards the new target",
     "registration": "none of the design; infill towards the new target",
     "objective": "none of the design; infill for the new objective",
-    "target": "none of the design, which is larger with normalisation `image` (`design.size: auto`); infill towards the "
-    "new target",
+    "target": "none of the design, which is larger with normalisation `image` (`design.size: auto`); infill towards "
+    "the new target",
     "validation": "none of the design; infill towards the new target",
     "design": "those by which a larger design, or another sampler, differs",
     "surrogate": "those by which the design without a baseline is larger (`design.size: auto`); infill where the "
