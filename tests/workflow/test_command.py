@@ -180,7 +180,7 @@ def test_every_failure_in_the_middle_ends_in_its_sentence_and_keeps_all_finished
     flawed(project, "", timeout_s=3)
     case = load([project.folder / "tiny.yaml"])
     # the second run of the second chunk
-    bad = design_points(case)[4]["field"][0]
+    bad = design_points(case, case.design_size)[4]["field"][0]
     kept: dict[str, bytes] = {}
     for fault, words in FAULTS.items():
         (project.folder / "fault").write_text(f"{fault} {bad!r}")
