@@ -86,6 +86,14 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
         {**dyke(start={"law": "constant_gamma", "parameters": [-9]}), **synthetic(parameters={})},
         ["measurement.synthetic.parameters.dyke is missing", "materials.dyke.start is of another law"],
     ),
+    (
+        {
+            **dyke(start={"law": "constant_gamma", "parameters": [-9]}),
+            **synthetic(parameters={"dyke": X}),
+            "design": {"size": 0},
+        },
+        ["design.size is 0 and materials.dyke.start is of another law", "expected design.size of at least 1"],
+    ),
     (dyke(start=5), ["materials.dyke.start is 5"]),
     (dyke(start=[1, 2, 3, "x"]), ["materials.dyke.start.3 is 'x'"]),
     # top level

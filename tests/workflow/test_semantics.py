@@ -15,12 +15,15 @@ import h5py
 import numpy as np
 import pytest
 import yaml
+from sealed import changed
 from workflow_project import COLUMNS, ROOT, ROWS, Project, make_project, tiny_case, write_raster
 
 from radcal.calibration.history import read_runs
 from radcal.config import case_from
 from radcal.config.stages import STAGES
 from radcal.running.reruns import reruns_table
+from radcal.storage.provenance import provenance
+from radcal.storage.records import read_json, write_json
 
 CASE = ("--configfile", "tiny.yaml")
 # what Snakemake calls a job of each rule
@@ -150,7 +153,7 @@ def test_whatever_is_missing_comes_back_and_no_run_is_repeated(finished):
     noticed = {"summary.json", "scores.json", *(name for name in names if name.endswith("/verified.json"))}
     (out / "iterations/7").mkdir()
     leftover = shutil.copy(out / "iterations/0/proposal.json", out / "iterations/7")
-    for name in ["iterations/2/surrogate.h5", "stop.json"]:
+    for name in ["iterations/0/surrogate.h5", "stop.json"]:
         (out / name).rename(out / "aside")
         planned = ended(finished, "-n", "--quiet", "host", *CASE)
         assert f"Missing output files: results/tiny/{name}" in planned
@@ -173,6 +176,33 @@ def test_whatever_is_missing_comes_back_and_no_run_is_repeated(finished):
     assert {name: content(out / name) for name in before} == before
     assert (out / "runs.csv.damaged").read_text() == "changed\n"
     assert finished.records() == records
+
+
+def test_results_of_an_earlier_version_are_made_again_from_its_runs(finished):
+    """Targets and surrogates of an earlier schema are set aside, indexes without scores by material made again."""
+    out, before = finished.out(), contents(finished)
+    surrogates = sorted(out.glob("iterations/*/surrogate.h5"))
+    for path in (out / "target.h5", *surrogates):
+        with changed(path) as file:
+            file.attrs["schema"] = 4
+    for path in (out / "scores.json", *out.glob("iterations/*/verified.json")):
+        with provenance("tiny"):
+            runs = read_json(path)
+            for run in runs:
+                scores, _ = run.pop("scores"), run.pop("proposals")
+                run |= {key: {name: score[key] for name, score in scores.items()} for key in ("dp", "rms")}
+            write_json(path, runs)
+    said = ended(finished, "design", *CASE)
+    assert (
+        "radcal: results/tiny/target.h5: was written with schema 4, this radcal reads 5; set aside as target.damaged; "
+        "it is made again where needed (finished runs are kept)."
+    ) in said
+    assert (out / "target.damaged").is_file()
+    assert len(read_runs([out / "scores.json"]).runs) == 13
+    planned = ended(finished, "-n", *CASE)
+    assert "train 0" in planned
+    assert not surrogates[0].exists()
+    assert contents(finished) == before
 
 
 def test_surrogate_optimiser_and_levels_repeat_no_run(finished):

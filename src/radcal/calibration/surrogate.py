@@ -193,7 +193,8 @@ def train_surrogate(
         base = np.stack([objective.baseline(x) for x in parameters])
     found = []
     for k in range(len(STATISTICS)):
-        noise = None if noise_variance is None else float(noise_variance[:, k].mean())
+        # what was measured is the scatter of the statistics
+        noise = None if noise_variance is None or direct else float(noise_variance[:, k].mean())
         best = _train_one(unit, values[..., k], config, noise if noisy else 0.0)
         if base is not None:
             other = _train_one(unit, values[..., k] - base[..., k], config, noise if noisy else 0.0)

@@ -152,6 +152,11 @@ class Case(Part):
         if self.design.reuse == self.case:
             raise ValueError(f"design.reuse is {self.case!r}, this case itself, expected an earlier one")
         self._check_whole_box()
+        if self.design_size == 0 and self.start_with_another_law and self.design.reuse is None:
+            raise ValueError(
+                f"design.size is 0 and materials.{self.start_with_another_law[0]}.start is of another law, so that no "
+                "run would train the surrogate, expected design.size of at least 1"
+            )
         if self.stop.max_runs < self.design_size:
             raise ValueError(
                 f"stop.max_runs is {self.stop.max_runs}, expected at least design.size ({self.design_size})"

@@ -284,7 +284,7 @@ class Archive:
 
     case: Annotated[str, About("name of the case")]
     config: Annotated[str, About("configuration (JSON)")]
-    objective: Annotated[str, About("objective: density, classes or likelihood")]
+    objective: Annotated[str, About("objective of the configuration")]
     reason: Annotated[str, About("reason for the end, or running")]
     converged: Annotated[bool, About("every material is within the tolerance or meets its stop criterion")]
     tolerance: Annotated[float, About("density rms up to which a material is within the tolerance", _DENSITY)]

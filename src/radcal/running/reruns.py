@@ -23,11 +23,13 @@ _RUNS: Mapping[str, str] = {
     "all for a new law or another material's parameters",
     "measurement": "none of the design; infill towards the new target",
     "registration": "none of the design; infill towards the new target",
-    "objective": "those by which the design of the density is larger; infill for the new objective",
-    "target": "none of the design; infill towards the new target",
+    "objective": "none of the design; infill for the new objective",
+    "target": "none of the design, which is larger with normalisation `image` (`design.size: auto`); infill towards "
+    "the new target",
     "validation": "none of the design; infill towards the new target",
     "design": "those by which a larger design, or another sampler, differs",
-    "surrogate": "none of the design; infill where the proposals differ",
+    "surrogate": "those by which the design without a baseline is larger (`design.size: auto`); infill where the "
+    "proposals differ",
     "optimiser": "none of the design; infill where the proposals differ",
     "stop": "none; more infill where the new settings ask for it",
 }
