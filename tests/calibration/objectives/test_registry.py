@@ -32,11 +32,11 @@ OTHER = {("config/target.py", "likelihood"), ("skewnormal/__init__.py", "density
 OTHER |= {("skewnormal/distribution.py", "density")}
 
 
+@pytest.fixture(scope="module")
 def outside():
-    """Files of the library that are no objective's own."""
-    for path in sorted(SOURCE.rglob("*.py")):
-        if not any(path == room or room in path.parents for room in ROOMS):
-            yield path
+    """Files of the library that are no objective's own, and the nodes of their code."""
+    files = (path for path in SOURCE.rglob("*.py") if not any(path == room or room in path.parents for room in ROOMS))
+    return {path: list(ast.walk(ast.parse(path.read_text()))) for path in files}
 
 
 def test_both_registries_hold_the_same_names():
@@ -45,23 +45,23 @@ def test_both_registries_hold_the_same_names():
         assert (kind.misfit is not None) == traits.OBJECTIVES[name].bins
 
 
-def test_no_name_of_an_objective_stands_anywhere_else():
+def test_no_name_of_an_objective_stands_anywhere_else(outside):
     found = set()
-    for path in outside():
-        for node in ast.walk(ast.parse(path.read_text())):
+    for path, nodes in outside.items():
+        for node in nodes:
             if isinstance(node, ast.Constant) and node.value in traits.OBJECTIVES:
                 found.add((path.relative_to(SOURCE).as_posix(), node.value))
     assert found - OTHER == set()
     assert found >= OTHER, "an exception that is none any more"
 
 
-def test_no_class_of_an_objective_is_asked_for_anywhere_else():
+def test_no_class_of_an_objective_is_asked_for_anywhere_else(outside):
     """Neither by isinstance nor by an import."""
     classes = {kind.__name__ for kind in objectives.OBJECTIVES.values()}
     modules = tuple(f"radcal.calibration.objectives.{name}" for name in ("bins", "density"))
     asked = set()
-    for path in outside():
-        for node in ast.walk(ast.parse(path.read_text())):
+    for path, nodes in outside.items():
+        for node in nodes:
             if isinstance(node, ast.ImportFrom) and node.module in modules:
                 asked.add((path.name, node.module))
             if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("isinstance", "issubclass"):
