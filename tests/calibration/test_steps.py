@@ -22,7 +22,7 @@ from radcal.calibration.steps import (
 )
 from radcal.calibration.surrogate import read_trainings, write_trainings
 from radcal.config import stages
-from radcal.measurement.target import read_targets, write_targets
+from radcal.measurement.target import Targets, read_targets, write_targets
 from radcal.radar.texture import log_speckle_cumulants
 from radcal.storage.layout import same
 from radcal.storage.runs import Record
@@ -46,7 +46,8 @@ def test_the_maximum_of_runs_ends_it(parts, runner):
 
 
 def test_without_a_design_the_reference_run_trains(parts, runner):
-    case, *_, targets = parts
+    case, *_, both = parts
+    targets = Targets({"field": both["field"]}, both.levels, both.looks)
     none = {"design": case.design.model_copy(update={"size": 0})}
     case = case.model_copy(update={**none, "stop": case.stop.model_copy(update={"max_runs": 1})})
     history, _ = calibrate(case, runner, targets)
