@@ -76,8 +76,14 @@ def made(
     return case, targets, History([Run("design", 0, "0", 1.0, {"area": score})])
 
 
-def test_a_right_law_in_classes_is_identified_and_predicts():
-    check = check_laws(*made())["area"]
+@pytest.fixture(scope="module")
+def right():
+    """The true law in bins."""
+    return check_laws(*made())["area"]
+
+
+def test_a_right_law_in_classes_is_identified_and_predicts(right):
+    check = right
     assert check.identified is True
     assert check.held is not None
     assert check.held.n_blocks == 5
@@ -141,13 +147,12 @@ def test_a_material_without_held_out_pixels_is_named():
     assert any("area: validation checks nothing: no held-out block" in line for line in check.sentences)
 
 
-def test_an_error_of_the_incidence_is_not_put_down_to_the_law():
+def test_an_error_of_the_incidence_is_not_put_down_to_the_law(right):
     case, targets, history = made()
     told = replace(targets["area"].classes, incidence_error_deg=4.0)
     check = check_laws(case, Targets({"area": replace(targets["area"], classes=told)}), history)["area"]
-    plain = check_laws(case, targets, history)["area"]
     # the same pixels ask for a steeper law where the map is known to be off
-    slope = [np.polyfit(c.class_deg, c.class_db, 1)[0] for c in (check, plain)]
+    slope = [np.polyfit(c.class_deg, c.class_db, 1)[0] for c in (check, right)]
     assert slope[0] < 1.1 * slope[1] < 0.0
 
 
@@ -171,8 +176,8 @@ def test_pooled_grounds_count_each_block_once():
     assert HeldOut.pooled([]) is None
 
 
-def test_texture_is_said():
-    found = check_laws(*made())["area"]
+def test_texture_is_said(right):
+    found = right
     said = texture_note({"area": replace(found, looks=2.5), "other": replace(found, looks=4.2)})
     assert "has 4 looks" in said
     assert "(area 2.50)" in said

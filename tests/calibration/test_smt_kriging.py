@@ -11,7 +11,7 @@ from radcal.calibration.smt_kriging import train_smt
 from radcal.errors import SurrogateError
 
 
-def example(n=7):
+def example(n=5):
     x = np.random.default_rng(n).random((n, 2))
     return x, 3.0 * np.sin(4.0 * x[:, 0]) - x[:, 1] ** 2
 

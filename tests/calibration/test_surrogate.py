@@ -58,9 +58,9 @@ def test_predicts_unseen_points_and_knows_what_it_knows(trained):
     assert trained.training.status == ("trained",) * 3
     assert not trained.training.baseline.any()
     np.testing.assert_allclose(trained.predict(trained.unit(points(25))), truth(points(25)), atol=1e-3)
-    few = surrogate(8)
-    at, away = few.standard_error(few.unit(points(8))), few.standard_error([[0.999, 0.001]])
-    assert at.shape == (8, 2, 3)
+    few = surrogate(4)
+    at, away = few.standard_error(few.unit(points(4))), few.standard_error([[0.999, 0.001]])
+    assert at.shape == (4, 2, 3)
     assert (at.max(axis=0) < 0.05 * away[0]).all()
 
 

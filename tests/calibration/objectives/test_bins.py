@@ -255,7 +255,8 @@ def test_the_law_of_a_run_passes_through_what_its_bins_show(objectives):
 def test_the_likelihood_of_the_pixels_finds_the_laws_too(parts, tmp_path):
     """The objective that knows nothing of patches, through the same loop and the same targets."""
     case, simulator, geometry, scene, targets = parts
-    case = case.model_copy(update={"objective": "likelihood"})
+    few = case.optimiser.model_copy(update={"population": 8, "evaluations": 8})
+    case = case.model_copy(update={"objective": "likelihood", "optimiser": few})
     runner = Runner(RunStore(tmp_path / "runs"), simulator, geometry, scene.identity, case)
     history, decision = calibrate(case, runner, targets)
     objectives = make_objectives(case, targets)

@@ -125,4 +125,6 @@ def test_the_law_of_a_run_has_its_mean(density):
     assert law.fit.looks == 4.0
     mean = law.levels_db(density.material.target.incidence_deg).mean()
     assert mean == pytest.approx(statistics[0, 0], abs=0.05)
-    assert replace(law, correction_db=None).levels_db([40.0])[0] == pytest.approx(law.levels_db([40.0])[0] - 1.5)
+    assert replace(law, correction_db=None).levels_db([40.0])[0] == pytest.approx(
+        law.levels_db([40.0])[0] - 1.5, abs=0.01
+    )
