@@ -54,7 +54,7 @@ def names(bins: bool | None = None, curve: bool | None = None) -> Collection[str
 def _known(value: str) -> str:
     if value not in OBJECTIVES:
         *first, last = map(repr, sorted(OBJECTIVES))
-        raise PydanticCustomError("literal_error", f"{', '.join(first)} or {last}")  # type: ignore[misc]
+        raise PydanticCustomError("literal_error", f"{', '.join(first)} or {last}")
     return value
 
 
