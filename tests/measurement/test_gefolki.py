@@ -7,7 +7,7 @@ from scipy.stats import rankdata
 from threadpoolctl import threadpool_limits
 
 from radcal.measurement.displacement import invert
-from radcal.measurement.gefolki import find_flow, gefolki, local_correlation, pyramid, rank_transform
+from radcal.measurement.gefolki import _halved, find_flow, gefolki, local_correlation, pyramid, rank_transform
 from radcal.measurement.spline_field import Prior
 
 SHAPE = (240, 260)
@@ -155,3 +155,10 @@ def test_local_correlation_is_that_of_numpy_in_a_window():
     expected = (one * two).sum() / np.sqrt((one**2).sum() * (two**2).sum())
     assert local_correlation(one, two)[16, 16] == pytest.approx(expected, abs=1e-5)
     assert local_correlation(one, np.zeros_like(one)).max() == 0.0
+
+
+def test_halves_are_means_of_what_is_there():
+    image = np.array([[1.0, 2.0, np.nan, 7.0, 9.0], [5.0, 4.0, np.nan, 10.0, 9.0], [3.0, 3.0, 3.0, 3.0, 3.0]])
+    np.testing.assert_array_equal(_halved(image.astype(np.float32)), [[3.0, 8.5]])
+    image[:2, 3] = np.nan
+    np.testing.assert_array_equal(_halved(image.astype(np.float32)), [[3.0, np.nan]])

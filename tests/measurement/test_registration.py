@@ -54,7 +54,13 @@ def test_a_displaced_image_is_brought_back(registered):
     assert registered.applied
     error = np.hypot(*(registered.displacement_px - field(4.0)))
     assert error[15:-15, 15:-15].mean() < 0.4
-    assert "registered with gefolki: moved by" in registered.verdict
+    length = np.hypot(*registered.displacement_px)
+    said = re.search(
+        r"registered with gefolki: moved by (\S+) pixels \(rms, at most (\S+)\) with a standard error of (\S+);",
+        registered.verdict,
+    )
+    expected = (np.sqrt(np.mean(length**2)), length.max(), np.median(registered.uncertainty_px))
+    np.testing.assert_allclose([float(number) for number in said.groups()], expected, atol=0.051)
     # a pixel's value is a measured one: speckle keeps its statistics
     moved = registered.measurement.image_db
     assert np.isin(moved[np.isfinite(moved)], registered.unregistered_db).all()

@@ -113,3 +113,14 @@ def test_a_prior_that_numbers_do_not_hold_is_passed_over():
     with pytest.raises(LinAlgError):
         empty.given(Prior(1e6, 1e7))
     assert not empty.best(TRUE).coefficients().any()
+
+
+@pytest.mark.parametrize("scale", [2, 4])
+def test_a_coarser_field_is_that_of_the_middles_of_its_pixels(scale):
+    """A pixel of a coarser level is as many fine ones wide, and its displacement counts in its own pixels."""
+    coefficients = np.random.default_rng(1).normal(size=(2, *LATTICE.size))
+    fine = LATTICE.field(coefficients)
+    parts = fine[:, : 150 // scale * scale, : 210 // scale * scale].reshape(2, 150 // scale, scale, 210 // scale, scale)
+    # splines are nearly straight within a pixel: their spacing is 24
+    coarse = LATTICE.field(coefficients, scale)
+    np.testing.assert_allclose(coarse, parts.mean(axis=(2, 4)) / scale, atol=0.01 * np.abs(coarse).max())
