@@ -35,7 +35,7 @@ TESTS = TABLES.parent
 CHECKOUT = TESTS.parent
 PACKAGE = CHECKOUT / "src" / "radcal"
 OUTCOMES = CHECKOUT / ".mutants" / "outcomes.json"
-TIMEOUT_S = 900  # an endless loop is caught, too
+TIMEOUT_S = 240  # an endless loop is caught, too
 PYTEST = ("-n", "0", "-x", "-q", "-p", "no:cacheprovider", "--hypothesis-seed=0", "--no-header", "--tb=no")
 
 

@@ -420,6 +420,24 @@ def test_a_record_keeps_what_an_earlier_one_held(store: RunStore) -> None:
     record = store.get("k", ["a", "b"], image=True)
     assert record is not None
     np.testing.assert_array_equal(record.pixels_db["a"], [0, 0])
+    np.testing.assert_array_equal(record.image_db, np.ones((2, 2)))
+    # what is put last counts
+    store.put(Record("k", {"a": np.array([3, 4], np.float32)}, np.full((2, 2), 5, np.float32), 0.1), {})
+    latest = store.get("k", ["a", "b"], image=True)
+    assert latest is not None
+    np.testing.assert_array_equal(latest.pixels_db["a"], [3, 4])
+    np.testing.assert_array_equal(latest.image_db, np.full((2, 2), 5))
+    assert store.get("k", ["a", "c"]) is None
+
+
+def test_the_largest_difference_counts_in_either_direction() -> None:
+    def record(**pixels: list[float]) -> Record:
+        return Record("k", {name: np.array(values, np.float32) for name, values in pixels.items()}, None, 0.1)
+
+    one = record(a=[1.0, 2.0], b=[5.0], c=[])
+    assert one.largest_difference_db(record(a=[1.5, 2.0], b=[8.5], c=[])) == 3.5
+    assert one.largest_difference_db(record(a=[1.0, -2.25], b=[5.0], c=[])) == 4.25
+    assert record().largest_difference_db(record()) == 0.0
 
 
 def outside(build_case: Callable[..., Case], radar: dict[str, Any], **simulator: Any) -> Case:
