@@ -129,10 +129,11 @@ def survives(mutant: Mutant | None, tests: Sequence[str], folder: Path) -> bool:
     return ended.returncode == 0
 
 
-def outcomes(chosen: Sequence[Mutant], jobs: int) -> dict[str, bool]:
-    """Whether each mutant survives, by its key; those that were run before are taken from the file of outcomes."""
+def outcomes(chosen: Sequence[Mutant], jobs: int) -> dict[Mutant, bool]:
+    """Whether each mutant survives; those that were run before are taken from the file of outcomes."""
     known: dict[str, bool] = json.loads(OUTCOMES.read_text(encoding="utf-8")) if OUTCOMES.exists() else {}
-    left = [mutant for mutant in chosen if mutant.key not in known]
+    keys = {mutant: mutant.key for mutant in chosen}
+    left = [mutant for mutant in chosen if keys[mutant] not in known]
     with tempfile.TemporaryDirectory(prefix="radcal-mutants-") as base, ThreadPoolExecutor(jobs) as pool:
         folders: SimpleQueue[Path] = SimpleQueue()
         for k in range(jobs):
@@ -150,26 +151,26 @@ def outcomes(chosen: Sequence[Mutant], jobs: int) -> dict[str, bool]:
         futures = {pool.submit(run, mutant, mutant.tests): mutant for mutant in left}
         for number, future in enumerate(as_completed(futures), start=1):
             mutant, survived = futures[future], future.result()
-            known[mutant.key] = survived
+            known[keys[mutant]] = survived
             OUTCOMES.parent.mkdir(exist_ok=True)
             partial = OUTCOMES.with_suffix(".partial")
             partial.write_text(json.dumps(known, indent=1), encoding="utf-8")
             partial.replace(OUTCOMES)
             print(f"[{number}/{len(left)}] {'SURVIVED' if survived else 'caught  '} {mutant}", flush=True)
-    return {mutant.key: known[mutant.key] for mutant in chosen}
+    return {mutant: known[key] for mutant, key in keys.items()}
 
 
-def report(chosen: Sequence[Mutant], survived: dict[str, bool]) -> bool:
+def report(chosen: Sequence[Mutant], survived: dict[Mutant, bool]) -> bool:
     """Print the table by room and the survivors; whether every survivor has a reason."""
     rooms: dict[str, list[Mutant]] = defaultdict(list)
     for mutant in chosen:
         rooms[mutant.room].append(mutant)
     print("\n| room | mutants | caught | survived | caught [%] |\n|---|---|---|---|---|")
     for room, members in [*rooms.items(), ("all", list(chosen))]:
-        lived = sum(survived[mutant.key] for mutant in members)
+        lived = sum(survived[mutant] for mutant in members)
         share = 100.0 * (1.0 - lived / len(members))
         print(f"| {room} | {len(members)} | {len(members) - lived} | {lived} | {share:.1f} |")
-    left = [mutant for mutant in chosen if survived[mutant.key]]
+    left = [mutant for mutant in chosen if survived[mutant]]
     for mutant in left:
         print(f"survived: {mutant} ({mutant.reason or 'no test catches it'})")
     return all(mutant.reason for mutant in left)

@@ -106,9 +106,11 @@ def test_of_a_large_file_header_and_size_are_compared_first(tmp_path: Path) -> N
     content[place] ^= 1
     path.write_bytes(content)
     inspect(path, "scene", most_bytes=600)
-    path.write_bytes(content[:-1])
-    with pytest.raises(DamagedError, match="is damaged"):
-        inspect(path, "scene", most_bytes=600)
+    for other in (content[:-1], content + b"\0"):
+        path.write_bytes(other)
+        told = rf"is damaged \({len(other) - 512} bytes after the header, expected {len(content) - 512}\)"
+        with pytest.raises(DamagedError, match=told):
+            inspect(path, "scene", most_bytes=600)
 
 
 def test_a_file_of_the_largest_size_is_read_whole(tmp_path: Path) -> None:
