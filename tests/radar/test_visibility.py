@@ -40,8 +40,9 @@ def test_the_ray_of_the_horizon_passes_where_the_facet_begins_to_be_seen(
     ],
 )  # fmt: skip
 def test_halves_of_a_facet_hide_one_another(
-    middle_down: float, far_down: float, horizon: float, expected: tuple[float, float]
+    monkeypatch: pytest.MonkeyPatch, middle_down: float, far_down: float, horizon: float, expected: tuple[float, float]
 ) -> None:
+    monkeypatch.setattr(visibility, "seen_from", seen_from)  # nothing is compiled
     place = (100.0, 50.0, 102.5, middle_down, 105.0, far_down)
     found = visibility.part_seen.py_func(*place, horizon if horizon else -np.inf)
     np.testing.assert_allclose(found, expected, atol=1e-12)
