@@ -18,6 +18,7 @@ import hashlib
 import json
 import os
 import random
+import resource
 import shutil
 import subprocess
 import sys
@@ -35,7 +36,7 @@ TESTS = TABLES.parent
 CHECKOUT = TESTS.parent
 PACKAGE = CHECKOUT / "src" / "radcal"
 OUTCOMES = CHECKOUT / ".mutants" / "outcomes.json"
-TIMEOUT_S = 240  # an endless loop is caught, too
+CPU_S, TIMEOUT_S = 400, 900  # limits of a mutant's tests: loops and waits without an end are caught, too
 PYTEST = ("-n", "0", "-x", "-q", "-p", "no:cacheprovider", "--hypothesis-seed=0", "--no-header", "--tb=no")
 
 
@@ -103,6 +104,11 @@ def mutants(rooms: Sequence[str]) -> Iterator[Mutant]:
                 yield Mutant(table.stem, **{**entry, "tests": tuple(entry["tests"])})
 
 
+def _limit_cpu() -> None:
+    """End of the process after so much CPU time, which does not depend on how busy the machine is."""
+    resource.setrlimit(resource.RLIMIT_CPU, (CPU_S, CPU_S))
+
+
 def survives(mutant: Mutant | None, tests: Sequence[str], folder: Path) -> bool:
     """Whether all tests pass with a copy of the package in ``folder`` that holds the mutant (None for no change)."""
     copy = folder / "src" / "radcal"
@@ -124,6 +130,7 @@ def survives(mutant: Mutant | None, tests: Sequence[str], folder: Path) -> bool:
             cwd=CHECKOUT,
             env=environment,
             timeout=TIMEOUT_S if mutant is not None else None,
+            preexec_fn=_limit_cpu if mutant is not None else None,
             capture_output=True,
             text=True,
             check=False,

@@ -214,7 +214,7 @@ def test_a_run_with_one_new_law_is_a_run_from_nothing(geometry: Geometry, radar:
     np.testing.assert_array_equal(after, sims[1].run({"dyke": [1.0, 2.0, 3.0, 4.0], "grass": GRASS}, 5))
 
 
-@pytest.mark.parametrize("place", [(0, 0), (64, 128), (63, 127), (77, 150), (48, 111), (129, 40), (140, 169)])
+@pytest.mark.parametrize("place", [(0, 0), (64, 127), (77, 150), (50, 111), (140, 169)])
 def test_a_changed_pixel_is_formed_anew_in_all_tiles_within_reach(place: tuple[int, int]) -> None:
     """One pixel of another material, near the borders of tiles of 64 pixels: the rest of the image stays."""
     shape, radar = (141, 170), Radar(looks=1, range_spacing_m=1.6, azimuth_spacing_m=1.0)
