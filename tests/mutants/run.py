@@ -6,31 +6,45 @@ mutant is caught if one of its tests fails. Outcomes are kept in ``.mutants/outc
 continues an interrupted run; a mutant is run again once its tests or the file that it changes are others.
 
 Fields of a mutant: ``file`` (below the room), ``before`` (text that occurs once in the file), ``after`` (text in its
-place), ``tests`` (files below ``tests/``), ``reason`` (why no test can or should catch the mutant), ``slow`` (true
-where the tests take more than a few seconds, so that samples leave the mutant out).
+place), ``tests`` (files below ``tests/``, or tests in them: ``file::test``), ``reason`` (why no test can or should
+catch the mutant), ``slow`` (true where the tests take more than a few seconds, so that samples leave the mutant out).
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
+import contextlib
 import hashlib
 import json
 import os
 import random
 import resource
 import shutil
-import subprocess
+import signal
 import sys
 import tempfile
+import time
 import tomllib
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from queue import SimpleQueue
+from typing import Any
 
+os.environ |= dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")  # before numpy
+
+# imported once here, and not again for each mutant, whose process is forked from this one; nothing of radcal
+import h5py  # noqa: F401
+import hypothesis  # noqa: F401
+import numba
+import numpy as np
+import pydantic  # noqa: F401
+import pytest
+import scipy.ndimage
+import scipy.stats  # noqa: F401
+
+_numba: Any = numba.config  # its names are defined only at import
 TABLES = Path(__file__).resolve().parent
 TESTS = TABLES.parent
 CHECKOUT = TESTS.parent
@@ -53,7 +67,7 @@ class Mutant:
     before, after : str
         Text that occurs once in the file, and the text in its place.
     tests : tuple of str
-        Files below ``tests/`` that should catch the mutant.
+        Files below ``tests/``, or single tests of them (``file::test``), that should catch the mutant.
     reason : str
         Why the mutant may survive; empty for a mutant that must be caught.
     slow : bool
@@ -88,7 +102,8 @@ class Mutant:
     @property
     def key(self) -> str:
         """Hash of the changed file and of the tests."""
-        parts = [self.source, *((TESTS / name).read_text(encoding="utf-8") for name in self.tests)]
+        files = {name.partition("::")[0] for name in self.tests}
+        parts = [self.source, *self.tests, *((TESTS / name).read_text(encoding="utf-8") for name in sorted(files))]
         return hashlib.sha256("\0".join([self.room, self.file, *parts]).encode()).hexdigest()
 
     def __str__(self) -> str:
@@ -104,13 +119,8 @@ def mutants(rooms: Sequence[str]) -> Iterator[Mutant]:
                 yield Mutant(table.stem, **{**entry, "tests": tuple(entry["tests"])})
 
 
-def _limit_cpu() -> None:
-    """End of the process after so much CPU time, which does not depend on how busy the machine is."""
-    resource.setrlimit(resource.RLIMIT_CPU, (CPU_S, CPU_S))
-
-
-def survives(mutant: Mutant | None, tests: Sequence[str], folder: Path) -> bool:
-    """Whether all tests pass with a copy of the package in ``folder`` that holds the mutant (None for no change)."""
+def start(mutant: Mutant | None, tests: Sequence[str], folder: Path) -> int:
+    """Process that runs the tests with a copy of the package in ``folder`` that holds the mutant (None: no change)."""
     copy = folder / "src" / "radcal"
     shutil.rmtree(copy, ignore_errors=True)
     # machine code of numba is left out: its cache is named after all compiled sources, so that a changed one is
@@ -118,28 +128,50 @@ def survives(mutant: Mutant | None, tests: Sequence[str], folder: Path) -> bool:
     shutil.copytree(PACKAGE, copy, ignore=shutil.ignore_patterns("radcal-*"))
     if mutant is not None:
         (copy / mutant.room / mutant.file).write_text(mutant.source, encoding="utf-8")
-    environment = os.environ | {
-        "PYTHONPATH": str(folder / "src"),
-        "NUMBA_CACHE_DIR": str(folder / "numba"),
-        "HYPOTHESIS_STORAGE_DIRECTORY": str(folder / "hypothesis"),
-    }
-    command = [sys.executable, "-m", "pytest", *PYTEST, *(str(TESTS / name) for name in tests)]
-    try:
-        ended = subprocess.run(
-            command,
-            cwd=CHECKOUT,
-            env=environment,
-            timeout=TIMEOUT_S if mutant is not None else None,
-            preexec_fn=_limit_cpu if mutant is not None else None,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-    except subprocess.TimeoutExpired:
-        return False
-    if ended.returncode in (3, 4, 5):  # an error of pytest itself, and no tests
-        sys.exit(f"{mutant}: pytest ended with {ended.returncode}: {ended.stdout[-500:]}{ended.stderr[-500:]}")
-    return ended.returncode == 0
+    sys.stdout.flush()
+    child = os.fork()
+    if child == 0:
+        code = 3
+        try:
+            os.setsid()
+            with (folder / "log.txt").open("w") as log:
+                os.dup2(log.fileno(), 1)
+                os.dup2(log.fileno(), 2)
+            if mutant is not None:  # CPU time does not depend on how busy the machine is
+                resource.setrlimit(resource.RLIMIT_CPU, (CPU_S, CPU_S))
+            _numba.CACHE_DIR = str(folder / "numba")
+            os.environ["HYPOTHESIS_STORAGE_DIRECTORY"] = str(folder / "hypothesis")
+            os.environ["PYTHONPATH"] = str(folder / "src")  # for programs that tests start
+            os.environ["NUMBA_CACHE_DIR"] = str(folder / "numba")
+            sys.path.insert(0, str(folder / "src"))
+            os.chdir(CHECKOUT)
+            code = int(pytest.main([*PYTEST, *(str(TESTS / name) for name in tests)]))
+            sys.stdout.flush()
+        finally:
+            os._exit(code)
+    return child
+
+
+def ended(processes: Mapping[int, float]) -> tuple[int, int]:
+    """Number and exit code of the next of some processes to end; the values are the times at which they are killed."""
+    while True:
+        for child, deadline in processes.items():
+            found, status = os.waitpid(child, os.WNOHANG)
+            if found:
+                with contextlib.suppress(ProcessLookupError):  # programs that its tests have left
+                    os.killpg(child, signal.SIGKILL)
+                return child, os.waitstatus_to_exitcode(status)
+            if time.monotonic() > deadline:
+                os.killpg(child, signal.SIGKILL)
+        time.sleep(0.05)
+
+
+def check_tests(tests: Sequence[str], base: Path) -> None:
+    """End with a sentence if the tests fail without any mutant."""
+    code = ended({start(None, tests, base): np.inf})[1]
+    if code:
+        log = (base / "log.txt").read_text(encoding="utf-8", errors="replace")
+        sys.exit(f"the tests fail without any mutant: mend them first.\n{log[-2000:]}")
 
 
 def outcomes(chosen: Sequence[Mutant], jobs: int) -> dict[Mutant, bool]:
@@ -147,29 +179,28 @@ def outcomes(chosen: Sequence[Mutant], jobs: int) -> dict[Mutant, bool]:
     known: dict[str, bool] = json.loads(OUTCOMES.read_text(encoding="utf-8")) if OUTCOMES.exists() else {}
     keys = {mutant: mutant.key for mutant in chosen}
     left = [mutant for mutant in chosen if keys[mutant] not in known]
-    with tempfile.TemporaryDirectory(prefix="radcal-mutants-") as base, ThreadPoolExecutor(jobs) as pool:
-        folders: SimpleQueue[Path] = SimpleQueue()
-        for k in range(jobs):
-            folders.put(Path(base) / str(k))
-
-        def run(mutant: Mutant | None, tests: Sequence[str]) -> bool:
-            folder = folders.get()
-            try:
-                return survives(mutant, tests, folder)
-            finally:
-                folders.put(folder)
-
-        if left and not run(None, sorted({name for mutant in left for name in mutant.tests})):
-            sys.exit("the tests fail without any mutant: mend them first.")
-        futures = {pool.submit(run, mutant, mutant.tests): mutant for mutant in left}
-        for number, future in enumerate(as_completed(futures), start=1):
-            mutant, survived = futures[future], future.result()
-            known[keys[mutant]] = survived
+    total = len(left)
+    with tempfile.TemporaryDirectory(prefix="radcal-mutants-") as name:
+        free = [Path(name) / str(k) for k in range(jobs)]
+        if left:
+            check_tests(sorted({test for mutant in left for test in mutant.tests}), free[0])
+        running: dict[int, tuple[Mutant, Path, float]] = {}
+        while left or running:
+            while left and free:
+                mutant, folder = left.pop(0), free.pop()
+                running[start(mutant, mutant.tests, folder)] = mutant, folder, time.monotonic() + TIMEOUT_S
+            child, code = ended({number: deadline for number, (_, _, deadline) in running.items()})
+            mutant, folder, _ = running.pop(child)
+            if code in (3, 4, 5):  # an error of pytest itself, and no tests
+                sys.exit(f"{mutant}: pytest ended with {code}: {(folder / 'log.txt').read_text()[-1000:]}")
+            free.append(folder)
+            known[keys[mutant]] = code == 0
             OUTCOMES.parent.mkdir(exist_ok=True)
             partial = OUTCOMES.with_suffix(".partial")
             partial.write_text(json.dumps(known, indent=1), encoding="utf-8")
             partial.replace(OUTCOMES)
-            print(f"[{number}/{len(left)}] {'SURVIVED' if survived else 'caught  '} {mutant}", flush=True)
+            said = "SURVIVED" if code == 0 else "caught  " if code > 0 else "killed  "
+            print(f"[{total - len(left) - len(running)}/{total}] {said} {mutant}", flush=True)
     return {mutant: known[key] for mutant, key in keys.items()}
 
 

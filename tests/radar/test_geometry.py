@@ -289,6 +289,20 @@ def test_left_mirrors_right(scene: Scene, radar: Radar) -> None:
     assert other.material[5, 40] == 2
 
 
+@pytest.mark.parametrize("look_side", ["right", "left"])
+def test_places_of_pixels_are_those_of_flat_ground(build_scene: Build, radar: Radar, look_side: str) -> None:
+    geometry = make_geometry(
+        build_scene(lambda east, north: 0 * east, cells=(30, 44)), radar.model_copy(update={"look_side": look_side})
+    )
+    slant = ALTITUDE / np.cos(np.radians(geometry.flat_incidence_deg))
+    away = (np.sqrt(slant**2 - ALTITUDE**2) - ALTITUDE) / 5.0  # cells from the scene's middle
+    column = 22.0 + (away if look_side == "right" else -away) - 0.5
+    row = (np.arange(geometry.shape[1]) + 0.5) * radar.azimuth_spacing_m / 5.0 - 0.5
+    # facets are a third of a cell, and a pixel is half a cell
+    np.testing.assert_allclose(geometry.ground[1], np.tile(column[:, None], geometry.shape[1]), atol=0.15)
+    np.testing.assert_allclose(geometry.ground[0], np.tile(row, (geometry.shape[0], 1)), atol=0.15)
+
+
 def test_cells_are_in_order_and_add_up(geometry: Geometry, scene: Scene) -> None:
     assert geometry.cell_start[0] == geometry.facet_start[0] == 0
     assert geometry.cell_start[-1] == geometry.cell_material.size
