@@ -178,6 +178,25 @@ def test_shadow_of_a_wedge_is_right_to_a_fraction_of_a_facet(
     np.testing.assert_array_equal(geometry.shadow.any(axis=1), geometry.shadow.all(axis=1))
 
 
+@pytest.mark.parametrize("height", [7.3, 9.1])
+def test_area_of_a_facet_seen_in_part_is_that_of_its_visible_part(build_scene: Build, height: float) -> None:
+    """Level ground, on which the shadow of a wedge ends within a facet: beta0 is sigma0 over the sine, there too."""
+
+    def surface(east: np.ndarray, north: np.ndarray) -> np.ndarray:
+        return np.interp(east, [-80.0, 0.5, 1.5], [0.0, height, 0.0])
+
+    scene = build_scene(surface, cells=(16, 240), cell_m=1.0)
+    local, beta = (
+        make_geometry(scene, STEEP.model_copy(update={"radiometry": name})) for name in ("sigma0_local", "beta0")
+    )
+    share = weights(local)
+    end = int(np.flatnonzero(local.shadow[:, 5])[-1])
+    assert (share[end] < 0.9).all()
+    rows = slice(end, end + 4)
+    sine = np.sin(np.radians(beta.flat_incidence_deg[rows]))[:, None]
+    np.testing.assert_allclose(weights(beta)[rows] * sine, share[rows], atol=0.01)
+
+
 @pytest.mark.parametrize("depression", [20.0, 45.0, 70.0])
 def test_every_pixel_of_broken_ground_is_that_of_many_rays(build_scene: Build, depression: float) -> None:
     """sigma0_local against 500 rays a cell: gently up and steeply down, hidden ground is missing from the pixels."""
