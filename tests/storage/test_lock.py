@@ -6,6 +6,7 @@ import contextlib
 import fcntl
 import logging
 import os
+import signal
 import socket
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,6 +15,21 @@ import pytest
 
 from radcal.storage import lock
 from radcal.storage.lock import CaseLock, claimed
+
+
+@pytest.fixture(autouse=True)
+def _no_endless_wait() -> Iterator[None]:
+    """A test that waits for a lock fails."""
+
+    def late(*_: object) -> None:
+        raise AssertionError("waited for a lock")
+
+    before = signal.signal(signal.SIGALRM, late)
+    signal.alarm(20)
+    yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, before)
+
 
 KEY, OTHER = f"{5:020x}", f"{5 + 2**40:020x}"
 
