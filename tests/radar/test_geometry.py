@@ -78,14 +78,16 @@ def test_flat_ground_fills_every_pixel_and_its_facets_agree(build_scene: Build, 
 def test_area_of_a_tilted_plane_is_ulanders(build_scene: Build, radiometry: str, across: float, along: float) -> None:
     """Weights against delta_r delta_a / cos(psi), psi between the plane's normal and that of the slant plane."""
     altitude = 20_000.0
-    # a column is 2.48 facets wide: those at its edges belong to it in part
-    radar = Radar(altitude_m=altitude, range_spacing_m=1.0, azimuth_spacing_m=3.1, radiometry=radiometry)
+    # a column is no whole number of facets wide: those at its edges belong to it in part
+    radar = Radar(
+        altitude_m=altitude, depression_deg=35.0, range_spacing_m=1.0, azimuth_spacing_m=3.1, radiometry=radiometry
+    )  # fmt: skip
     geometry = make_geometry(build_scene(lambda east, north: across * east + along * north), radar)
     rows = geometry.shape[0]
     inside = np.s_[rows // 4 : -rows // 4, 10:-10]
     found = weights(geometry)[inside]
-    # the radar's direction at the scene's middle: 45 degrees to a thousandth
-    look = np.pi / 4
+    # the radar's direction at the scene's middle, to a thousandth
+    look = np.radians(55.0)
     normal = np.array([-across, -along, 1.0]) / np.sqrt(1 + across**2 + along**2)
     slant_normal = np.array([np.cos(look), 0.0, np.sin(look)])
     factor = {"beta0": 1.0, "sigma0_ref": np.sin(look), "gamma0": np.tan(look)}[radiometry]
