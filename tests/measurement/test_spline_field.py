@@ -132,3 +132,14 @@ def test_a_coarser_field_is_that_of_the_middles_of_its_pixels(scale):
     # splines are nearly straight within a pixel: their spacing is 24
     coarse = LATTICE.field(coefficients, scale)
     np.testing.assert_allclose(coarse, parts.mean(axis=(2, 4)) / scale, atol=0.01 * np.abs(coarse).max())
+
+
+@pytest.mark.parametrize("scale", [1, 2])
+def test_coefficients_of_a_plane_make_that_plane(scale):
+    """Cubic B-splines reproduce what is linear: the spline of number j has its middle at j - 1 spacings."""
+    row, column = (24.0 * (np.arange(n) - 1.0) for n in LATTICE.size)
+    plane = 3.0 + 0.2 * row[:, None] - 0.7 * column
+    y, x = ((np.arange(n // scale) + 0.5) * scale for n in LATTICE.shape)
+    found = LATTICE.field(np.stack([plane, -2.0 * plane]), scale) * scale
+    expected = 3.0 + 0.2 * y[:, None] - 0.7 * x
+    np.testing.assert_allclose(found, [expected, -2.0 * expected], atol=1e-9)
