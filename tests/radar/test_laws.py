@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radcal.config import Case
@@ -204,6 +204,7 @@ def box_of(name: str) -> list[tuple[float, float]]:
 
 
 @pytest.mark.parametrize("name", sorted(LAWS))
+@settings(max_examples=40, deadline=None)
 @given(data=st.data(), degrees=st.floats(0.0, 90.0))
 def test_every_law_is_finite_within_its_limits(name: str, data: st.DataObject, degrees: float) -> None:
     x = [data.draw(st.one_of(st.sampled_from(interval), st.floats(*interval))) for interval in box_of(name)]
