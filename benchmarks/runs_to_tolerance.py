@@ -44,7 +44,11 @@ def main() -> None:
 
     # no misregistration: benchmarks/registration.py measures its correction
     case: Case = case_from(
-        {"objective": "density", "measurement": {"source": "synthetic", "synthetic": {"warp_px": 0}}}
+        {
+            "radar": {"radiometry": "sigma0_local"},
+            "objective": "density",
+            "measurement": {"source": "synthetic", "synthetic": {"warp_px": 0}},
+        }
     )
     scene = make_scene(case.scene, list(case.materials))
     geometry = make_geometry(scene, case.radar)

@@ -11,14 +11,14 @@ import rasterio
 import yaml
 from workflow_project import ROOT
 
-from radcal.config import case_from, default_yaml, load
+from radcal.config import default_case, default_yaml, load
 
 CASES = sorted((ROOT / "config").glob("*.yaml"))
 
 
 def test_the_default_file_is_written_from_the_defaults():
     assert (ROOT / "config/config.yaml").read_text() == default_yaml(), "python -m radcal.config > config/config.yaml"
-    assert load([ROOT / "config/config.yaml"]) == case_from({})
+    assert load([ROOT / "config/config.yaml"]) == default_case()
 
 
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
@@ -34,6 +34,7 @@ def test_the_papers_presets_say_what_the_paper_says():
     assert small.stop.max_runs == 80 + 40
     for case in (paper, small):
         assert (case.surrogate.outputs, case.surrogate.training) == ("direct", "smt")
+        assert case.radar.radiometry == "sigma0_local"
         assert (case.optimiser.objective, case.optimiser.polish, case.stop.rms) == ("rms", False, 1e-5)
 
 

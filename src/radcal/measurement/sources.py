@@ -11,6 +11,7 @@ from scipy.ndimage import gaussian_filter
 
 from radcal import skewnormal
 from radcal.config import FileMeasurement, Radar, Synthetic, expand_path, stages, vrt_folders
+from radcal.config.measurement import RADIOMETRY_EXPECTED
 from radcal.errors import FitError, MeasurementError
 from radcal.measurement.displacement import invert, warp
 from radcal.measurement.georeference import (
@@ -55,7 +56,7 @@ def make_measurement(
     Raises
     ------
     MeasurementError
-        The file cannot be read, has another size, scale, polarisation or band, or leaves a
+        The file cannot be read, has another size, scale, radiometry, polarisation or band, or leaves a
         material without enough pixels above the noise.
     """
     if isinstance(case.measurement, FileMeasurement):
@@ -132,6 +133,7 @@ def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene:
     else:
         read = read_image(path, config, geometry.shape)
     _check_pass(read, radar, path)
+    _check_radiometry(read.radiometry, config.radiometry, radar, path)
     notes = [f"{path.name}: {read.counts}.", *read.notes]
     looks = estimate_looks(read.image_db, geometry.material, radar)
     if looks is not None:
@@ -144,6 +146,25 @@ def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene:
             f"{radar.band}, which is none of {', '.join(LETTER_BANDS_GHZ)}."
         )
     return Measurement(read.image_db, path.name, notes=tuple(notes))
+
+
+def _check_radiometry(of_file: str | None, configured: str | None, radar: Radar, path: Path) -> None:
+    """Refuse an image whose radiometry is unknown, or another one than configured."""
+    if of_file is None and configured is None:
+        raise MeasurementError(
+            f"measurement.radiometry is missing: {path} does not say it (SICD does with a polynomial of sigma0, beta0 "
+            f"or gamma0), {RADIOMETRY_EXPECTED}."
+        )
+    if of_file is not None and configured not in (None, of_file):
+        raise MeasurementError(
+            f"measurement.radiometry is {configured}, {path} is read as {of_file}: leave the key out, and set "
+            f"radar.radiometry: {of_file}."
+        )
+    if of_file is not None and of_file != radar.radiometry:
+        raise MeasurementError(
+            f"measurement.path: the radiometry of {path} is {of_file}, radar.radiometry is {radar.radiometry}: set it "
+            "to the image's, since the simulated image is made in it."
+        )
 
 
 def _check_pass(read: ReadImage, radar: Radar, path: Path) -> None:
