@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import rasterio
+from scipy.ndimage import uniform_filter
 
 from radcal.config import Case, Radar
 from radcal.errors import ConfigError, MeasurementError
@@ -396,6 +397,25 @@ def test_the_right_scale_says_the_looks(
     assert re.search(r"speckle of a.tif is that of [34]\.?\d* looks .*radar.looks is 4\.$", note)
     other = build_case(measurement=file, radar={"looks": 8, "radiometry": "sigma0_local"})
     assert "densities will be narrower" in make_measurement(other, geometry, NoSimulator()).notes[1]
+
+
+def test_a_speckle_filtered_image_is_called_that(
+    speckle: tuple[Geometry, np.ndarray], tmp_path: Path, build_case: Build
+) -> None:
+    geometry, power = speckle
+    write(tmp_path / "a.tif", uniform_filter(power, 3).astype(np.float32))
+    file = {"source": "file", "path": str(tmp_path / "a.tif"), "scale": "power", "radiometry": "sigma0_ref"}
+    with pytest.raises(
+        MeasurementError,
+        match=r"^measurement\.path: a\.tif is speckle-filtered: .* that of 1\d\.?\d* looks .*; radar\.looks is 4, and "
+        r".* use the image before filtering, or set radar\.looks: 1\d ",
+    ):
+        make_measurement(build_case(measurement=file, radar={"looks": 4}), geometry, NoSimulator())
+    notes = make_measurement(build_case(measurement=file, radar={"looks": 14}), geometry, NoSimulator()).notes
+    assert notes[2].startswith("a.tif is speckle-filtered or smoothed in another way")
+    coarse = {"range_resolution_m": 1.8, "azimuth_resolution_m": 7.0, "azimuth_spacing_m": 5.0, "looks": 14}
+    notes = make_measurement(build_case(measurement=file, radar=coarse), geometry, NoSimulator()).notes
+    assert "radar.range_resolution_m is 1.8 and radar.azimuth_resolution_m 7" in notes[2]
 
 
 def test_an_image_below_the_noise_floor_is_told_before_any_run(read: Read, image_db: np.ndarray) -> None:

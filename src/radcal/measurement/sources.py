@@ -23,6 +23,7 @@ from radcal.measurement.georeference import (
 from radcal.measurement.looks import check_looks, estimate_looks
 from radcal.measurement.model import Measurement
 from radcal.measurement.pixels import IN_THE_NOISE, eligible_pixels, noise_limited
+from radcal.measurement.point_spread import estimate_point_spread, is_filtered, point_spread_note
 from radcal.measurement.readers import ReadImage, image_of, read_image
 from radcal.radar.bands import LETTER_BANDS_GHZ, letter_band, within_band
 from radcal.radar.geometry import Geometry
@@ -136,10 +137,13 @@ def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene:
     _check_radiometry(read.radiometry, config.radiometry, radar, path)
     notes = [f"{path.name}: {read.counts}.", *read.notes]
     looks = estimate_looks(read.image_db, geometry.material, radar)
+    spread = estimate_point_spread(read.image_db, geometry.material, radar)
     if looks is not None:
-        notes.append(check_looks(looks, radar.looks, config.scale, path.name))
+        notes.append(check_looks(looks, radar.looks, config.scale, path.name, is_filtered(spread, looks, radar)))
     elif config.scale == "complex" and radar.looks != 1:
         notes.append(f"{path.name}: complex pixels have a single look, radar.looks is {radar.looks}.")
+    if spread is not None and (note := point_spread_note(spread, looks, radar, path.name)) is not None:
+        notes.append(note)
     if read.frequency_hz is not None and within_band(radar.band, read.frequency_hz) is None:
         notes.append(
             f"{path.name}: its carrier of {read.frequency_hz / 1e9:.4g} GHz is not compared with radar.band = "
