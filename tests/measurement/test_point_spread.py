@@ -63,6 +63,16 @@ def test_texture_that_is_correlated_further_does_not_count() -> None:
     assert found(power(texture(10.0, 1.5))).range_m == pytest.approx(found(power()).range_m, rel=0.04)
 
 
+@pytest.mark.parametrize(("side", "looks"), [(3, 4), (3, 1), (5, 4)])
+def test_a_mean_divides_the_variance_by_its_growth_of_the_correlation_area(side: int, looks: int) -> None:
+    """The mean over n pixels in independent cells of c pixels: looks and correlation area grow by about n / c."""
+    radar, image = Radar(looks=looks), power(looks=looks)
+    smooth = uniform_filter(image, side)
+    variances = [np.var(values) / np.mean(values) ** 2 for values in (image, smooth)]
+    assert found(image, radar).smoothing == pytest.approx(1.0, rel=0.1)
+    assert found(smooth, radar).smoothing == pytest.approx(variances[0] / variances[1], rel=0.2)
+
+
 def test_error_falls_with_the_number_of_windows() -> None:
     """The bootstrap's part against the scatter over seeds."""
     shape = (96, 144)  # 36 windows
@@ -104,6 +114,7 @@ def test_filtered_speckle_is_recognised(image: str) -> None:
     [
         ({}, 0.0, 1.0, None),
         ({}, 1.5, 1.0, None),
+        ({"texture_px": 3.0}, 1.0, 1.0, None),  # correlated over 2 times the area, too, but with fewer looks
         ({"looks": 16}, 0.0, 1.0, None),  # of the sensor
         ({}, 0.0, 0.5, None),  # amplitude, read as power
         (
@@ -113,19 +124,21 @@ def test_filtered_speckle_is_recognised(image: str) -> None:
     ],
 )  # fmt: skip
 def test_what_is_not_a_filter(keys: dict[str, float], sd_db: float, exponent: float, note: str | None) -> None:
-    is_so, said = judged(power(texture(10.0, sd_db), **keys) ** exponent)
+    keys = dict(keys)
+    pattern = texture(keys.pop("texture_px", 10.0), sd_db)
+    is_so, said = judged(power(pattern, **keys) ** exponent)
     assert not is_so
     assert said is None if note is None else (str(said).startswith(note) and "set them to the image's" in str(said))
 
 
 def test_note_gives_both_numbers() -> None:
-    spread = PointSpread(2.5, 3.4, 0.13, 0.17, 100)
+    spread = PointSpread(2.5, 3.4, 0.13, 0.17, 1.2, 100)
     assert point_spread_note(spread, None, RADAR, "b.tif") == (
         "by its speckle the point spread of b.tif is 2.5 +- 0.13 m in slant range and 3.4 +- 0.17 m in azimuth, "
         "radar.range_resolution_m is 2 and radar.azimuth_resolution_m 3.5: set them to the image's, unless it was "
-        "resampled."
+        "resampled or has texture of a few pixels."
     )
-    assert point_spread_note(PointSpread(2.2, 3.4, 0.13, 0.17, 100), None, RADAR, "b.tif") is None
+    assert point_spread_note(PointSpread(2.2, 3.4, 0.13, 0.17, 1.1, 100), None, RADAR, "b.tif") is None
 
 
 def test_small_materials_and_gaps_give_none() -> None:

@@ -19,10 +19,11 @@ _FAR = 2.0  # widths beyond which speckle is not correlated; texture, which is c
 _DRAWS = 100
 _SHAPE = 0.05  # relative error that other weightings than Taylor's (Hamming 3 %, Kaiser 10 %) and texture leave
 _CERTAIN = 2.0  # standard errors
-# times the configured area of a resolution cell: with more looks than configured, and with the same looks, where only
-# resolutions that are wrong by half could do the same
-_SMOOTHED, _SMOOTHED_ALONE = 1.5, 2.25
-_MORE_LOOKS = 1.5  # times the configured looks
+_REACH = 7  # distance in pixels over which the correlation area is summed: that of the usual filters
+_MORE_LOOKS, _SMOOTHED = 1.5, 1.5  # looks and correlation area of filtered speckle over the configured ones
+# with the configured looks: area of the point spread that only resolutions wrong by half explain, and correlation area
+# that only texture explains, which lowers the looks
+_COARSE, _SMOOTHED_ALONE, _AS_MANY_LOOKS = 2.25, 4.0, 0.9
 # widths over the pixel spacing: from sampling far below the bandwidth to filters far wider than any window
 _WIDTHS = np.geomspace(0.4, 30.0, 600)
 
@@ -38,6 +39,10 @@ class PointSpread:
         image's [m].
     range_error_m, azimuth_error_m : float
         Standard errors [m].
+    smoothing : float
+        Correlation area of the power, the sum of its autocorrelation over both directions, over that of the configured
+        resolutions. A mean over some area multiplies it by about the number of independent pixels in that area; other
+        than a width, it grows also where a filter leaves a part of each pixel as it was.
     windows : int
         Number of windows used.
     """
@@ -46,11 +51,8 @@ class PointSpread:
     azimuth_m: float
     range_error_m: float
     azimuth_error_m: float
+    smoothing: float
     windows: int
-
-    def cells(self, radar: Radar) -> float:
-        """Area over that of the configured resolutions."""
-        return self.range_m * self.azimuth_m / (radar.range_resolution_m * radar.azimuth_resolution_m)
 
 
 def estimate_point_spread(
@@ -99,6 +101,7 @@ def estimate_point_spread(
     rng = np.random.default_rng(0)  # seed of the bootstrap only: the estimate itself is not random
     found: list[float] = []
     errors: list[float] = []
+    smoothing = 1.0
     for semivariances, way in zip(both, ("range", "azimuth"), strict=True):
         spacing, resolution = getattr(radar, f"{way}_spacing_m"), getattr(radar, f"{way}_resolution_m")
         each = semivariances[usual]
@@ -108,7 +111,8 @@ def estimate_point_spread(
         again = [_width(each[draw].mean(axis=0), expected, resolution / spacing) for draw in draws]
         found.append(width * spacing)
         errors.append(spacing * float(np.hypot(np.std(again), _SHAPE * width)))
-    return PointSpread(found[0], found[1], errors[0], errors[1], int(np.count_nonzero(usual)))
+        smoothing *= _correlation_length(each.mean(axis=0), resolution / spacing)
+    return PointSpread(found[0], found[1], errors[0], errors[1], smoothing, int(np.count_nonzero(usual)))
 
 
 def _windows(image_db: NDArray[np.float32], material: NDArray[np.uint8], radar: Radar) -> NDArray[np.float64]:
@@ -148,12 +152,21 @@ def _width(semivariances: NDArray[np.float64], expected: NDArray[np.float64], st
     return width
 
 
-def is_filtered(found: PointSpread | None, looks: Looks | None, radar: Radar) -> bool:
-    """Whether an image has far more looks and a far larger point spread than configured, as filtered speckle has.
+def _correlation_length(semivariances: NDArray[np.float64], resolution: float) -> float:
+    """Sum of the autocorrelation over distances of both signs, over that of a resolution [pixels]."""
+    reach = min(semivariances.size - 2, _REACH)
+    seen = 1.0 - semivariances[:reach] / semivariances[reach : reach + 2].mean()
+    expected = speckle_correlation(np.arange(1, reach + 1) / resolution)
+    return float((1.0 + 2.0 * np.maximum(seen, 0.0).sum()) / (1.0 + 2.0 * expected.sum()))
 
-    Smoothing of a detected image over some area divides the variance of speckle by about the factor by which it
-    enlarges the point spread, so that both grow together. More looks of the sensor leave the point spread as it is, a
-    coarser resolution leaves the looks, and a wrong ``measurement.scale`` changes the looks alone.
+
+def is_filtered(found: PointSpread | None, looks: Looks | None, radar: Radar) -> bool:
+    """Whether an image has far more looks and a far larger correlation area than configured, as filtered speckle has.
+
+    Smoothing of a detected image divides the variance of speckle by about the factor by which it enlarges the
+    correlation area, so that looks and correlation area grow together. More looks of the sensor leave the correlation
+    as it is, a coarser resolution leaves the looks, texture lowers them, and a wrong ``measurement.scale`` changes the
+    looks alone.
 
     Parameters
     ----------
@@ -169,14 +182,15 @@ def is_filtered(found: PointSpread | None, looks: Looks | None, radar: Radar) ->
     """
     if found is None or looks is None:
         return False
-    return looks.looks > _MORE_LOOKS * radar.looks and found.cells(radar) > _SMOOTHED
+    return looks.looks > _MORE_LOOKS * radar.looks and found.smoothing > _SMOOTHED
 
 
 def point_spread_note(found: PointSpread, looks: Looks | None, radar: Radar, source: str) -> str | None:
     """Sentence on a point spread that differs from the configured resolutions; None where it does not.
 
-    Where ``radar.looks`` has been set to what a filter left, the point spread alone shows the filter: the image is said
-    to be smoothed if its resolution cell has 2.25 times the configured area.
+    Where ``radar.looks`` has been set to what a filter left, the correlation alone shows the filter: the image is said
+    to be smoothed if the area of its point spread is 2.25 times the configured one, or if its correlation area is 4
+    times the configured one without the loss of looks that texture would cause.
 
     Parameters
     ----------
@@ -189,16 +203,20 @@ def point_spread_note(found: PointSpread, looks: Looks | None, radar: Radar, sou
         (found.range_m, radar.range_resolution_m, found.range_error_m),
         (found.azimuth_m, radar.azimuth_resolution_m, found.azimuth_error_m),
     )
-    if all(abs(width - resolution) <= _CERTAIN * error for width, resolution, error in compared):
-        return None
     said = (
         f"by its speckle the point spread of {source} is {found.range_m:.3g} +- {found.range_error_m:.2g} m in slant "
         f"range and {found.azimuth_m:.3g} +- {found.azimuth_error_m:.2g} m in azimuth, radar.range_resolution_m is "
         f"{radar.range_resolution_m:g} and radar.azimuth_resolution_m {radar.azimuth_resolution_m:g}"
     )
+    area = f"its speckle is correlated over {found.smoothing:.2g} times the area that these resolutions give"
     if looks is not None and is_filtered(found, looks, radar):
         more = f"{looks.looks / radar.looks:.2g} times radar.looks"
-        return f"{source} is speckle-filtered: {said}, and it has {more}. Use the image before filtering."
-    if found.cells(radar) > _SMOOTHED_ALONE:
-        return f"{source} is speckle-filtered or smoothed in another way, unless both resolutions are wrong: {said}."
-    return f"{said}: set them to the image's, unless it was resampled."
+        return f"{source} is speckle-filtered: {said}; {area}, and it has {more}. Use the image before filtering."
+    as_many = looks is not None and looks.looks > _AS_MANY_LOOKS * radar.looks
+    cells = found.range_m * found.azimuth_m / (radar.range_resolution_m * radar.azimuth_resolution_m)
+    if cells > _COARSE or (found.smoothing > _SMOOTHED_ALONE and as_many):
+        guess = "speckle-filtered or smoothed in another way, unless both resolutions are wrong"
+        return f"{source} is {guess}: {said}; {area}."
+    if all(abs(width - resolution) <= _CERTAIN * error for width, resolution, error in compared):
+        return None
+    return f"{said}: set them to the image's, unless it was resampled or has texture of a few pixels."
