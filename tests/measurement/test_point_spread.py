@@ -116,6 +116,7 @@ def test_filtered_speckle_is_recognised(image: str) -> None:
         ({}, 1.5, 1.0, None),
         ({"texture_px": 3.0}, 1.0, 1.0, None),  # correlated over 2 times the area, too, but with fewer looks
         ({"looks": 16}, 0.0, 1.0, None),  # of the sensor
+        ({"looks": 16}, 1.5, 1.0, None),
         ({}, 0.0, 0.5, None),  # amplitude, read as power
         (
             {"range_resolution_m": 2.6, "azimuth_resolution_m": 4.55}, 0.0, 1.0,

@@ -81,8 +81,8 @@ def test_a_scene_from_gis_rasters_to_the_report(project):
     level = {"pixels": 400, "normalisation": "offset"}
     hidden = {"parameters": {"field": [6.1, 14.2, 21.5, 3.3]}, "seed": 1, "warp_px": 0, "offset_db": 3.0}
     changes = {
-        "case": "gis", "radar": {"altitude_m": 1000.0}, "target": level, "stop": {"rms": 3e-3, "max_runs": 16},
-        "measurement": {"synthetic": hidden},
+        "case": "gis", "radar": {"altitude_m": 1000.0, "radiometry": "sigma0_local"}, "target": level,
+        "stop": {"rms": 3e-3, "max_runs": 16}, "measurement": {"synthetic": hidden},
     }  # fmt: skip
     project.write("asked.yaml", scene=scene, **changes)
     done = project.run("--configfile", "asked.yaml")

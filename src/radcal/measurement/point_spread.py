@@ -20,10 +20,10 @@ _DRAWS = 100
 _SHAPE = 0.05  # relative error that other weightings than Taylor's (Hamming 3 %, Kaiser 10 %) and texture leave
 _CERTAIN = 2.0  # standard errors
 _REACH = 7  # distance in pixels over which the correlation area is summed: that of the usual filters
-_MORE_LOOKS, _SMOOTHED = 1.5, 1.5  # looks and correlation area of filtered speckle over the configured ones
-# with the configured looks: area of the point spread that only resolutions wrong by half explain, and correlation area
-# that only texture explains, which lowers the looks
-_COARSE, _SMOOTHED_ALONE, _AS_MANY_LOOKS = 2.25, 4.0, 0.9
+_MORE_LOOKS, _WIDER = 1.5, 1.5  # looks and area of the point spread of filtered speckle over the configured ones
+# without more looks than configured: an area that only resolutions wrong by half explain, or a smaller one beside a
+# correlation area that otherwise only texture explains, which lowers the looks
+_COARSE, _SMOOTHED, _AS_MANY_LOOKS = 2.25, 3.0, 0.9
 # widths over the pixel spacing: from sampling far below the bandwidth to filters far wider than any window
 _WIDTHS = np.geomspace(0.4, 30.0, 600)
 
@@ -53,6 +53,10 @@ class PointSpread:
     azimuth_error_m: float
     smoothing: float
     windows: int
+
+    def cells(self, radar: Radar) -> float:
+        """Area of the point spread over that of the configured resolutions."""
+        return self.range_m * self.azimuth_m / (radar.range_resolution_m * radar.azimuth_resolution_m)
 
 
 def estimate_point_spread(
@@ -161,10 +165,10 @@ def _correlation_length(semivariances: NDArray[np.float64], resolution: float) -
 
 
 def is_filtered(found: PointSpread | None, looks: Looks | None, radar: Radar) -> bool:
-    """Whether an image has far more looks and a far larger correlation area than configured, as filtered speckle has.
+    """Whether an image has far more looks and a far larger point spread than configured, as filtered speckle has.
 
     Smoothing of a detected image divides the variance of speckle by about the factor by which it enlarges the
-    correlation area, so that looks and correlation area grow together. More looks of the sensor leave the correlation
+    correlation area, so that looks and point spread grow together. More looks of the sensor leave the correlation
     as it is, a coarser resolution leaves the looks, texture lowers them, and a wrong ``measurement.scale`` changes the
     looks alone.
 
@@ -182,15 +186,15 @@ def is_filtered(found: PointSpread | None, looks: Looks | None, radar: Radar) ->
     """
     if found is None or looks is None:
         return False
-    return looks.looks > _MORE_LOOKS * radar.looks and found.smoothing > _SMOOTHED
+    return looks.looks > _MORE_LOOKS * radar.looks and found.cells(radar) > _WIDER
 
 
 def point_spread_note(found: PointSpread, looks: Looks | None, radar: Radar, source: str) -> str | None:
     """Sentence on a point spread that differs from the configured resolutions; None where it does not.
 
     Where ``radar.looks`` has been set to what a filter left, the correlation alone shows the filter: the image is said
-    to be smoothed if the area of its point spread is 2.25 times the configured one, or if its correlation area is 4
-    times the configured one without the loss of looks that texture would cause.
+    to be smoothed if the area of its point spread is 2.25 times the configured one, or if it is 1.5 times the
+    configured one and the correlation area 3 times, without the loss of looks that texture would cause.
 
     Parameters
     ----------
@@ -213,8 +217,8 @@ def point_spread_note(found: PointSpread, looks: Looks | None, radar: Radar, sou
         more = f"{looks.looks / radar.looks:.2g} times radar.looks"
         return f"{source} is speckle-filtered: {said}; {area}, and it has {more}. Use the image before filtering."
     as_many = looks is not None and looks.looks > _AS_MANY_LOOKS * radar.looks
-    cells = found.range_m * found.azimuth_m / (radar.range_resolution_m * radar.azimuth_resolution_m)
-    if cells > _COARSE or (found.smoothing > _SMOOTHED_ALONE and as_many):
+    cells = found.cells(radar)
+    if cells > _COARSE or (cells > _WIDER and found.smoothing > _SMOOTHED and as_many):
         guess = "speckle-filtered or smoothed in another way, unless both resolutions are wrong"
         return f"{source} is {guess}: {said}; {area}."
     if all(abs(width - resolution) <= _CERTAIN * error for width, resolution, error in compared):
