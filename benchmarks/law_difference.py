@@ -21,7 +21,7 @@ from threadpoolctl import threadpool_limits
 from radcal.calibration.bin_target import bin_targets
 from radcal.calibration.law_check import check_laws
 from radcal.calibration.loop import calibrate
-from radcal.config import Case, load
+from radcal.config import default_case
 from radcal.measurement.registration import register
 from radcal.measurement.sources import make_measurement
 from radcal.measurement.target_fit import make_targets
@@ -43,7 +43,7 @@ def main() -> None:
     arguments = parser.parse_args()
     seeds = range(1, 3 if arguments.quick else 11)
 
-    default: Case = load([])
+    default = default_case()
     scene = make_scene(default.scene, list(default.materials))
     geometry = make_geometry(scene, default.radar)
     simulator = BuiltinSimulator(geometry, default.radar, {name: m.law for name, m in default.materials.items()})

@@ -22,7 +22,7 @@ from threadpoolctl import threadpool_limits
 
 from radcal.calibration.loop import calibrate
 from radcal.calibration.steps import noise_seed
-from radcal.config import Case, case_from
+from radcal.config import case_from, default_case
 from radcal.measurement.registration import register
 from radcal.measurement.sources import make_measurement
 from radcal.measurement.target_fit import make_targets
@@ -47,7 +47,7 @@ class Bench:
     """Default case with one run store for all calibrations."""
 
     def __init__(self, folder: Path) -> None:
-        self.default = Case()
+        self.default = default_case()
         scene = make_scene(self.default.scene, list(self.default.materials))
         self.geometry = make_geometry(scene, self.default.radar)
         laws = {name: material.law for name, material in self.default.materials.items()}

@@ -58,7 +58,11 @@ def main() -> None:
 def measured(method: str, count: int) -> dict[str, Any]:
     """Runs that one method needs for each target."""
     # no misregistration: benchmarks/registration.py measures its correction
-    settings = {"objective": "density", "measurement": {"source": "synthetic", "synthetic": {"warp_px": 0}}}
+    settings = {
+        "radar": {"radiometry": "sigma0_local"},
+        "objective": "density",
+        "measurement": {"source": "synthetic", "synthetic": {"warp_px": 0}},
+    }
     case: Case = case_from({**settings, **METHODS[method]})
     scene = make_scene(case.scene, list(case.materials))
     geometry = make_geometry(scene, case.radar)

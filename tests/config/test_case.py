@@ -171,6 +171,14 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     (measured(scale=None), ["measurement.scale is None"]),
     ({"measurement": {"source": "file", "path": "a.tif"}}, ["measurement.scale is missing"]),
     ({"measurement": {"source": "file", "scale": "db"}}, ["measurement.path is missing"]),
+    (
+        {"measurement": {"source": "file", "path": "a.tif", "scale": "db"}},
+        [
+            "measurement.radiometry is missing: a.tif does not say it, expected sigma0_ref, sigma0_local",
+            "or gamma0_rtc",
+        ],
+    ),
+    (measured(radiometry="sigma0"), ["measurement.radiometry is 'sigma0'", "'gamma0_rtc'"]),
     (measured(polarisation="HH "), ["measurement.polarisation is 'HH '", "'HH', 'HV', 'VH' or 'VV'"]),
     (measured(polarisation="HV"), ["measurement.polarisation is HV, radar.polarisation is HH", "never mixed"]),
     (measured(carrier_band="C"), ["measurement.carrier_band is 'C', radar.band is 'X'", "never mixed"]),
@@ -245,7 +253,9 @@ def test_each_union_member_is_read() -> None:
     assert case_from(mapped(bounds=[0, 1, 2, 3])).scene == RasterScene(
         source="raster", elevation="a.tif", materials="b.tif", names="a.json", bounds=(0, 1, 2, 3)
     )
-    assert case_from(measured()).measurement == FileMeasurement(source="file", path="a.tif", scale="db")
+    assert case_from(measured()).measurement == FileMeasurement(
+        source="file", path="a.tif", scale="db", radiometry="sigma0_ref"
+    )
 
 
 def test_measurement_of_the_same_pass() -> None:
@@ -254,7 +264,9 @@ def test_measurement_of_the_same_pass() -> None:
     )
     assert isinstance(declared.measurement, FileMeasurement)
     assert (declared.measurement.polarisation, declared.measurement.carrier_band) == ("VV", "l-band")
-    assert case_from(measured(band=2)).measurement == FileMeasurement(path="a.tif", scale="db", band=2)
+    assert case_from(measured(band=2)).measurement == FileMeasurement(
+        path="a.tif", scale="db", radiometry="sigma0_ref", band=2
+    )
 
 
 def test_calibrated_materials_keep_the_order_of_the_file() -> None:
@@ -307,9 +319,14 @@ def test_laws_know_the_pass() -> None:
 
 def test_a_measurement_of_another_radiometry_is_refused() -> None:
     file = {"source": "file", "path": "a.tif", "scale": "power", "radiometry": "gamma0"}
-    with pytest.raises(ConfigError, match=r"measurement\.radiometry is gamma0, radar\.radiometry is sigma0_local: set"):
+    with pytest.raises(ConfigError, match=r"measurement\.radiometry is gamma0, radar\.radiometry is sigma0_ref: set"):
         case_from({"measurement": file})
     assert case_from({"measurement": file, "radar": {"radiometry": "gamma0"}}).radar.radiometry == "gamma0"
+
+
+@pytest.mark.parametrize("path", ["a.nitf", "a.NTF", "b/a.sicd", "${IMAGE}"])
+def test_a_file_that_may_say_its_radiometry_is_not_asked_for_it(path: str) -> None:
+    assert case_from(measured(path=path, radiometry=None)).measurement.radiometry is None
 
 
 @pytest.mark.parametrize(

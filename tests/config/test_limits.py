@@ -109,7 +109,7 @@ CASES: list[dict[str, Any]] = [
     {
         "scene": FLAT,
         "materials": {"a": {"calibrate": True, "law": "external", "names": ["p"], "bounds": [[0, 9]], "start": [4]}},
-        "measurement": {"source": "file", "path": "a.tif", "scale": "db", "band": 2},
+        "measurement": {"source": "file", "path": "a.tif", "scale": "db", "radiometry": "sigma0_ref", "band": 2},
         "simulator": PROGRAM,
     },
     {"simulator": PROGRAM | {"output": {"file": "a.tif", "scale": "db", "band": 2}}},

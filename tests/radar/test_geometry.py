@@ -96,6 +96,21 @@ def test_area_of_a_tilted_plane_is_ulanders(build_scene: Build, radiometry: str,
     np.testing.assert_allclose(10 * np.log10(found / expected), 0.0, atol=0.05)
 
 
+@pytest.mark.parametrize(("across", "along"), [(0.0, 0.0), (0.25, 0.0), (-0.3, 0.0), (0.0, 0.3), (0.2, -0.2)])
+def test_terrain_flattening_leaves_the_cosine_of_the_local_incidence(
+    build_scene: Build, across: float, along: float
+) -> None:
+    """A plane's illuminated area is its own times that cosine, whatever its slope (Small 2011)."""
+    radar = Radar(altitude_m=20_000.0, range_spacing_m=1.0, azimuth_spacing_m=2.5, radiometry="gamma0_rtc")
+    geometry = make_geometry(build_scene(lambda east, north: across * east + along * north), radar)
+    rows = geometry.shape[0]
+    inside = np.s_[rows // 4 : -rows // 4, 10:-10]
+    look = np.pi / 4
+    normal = np.array([-across, -along, 1.0]) / np.sqrt(1 + across**2 + along**2)
+    cosine = normal @ np.array([-np.sin(look), 0.0, np.cos(look)])
+    np.testing.assert_allclose(10 * np.log10(weights(geometry)[inside] * cosine), 0.0, atol=0.05)
+
+
 def test_power_is_conserved_in_layover_and_shadow(build_scene: Build) -> None:
     """Every visible facet's area arrives in the image, folded or not."""
     radar = Radar(altitude_m=500.0, depression_deg=45.0, range_spacing_m=1.0, azimuth_spacing_m=1.0,
@@ -138,7 +153,12 @@ def test_slope_steeper_than_the_look_angle_faces_away() -> None:
 
 
 STEEP = Radar(
-    altitude_m=3000.0, range_spacing_m=1.0, azimuth_spacing_m=1.0, range_resolution_m=2.0, azimuth_resolution_m=2.0
+    altitude_m=3000.0,
+    range_spacing_m=1.0,
+    azimuth_spacing_m=1.0,
+    range_resolution_m=2.0,
+    azimuth_resolution_m=2.0,
+    radiometry="sigma0_local",
 )  # as large as the cells of these scenes, so that facets are the cells and ground is straight between their middles
 
 
@@ -225,7 +245,7 @@ def test_every_pixel_of_broken_ground_is_that_of_many_rays(build_scene: Build, d
     np.testing.assert_array_equal(geometry.shadow[:, 3], hidden > 0)
 
 
-@pytest.mark.parametrize("radiometry", ["sigma0_local", "beta0", "gamma0"])
+@pytest.mark.parametrize("radiometry", ["sigma0_local", "beta0", "gamma0", "gamma0_rtc"])
 def test_powers_add_in_layover(build_scene: Build, radiometry: str) -> None:
     """A ramp that rises twice as fast as it goes away: three places in each row of its fold, and their echoes' sum."""
     slope, length = 2.0, 24.0
@@ -243,10 +263,14 @@ def test_powers_add_in_layover(build_scene: Build, radiometry: str) -> None:
     assert folded.size > 5
     # area over slant range of level ground, of the ramp and of the back; 1 each where areas do not count
     look = np.arctan2(3000.0 + length / 2, 3000.0 + scene.elevation_m.mean() - slope * length / 2)
-    per_m = []
+    per_m, illuminated = [], []
     for rise in (0.0, slope, -slope * length / (120.0 - length)):
         per_m.append(np.hypot(1.0, rise) / abs(np.sin(look) - rise * np.cos(look)))
-    expected = {"sigma0_local": 3.0, "beta0": sum(per_m), "gamma0": sum(per_m) * np.tan(look)}[radiometry]
+        illuminated.append(per_m[-1] * (np.cos(look) + rise * np.sin(look)) / np.hypot(1.0, rise))
+    beta0 = sum(per_m)
+    expected = {
+        "sigma0_local": 3.0, "beta0": beta0, "gamma0": beta0 * np.tan(look), "gamma0_rtc": beta0 / sum(illuminated)
+    }[radiometry]  # fmt: skip
     # the ray turns by half a degree on the way
     np.testing.assert_allclose(folded, expected, rtol=1e-4 if radiometry == "sigma0_local" else 0.02)
 
@@ -384,14 +408,14 @@ def test_a_file_of_an_earlier_version_is_the_same_geometry(tmp_path: Path) -> No
         point_amplitude=np.array([2.5, 0.4], dtype=np.float32),
         point_number=np.array([7, 3], dtype=np.uint32),
     )
-    path = tmp_path / "geometry.h5"
+    path, radar = tmp_path / "geometry.h5", Radar(radiometry="sigma0_local")
     path.write_bytes(gzip.decompress(Path(__file__).with_name("geometry_5.h5.gz").read_bytes()))
     assert same(read_geometry(path), small)
     # a finished calibration rests on it, however its file is packed
     (tmp_path / "calibration.h5").touch()
     with pytest.raises(ConfigError, match="holds a finished calibration of another geometry"):
-        write_geometry(path, replace(small, shadow=~small.shadow), Radar())
-    write_geometry(path, small, Radar())
+        write_geometry(path, replace(small, shadow=~small.shadow), radar)
+    write_geometry(path, small, radar)
     assert same(read_geometry(path), small)
 
 

@@ -44,7 +44,7 @@ def test_a_command_opens_the_session_of_its_case(tmp_path):
         ("stop: {rmss: 1}", [], "mine.yaml: unknown key stop.rmss (did you mean 'rms'?)"),
         ("seed: 1", ["seed=1", "seed=2"], "--config: seed is given twice"),
         (
-            "measurement: {source: file, path: no.tif, scale: db}",
+            "measurement: {source: file, path: no.tif, scale: db, radiometry: sigma0_ref}",
             [],
             "measurement.path: the file no.tif does not exist",
         ),

@@ -22,7 +22,7 @@ def builtin() -> Scene:
 
 @pytest.fixture(scope="module")
 def default_geometry(builtin: Scene) -> Geometry:
-    return make_geometry(builtin, Radar())
+    return make_geometry(builtin, Radar(radiometry="sigma0_local"))
 
 
 def test_same_seed_same_scene(builtin: Scene) -> None:

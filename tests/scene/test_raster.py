@@ -13,7 +13,7 @@ import pytest
 import rasterio
 from affine import Affine
 from pyproj import CRS, Geod, Transformer
-from scipy.ndimage import binary_erosion
+from scipy.ndimage import binary_erosion, gaussian_filter
 from sealed import changed
 
 from radcal.config import Radar, RasterScene
@@ -645,3 +645,27 @@ def test_an_error_of_the_heights_is_one_of_the_slopes(build: Build, tmp_path: Pa
     assert plain.identity == scene.identity
     write_scene(tmp_path / "scene.h5", scene)
     assert read_scene(tmp_path / "scene.h5").slope_error_deg == scene.slope_error_deg
+
+
+def test_whole_metres_are_an_error_of_the_slopes(build: Build) -> None:
+    smooth = gaussian_filter(np.random.default_rng(2).standard_normal(SHAPE), 4.0)
+    heights = 50.0 + 8.0 * smooth / smooth.std()
+    plain = raster_scene(build(heights))
+    assert plain.slope_error_deg == 0.0
+    assert "steps" not in " ".join(plain.notes)
+    whole = raster_scene(build(np.round(heights).astype(np.int16)))
+    errors = np.diff(whole.elevation_m - plain.elevation_m, axis=1) / whole.cell_m
+    assert whole.slope_error_deg == pytest.approx(np.degrees(np.arctan(errors.std())), rel=0.1)
+    assert whole.notes[3] == (
+        "heights are in steps of 1 m: their rounding error of 0.29 m enters scene.elevation_error_m (now 0.29 m, a "
+        "slope error of 2.3 deg)"
+    )
+    # in quadrature with the configured error
+    both = raster_scene(build(np.round(heights).astype(np.int16), elevation_error_m=0.3))
+    assert np.tan(np.radians(both.slope_error_deg)) == pytest.approx(np.sqrt(2 * (0.3**2 + 1 / 12)) / 10.0, rel=1e-6)
+    # steps of the file's numbers times its scale
+    config = build(np.round(10 * heights).astype(np.int16), crs=UTM, vertical_datum="NAP")
+    with rasterio.open(config.elevation, "r+") as raster:
+        raster.scales, raster.offsets = (0.1,), (5.0,)
+    tenths = raster_scene(config)
+    assert tenths.slope_error_deg == pytest.approx(whole.slope_error_deg / 10, rel=0.01)

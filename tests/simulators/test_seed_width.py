@@ -27,7 +27,7 @@ def case_of(words: list[str], sections: dict[str, Any] | None = None, **simulato
         {
             "case": "mine",
             "materials": MATERIALS,
-            "measurement": {"source": "file", "path": "m.tif", "scale": "db"},
+            "measurement": {"source": "file", "path": "m.tif", "scale": "db", "radiometry": "sigma0_ref"},
             "simulator": {
                 "kind": "command",
                 "command": ["sh", "{dyke.a}", "{dyke.n}", *words],

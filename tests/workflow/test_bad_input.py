@@ -88,7 +88,10 @@ def test_a_key_given_twice_on_the_command_line(project):
 
 
 def test_missing_measurement(project, monkeypatch):
-    project.write(measurement={"source": "file", "path": "nowhere.tif", "scale": "db"} | {"synthetic": None})
+    project.write(
+        measurement={"source": "file", "path": "nowhere.tif", "scale": "db", "radiometry": "sigma0_ref"}
+        | {"synthetic": None}
+    )
     text = (project.folder / "tiny.yaml").read_text().replace("  synthetic: null\n", "")
     (project.folder / "tiny.yaml").write_text(text)
     refused(project, "measurement.path", "nowhere.tif", "does not exist", sentence(project, monkeypatch))
@@ -101,7 +104,7 @@ def test_material_not_in_the_scene(project):
 
 def image(project, values):
     write_raster(project.folder / "image.tif", values.astype(np.float32))
-    case = {"source": "file", "path": "image.tif", "scale": "db"}
+    case = {"source": "file", "path": "image.tif", "scale": "db", "radiometry": "sigma0_ref"}
     project.write()
     import yaml
 

@@ -16,7 +16,7 @@ from radcal.calibration.moments import to_dp
 from radcal.calibration.objectives import make_objectives
 from radcal.calibration.smt_kriging import train_smt
 from radcal.calibration.steps import train_all
-from radcal.config import case_from, default_yaml, load, stages
+from radcal.config import case_from, default_case, default_yaml, load, stages
 from radcal.measurement.sources import make_measurement
 from radcal.measurement.target import Targets
 from radcal.measurement.target_fit import make_target
@@ -33,7 +33,7 @@ LABELS = np.where(np.arange(60) < 40, 1, 2).astype(np.uint8) * np.ones((50, 1), 
 
 def test_the_default_file_is_written_from_the_defaults():
     assert (ROOT / "config/config.yaml").read_text() == default_yaml(), "python -m radcal.config > config/config.yaml"
-    assert load([ROOT / "config/config.yaml"]) == case_from({})
+    assert load([ROOT / "config/config.yaml"]) == default_case()
 
 
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
@@ -50,6 +50,7 @@ def test_the_papers_presets_say_what_the_paper_says():
     for case in (paper, small):
         assert (case.surrogate.outputs, case.surrogate.training) == ("direct", "smt")
         assert not case.has_baseline
+        assert case.radar.radiometry == "sigma0_local"
         assert (case.optimiser.objective, case.optimiser.polish, case.stop.rms) == ("rms", False, 1e-5)
 
 
@@ -134,8 +135,8 @@ def test_a_scene_from_gis_rasters_to_the_report(project):
     level = {"pixels": 400, "normalisation": "offset"}
     hidden = {"parameters": {"field": [6.1, 14.2, 21.5, 3.3]}, "seed": 1, "warp_px": 0, "offset_db": 3.0}
     changes = {
-        "case": "gis", "radar": {"altitude_m": 1000.0}, "target": level, "stop": {"rms": 3e-3, "max_runs": 16},
-        "measurement": {"synthetic": hidden},
+        "case": "gis", "radar": {"altitude_m": 1000.0, "radiometry": "sigma0_local"}, "target": level,
+        "stop": {"rms": 3e-3, "max_runs": 16}, "measurement": {"synthetic": hidden},
     }  # fmt: skip
     project.write("asked.yaml", scene=scene, **changes)
     done = project.run("--configfile", "asked.yaml")

@@ -45,7 +45,7 @@ class Ground:
                 "materials": {"field": {"calibrate": True, "bounds": BOUNDS}},
                 "measurement": {"synthetic": {"parameters": {"field": FIRST}, "warp_px": 0}},
                 "registration": {"method": "none"},
-                "radar": {"depression_deg": depression_deg},
+                "radar": {"depression_deg": depression_deg, "radiometry": "sigma0_local"},
                 "target": {"pixels": 4000},
                 "design": {"size": 2},
                 "optimiser": {"population": 20, "evaluations": 400},

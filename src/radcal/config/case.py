@@ -247,7 +247,7 @@ class Case(Part):
 
     def _check_pass(self, measurement: FileMeasurement) -> None:
         """Refuse an image whose declared radiometry, polarisation or band differs from that of ``radar``."""
-        if measurement.radiometry != self.radar.radiometry:
+        if measurement.radiometry not in (None, self.radar.radiometry):
             raise ValueError(
                 f"measurement.radiometry is {measurement.radiometry}, radar.radiometry is {self.radar.radiometry}: set "
                 "radar.radiometry to the measurement's, since the simulated image is made in it"

@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
-from pydantic import Field
+from pydantic import Field, ValidationInfo, field_validator
+from pydantic_core import PydanticCustomError
 
 from radcal.config.limits import Count, Decibels, Parameter, Real, Seed
+from radcal.config.pydantic_errors import MISSING
 from radcal.config.radar import Radiometry
 from radcal.config.sections import Section
 
-__all__ = ["FileMeasurement", "MeasurementConfig", "Synthetic", "SyntheticMeasurement"]
+__all__ = [
+    "RADIOMETRY_EXPECTED",
+    "SICD_ENDINGS",
+    "FileMeasurement",
+    "MeasurementConfig",
+    "Synthetic",
+    "SyntheticMeasurement",
+]
+
+SICD_ENDINGS = (".nitf", ".ntf", ".sicd")  # endings of files that may give the radiometry
+RADIOMETRY_EXPECTED = f"expected {', '.join(get_args(Radiometry)[:-1])} or {get_args(Radiometry)[-1]}"
 _SOURCE = "synthetic or file; each has keys of its own"
 
 
@@ -60,7 +72,22 @@ class FileMeasurement(Section):
     vrt_folders: list[str] | None = Field(
         None, description="folders in which sources of a VRT may lie, besides the VRT's own"
     )
-    radiometry: Radiometry = Field("sigma0_local", description="quantity of its pixels, the same as radar.radiometry")
+    radiometry: Radiometry | None = Field(
+        None,
+        validate_default=True,
+        description="quantity of its pixels, the same as radar.radiometry; needed where the file does not say it",
+    )
+
+    @field_validator("radiometry")
+    @classmethod
+    def _asked_for(cls, radiometry: Radiometry | None, info: ValidationInfo) -> Radiometry | None:
+        path = info.data.get("path")  # missing where it is itself wrong
+        # a name that ends with a variable is known when the file is read, which checks it, too
+        if radiometry is None and path and not path.lower().endswith((*SICD_ENDINGS, "}")):
+            raise PydanticCustomError(
+                MISSING, "{path} does not say it, {expected}", {"path": path, "expected": RADIOMETRY_EXPECTED}
+            )
+        return radiometry
 
 
 MeasurementConfig = Annotated[SyntheticMeasurement | FileMeasurement, Field(discriminator="source")]

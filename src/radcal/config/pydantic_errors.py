@@ -12,7 +12,9 @@ from pydantic import BaseModel, ValidationError
 
 from radcal.config.sections import TAGS
 
-__all__ = ["nearest", "sentence", "shown"]
+__all__ = ["MISSING", "nearest", "sentence", "shown"]
+
+MISSING = "missing_because"  # type of the error of a key that is needed for a reason that the message gives
 
 
 def shown(text: str, most: int = 60) -> str:
@@ -84,6 +86,8 @@ def sentence(error: ValidationError, origin: str, root: type[BaseModel]) -> str:
             text = f"unknown key {key}{nearest(str(last), _known_keys(first['loc'], root))}"
         case "missing":
             text = f"{key} is missing"
+        case _ if first["type"] == MISSING:
+            text = f"{key} is missing: {first['msg']}"
         case "value_error":
             text = f"{key}: {first['msg'].removeprefix('Value error, ')}"
         case "union_tag_invalid" | "union_tag_not_found":

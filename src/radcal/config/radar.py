@@ -13,7 +13,7 @@ from radcal.radar.bands import within_band
 
 __all__ = ["Radar", "Radiometry"]
 
-Radiometry = Literal["sigma0_local", "sigma0_ref", "beta0", "gamma0"]
+Radiometry = Literal["sigma0_ref", "sigma0_local", "beta0", "gamma0", "gamma0_rtc"]
 
 _COARSEST = 1000.0  # pixels in a resolution cell: the sampled impulse response becomes that much longer
 
@@ -50,7 +50,9 @@ class Radar(Section):
         "external simulator without noise, a level far below the image",
     )
     radiometry: Radiometry = Field(
-        "sigma0_local", description="quantity of a pixel: sigma0_local (no area term), sigma0_ref, beta0 or gamma0"
+        "sigma0_ref",
+        description="quantity of a pixel: sigma0_ref (level ground), sigma0_local (no area term), beta0, gamma0, or "
+        "gamma0_rtc (terrain-flattened)",
     )
 
     @field_validator("nesz_db", mode="after")

@@ -117,7 +117,8 @@ class RasterScene(Section):
     )
     elevation_error_m: Annotated[Real, Field(ge=0, le=100)] = Field(
         0.0,
-        description="standard error of a height against its neighbours [m], from which that of the incidence follows",
+        description="standard error of a height against its neighbours [m], from which that of the incidence follows; "
+        "the rounding error of heights in whole metres is added",
     )
     vrt_folders: list[str] | None = Field(
         None, description="folders in which sources of a VRT may lie, besides the VRT's own"

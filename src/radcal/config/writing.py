@@ -5,19 +5,26 @@ from __future__ import annotations
 from pydantic import BaseModel
 
 from radcal.config.case import Case
+from radcal.config.radar import Radar
 
-__all__ = ["default_yaml"]
+__all__ = ["default_case", "default_yaml"]
 
 _HEADER = """\
 # yaml-language-server: $schema=schema.json
-# The default case. Every key below is a default: a case of your own needs only the keys that differ.
+# The default case. Every key below but radar.radiometry (default: sigma0_ref) is a default: a case of your own needs
+# only the keys that differ.
 # Written by: python -m radcal.config > config/config.yaml
 """
 
 
+def default_case() -> Case:
+    """Default case: the defaults of all keys, and the paper's radiometry, without an area term."""
+    return Case(radar=Radar(radiometry="sigma0_local"))
+
+
 def default_yaml() -> str:
     """Default case as commented YAML, the text of ``config/config.yaml``."""
-    return _HEADER + "\n" + "\n".join(_lines(Case())) + "\n"
+    return _HEADER + "\n" + "\n".join(_lines(default_case())) + "\n"
 
 
 def _lines(section: BaseModel, indent: str = "") -> list[str]:

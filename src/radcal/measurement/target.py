@@ -14,6 +14,7 @@ from radcal.measurement.class_target import ClassTarget
 from radcal.measurement.goodness import Goodness
 from radcal.measurement.ground import Ground
 from radcal.measurement.levels import Levels
+from radcal.measurement.one_incidence import LEAST_SPAN_DEG, seen_at_one_incidence
 from radcal.storage.layout import put, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
@@ -103,6 +104,12 @@ class Target:
         )
 
     @property
+    def level_only(self) -> bool:
+        """Whether the material is seen at one incidence, so that its level can be known, but not its law."""
+        error_deg = self.classes.incidence_error_deg if self.classes is not None else 0.0
+        return seen_at_one_incidence(self.incidence_deg, error_deg)
+
+    @property
     def cp(self) -> NDArray[np.float64]:
         """Centred parameters of the target density."""
         return skewnormal.centred(self.dp)
@@ -171,8 +178,14 @@ class Targets(dict[str, Target]):
         return [*lines, *self.warnings()]
 
     def warnings(self) -> list[str]:
-        """Sentences on materials that a skew normal, or the law of a surface, does not describe."""
+        """Sentences on materials that a skew normal or a surface's law does not describe, or without a known law."""
         lines = []
+        if level_only := {name: target.incidence_deg for name, target in self.items() if target.level_only}:
+            seen = (f"{name} ({np.min(deg):.2f} to {np.max(deg):.2f} deg)" for name, deg in level_only.items())
+            lines.append(
+                f"level only, seen at one incidence (a range below {LEAST_SPAN_DEG:g} deg without the incidence's "
+                f"error), from which no law can be known: {', '.join(seen)}."
+            )
         for name, target in self.items():
             if target.goodness.ad_p <= _UNLIKELY:
                 lines.append(

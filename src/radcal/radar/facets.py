@@ -20,12 +20,15 @@ __all__ = [
     "cells_of",
     "count_facets",
     "fill_facets",
+    "flatten_terrain",
     "order_facets",
     "shade",
 ]
 
 ANGLES_PER_RADIAN = 65535.0 / (np.pi / 2.0)
 VISIBLE, LAID_OVER, OBJECT = 1, 2, 4  # bits of the variable that holds a facet's state
+# cosine of the incidence (89.4 degrees) below which an illuminated area does not decrease; beyond, it is in shadow
+_LEAST_COSINE = 0.01
 _BLOCK = 16  # number of columns that one thread processes at a time
 
 
@@ -182,6 +185,25 @@ def order_facets(
             ground[1, pixel] = across / total
             for i in range(first, ground_last):
                 weight[i] = weight[i] * of_ground[row]
+
+
+@njit(parallel=True)
+def flatten_terrain(start: Any, material: Any, angle: Any, weight: Any, objects: Any) -> None:
+    """Divide each pixel's weights by the ground that the radar illuminates in it, instead of that on level ground.
+
+    The weights are areas over any reference area that the facets of a pixel share. The illuminated area is the sum of
+    the areas of the ground's facets across the direction to the radar, area times cosine of the local incidence, so
+    that the weights of a pixel with one facet become 1 / cosine (Small 2011, equation for the area of gamma0). A pixel
+    without ground keeps its weights.
+    """
+    for pixel in prange(start.size - 1):
+        total = 0.0
+        for i in range(start[pixel], start[pixel + 1]):
+            if material[i] != objects:
+                total += weight[i] * max(np.cos(angle[i] / ANGLES_PER_RADIAN), _LEAST_COSINE)
+        if total > 0.0:
+            for i in range(start[pixel], start[pixel + 1]):
+                weight[i] = weight[i] / total
 
 
 @njit(parallel=True)

@@ -9,7 +9,15 @@ from numpy.typing import NDArray
 
 from radcal.config import Radar
 from radcal.errors import SceneError
-from radcal.radar.facets import ANGLES_PER_RADIAN, cells_of, count_facets, fill_facets, order_facets, shade
+from radcal.radar.facets import (
+    ANGLES_PER_RADIAN,
+    cells_of,
+    count_facets,
+    fill_facets,
+    flatten_terrain,
+    order_facets,
+    shade,
+)
 from radcal.radar.footprints import Boxes, Spots, share_out, to_boxes_and_spots
 from radcal.radar.geometry import Geometry, Points
 from radcal.radar.lines import Lines, fill_lines
@@ -162,8 +170,7 @@ def _pixels(
         near_row, far_row, lines.state, lines.incidence, lines.area, material, k, per_column, rows, columns, start,
         not local, objects, facet_material, incidence, weight, place,
     )  # fmt: skip
-    middles = np.arange(0.5, rows, dtype=np.float64)
-    flat = _flat_incidence_deg(radar, near + middles * radar.range_spacing_m)
+    flat = _flat_incidence_deg(radar, near + np.arange(0.5, rows) * radar.range_spacing_m)
     per_area = _per_area(radar, flat).astype(np.float32)
     cells = np.empty(rows * columns, dtype=np.uint16)
     pure = np.zeros(rows * columns, dtype=np.uint8)
@@ -175,6 +182,8 @@ def _pixels(
         start, columns, facet_material, incidence, weight, place, of_ground, per_area, objects, cells, pure,
         mean_incidence, ground,
     )  # fmt: skip
+    if radar.radiometry == "gamma0_rtc":
+        flatten_terrain(start, facet_material, incidence, weight, objects)
     cell_start, cell_material, facet_start = _cells(cells, start, facet_material)
     # refined lines and facets converted to the scene's cells, with east to the right for either look side
     ground = (ground + np.float32(0.5)) / np.float32(k) - np.float32(0.5)

@@ -16,7 +16,7 @@ def of_sigma0(radiometry: str, incidence_deg: ArrayLike) -> NDArray[np.float64]:
     Parameters
     ----------
     radiometry : str
-        ``sigma0_local`` and ``sigma0_ref`` (1), ``beta0`` (1 / sin) or ``gamma0`` (1 / cos).
+        ``sigma0_local`` and ``sigma0_ref`` (1), ``beta0`` (1 / sin), ``gamma0`` or ``gamma0_rtc`` (1 / cos).
     incidence_deg : array_like
         Incidence on flat ground at the pixel's slant range, within 0 and 90 [deg].
 
@@ -34,7 +34,7 @@ def of_sigma0(radiometry: str, incidence_deg: ArrayLike) -> NDArray[np.float64]:
     match radiometry:
         case "beta0":
             return np.asarray(1.0 / np.sin(incidence))
-        case "gamma0":
+        case "gamma0" | "gamma0_rtc":  # terrain flattening does not change level ground
             return np.asarray(1.0 / np.cos(incidence))
         case _:
             return np.ones_like(incidence)

@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["WIDTH_FACTOR", "border_gain", "impulse_response", "log_speckle_sd_db", "taylor_weights"]
+__all__ = [
+    "WIDTH_FACTOR",
+    "border_gain",
+    "impulse_response",
+    "log_speckle_sd_db",
+    "speckle_correlation",
+    "taylor_weights",
+]
 
 _NBAR, _SIDELOBE_DB = 4, 35
 # -3 dB width of the Taylor-weighted impulse response times its bandwidth, by linear interpolation of its power on
@@ -75,6 +82,31 @@ def impulse_response(resolution_m: float, spacing_m: float) -> NDArray[np.float6
     m = int(np.ceil(_REACH * resolution_m / spacing_m))
     taps = _taylor_response(np.arange(-m, m + 1, dtype=np.float64) * spacing_m, min(bandwidth, 1.0 / spacing_m))
     return np.asarray(taps / np.sqrt((taps**2).sum()))
+
+
+def speckle_correlation(distance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Autocorrelation of the power of speckle along one direction of an image.
+
+    Parameters
+    ----------
+    distance : ndarray
+        Distance over the -3 dB width of the impulse response.
+
+    Returns
+    -------
+    ndarray of the same shape
+        Squared autocorrelation of the impulse response, which is the same for any number of looks: 1 at distance 0,
+        0.18 at 1, below 0.002 from 1.8 on.
+
+    References
+    ----------
+    Goodman, "Speckle Phenomena in Optics" (2007), section 4.4.
+    """
+    n = 256
+    frequency = (np.arange(n) + 0.5) / n - 0.5
+    power = taylor_weights(frequency) ** 2
+    amplitude = np.cos(2.0 * np.pi * WIDTH_FACTOR * np.multiply.outer(distance, frequency)) @ power / power.sum()
+    return np.asarray(amplitude**2)
 
 
 def border_gain(taps: NDArray[np.floating], n: int) -> NDArray[np.float32]:

@@ -25,6 +25,7 @@ from radcal.scene.crs import (
 from radcal.scene.grid import LARGEST_CELLS, Grid, Source, box_in, opened, pixel_m, scene_grid, subdivision
 from radcal.scene.model import Scene
 from radcal.scene.names import by_id, read_names
+from radcal.scene.rounding import height_step_m, rounding_error_m
 from radcal.storage.files import digest
 
 __all__ = ["raster_scene"]
@@ -74,16 +75,17 @@ def raster_scene(config: RasterScene) -> Scene:
         _check_heights(elevation)
         datum, origin = _datum(elevation, config)
         grid = scene_grid(elevation, materials, config)
-        heights, filled, how_heights = _heights(elevation, grid)
+        heights, filled, how_heights, step = _heights(elevation, grid)
         ids, how_ids = _ids(materials, grid)
         # interpolated heights are no steeper than the raster's own from pixel to pixel
         posting = max(grid.cell_m, *pixel_m(elevation, grid.crs, grid.box))
-        slope_error = float(np.degrees(np.arctan(np.sqrt(2.0) * config.elevation_error_m / posting)))
+        slope_error, about_steps = _slope_error_deg(config.elevation_error_m, step, posting)
         names = read_names(names_path, (int(k) for k in np.unique(ids)), materials.path)
         notes = [
             f"cells of {grid.cell_m:g} m in {grid.crs.name}",
             f"elevation {how_heights}, materials {how_ids}",
             f"vertical datum {datum} ({origin})",
+            *about_steps,
         ]
         notes += [
             note
@@ -122,6 +124,19 @@ def raster_scene(config: RasterScene) -> Scene:
         notes=tuple(notes),
         slope_error_deg=slope_error,
     )
+
+
+def _slope_error_deg(error_m: float, step_m: float, posting_m: float) -> tuple[float, list[str]]:
+    """Standard error of the slopes [deg] from that of heights and from their steps, and a note on the steps."""
+    rounding_m = rounding_error_m(step_m)
+    total_m = float(np.hypot(error_m, rounding_m))
+    slope_deg = float(np.degrees(np.arctan(np.sqrt(2.0) * total_m / posting_m)))
+    if not step_m:
+        return slope_deg, []
+    return slope_deg, [
+        f"heights are in steps of {step_m:.3g} m: their rounding error of {rounding_m:.2g} m enters "
+        f"scene.elevation_error_m (now {total_m:.2g} m, a slope error of {slope_deg:.2g} deg)"
+    ]
 
 
 def _check_heights(elevation: Source) -> None:
@@ -232,8 +247,8 @@ def _blocks(fine: NDArray[Any], parts: int) -> NDArray[Any]:
     return fine.reshape(rows, parts, columns, parts).swapaxes(1, 2).reshape(rows, columns, parts**2)
 
 
-def _heights(elevation: Source, grid: Grid) -> tuple[NDArray[np.float64], NDArray[np.bool_], str]:
-    """Elevation with gaps filled, mask of the gaps, and the method of resampling in a word."""
+def _heights(elevation: Source, grid: Grid) -> tuple[NDArray[np.float64], NDArray[np.bool_], str, float]:
+    """Elevation with gaps filled, mask of the gaps, method of resampling in a word, and step of rounded heights [m]."""
     from rasterio.fill import fillnodata
     from scipy.ndimage import distance_transform_edt
 
@@ -265,7 +280,8 @@ def _heights(elevation: Source, grid: Grid) -> tuple[NDArray[np.float64], NDArra
         heights = np.where(gaps, fillnodata(heights.copy(), mask=~gaps, max_search_distance=_NEAR_CELLS), heights)
         nearest = distance_transform_edt(np.isnan(heights), return_distances=False, return_indices=True)
         heights = heights[tuple(nearest)]
-    return np.ascontiguousarray(heights), gaps, "interpolated" if parts == 1 else "averaged"
+    how = "interpolated" if parts == 1 else "averaged"
+    return np.ascontiguousarray(heights), gaps, how, height_step_m(scaled)
 
 
 def _ids(materials: Source, grid: Grid) -> tuple[NDArray[np.uint8], str]:
