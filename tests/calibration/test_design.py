@@ -106,7 +106,7 @@ def whole(build_case: Callable[..., Case], size: int, bounds: list[list[float]],
     return build_case(
         simulator=simulator,
         materials={"dyke": dyke, "grass": {"law": "external"}},
-        measurement={"source": "file", "path": "m.tif", "scale": "db"},
+        measurement={"source": "file", "path": "m.tif", "scale": "db", "radiometry": "sigma0_local"},
         design={"size": size},
     )
 
