@@ -1,8 +1,9 @@
 """Typed configuration of a case; only this package interprets the configuration.
 
-A case is one YAML file. Each section has a model in a module of its own. Missing keys take the
-defaults of the models, and these defaults are the default case: ``config/config.yaml`` is written
-from them (``python -m radcal.config``). Unknown keys are refused. All models are frozen.
+A case is one YAML file. Each section of the file has a pydantic model, defined in one module of this package. A key
+that the file lacks takes the default value of the model; an unknown key is an error. The default values of all models
+form the default case, the content of ``config/config.yaml``. No model can be changed after
+it was created.
 """
 
 from radcal.config.case import Case
