@@ -37,11 +37,11 @@ class MeasurementError(RadcalError):
 
 
 class FitError(RadcalError):
-    """The fit of a density to pixels is impossible."""
+    """A density cannot be fitted to the pixel values."""
 
 
 class SurrogateError(RadcalError):
-    """The training of a surrogate is impossible."""
+    """A surrogate cannot be trained with the available runs."""
 
 
 class SimulatorError(RadcalError):

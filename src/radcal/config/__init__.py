@@ -2,8 +2,7 @@
 
 A case is one YAML file. Each section of the file has a pydantic model, defined in one module of this package. A key
 that the file lacks takes the default value of the model; an unknown key is an error. The default values of all models
-form the default case, the content of ``config/config.yaml``. No model can be changed after
-it was created.
+form the default case, which is the content of ``config/config.yaml``. No model can be changed after its creation.
 """
 
 from radcal.config.case import Case

@@ -34,7 +34,7 @@ _DRAWS_IN_BINS = 4
 
 
 def _with_fitting_stop(data: dict[str, Any]) -> dict[str, Any]:
-    """Case data; ``stop.at_sampling_error`` becomes true for an external program if ``stop.rms`` is not configured."""
+    """Case data; ``stop.at_sampling_error`` is true by default for an external program without ``stop.rms``."""
     stop, simulator = data.get("stop", {}), data.get("simulator")
     # a section that is already a model contains this default
     if not isinstance(stop, dict) or "rms" in stop or "at_sampling_error" in stop:
@@ -44,7 +44,7 @@ def _with_fitting_stop(data: dict[str, Any]) -> dict[str, Any]:
 
 
 def _with_fitting_draws(data: dict[str, Any]) -> dict[str, Any]:
-    """Case data; the built-in simulator makes 4 speckle draws by default if the objective uses incidence-angle bins."""
+    """Case data; ``simulator.draws`` is 4 by default if the built-in simulator and incidence-angle bins are used."""
     simulator, objective = data.get("simulator", {}), data.get("objective", DEFAULT)
     traits = OBJECTIVES.get(objective) if isinstance(objective, str) else None
     if not isinstance(simulator, dict) or "draws" in simulator or traits is None or not traits.bins:
@@ -60,7 +60,7 @@ class Case(Part):
 
     case: CaseName = Field("dyke", description="name of the case and of its folder below results/")
     replace: bool = Field(
-        False, description="whether radcal may replace a finished calibration of another scene in this folder"
+        False, description="whether radcal may replace a finished calibration of another scene in the case's folder"
     )
     seed: Seed = Field(1, description="seed of all random draws for which no other key gives a seed")
     # factories, because a section created here would make every job build the validator of the section
@@ -91,7 +91,11 @@ class Case(Part):
     @model_validator(mode="before")
     @classmethod
     def _fitting_defaults(cls, data: object) -> object:
-        """Case data; ``objective`` is ``density`` by default with one bin, normalisation ``image`` or external laws."""
+        """Case data with default values that depend on other keys.
+
+        A missing ``objective`` becomes ``density`` if the case has one bin, normalisation ``image`` or a calibrated
+        external law.
+        """
         if not isinstance(data, dict):
             return data
         data = _with_fitting_stop(data)

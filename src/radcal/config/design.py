@@ -23,7 +23,7 @@ class Design(Section):
         description="number of runs; auto: 2, or at least 8 if radcal cannot predict the runs (such as law: external); "
         "0: no design, which needs the fewest runs in all; a larger design keeps the runs of a smaller design",
     )
-    chunk: Annotated[Integer, Field(ge=1, le=1000)] = Field(4, description="number of runs that one workflow job makes")
+    chunk: Annotated[Integer, Field(ge=1, le=1000)] = Field(4, description="number of design runs in one workflow job")
     reuse: CaseName | None = Field(
         None, description="name of an earlier case with the same scene and simulator; its runs are reused"
     )

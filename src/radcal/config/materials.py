@@ -216,7 +216,7 @@ class Material(Section):
 
     @property
     def integers(self) -> tuple[bool, ...]:
-        """Whether each parameter is an integer parameter, in the order of the parameters."""
+        """Tuple that states for each parameter whether it is an integer parameter."""
         listed = self.integer if isinstance(self.integer, list) else self.parameter_names if self.integer else ()
         return tuple(name in listed for name in self.parameter_names)
 

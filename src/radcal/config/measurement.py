@@ -11,7 +11,7 @@ from radcal.config.radar import Radiometry
 from radcal.config.sections import Section
 
 __all__ = ["FileMeasurement", "MeasurementConfig", "Synthetic", "SyntheticMeasurement"]
-_SOURCE = "synthetic or file; each of these has other keys"
+_SOURCE = "source of the measured image: synthetic or file; each source has its own keys"
 
 
 class Synthetic(Section):
@@ -19,7 +19,7 @@ class Synthetic(Section):
 
     parameters: dict[str, list[Parameter]] = Field(
         default_factory=lambda: {"dyke": [6.1, 14.2, 21.5, 3.3]},
-        description="hidden law parameters by material; all other materials keep their parameters of section materials",
+        description="hidden law parameters by material; a material not listed uses its parameters in section materials",
     )
 
     @property

@@ -23,7 +23,7 @@ class Traits:
     curve : bool
         Whether every calibrated law must have a curve; external laws have none.
     compares : str
-        Words for the compared quantities, for messages and the report.
+        Words for the quantities that the objective compares.
     values : int
         Number of statistics compared in each bin. For a right law the sum of their squared residuals is about equal
         to this number. 0 for objectives without such a number.

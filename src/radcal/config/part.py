@@ -1,4 +1,4 @@
-"""Base class of the models of a whole case and of one stage: export as plain data, and values derived from sections."""
+"""Base class of all models with several sections: export as plain data, and values derived from the sections."""
 
 from __future__ import annotations
 

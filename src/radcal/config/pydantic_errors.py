@@ -76,7 +76,7 @@ def sentence(error: ValidationError, origin: str, root: type[BaseModel]) -> str:
     origin : str
         Source of the data, such as the name of a case file.
     root : type of model
-        Model of the data; the message suggests the model's key that is most similar to an unknown key.
+        Model of the data. For an unknown key, the message suggests the most similar key of the model.
     """
     # A misspelt required key gives two errors, an unknown key and a missing key: the unknown key comes first.
     details = sorted(error.errors(), key=lambda detail: detail["type"] != "extra_forbidden")

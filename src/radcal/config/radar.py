@@ -28,7 +28,7 @@ class Radar(Section):
         45.0, description="depression angle towards the centre of the scene [deg]"
     )
     look_side: Literal["right", "left"] = Field(
-        "right", description="right (east) or left (west); the track heads north"
+        "right", description="side to which the radar looks: right (east) or left (west); the track heads north"
     )
     band: str = Field("X", description="name of the frequency band of the carrier, such as X")
     frequency_ghz: Frequency | None = Field(
@@ -41,7 +41,7 @@ class Radar(Section):
     azimuth_spacing_m: Length = Field(2.5, description="pixel spacing in azimuth [m]")
     looks: Annotated[Integer, Field(ge=1, le=64)] = Field(
         4,
-        description="number of independent looks averaged in power; for an external simulator, the looks of its image",
+        description="number of independent looks averaged in power; for an external simulator, the number in its image",
     )
     nesz_db: Annotated[
         Annotated[Decibels, Tag("one level")]

@@ -11,7 +11,7 @@ from radcal.config.sections import Section
 from radcal.scene.objects import check_curve
 
 __all__ = ["BuiltinScene", "GeneratedObjects", "RasterScene", "SceneConfig", "SceneObjects", "SlantRangeScene"]
-_SOURCE = "builtin, slant_range or raster; each of these has other keys"
+_SOURCE = "source of the scene: builtin, slant_range or raster; each source has its own keys"
 
 
 class GeneratedObjects(Section):
@@ -66,7 +66,9 @@ class BuiltinScene(Section):
     seed: Seed = Field(
         1, description="seed of the layout of the agricultural fields and of the fine relief of the terrain"
     )
-    objects: SceneObjects | None = Field(None, description="objects on the ground")
+    objects: SceneObjects | None = Field(
+        None, description="objects on the ground, such as buildings and trees (docs/objects.md)"
+    )
 
 
 class SlantRangeScene(Section):
@@ -126,7 +128,9 @@ class RasterScene(Section):
     vrt_folders: list[str] | None = Field(
         None, description="further folders in which the source files of a VRT may lie, besides its own folder"
     )
-    objects: SceneObjects | None = Field(None, description="objects on the ground")
+    objects: SceneObjects | None = Field(
+        None, description="objects on the ground, such as buildings and trees (docs/objects.md)"
+    )
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:

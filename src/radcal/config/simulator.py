@@ -12,7 +12,7 @@ from radcal.config.sections import Section
 
 __all__ = ["BuiltinSimulation", "CommandSimulation", "InputFile", "Output", "RawType", "SimulatorConfig", "Template"]
 
-_KIND = "builtin (radcal's simulator) or command (an external program)"
+_KIND = "kind of simulator: builtin (part of radcal) or command (an external program)"
 _SEED_BITS = 31  # number of bits of an external program's seeds: a C int stores them
 _ONLY_MASKS = frozenset({"looks", "nesz_db", "range_resolution_m", "azimuth_resolution_m"})
 

@@ -67,7 +67,7 @@ class Stage(Part):
 
 
 class Scene(Stage):
-    """Sections that rule ``scene`` reads: the scene, and the materials for their names."""
+    """Sections that rule ``scene`` reads: the scene, and the materials, of which only the names are used."""
 
     scene: SceneConfig
     materials: dict[str, Material]
@@ -88,7 +88,7 @@ class Simulator(Stage):
 
 
 class Measurement(Simulator):
-    """Sections that rule ``measurement`` reads: besides the measured image, the sections with which it is checked."""
+    """Sections that rule ``measurement`` reads to simulate or read the measured image, and to check this image."""
 
     measurement: MeasurementConfig
     target: TargetConfig
@@ -163,7 +163,7 @@ class Propose(Scores):
 
 
 class Verify(Simulation, Train):
-    """Sections that rule ``verify`` reads to run and score the proposals, and to predict the remaining improvement."""
+    """Sections that rule ``verify`` reads to run and score the proposals, and to predict a possible improvement."""
 
 
 class StopSettings(Stage):

@@ -22,17 +22,17 @@ class TargetConfig(Section):
             lambda value: ALL_PIXELS if value == "all" else value,
             json_schema_input_type=Annotated[int, Field(ge=50, le=ALL_PIXELS)] | Literal["all"],
         ),
-    ] = Field(1000, description="number of pixels drawn at random per material, without replacement; or all")
+    ] = Field(1000, description="number of pixels per material, drawn at random without replacement, or all")
     margin_px: Annotated[Integer, Field(ge=0, le=100)] = Field(
         1, description="pixels up to this distance from another material are masked [pixels]"
     )
     fit: Literal["likelihood", "penalised"] = Field(
         "likelihood",
-        description="fit of the densities: likelihood (maximum) or penalised (with a penalty on large alpha)",
+        description="fit of the densities: likelihood (maximum likelihood) or penalised (penalty on large alpha)",
     )
     snr_db: Decibels = Field(
         0.0,
-        description="lowest local signal-to-noise ratio [dB], with radar.nesz_db as noise; pixels below are masked",
+        description="lowest local signal-to-noise ratio, with radar.nesz_db as noise; pixels below it are masked [dB]",
     )
     leave_out_point_targets: bool = Field(
         True, description="whether point targets (pixels far brighter than speckle explains) are masked"

@@ -95,7 +95,7 @@ def parse_xml(text: bytes) -> Any:
 
 
 def elsewhere(file: h5py.File) -> str | None:
-    """Words on the first part of an HDF5 file that refers to another file; None if no part does.
+    """Text that names the first part of an HDF5 file that refers to another file; None if no part does so.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def elsewhere(file: h5py.File) -> str | None:
     Returns
     -------
     str or None
-        Words for an error message about the first external link, external storage or virtual dataset; None if the file
+        Text for an error message about the first external link, external storage or virtual dataset; None if the file
         contains all its data.
     """
     found: list[str] = []

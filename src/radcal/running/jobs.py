@@ -1,4 +1,4 @@
-"""Context of every workflow job: log file, progress lines, and a one-line error message if the job fails."""
+"""Context manager for every workflow job: it opens the log file and prints a one-line error message after a failure."""
 
 from __future__ import annotations
 
@@ -50,7 +50,8 @@ def die_with_parent() -> None:
 
     References
     ----------
-    prctl(2), PR_SET_PDEATHSIG. The parent is the thread that started this process; the thread waits for its end.
+    prctl(2), PR_SET_PDEATHSIG. For prctl, the parent is the thread that started this process. This thread
+    lives until the process ends, because the thread waits for the process.
     """
     if sys.platform == "linux":
         with suppress(OSError, AttributeError):
@@ -132,7 +133,7 @@ def progress(line: str) -> None:
 
 
 def _say(text: str) -> None:
-    """Print a line on the terminal; a job on another machine writes the line to the progress file instead."""
+    """Print a line on the terminal, or, in a job on another machine, write the line to the progress file."""
     if PROGRESS in os.environ:
         # one write for each line, because several jobs share the file; a job continues if the write fails (full disk)
         with suppress(OSError), Path(os.environ[PROGRESS]).open("ab", buffering=0) as file:

@@ -52,8 +52,8 @@ def values_of(case: Case) -> dict[str, int]:
     Returns
     -------
     dict of str to int
-        ``scene``: number of scene cells, or of values resampled to make the scene if larger; ``image``: largest of the
-        numbers of cells, facets and pixels.
+        ``scene``: the larger of the number of scene cells and the number of values that are resampled to make the
+        scene; ``image``: the largest of the numbers of cells, facets and pixels.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def values_of(case: Case) -> dict[str, int]:
 
 
 def memory_mb(stage: Stage, values: int, attempt: int = 1) -> int:
-    """Memory that a job requests [MB], rounded up to hundreds before any doubling.
+    """Memory that a job requests [MB], a multiple of 100.
 
     Parameters
     ----------

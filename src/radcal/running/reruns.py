@@ -1,4 +1,4 @@
-"""Table of ``docs/reruns.md``: rules and simulator runs that are repeated after a configuration key changes.
+"""Table in ``docs/reruns.md``: rules and simulator runs that are repeated after a change of each configuration key.
 
 ``python -m radcal.running.reruns`` prints the table, derived from the models in :mod:`radcal.config.stages`.
 """
@@ -39,7 +39,7 @@ def _first(section: str) -> list[str]:
 
 
 def reruns_table() -> str:
-    """Table of ``docs/reruns.md``: rules and simulator runs that are repeated after a configuration key changes.
+    """Table in ``docs/reruns.md``: rules and simulator runs that are repeated after a change of each configuration key.
 
     Returns
     -------

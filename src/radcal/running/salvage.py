@@ -41,7 +41,7 @@ def files_of(folder: str | Path, patterns: Iterable[str]) -> Iterator[Path]:
 
 
 def salvage(folder: str | Path, case: str, patterns: Iterable[str]) -> list[str]:
-    """Rename damaged files of a results folder, and remove indexes that list a missing run.
+    """Rename damaged files of a results folder, and remove each index of runs that lists a missing run.
 
     Modification times in the future are set to the present; such times remain after a clock was set back.
 
@@ -77,7 +77,7 @@ def salvage(folder: str | Path, case: str, patterns: Iterable[str]) -> list[str]
 
 
 def _contents(path: Path, sentences: list[str]) -> Any:
-    """Content of a JSON file, or None for every other file; a damaged file is renamed."""
+    """Content of a JSON file of up to 16 MiB, or None for every other file; a damaged file is renamed."""
     try:
         if path.suffix == ".json" and path.stat().st_size <= _MOST_BYTES:
             return read_json(path)
@@ -146,7 +146,7 @@ def _remove(path: Path) -> None:
 
 
 def _here(error: StoreError) -> str:
-    """Message about a damaged file; it states that the present command makes the file again."""
+    """Message which says that a file is damaged and that the present command makes the file again."""
     return str(error).replace("type the same command again to have it made again", "it is made again where needed")
 
 

@@ -163,9 +163,10 @@ class Session:
             _say(sentence)
 
     def start(self, cluster: str | None = None, remote_jobs: bool = False) -> None:
-        """Lock the results folder and prepare it for the first job; an error exits with a one-line error message.
+        """Lock the results folder of the case and prepare this folder for the first job.
 
-        The preparation cancels jobs of an earlier command that are still in Slurm's queue.
+        The preparation also cancels jobs of an earlier command that are still in Slurm's queue. If the lock or the
+        preparation fails, the process exits with a one-line error message.
 
         Parameters
         ----------

@@ -49,7 +49,7 @@ def remember(file: str | Path, name: str) -> None:
 def cancel_leftovers(file: str | Path) -> int:
     """Cancel the jobs of an earlier command that remain in Slurm's queue, and wait until they have ended.
 
-    Otherwise such a job would write the same files as a job of the present command.
+    Without the cancellation, these jobs would write the same files as the jobs of the present command.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Built-in simulator: backscatter laws on the facets of a scene, multilook, noise and speckle."""
+"""Built-in simulator, which applies backscatter laws to the facets of a scene and adds speckle and noise."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class _Last:
 
 
 class BuiltinSimulator:
-    """Built-in simulator: a multilooked intensity image from backscatter laws on facets.
+    """Built-in simulator, which makes a multilooked intensity image from backscatter laws on facets.
 
     Parameters
     ----------

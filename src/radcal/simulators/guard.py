@@ -1,4 +1,4 @@
-"""Supervisor script, which starts an external program, returns its exit status and kills it when radcal ends.
+"""Supervisor script: it starts an external program, returns its exit status, and kills it when radcal ends.
 
 This script uses only the standard library. The process of the script leads a new process group, to which the external
 program also belongs. The standard input of the script is a pipe from radcal. When radcal ends, even by SIGKILL, the

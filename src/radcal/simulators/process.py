@@ -1,4 +1,4 @@
-"""Execution of one external program with a time limit; at its end all remaining processes of its group are killed."""
+"""Execution of one external program with a time limit; afterwards its whole process group is killed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Runner of the simulator, which simulates only runs that the run store does not contain."""
+"""Runner of the simulator; it only simulates runs that the run store does not contain."""
 
 from __future__ import annotations
 

@@ -64,7 +64,7 @@ def atomic(path: str | Path) -> Iterator[Path]:
 
 
 def first_difference(theirs: Any, ours: Any, key: str = "") -> str:
-    """Words on the first difference between two sets of plain data: the key and both values."""
+    """Text that states the first difference between two sets of plain data: the key and both values."""
     if isinstance(theirs, dict) and isinstance(ours, dict):
         for name in [*ours, *(name for name in theirs if name not in ours)]:
             if theirs.get(name) != ours.get(name):

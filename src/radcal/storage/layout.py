@@ -358,7 +358,7 @@ def _rows(kind: type, path: str, absent: bool = False) -> Iterator[tuple[str, st
 
 
 def _holds(kind: Any) -> str:
-    """Name of a type in the table."""
+    """Name under which the table lists a type."""
     if _is_array(kind):
         (number,) = typing.get_args(typing.get_args(kind)[1])
         return "numbers" if number is Any else "text" if number is np.str_ else str(number.__name__).rstrip("_")

@@ -41,7 +41,7 @@ def listed(data: Any) -> Mapping[str, str]:
 
 
 def faulty(folder: str | Path, checksums: Mapping[str, str]) -> dict[Path, str]:
-    """Listed files that are missing or differ from their checksum, each with words for the fault.
+    """Listed files that are missing or differ from their checksum, each with a text that describes the fault.
 
     Parameters
     ----------

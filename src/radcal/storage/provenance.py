@@ -32,7 +32,7 @@ def origin() -> Origin:
 
 @contextlib.contextmanager
 def provenance(case: str | None = None, config: Mapping[str, Any] | None = None) -> Iterator[None]:
-    """Context that records case and configuration in all files written, and refuses to read files of another case.
+    """Context in which every written file records case and configuration, and files of another case are refused.
 
     Parameters
     ----------

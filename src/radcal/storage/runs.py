@@ -170,7 +170,11 @@ class RunStore:
             raise StoreError(f"{self.path(key)}: cannot be read ({error}).") from None
 
     def put(self, record: Record, description: Mapping[str, Any]) -> None:
-        """Write a record atomically; what only an earlier record of the run contains (materials, image) is kept."""
+        """Write a record atomically.
+
+        If the store has an earlier record of the run, the new record keeps the materials and the image that only the
+        earlier record contains.
+        """
         earlier = self._read(record.key)
         if earlier is not None:
             image = record.image_db if record.image_db is not None else earlier.image_db

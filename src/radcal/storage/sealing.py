@@ -63,7 +63,7 @@ def check_hdf5(handle: IO[bytes], size: int, whole: bool) -> None:
 
 
 def check_json(handle: IO[bytes], whole: bool) -> None:
-    """Compare the content of an open JSON file with its checksum; the parameters are those of :func:`check_hdf5`.
+    """Compare the content of an open JSON file with its checksum; ``handle`` and ``whole`` as in :func:`check_hdf5`.
 
     Raises
     ------
