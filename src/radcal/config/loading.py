@@ -16,7 +16,7 @@ __all__ = ["case_from", "load"]
 
 
 def _parsed(overrides: Mapping[str, Any]) -> dict[str, Any]:
-    """Overrides with every section that the command line gives as text converted to data."""
+    """Overrides in which each section that is text, as the command line gives it, is converted to plain data."""
     from radcal.config.yaml_file import read_value
 
     parsed = dict(overrides)
@@ -56,7 +56,10 @@ def load(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None
     ConfigError
         A file is missing, empty or not YAML, a key occurs twice, or a key or value is wrong.
     """
-    from radcal.config.yaml_file import merged, read_case_file  # imports PyYAML, which jobs do not need
+    from radcal.config.yaml_file import (
+        merged,
+        read_case_file,
+    )  # this module imports PyYAML, which workflow jobs do not need
 
     data: dict[str, Any] = {}
     for file in files:

@@ -1,4 +1,4 @@
-"""Section ``optimiser``: the search on the surrogate."""
+"""Section ``optimiser``: search for the next parameters on the surrogate."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ class TargetConfig(Section):
     )
     incidence_classes: Annotated[Integer, Field(ge=1, le=20)] | Literal["auto"] = Field(
         "auto",
-        description="number of incidence-angle bins; auto: 4 to 8, by the range of angles; not for objective: density",
+        description="number of incidence-angle bins; auto: one per 2 degrees, 4 to 8; not for objective: density",
     )
     looks: Literal["free", "nominal"] = Field(
         "free",

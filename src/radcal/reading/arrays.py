@@ -134,7 +134,7 @@ def _numpy_header(content: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[Any]]:
 
 
 def _check_magic(file: ImageFile, *starts: bytes) -> None:
-    """Refuse a file without the first bytes of its format, because numpy would read such a file as a pickle."""
+    """Refuse a file without the magic bytes of its format at the beginning, because numpy would read it as a pickle."""
     with file.path.open("rb") as content:
         if not content.read(6).startswith(starts):
             raise ValueError("it does not begin as one does")

@@ -90,7 +90,7 @@ def runtime_minutes(stage: Stage, values: int, simulation_s: float = 0.0) -> int
     stage : Stage
         Name of the job's stage.
     values : int
-        Number of values, the same as for :func:`memory_mb`.
+        Number of values from :func:`values_of`, chosen by stage as in :func:`memory_mb`.
     simulation_s : float
         Upper limit of the total time of all simulator runs in the job [s].
     """

@@ -36,7 +36,7 @@ def simulator_change(folder: str | Path, case: Case) -> list[str]:
         key = read_index(folder / "reference.json")[0].key
         theirs = RunStore(folder / "runs").description(key)["simulator"]
     except (StoreError, KeyError, IndexError, TypeError):
-        return []  # damaged files are reported elsewhere
+        return []  # radcal.running.salvage reports damaged files
     if theirs.get("kind") != "builtin" or theirs.get("version") == SIMULATOR_VERSION:
         return []
     return [

@@ -33,7 +33,7 @@ def job_name(workflow: Any) -> str | None:
 
 
 def remember(file: str | Path, name: str) -> None:
-    """Write the common name of a command's Slurm jobs to a file; called before the first job is submitted.
+    """Write the common name of a command's Slurm jobs to a file. Call this before submitting a job.
 
     Parameters
     ----------

@@ -99,7 +99,7 @@ def working_folder(parent: str | Path) -> Path:
 
 
 def sweep(folder: str | Path) -> int:
-    """Remove temporary files and folders of processes of this machine that have ended; return the number removed."""
+    """Remove temporary files and folders of processes that have ended on this machine; return the number removed."""
     removed = 0
     host = socket.gethostname()
     for partial in list(Path(folder).rglob(f"{_PARTIAL}{host}-*")):
@@ -108,7 +108,7 @@ def sweep(folder: str | Path) -> int:
             if partial.is_dir() and not partial.is_symlink():
                 shutil.rmtree(partial, ignore_errors=True)
             else:
-                with contextlib.suppress(OSError):  # another user's file, in a folder that is not writable
+                with contextlib.suppress(OSError):  # the file belongs to another user, in a folder that is not writable
                     partial.unlink()
             removed += 1
     return removed
@@ -172,7 +172,7 @@ def clamp_future_mtimes(folder: str | Path) -> int:
         for path in (Path(place, name) for name in ("", *names)):
             with contextlib.suppress(OSError):  # another process has removed the file
                 status = path.lstat()
-                # a file with a further hard link may be a user's own file elsewhere
+                # a file with a further hard link may also be a user's file outside the results
                 if stat.S_ISDIR(status.st_mode) or (stat.S_ISREG(status.st_mode) and status.st_nlink == 1):
                     dated.append((status.st_mtime_ns, path))
     future = sorted(item for item in dated if item[0] > now)

@@ -94,7 +94,7 @@ def set_aside(path: Path, reason: str, number: int | None = None, aside: Path | 
         if number is None or path.stat().st_ino == number:
             path.replace(aside)
         done = f"set aside as {aside.name}"
-    except FileNotFoundError:  # another job was faster
+    except FileNotFoundError:  # another job has already renamed the file
         done = f"set aside as {aside.name}"
     except OSError as error:
         return DamagedError(
@@ -142,7 +142,7 @@ def inspect_file(path: Path, kind: str | None, most_bytes: int | None = None) ->
     if found["kind"] != kind:
         raise Fault(f"is a file of kind {found['kind']!r}, expected {kind!r}")
     if kind == "run" and found["schema"] != SCHEMAS[kind]:
-        # a finished run of another version is not set aside, because that version can still read it
+        # a run record of another version is not renamed, because the other version can still read the record
         raise StoreError(
             f"{path}: written with schema {found['schema']}, this radcal reads {SCHEMAS[kind]}; use the radcal that "
             "wrote it, or another case name."

@@ -46,7 +46,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class About:
-    """Description of a field, which is written into the file.
+    """Description of a dataclass field; :func:`put` writes the description into the HDF5 file.
 
     Attributes
     ----------

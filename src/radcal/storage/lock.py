@@ -49,7 +49,7 @@ class CaseLock:
         except BlockingIOError:
             file.seek(0)
             process, _, host = (file.read().strip() or "unknown").partition(" ")
-            # processes on another machine cannot be checked from here
+            # this machine cannot check whether a process on another machine is alive
             if not process.isdigit() or host != socket.gethostname() or alive(int(process)):
                 file.close()
                 place = f" on {host}" if host and host != socket.gethostname() else ""
