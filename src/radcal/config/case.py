@@ -60,7 +60,8 @@ class Case(Part):
 
     case: CaseName = Field("dyke", description="name of the case and of its folder below results/")
     replace: bool = Field(
-        False, description="whether radcal may replace a finished calibration of another scene in the case's folder"
+        False,
+        description="whether radcal may replace a finished calibration of another scene or pass in the case's folder",
     )
     seed: Seed = Field(1, description="seed of all random draws for which no other key gives a seed")
     # factories, because a section created here would make every job build the validator of the section

@@ -17,8 +17,8 @@ class Optimiser(Section):
 
     objective: Literal["theta", "rms"] = Field(
         "theta",
-        description="what NSGA-II minimises: theta (squared residuals, as several goals) or rms (one goal; for a "
-        "density, flat far from the optimum)",
+        description="quantity that NSGA-II minimises: theta (squared residuals) or rms (with objective: density, the rms "
+        "difference, which is flat far from its minimum)",
     )
     # Platypus sorts in pure Python: its time grows in proportion to evaluations times population. The least-squares
     # fit and the multi-start search compensate for a small population.

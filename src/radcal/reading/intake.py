@@ -31,7 +31,7 @@ def bounded_memory(values: int) -> Iterator[None]:
     Raises
     ------
     MemoryError
-        The ``with`` block needs more memory. Only Linux enforces the limit.
+        The ``with`` block needs more memory. A limit is only set on Linux.
     """
     try:
         used = int(_PAGES.read_text(encoding="ascii").split()[0]) * os.sysconf("SC_PAGE_SIZE")
