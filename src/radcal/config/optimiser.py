@@ -17,7 +17,7 @@ class Optimiser(Section):
 
     objective: Literal["theta", "rms"] = Field(
         "theta",
-        description="quantity that NSGA-II minimises: theta (squared residuals) or rms (with objective: density, the rms "
+        description="what NSGA-II minimises: theta (squared residuals) or rms (with objective: density, the rms "
         "difference, which is flat far from its minimum)",
     )
     # Platypus sorts in pure Python: its time grows in proportion to evaluations times population. The least-squares
