@@ -1,4 +1,4 @@
-"""Model of a whole case: its sections, and the checks of one section against another."""
+"""Model of a whole case: all sections, and checks that compare keys of different sections."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ _DRAWS_IN_BINS = 4
 
 
 def _with_fitting_stop(data: dict[str, Any]) -> dict[str, Any]:
-    """Case data, with ``stop.at_sampling_error`` set for an external program without a configured ``stop.rms``."""
+    """Case data; ``stop.at_sampling_error`` is true by default for an external program without ``stop.rms``."""
     stop, simulator = data.get("stop", {}), data.get("simulator")
-    # a section that is a model already has this default
+    # a section that is already a model contains this default
     if not isinstance(stop, dict) or "rms" in stop or "at_sampling_error" in stop:
         return data
     kind = simulator.get("kind") if isinstance(simulator, dict) else getattr(simulator, "kind", None)
@@ -44,7 +44,7 @@ def _with_fitting_stop(data: dict[str, Any]) -> dict[str, Any]:
 
 
 def _with_fitting_draws(data: dict[str, Any]) -> dict[str, Any]:
-    """Case data, with several draws of speckle for radcal's own simulator under incidence-angle bins."""
+    """Case data; ``simulator.draws`` is 4 by default if the built-in simulator and incidence-angle bins are used."""
     simulator, objective = data.get("simulator", {}), data.get("objective", DEFAULT)
     traits = OBJECTIVES.get(objective) if isinstance(objective, str) else None
     if not isinstance(simulator, dict) or "draws" in simulator or traits is None or not traits.bins:
@@ -59,14 +59,19 @@ class Case(Part):
     """Configuration of one calibration."""
 
     case: CaseName = Field("dyke", description="name of the case and of its folder below results/")
-    replace: bool = Field(False, description="whether results of another scene or pass in that folder may be replaced")
-    seed: Seed = Field(1, description="seed of all random draws that have no seed of their own")
-    # factories: a section that is made here would have its validator built in every job
+    replace: bool = Field(
+        False,
+        description="whether radcal may replace a finished calibration of another scene or pass in the case's folder",
+    )
+    seed: Seed = Field(1, description="seed of all random draws for which no other key gives a seed")
+    # factories, because a section created here would make every job build the validator of the section
     scene: SceneConfig = Field(BuiltinScene(), description="source of elevation, materials and objects")
     radar: Radar = Field(default_factory=Radar)
     simulator: SimulatorConfig = Field(BuiltinSimulation(), description="radcal's own simulator or any other program")
     materials: dict[str, Material] = Field(
-        default_factory=default_materials, min_length=1, description="surface materials by name, and their laws"
+        default_factory=default_materials,
+        min_length=1,
+        description="surface materials by name, each with its backscatter law",
     )
     measurement: MeasurementConfig = Field(
         SyntheticMeasurement(), description="the measured image in a file, or a synthetic one"
@@ -74,10 +79,11 @@ class Case(Part):
     registration: RegistrationConfig = Field(default_factory=RegistrationConfig)
     objective: Objective = Field(
         DEFAULT,
-        description="classes, likelihood: the law, by incidence-angle bin (docs/right_law.md); density: the histogram",
+        description="classes, likelihood: match the law in incidence-angle bins (docs/right_law.md); density: match "
+        "the histogram",
     )
     target: TargetConfig = Field(default_factory=TargetConfig)
-    validation: Validation | None = Field(None, description="held-out ground, on which the laws are checked")
+    validation: Validation | None = Field(None, description="ground held out of the calibration to check the laws")
     design: Design = Field(default_factory=Design)
     surrogate: SurrogateConfig = Field(default_factory=SurrogateConfig)
     optimiser: Optimiser = Field(default_factory=Optimiser)
@@ -86,7 +92,11 @@ class Case(Part):
     @model_validator(mode="before")
     @classmethod
     def _fitting_defaults(cls, data: object) -> object:
-        """Case data; the default is one density of all pixels for one bin, normalisation ``image`` or external laws."""
+        """Case data with default values that depend on other keys.
+
+        A missing ``objective`` becomes ``density`` if the case has one bin, normalisation ``image`` or a calibrated
+        external law.
+        """
         if not isinstance(data, dict):
             return data
         data = _with_fitting_stop(data)
@@ -121,7 +131,7 @@ class Case(Part):
     def _consistent(self) -> Self:
         if not self.calibrated:
             raise ValueError("materials: none is marked calibrate: true, expected at least one")
-        # default hidden parameters are for the default case only: elsewhere materials keep their start
+        # the default hidden parameters are for the default case only: in other cases materials keep their start
         if isinstance(self.measurement, SyntheticMeasurement) and self.measurement.synthetic.is_written:
             for name, x in self.measurement.synthetic.parameters.items():
                 if name not in self.materials:
@@ -164,7 +174,7 @@ class Case(Part):
         return self
 
     def _check_whole_box(self) -> None:
-        """Refuse bounds that hold too few combinations of whole numbers for the design and the reference run."""
+        """Refuse bounds that contain fewer combinations of whole numbers than design and reference run need."""
         materials = [self.materials[name] for name in self.calibrated]
         if not all(all(material.integers) for material in materials):
             return
@@ -176,7 +186,7 @@ class Case(Part):
             )
 
     def _check_objective(self) -> None:
-        """Refuse settings that the objective does not use, and settings with which the objective is impossible."""
+        """Refuse settings that the objective does not use, and settings that contradict the objective."""
         traits, target = OBJECTIVES[self.objective], self.target
         if not traits.bins and target.incidence_classes not in (1, "auto"):
             raise ValueError(
@@ -208,7 +218,7 @@ class Case(Part):
                     )
 
     def _check_truth(self, synthetic: Synthetic) -> None:
-        """Refuse a synthetic measurement without hidden parameters of the law that is calibrated."""
+        """Refuse a synthetic measurement for which a calibrated law has no hidden parameters."""
         for name, material in self.materials.items():
             key = f"measurement.synthetic.parameters.{name}"
             if name in synthetic.parameters and (synthetic.is_written or material.law == DEFAULT_LAW):
@@ -225,7 +235,7 @@ class Case(Part):
                 )
 
     def _check_laws(self) -> None:
-        """Refuse laws that the simulator cannot evaluate, and laws that need a missing key of ``radar``."""
+        """Refuse laws that the simulator cannot evaluate, and laws that need a missing ``radar.frequency_ghz``."""
         command = isinstance(self.simulator, CommandSimulation)
         for name, material in self.materials.items():
             if material.law == EXTERNAL and not command:

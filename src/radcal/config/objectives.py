@@ -1,4 +1,4 @@
-"""Names of the objectives, and what each of them asks of the rest of the configuration."""
+"""Names of the objectives, and the requirements of each objective on other sections of the configuration."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ __all__ = ["OBJECTIVES", "Objective", "Traits", "names"]
 
 @dataclass(frozen=True)
 class Traits:
-    """Properties of an objective that other sections depend on.
+    """Properties of an objective with which other sections of the configuration must be consistent.
 
     Attributes
     ----------
     bins : bool
-        Whether statistics are compared by incidence-angle bin, in dB.
+        Whether the objective compares statistics in dB, separately in each incidence-angle bin.
     curve : bool
-        Whether every calibrated law needs a curve.
+        Whether every calibrated law must have a curve; external laws have none.
     compares : str
-        What is compared, in words.
+        Words for the quantities that the objective compares.
     values : int
-        Values compared in each bin whose squared residuals sum to about their number for a right law; 0 where there is
-        no such number.
+        Number of statistics compared in each bin. For a right law the sum of their squared residuals is about equal
+        to this number. 0 for objectives without such a number.
     """
 
     bins: bool
@@ -40,14 +40,14 @@ OBJECTIVES: dict[str, Traits] = {
     "density": Traits(bins=False, compares="the histogram"),
     "likelihood": Traits(bins=True, curve=True, compares="the levels"),
 }
-"""Traits of each objective by its name; ``radcal.calibration.objectives`` holds their classes."""
+"""Traits of each objective by name; ``radcal.calibration.objectives`` contains the classes of the objectives."""
 
 DEFAULT = "classes"
 SINGLE = "density"
 
 
 def names(bins: bool | None = None, curve: bool | None = None) -> Collection[str]:
-    """Names of the objectives with these traits."""
+    """Names of the objectives whose traits ``bins`` and ``curve`` have the given values; None accepts both values."""
     return [name for name, one in OBJECTIVES.items() if bins in (None, one.bins) and curve in (None, one.curve)]
 
 

@@ -1,4 +1,4 @@
-"""Sections of the configuration (of a whole case or of one stage), as plain data, and values derived from them."""
+"""Base class of all models with several sections: export as plain data, and values derived from the sections."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from radcal.storage.disclosure import Undisclosed
 
 __all__ = ["Part"]
 
-# a baseline knows most of how a run depends on X: two runs show how much of it is right
+# The baseline predicts most of how a run depends on X. Two runs are enough to estimate its error.
 _DESIGN_SIZE = 2
 _DESIGN_SIZE_WITHOUT_BASELINE = 8
 
@@ -53,14 +53,14 @@ _OfMaterials = TypeVar("_OfMaterials", bound=_Materials)
 
 
 class Part(Section):
-    """Some sections of the configuration, or all of them.
+    """Base class of models that contain some sections of the configuration, or all of them.
 
-    The type of ``self`` of each property names the sections that the property is derived from, so that mypy rejects
-    the property of a model that lacks one of them.
+    Each property annotates ``self`` with the sections that it is derived from. mypy therefore rejects the use of a
+    property on a model that lacks one of these sections.
     """
 
     def sections(self, *names: str) -> dict[str, Any]:
-        """Sections with the given names as plain data, for the ``params`` of a rule."""
+        """Named sections as plain data, for the ``params`` of a Snakemake rule."""
         sections = self.model_dump(mode="json", include=set(names))
         if environment := sections.get("simulator", {}).get("environment"):
             sections["simulator"]["environment"] = Undisclosed(environment)
@@ -73,24 +73,24 @@ class Part(Section):
 
     @property
     def start_parameters(self: _Materials) -> dict[str, list[float]]:
-        """Parameters of the reference run: every material at its start, for the laws of ``at_start``."""
+        """Law parameters of each material in the reference run, which uses the laws of ``at_start``."""
         return {name: material.start_parameters for name, material in self.materials.items()}
 
     @property
     def start_with_another_law(self: _Materials) -> list[str]:
-        """Names of the calibrated materials that have another law in the reference run."""
+        """Names of the calibrated materials whose law in the reference run differs from the calibrated law."""
         return [name for name, material in self.materials.items() if material.starts_with_another_law]
 
     @property
     def at_start(self: _OfMaterials) -> _OfMaterials:
-        """Copy for the reference run, in which each material has the law of its starting parameters."""
+        """Copy of the model for the reference run; each material has the law of its starting parameters."""
         return self.model_copy(
             update={"materials": {name: material.at_start for name, material in self.materials.items()}}
         )
 
     @property
     def laws(self: _Pass) -> dict[str, Law]:
-        """Law of each material for this pass; all but external laws can be evaluated."""
+        """Law of each material at the frequency and polarisation of the pass; radcal cannot evaluate external laws."""
         return {
             name: law_for(
                 material.law,
@@ -105,21 +105,21 @@ class Part(Section):
 
     @property
     def reference_materials(self: _Levels) -> list[str]:
-        """Names of the materials with fixed laws from which the level of the measured image is estimated."""
+        """Names of the materials with fixed parameters, from which radcal estimates the level of the measured image."""
         if self.target.reference_materials is not None:
             return list(self.target.reference_materials)
         return [name for name, material in self.materials.items() if not material.calibrate]
 
     @property
     def has_baseline(self: _Design) -> bool:
-        """Whether law, speckle and noise predict the statistics of every calibrated material."""
+        """Whether the surrogates start from a prediction by law, speckle and noise for every calibrated material."""
         curves = all(material.law != EXTERNAL for material in self.materials.values() if material.calibrate)
         learnt = self.surrogate.baseline and self.surrogate.outputs == "centred"
         return curves and learnt and self.target.normalisation != "image"
 
     @property
     def design_size(self: _Design) -> int:
-        """Number of runs of the design."""
+        """Number of runs of the design, with ``auto`` resolved."""
         if self.design.size != "auto":
             return self.design.size
         if self.has_baseline:

@@ -1,4 +1,4 @@
-"""Section ``surrogate``: outputs and training of the kriging."""
+"""Section ``surrogate``: outputs and training of the kriging models."""
 
 from __future__ import annotations
 
@@ -13,26 +13,27 @@ __all__ = ["SurrogateConfig"]
 
 
 class SurrogateConfig(Section):
-    """Outputs and training of the kriging."""
+    """Outputs and training of the kriging models."""
 
     outputs: Literal["centred", "direct"] = Field(
         "centred",
-        description="outputs of the kriging: centred (mean, log sd, skewness) or, with one density, direct (xi, omega, "
-        "alpha)",
+        description="outputs of the kriging: centred (mean, log sd, skewness) or direct (xi, omega, alpha; only for "
+        "objective: density)",
     )
     training: Literal["posterior", "smt"] = Field(
         "posterior",
-        description="length scales of the kriging: posterior (likelihood times a weak prior) or, with one density, smt "
-        "(the library's defaults)",
+        description="estimate of the length scales: posterior (likelihood times a weak prior) or smt (defaults of the "
+        "library smt; only for objective: density)",
     )
     baseline: bool = Field(
-        True, description="whether law, speckle and noise are predicted and kriging learns what runs show besides"
+        True,
+        description="whether law, speckle and noise predict each run; kriging then models only the prediction error",
     )
 
     @model_validator(mode="before")
     @classmethod
     def _earlier_keys(cls, data: Any) -> Any:
-        """Data without what an earlier version asked for: the start of smt's optimiser."""
+        """Data without the obsolete settings ``retrain_every`` and ``training: warm``, after a warning about both."""
         if not isinstance(data, dict) or ("retrain_every" not in data and data.get("training") != "warm"):
             return data
         warnings.warn(

@@ -1,4 +1,4 @@
-"""The default case as commented YAML."""
+"""Writer of the default case as YAML with comments."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def default_yaml() -> str:
 
 
 def _lines(section: BaseModel, indent: str = "") -> list[str]:
-    """Lines of YAML, one per key with its description; nested sections are indented."""
+    """Lines of YAML for a section: one line per key, with the key's description; nested sections are indented."""
     lines = []
     for name, field in type(section).model_fields.items():
         value = getattr(section, name)
@@ -48,7 +48,7 @@ def _lines(section: BaseModel, indent: str = "") -> list[str]:
 
 
 def _inline(value: object) -> str:
-    """YAML of a plain value on one line; 1e-05 is written as 1.0e-05, since YAML 1.1 reads 1e-05 as text."""
+    """YAML of a plain value on one line; 1e-05 becomes 1.0e-05, because YAML 1.1 interprets 1e-05 as text."""
     if isinstance(value, dict):
         return "{" + ", ".join(f"{key}: {_inline(item)}" for key, item in value.items()) + "}"
     if isinstance(value, list | tuple):

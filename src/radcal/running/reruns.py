@@ -1,6 +1,6 @@
-"""Table of ``docs/reruns.md``: stages and simulator runs that are repeated when a configuration key changes.
+"""Table in ``docs/reruns.md``: rules and simulator runs that are repeated after a change of each configuration key.
 
-``python -m radcal.running.reruns`` writes the table from the stages' models (:mod:`radcal.config.stages`).
+``python -m radcal.running.reruns`` prints the table, derived from the models in :mod:`radcal.config.stages`.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ def _first(section: str) -> list[str]:
 
 
 def reruns_table() -> str:
-    """Table of ``docs/reruns.md``: stages and simulator runs that are repeated when a configuration key changes.
+    """Table in ``docs/reruns.md``: rules and simulator runs that are repeated after a change of each configuration key.
 
     Returns
     -------
     str
-        Table in Markdown with one line for each key of the configuration.
+        Table in Markdown, with one row for each top-level key of the configuration.
     """
     lines = ["| key | stages that read it | new runs of the simulator |", "|---|---|---|"]
     for section in Case.model_fields:

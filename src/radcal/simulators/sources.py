@@ -1,4 +1,4 @@
-"""The configured simulator, and a runner with a store of runs, which simulates only runs that are not stored."""
+"""Construction of the configured simulator, and of its runner with the run store of the case."""
 
 from __future__ import annotations
 
@@ -17,21 +17,22 @@ __all__ = ["make_runner", "make_simulator"]
 
 
 def make_simulator(case: stages.Simulator, geometry: Geometry, geometry_path: str | Path) -> Simulator:
-    """Configured simulator on a geometry.
+    """Create the configured simulator for the geometry of a pass.
 
     Parameters
     ----------
     case : stages.Simulator
-        Simulator, pass and materials.
+        Sections for simulator, pass and materials.
     geometry : Geometry
         Geometry of the pass.
     geometry_path : path
-        Path of the geometry's file, which an external simulator may receive.
+        Path of the geometry file, which an external simulator may read.
 
     Raises
     ------
     ConfigError
-        An external simulator lacks its program, a file or a placeholder.
+        The configuration of an external simulator is wrong (:class:`~radcal.simulators.command.CommandPlan`), or a
+        law without a curve is configured for the built-in simulator.
     """
     if isinstance(case.simulator, CommandSimulation):
         plan = CommandPlan(case.simulator, case.materials)
@@ -41,7 +42,7 @@ def make_simulator(case: stages.Simulator, geometry: Geometry, geometry_path: st
 
 
 def make_runner(case: stages.Simulation, scene_path: str | Path, geometry_path: str | Path, runs: str | Path) -> Runner:
-    """Runner of the configured simulator: a run in the case's run store is read, a new run is simulated and stored."""
+    """Create the runner, which reads recorded runs from the case's run store, and simulates and records other runs."""
     geometry = read_geometry(geometry_path)
     simulator = make_simulator(case, geometry, geometry_path)
     return Runner(RunStore(runs), simulator, geometry, read_scene(scene_path).identity, case)

@@ -1,4 +1,4 @@
-"""Indexes of runs: JSON lists with the hash and the parameters of runs in the run store."""
+"""Indexes of runs: JSON lists of runs in the run store, with the hash and the parameters of each run."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ __all__ = ["IndexedRun", "indexed", "read_index", "write_index"]
 
 @dataclass(frozen=True)
 class IndexedRun:
-    """Entry of an index: one run in the run store.
+    """Entry of an index, for one run in the run store.
 
     Attributes
     ----------
     key : str
-        Hash of the run, which names its record.
+        Hash of the run, which is also the file name of its record.
     parameters : mapping
         Law parameters X by material.
     difference_db : float or None
-        Largest difference between the pixels of the repeated and the first reference run [dB]; None for other runs.
+        For a repeated reference run, largest difference of its pixels from the first reference run [dB]; else None.
     draws : tuple of str
-        Hashes of its further draws of speckle.
+        Hashes of the records of the run's further speckle draws.
     """
 
     key: str
@@ -36,17 +36,17 @@ class IndexedRun:
 
     @classmethod
     def of(cls, record: Record, parameters: Parameters, difference_db: float | None = None) -> IndexedRun:
-        """Entry of a run, from its record."""
+        """Entry of the run to which a record belongs."""
         return cls(record.key, parameters, difference_db, tuple(draw.key for draw in record.draws))
 
 
 def write_index(path: str | Path, runs: Iterable[IndexedRun]) -> None:
-    """Write an index as JSON; empty fields are omitted."""
+    """Write an index to a JSON file; empty fields are omitted."""
     write_json(path, [{name: value for name, value in asdict(run).items() if value not in (None, ())} for run in runs])
 
 
 def read_index(path: str | Path) -> list[IndexedRun]:
-    """Read an index that :func:`write_index` wrote.
+    """Read an index written by :func:`write_index`.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def read_index(path: str | Path) -> list[IndexedRun]:
 def indexed(
     files: Iterable[str | Path], runs: str | Path, materials: Sequence[str], image: bool = False
 ) -> Iterator[tuple[Record, Parameters]]:
-    """Records and parameters of the runs in several indexes, in the order of the indexes.
+    """Iterator over records and parameters of all runs listed in several indexes, in the order of the indexes.
 
     Parameters
     ----------
@@ -68,14 +68,14 @@ def indexed(
     runs : path
         Folder of the run store.
     materials : sequence of str
-        Materials whose pixels each record must hold.
+        Materials whose pixels each record must contain.
     image : bool
-        Whether each record must hold the whole image too.
+        Whether each record must also contain the whole image.
 
     Raises
     ------
     StoreError
-        The store lacks a listed run, or its record lacks a material or the image.
+        The store lacks a listed run, or the record of a listed run lacks a material or the image.
     """
     store = RunStore(runs)
     for file in files:
@@ -85,7 +85,7 @@ def indexed(
 
 
 def _found(store: RunStore, file: str | Path, key: str, materials: Sequence[str], image: bool) -> Record:
-    """Record that an index lists."""
+    """Record of a run that an index lists; a missing record raises a StoreError."""
     record, path = store.get(key, materials, image), store.path(key)
     if record is None and not path.is_file():
         raise StoreError(
