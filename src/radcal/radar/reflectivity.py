@@ -1,4 +1,4 @@
-"""Expected power by pixel and material: backscatter laws evaluated on the facets of a geometry."""
+"""Expected power of each material in each pixel: backscatter laws evaluated on the facets of a geometry."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _LEVELS = 65536  # steps of the incidence angle between 0 and 90 degrees
 
 @dataclass(frozen=True)
 class Reflectivity:
-    """Expected power by pixel and material.
+    """Expected power of each material in each pixel.
 
     A *cell* is the contribution of one material to one pixel.
 
@@ -31,9 +31,9 @@ class Reflectivity:
     start : ndarray of int32, shape (pixels + 1,)
         First cell of each pixel.
     material : ndarray of uint8, shape (cells,)
-        Material id.
+        Material id of each cell.
     power : ndarray of float32, shape (cells,)
-        Expected power in the configured radiometry, without noise or resolution [linear].
+        Expected power of each cell in the configured radiometry [linear], before thermal noise and impulse response.
     """
 
     shape: tuple[int, int]
@@ -70,13 +70,13 @@ def law_tables(
     names : tuple of str
         Materials; id k is ``names[k - 1]``.
     laws, parameters : mapping
-        Backscatter law and its parameters by material; a material without a law is dark.
+        Backscatter law of each material, and the parameters of the law. A material without a law has a sigma0 of 0.
 
     Returns
     -------
     ndarray of float32, shape (materials + 2, 65536)
-        sigma0 [linear power] at incidence i / 65535 times 90 degrees; row 0 is no material, the
-        last is 1 for objects, whose weights hold their cross-section.
+        sigma0 [linear power]; column i is for the incidence 90 i / 65535 degrees. Row 0 is for ground without material.
+        The last row, for objects, is 1, because the weights of objects include their cross-section.
     """
     phi = np.linspace(0.0, np.pi / 2.0, _LEVELS)
     tables = np.zeros((len(names) + 2, _LEVELS), dtype=np.float32)
@@ -115,8 +115,8 @@ def reflectivity(
     tables : ndarray, shape (materials + 2, 65536)
         Laws from :func:`law_tables`.
     before, changed : optional
-        Reflectivity with earlier laws, and the materials (bool by id, shape (materials + 2,)) whose law has changed
-        since: only their cells are computed again, in place.
+        Reflectivity with earlier laws, and mask of the material ids whose law has changed since then, shape (materials
+        + 2,). Only the cells of these materials are computed again, in place.
 
     Returns
     -------

@@ -38,7 +38,7 @@ def oh1992(
     frequency_ghz : float
         Carrier frequency [GHz].
     polarisation : {'HH', 'HV', 'VH', 'VV'}
-        HV and VH are the same.
+        HV and VH give the same sigma0.
 
     Returns
     -------
