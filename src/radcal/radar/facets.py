@@ -132,7 +132,7 @@ def order_facets(
 ) -> None:  # fmt: skip
     """Sort each pixel's facets by material, scale their weights, and average their incidence and position.
 
-    The weights of the ground's facets are multiplied by ``of_ground``, and those of objects' facets (material id
+    The weights of the ground's facets are multiplied by ``of_ground``, and the weights of objects' facets (material id
     ``objects``) by ``of_objects``; both factors have the shape (rows,). The averages include objects' facets only in
     pixels without ground, which have no mean incidence.
     """

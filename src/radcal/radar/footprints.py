@@ -357,7 +357,7 @@ def locate(
     place: Any, height: Any, ground: Any, first: Any, last: Any, horizon: Any, edges: Any, track: Any, step: Any,
     slant: Any,
 ) -> None:  # fmt: skip
-    """Slant range of visible point scatterers on the lines ``first`` to ``last - 1``; that of hidden ones stays NaN.
+    """Slant range of visible point scatterers on the lines ``first`` to ``last - 1``; for hidden points it stays NaN.
 
     ``ground`` is the elevation of the ground on these lines and on one more line on each side [m].
     """

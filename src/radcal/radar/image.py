@@ -222,12 +222,12 @@ class ImageFormation:
     """Computation of complex looks and multilooked intensity from a reflectivity, with common random numbers.
 
     Each look is h * (sum over materials of sqrt(P_m) u_m + sqrt(nesz) v + sum over points of a_p d_p), where * is the
-    convolution. P_m is the expected power of material m. u_m and v are white circular Gaussian noise: u_m has one
-    number for each pixel and material, v (thermal noise) one for each pixel. h is the impulse response, of unit energy.
-    Beyond the image's border nothing is simulated; near the border, speckle and noise are scaled so that their mean
-    power is the same as elsewhere. Thermal noise is added before detection and passes through the same band limit as
-    the echo. d_p is an impulse at the position of point scatterer p, and a_p is the complex amplitude of p, which is
-    the same in every look. The intensity is the mean power of the looks.
+    convolution. P_m is the expected power of material m, and nesz is the noise power. u_m and v are white circular
+    Gaussian noise: u_m has one number for each pixel and material, and v (thermal noise) has one number for each pixel.
+    h is the impulse response, of unit energy. Beyond the image's border nothing is simulated; near the border, speckle
+    and noise are scaled so that their mean power is the same as elsewhere. Thermal noise is added before detection and
+    passes through the same band limit as the echo. d_p is an impulse at the position of point scatterer p, and a_p is
+    the complex amplitude of p, which is the same in every look. The intensity is the mean power of the looks.
 
     Parameters
     ----------

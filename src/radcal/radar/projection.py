@@ -1,4 +1,4 @@
-"""Projection of a scene into the image of one pass, which gives the geometry."""
+"""Computation of the geometry: projection of a scene into the image of one pass."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _CELLS_AT_ONCE = 256  # number of the scene's rows in a block; smaller blocks ne
 
 
 def make_geometry(scene: Scene, radar: Radar) -> Geometry:
-    """Geometry of a scene in one pass.
+    """Geometry of the image of a scene in one pass.
 
     Raises
     ------

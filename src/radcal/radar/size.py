@@ -57,7 +57,7 @@ def image_size(scene: SceneSize, radar: Radar) -> ImageSize:
     Returns
     -------
     ImageSize
-        Size for level ground far from the track, where a ground distance d corresponds to d cos(depression) in slant
+        Numbers for level ground far from the track, where a ground distance d corresponds to d cos(depression) in slant
         range. The simulated image has fewer pixels, because it covers only the slant ranges at which every azimuth line
         has ground.
     """

@@ -106,8 +106,8 @@ def border_gain(taps: NDArray[np.floating], n: int) -> NDArray[np.float32]:
 def log_speckle_sd_db(looks: float) -> float:
     """Standard deviation of multilook speckle in dB.
 
-    It is 10 / ln 10 sqrt(trigamma(L)) for a gamma-distributed intensity of shape L (Oliver and Quegan, "Understanding
-    Synthetic Aperture Radar Images", section 4.3).
+    The standard deviation is 10 / ln 10 sqrt(trigamma(L)) for a gamma-distributed intensity of shape L (Oliver and
+    Quegan, "Understanding Synthetic Aperture Radar Images", section 4.3).
     """
     from scipy.special import polygamma
 

@@ -90,9 +90,9 @@ def laid_over(slant_m: NDArray[np.float64], visible: NDArray[np.bool_], apart_m:
     Returns
     -------
     ndarray of bool, shape (ny, nx)
-        True for a visible facet if a visible facet at larger ground range has a smaller slant range, or one at smaller
-        ground range a larger slant range. These are the two parts, active and passive, of a layover (Schreier, "SAR
-        Geocoding: Data and Systems" (1993), chapter 6).
+        True for a visible facet if another visible facet has a larger ground range but a smaller slant range, or a
+        smaller ground range but a larger slant range. These are the two parts, active and passive, of a layover
+        (Schreier, "SAR Geocoding: Data and Systems" (1993), chapter 6).
     """
     nearer = np.where(visible, slant_m, -np.inf)
     further = np.where(visible, slant_m, np.inf)

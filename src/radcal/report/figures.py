@@ -63,7 +63,7 @@ def write_figures(archive: Archive, folder: str | Path) -> list[Figure]:
     Returns
     -------
     list of Figure
-        Figures of the whole case first, then those of each material.
+        Figures of the whole case, followed by the figures of each material.
     """
     import matplotlib as mpl
 

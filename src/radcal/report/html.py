@@ -28,7 +28,7 @@ _TIMES = "\N{NARROW NO-BREAK SPACE}\N{MULTIPLICATION SIGN}\N{NARROW NO-BREAK SPA
 
 
 def _number(value: float | None, digits: int = 3) -> str:
-    """Text of a number with significant digits, as a power of ten for very large and small ones."""
+    """Text of a number with ``digits`` significant digits; very large or small numbers get a power of ten."""
     if value is None or not math.isfinite(value):
         return "\N{EN DASH}"
     if value == 0:

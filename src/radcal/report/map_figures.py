@@ -24,7 +24,7 @@ _LARGEST = 1600  # pixels per side of an image shown; larger ones are averaged
 
 
 def _power(image_db: NDArray[Any]) -> tuple[Array, NDArray[np.bool_]]:
-    """Linear power with 0 for missing pixels, and mask of the valid ones."""
+    """Linear power, 0 for missing pixels, and mask of the pixels with a value."""
     valid = np.isfinite(image_db)
     return np.where(valid, 10.0 ** (np.where(valid, image_db, 0.0).astype(np.float64) / 10.0), 0.0), valid
 

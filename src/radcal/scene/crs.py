@@ -185,7 +185,7 @@ def _key(name: str) -> str:
 
 
 def transformation_note(source: CRS, target: CRS, name: str) -> str | None:
-    """Warning that coordinates are less accurate without a missing datum-shift grid; None if no grid is missing.
+    """Warning that coordinates are less accurate because a datum-shift grid is missing; None if no grid is missing.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ class Scene:
     Attributes
     ----------
     identity : str
-        Hash of the data from which the scene is made; it enters the key of every run.
+        Hash of the data from which the scene is made; it is a part of the key of every run.
     names : tuple of str
         Material names: ``names[k - 1]`` is the name of material id k. Id 0 means no material.
     material : ndarray of uint8, shape (ny, nx)

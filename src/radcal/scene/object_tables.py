@@ -189,7 +189,7 @@ def _short(crs: str) -> str:
 
 
 def _geopackage(path: Path, layer: str | None, place: Place) -> pd.DataFrame:
-    """Table of objects from a layer of points or polygons; the smallest rectangle around it stands for a polygon."""
+    """Table of objects from a layer of points or polygons; of a polygon, the smallest rectangle around it is used."""
     import pandas as pd
 
     try:

@@ -15,7 +15,7 @@ MAX_R = float(B / np.sqrt(1.0 - B**2))  # mean over sd of the half-normal
 
 
 def direct(cp: ArrayLike) -> NDArray[np.float64]:
-    """Direct parameters from centred ones.
+    """Direct parameters (xi, omega, alpha) computed from centred parameters.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def direct(cp: ArrayLike) -> NDArray[np.float64]:
 
 
 def centred(dp: ArrayLike) -> NDArray[np.float64]:
-    """Centred parameters from direct ones.
+    """Centred parameters (mean, standard deviation, skewness) computed from direct parameters.
 
     Parameters
     ----------

@@ -116,7 +116,7 @@ def intervals(
     -------
     ndarray, shape (3, 2)
         Lower and upper bounds of mean [dB], standard deviation [dB] and skewness; the bound of the skewness is
-        +-0.99527 where the half-normal limit is not rejected.
+        +-0.99527 if the half-normal limit is not rejected.
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """Backscatter laws: sigma0 in dB as a function of the local incidence angle.
 
-``LAWS`` is the registry of laws. Each module of this package holds a family of laws, with their formulas and their
+``LAWS`` is the registry of laws. Each module of this package contains a family of laws, with their formulas and their
 entries in the registry. A law may need conditions besides its parameters: carrier frequency, polarisation, knots. The
 function :func:`law_for` binds these conditions to the law. With its conditions bound, every law has the signature
 ``law(phi_rad, parameters) -> sigma0 [dB]``.
