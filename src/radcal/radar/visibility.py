@@ -62,7 +62,7 @@ def part_seen(
 def slant_extent(
     start: Any, end: Any, near: Any, near_down: Any, middle: Any, middle_down: Any, far: Any, far_down: Any
 ) -> tuple[Any, Any]:
-    """Smallest and largest slant range [m] between two fractions of the length of a facet that bends in its middle."""
+    """Smallest and largest slant range [m] of the part of a bent facet between the fractions ``start`` and ``end``."""
     low, high = np.inf, -np.inf
     for at in (start, min(max(0.5, start), end), end):
         if at < 0.5:

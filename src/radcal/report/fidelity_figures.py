@@ -27,7 +27,7 @@ def differences(found: Fidelity) -> Array:
 
 
 def fidelity(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
-    """Figure of predicted and verified cost, and of verified minus predicted statistics in standard deviations."""
+    """Figure of predicted and verified cost of each infill run, and of verified minus predicted statistics."""
     material = case.materials[name]
     found = material.fidelity
     if found is None or not np.isfinite(found.predicted_cost).any():

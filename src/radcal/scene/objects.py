@@ -105,7 +105,7 @@ def check_curve(points: ArrayLike) -> str | None:
     Parameters
     ----------
     points : array_like, shape (k, 2)
-        Aspect [deg] and cross-section [dBsm].
+        Aspect [deg] and cross-section [dBsm] of each point of the curve.
     """
     curve = np.asarray(points, dtype=np.float64)
     if curve.ndim != 2 or curve.shape[1] != 2 or len(curve) < 2:
