@@ -1,9 +1,10 @@
-"""Compilation by numba, with a cache folder on disk whose name holds a hash of all sources of the compiled functions.
+"""Compilation by numba, with a cache folder that is named after a hash of all source files of compiled functions.
 
-numba loads a function's machine code from its cache as long as the function's own source file is unchanged, even if
-compiled functions or constants of other source files that the function uses have changed. The cache folder is therefore
-named after a hash of all source files with compiled functions or with constants that compiled functions use. Every
-module with compiled functions imports ``njit`` from this module, and :func:`sources` finds the modules by this import.
+numba loads a function's machine code from its cache as long as the function's own source file is unchanged. It does not
+notice changes in other source files whose compiled functions or constants the function uses. The cache folder is
+therefore named after a hash of all source files with compiled functions or with constants that compiled functions use.
+Every module with compiled functions imports ``njit`` from this module, and :func:`sources` finds these modules by this
+import.
 """
 
 from __future__ import annotations
@@ -44,8 +45,8 @@ def sources(package: Path) -> list[Path]:
     Returns
     -------
     list of Path
-        Modules that import this one, and modules from which compiled functions, or constants of these modules, take
-        values.
+        Modules that import ``radcal.radar.compiled``, and modules whose functions or constants these modules use,
+        directly or indirectly, in decorated functions or global variables.
     """
     waiting = {path for path in package.rglob("*.py") if b"radcal.radar.compiled" in path.read_bytes()}
     trees: dict[Path, ast.Module] = {}
@@ -86,7 +87,7 @@ def _imports(tree: ast.Module) -> Iterator[tuple[str, str, str]]:
 
 
 def cache_folder(package: Path = _PACKAGE) -> str | None:
-    """Cache folder for the machine code of a package's present source files; created where it is missing.
+    """Path of the cache folder for the machine code of a package's current source files; created if it is missing.
 
     Parameters
     ----------
@@ -96,11 +97,11 @@ def cache_folder(package: Path = _PACKAGE) -> str | None:
     Returns
     -------
     str or None
-        ``radcal-<hash>`` below the first of these that may be written: ``NUMBA_CACHE_DIR`` where it is set, the
-        package's own ``__pycache__``, the user's cache (``XDG_CACHE_HOME``, else ``~/.cache``); None if none is
-        writable. The hash is that of the sources, the versions of numba and llvmlite, and the processor, so that nodes
-        of a cluster with a common home share a folder only if they run the same code. Folders of other hashes are
-        removed, except for the eight used last and those used within a day.
+        ``radcal-<hash>`` in the first writable folder of: ``NUMBA_CACHE_DIR`` if it is set, the package's own
+        ``__pycache__``, ``radcal`` in the user's cache (``XDG_CACHE_HOME``, else ``~/.cache``). None if none of them is
+        writable. The hash covers the source files, the versions of numba and llvmlite, and the processor. Nodes of a
+        cluster with a common home directory therefore share a folder only if they run the same machine code. Folders of
+        other hashes are removed, except the eight used most recently and those used within the last day.
     """
     total = hashlib.sha256(f"{numba.__version__} {llvmlite.__version__} {binding.get_host_cpu_name()}".encode())
     total.update(binding.get_host_cpu_features().flatten().encode())
@@ -121,7 +122,7 @@ def cache_folder(package: Path = _PACKAGE) -> str | None:
 
 
 def _remove_others(folder: Path) -> None:
-    """Remove the other cache folders beside ``folder``, except for the eight used last and those used within a day."""
+    """Remove all cache folders beside ``folder``, except the eight used most recently and those used within a day."""
     used = {}
     for path in folder.parent.glob("radcal-" + "[0-9a-f]" * 20):
         with contextlib.suppress(OSError):  # removed meanwhile
@@ -139,7 +140,7 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
 def njit(**options: Any) -> Callable[[_Function], _Function]:
-    """Decorator ``numba.njit`` that keeps the machine code in the folder of :func:`cache_folder`.
+    """Decorator ``numba.njit`` that stores the machine code in the folder of :func:`cache_folder`.
 
     Of several processes that need a function at the same time, one compiles it, and the others wait and load its
     machine code. Where no such folder is writable, every process compiles the functions again.
@@ -147,7 +148,7 @@ def njit(**options: Any) -> Callable[[_Function], _Function]:
     Parameters
     ----------
     **options
-        Of ``numba.njit``.
+        Options of ``numba.njit``.
     """
 
     def compiled(function: _Function) -> _Function:

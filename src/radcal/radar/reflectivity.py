@@ -1,4 +1,4 @@
-"""Expected power by pixel and material: backscatter laws evaluated on the facets of a geometry."""
+"""Expected power of each material in each pixel: backscatter laws evaluated on the facets of a geometry."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _BRIGHTEST_DB = 380.0  # single precision ends at 385 dB
 
 @dataclass(frozen=True)
 class Reflectivity:
-    """Expected power by pixel and material.
+    """Expected power of each material in each pixel.
 
     A *cell* is the contribution of one material to one pixel.
 
@@ -34,9 +34,9 @@ class Reflectivity:
     start : ndarray of int32, shape (pixels + 1,)
         First cell of each pixel.
     material : ndarray of uint8, shape (cells,)
-        Material id.
+        Material id of each cell.
     power : ndarray of float32, shape (cells,)
-        Expected power in the configured radiometry, without noise or resolution [linear].
+        Expected power of each cell in the configured radiometry [linear], before thermal noise and impulse response.
     """
 
     shape: tuple[int, int]
@@ -73,7 +73,7 @@ def law_tables(
     names : tuple of str
         Materials; id k is ``names[k - 1]``.
     laws, parameters : mapping
-        Backscatter law and its parameters by material; a material without a law is dark.
+        Backscatter law of each material, and the parameters of the law. A material without a law has a sigma0 of 0.
 
     Returns
     -------
@@ -131,8 +131,8 @@ def reflectivity(
     tables : ndarray, shape (materials + 2, 65536)
         Laws from :func:`law_tables`.
     before, changed : optional
-        Reflectivity with earlier laws, and the materials (bool by id, shape (materials + 2,)) whose law has changed
-        since: only their cells are computed again, in place.
+        Reflectivity with earlier laws, and mask of the material ids whose law has changed since then, shape (materials
+        + 2,). Only the cells of these materials are computed again, in place.
 
     Returns
     -------

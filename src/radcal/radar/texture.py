@@ -18,7 +18,7 @@ def log_speckle_cumulants(looks: ArrayLike) -> NDArray[np.float64]:
     .. math:: K [\psi(L) - \ln L], \quad K^2 \psi'(L), \quad K^3 \psi''(L), \qquad K = 10 / \ln 10
 
     The cumulants of independent factors of the intensity add in dB. If the number of looks of an area changes, the
-    area's cumulants therefore change by the difference between the cumulants of the two speckles.
+    area's cumulants therefore change by the difference between the cumulants of the new and of the old speckle.
 
     Parameters
     ----------
@@ -65,12 +65,12 @@ def texture_order(looks: float, effective: float) -> float:
     looks : float
         Looks L of the speckle.
     effective : float
-        Effective looks L', from the log-variance.
+        Effective looks L', defined by the log-variance.
 
     Returns
     -------
     float
-        Order of the gamma texture; infinite where no texture is needed (``effective`` not below ``looks``).
+        Order of the gamma texture; infinite if ``effective`` is at least ``looks``, because no texture is needed then.
 
     References
     ----------
@@ -93,15 +93,15 @@ def texture_db(uniform: ArrayLike, order: float) -> NDArray[np.float64]:
     Parameters
     ----------
     uniform : array_like
-        Numbers between 0 and 1, one a pixel; with the same numbers for every order the texture is a smooth function of
-        the order (common random numbers).
+        Random numbers between 0 and 1, one for each pixel. If every order uses the same random numbers (common random
+        numbers), the texture is a smooth function of the order.
     order : float
-        Order of the gamma law; infinite for none.
+        Order of the gamma distribution; infinite for no texture.
 
     Returns
     -------
     ndarray
-        Texture in dB, to be added to backscatter.
+        Texture [dB], to be added to the backscatter in dB.
     """
     u = np.asarray(uniform, dtype=np.float64)
     if not np.isfinite(order):

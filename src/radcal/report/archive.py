@@ -1,6 +1,6 @@
-"""Archive of all results of a calibration, ``calibration.h5``, with a layout that follows from the types below.
+"""Archive of all results of a calibration, ``calibration.h5``; the classes of this module define its layout.
 
-``python -m radcal.report.archive`` writes the layout as the table in ``docs/records.md``.
+``python -m radcal.report.archive`` prints the table of this layout that ``docs/records.md`` contains.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Runs:
-    """All n runs in their order: reference, reused, design, infill."""
+    """All n runs of a calibration, in the order reference, reused, design, infill."""
 
     kind: Annotated[NDArray[np.str_], About("kind of each run: reference, reused, design or infill", shape="n")]
     index: Annotated[Integers, About("number of the run within its kind", shape="n")]
@@ -55,7 +55,7 @@ class Runs:
 
 @dataclass(frozen=True)
 class LawParameters:
-    """Parameters of a law, with the conditions for its evaluation."""
+    """Parameters of a law, with the conditions (polarisation, frequency, knots) that its evaluation needs."""
 
     values: Annotated[Doubles, Main()]
     law: Annotated[str, About("name of the law")]
@@ -66,7 +66,7 @@ class LawParameters:
     units: Annotated[tuple[str, ...] | None, About("units of the parameters of an external law")] = None
 
     def curve(self) -> Law:
-        """Function of incidence and parameters that evaluates the law under its conditions.
+        """Law as a function of incidence angle and parameters, with its conditions bound to it.
 
         Raises
         ------
@@ -85,7 +85,7 @@ class LawParameters:
 
 @dataclass(frozen=True)
 class HeldOutBlocks:
-    """Prediction errors on held-out blocks (:class:`radcal.calibration.validation.HeldOut`)."""
+    """Errors of the predictions for held-out blocks (:class:`radcal.calibration.validation.HeldOut`)."""
 
     rmse_law_db: Annotated[float, About("rms error of the law's prediction of the means of held-out blocks", "dB")]
     rmse_law_patch_db: Annotated[
@@ -131,7 +131,7 @@ class Check:
 
 @dataclass(frozen=True)
 class Fidelity:
-    """Predictions of the surrogate for each infill run, and what the run showed; NaN without a prediction."""
+    """Predictions of the surrogate for each infill run, and the results of this run; NaN if not predicted."""
 
     predicted_cost: Annotated[Doubles, About("cost that the surrogate predicted", shape="m")]
     verified_cost: Annotated[Doubles, About("cost of the run", shape="m")]
@@ -145,7 +145,7 @@ class Fidelity:
 
 @dataclass(frozen=True)
 class MaterialResult:
-    """Target and results of one calibrated material, with d parameters, n runs, m infill runs and p pixels."""
+    """Target and results of one calibrated material: d parameters, n runs, m infill runs, p pixels of the target."""
 
     law: Annotated[str, About("name of the calibrated law")]
     parameter_names: Annotated[tuple[str, ...], Attribute(), About("names of its d parameters")]
@@ -211,7 +211,7 @@ class MaterialResult:
 
 @dataclass(frozen=True)
 class Images:
-    """Whole images, with rows along slant range and columns along azimuth; None where an image was not recorded."""
+    """Whole images, with rows along slant range and columns along azimuth; None for an image that is not archived."""
 
     measured_db: Annotated[
         Floats | None, About("measured image after subtraction of its assumed level", "dB", "rows, columns")
@@ -226,7 +226,7 @@ class Images:
 
 @dataclass(frozen=True)
 class ObjectPlaces:
-    """Centres of the scene's objects; where there are many, those of every n-th object."""
+    """Centres of the scene's objects; if the scene has many objects, those of every n-th object."""
 
     places_m: Annotated[Floats, Main()]
     count: Annotated[int, About("number of objects in the scene")]
@@ -234,7 +234,7 @@ class ObjectPlaces:
 
 @dataclass(frozen=True)
 class SceneView:
-    """Scene at the resolution of the figures; row 0 is in the south."""
+    """Scene, reduced to the resolution of the figures; row 0 is in the south."""
 
     step: Annotated[int, About("step between the cells of the scene that are archived, in rows and columns")]
     cell_m: Annotated[float, About("width of a cell of the scene", "m")]
@@ -247,7 +247,7 @@ class SceneView:
 
 @dataclass(frozen=True)
 class RegistrationSummary:
-    """Registration of the measured image; the arrays are None where it was not applied."""
+    """Outcome of the registration of the measured image; the arrays are None if no displacement was applied."""
 
     method: Annotated[str, About("method: gefolki, ilk or none")]
     applied: Annotated[bool, About("displacement applied to the measured image")]
@@ -267,7 +267,7 @@ class RegistrationSummary:
 
 @dataclass(frozen=True)
 class LevelSummary:
-    """Level of the measured image relative to the simulated (:class:`radcal.measurement.levels.Levels`)."""
+    """Level of the measured image relative to the simulated image (:class:`radcal.measurement.levels.Levels`)."""
 
     normalisation: Annotated[str, About("normalisation: none, offset or image")]
     offset_db: Annotated[float, About("level of the measured image above the simulated; NaN if unknown", "dB")]
@@ -337,7 +337,7 @@ def read_archive(path: str | Path, images: bool = True) -> Archive:
     path : path
         Path of the file.
     images : bool
-        Whether the whole images are read too; otherwise they are None.
+        Whether the whole images are read, too; otherwise the fields of ``Archive.images`` are None.
 
     Returns
     -------
@@ -347,7 +347,8 @@ def read_archive(path: str | Path, images: bool = True) -> Archive:
     Raises
     ------
     DamagedError
-        The file is damaged, of another version or of another case; it was set aside.
+        The file is damaged, has another version of the format, or belongs to another case; it was renamed to
+        ``*.damaged``.
     StoreError
         The file is missing or cannot be read.
     """

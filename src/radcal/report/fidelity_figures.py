@@ -20,14 +20,14 @@ _NARROW = 0.13
 
 
 def differences(found: Fidelity) -> Array:
-    """Verified minus predicted statistics in kriging standard deviations, shape (m, n, 3); NaN without a prediction."""
+    """Verified minus predicted statistics in kriging standard deviations, shape (m, n, 3); NaN if not predicted."""
     with np.errstate(divide="ignore", invalid="ignore"):
         values = (found.verified - found.predicted) / found.error
     return np.where(np.isfinite(values), values, np.nan)
 
 
 def fidelity(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
-    """Figure of predicted and verified cost, and of the statistics' differences in standard deviations."""
+    """Figure of predicted and verified cost of each infill run, and of verified minus predicted statistics."""
     material = case.materials[name]
     found = material.fidelity
     if found is None or not np.isfinite(found.predicted_cost).any():

@@ -1,4 +1,4 @@
-"""Figures of a calibration, drawn from ``calibration.h5`` alone, each as PNG and PDF."""
+"""Figures of a calibration, drawn from the data in ``calibration.h5`` alone; each is a PNG and a PDF file."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ _DPI = 150
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure on disk.
+    """Files and texts of a figure.
 
     Attributes
     ----------
     name : str
         File name without its ending.
     title, caption, alt : str
-        Texts for a page: heading, explanation, and description for readers who cannot see the figure.
+        Texts for the report: heading, explanation, and description for readers who cannot see the figure.
     png, pdf : Path
         The files.
     material : str or None
-        Material of the figure, None for the whole case.
+        Material that the figure shows; None for a figure of the whole case.
     """
 
     name: str
@@ -56,14 +56,14 @@ def write_figures(archive: Archive, folder: str | Path) -> list[Figure]:
     Parameters
     ----------
     archive : Archive
-        A calibration.
+        Results of a calibration.
     folder : path
         Folder of the files, created if missing. Each file is written atomically.
 
     Returns
     -------
     list of Figure
-        Figures of the whole case first, then those of each material.
+        Figures of the whole case, followed by the figures of each material.
     """
     import matplotlib as mpl
 

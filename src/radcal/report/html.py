@@ -28,7 +28,7 @@ _TIMES = "\N{NARROW NO-BREAK SPACE}\N{MULTIPLICATION SIGN}\N{NARROW NO-BREAK SPA
 
 
 def _number(value: float | None, digits: int = 3) -> str:
-    """Text of a number with significant digits, as a power of ten for very large and small ones."""
+    """Text of a number with ``digits`` significant digits; very large or small numbers get a power of ten."""
     if value is None or not math.isfinite(value):
         return "\N{EN DASH}"
     if value == 0:
@@ -49,7 +49,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _span(values: Iterable[float]) -> str:
-    """Text of a range; one number where both ends have the same text."""
+    """Text of the range of some values; a single number if both ends have the same text."""
     found = sorted(values)
     return " to ".join(dict.fromkeys((_number(found[0], 2), _number(found[-1], 2))))
 
@@ -65,13 +65,13 @@ def _theta(values: Mapping[str, float]) -> dict[str, float]:
 
 
 def _bound(value: float, low: float, high: float) -> str:
-    """Text on the bound that a value has reached, empty where it has reached none."""
+    """Bound that a value has reached, ``lower`` or ``upper``; empty if it has reached neither."""
     margin = _AT_BOUND * (high - low)
     return "lower" if value - low <= margin else "upper" if high - value <= margin else ""
 
 
 def _material(name: str, summary: Mapping[str, Any], result: MaterialResult) -> dict[str, Any]:
-    """Data of one material for the page."""
+    """Data of one material for the template of the page."""
     low, high = np.percentile(result.incidence_deg, [5.0, 95.0])
     start = result.start.values.tolist()
     hidden = summary.get("hidden", {})
@@ -120,7 +120,7 @@ def _material(name: str, summary: Mapping[str, Any], result: MaterialResult) -> 
 
 
 def _who(found: Sequence[Mapping[str, Any]], total: int) -> str:
-    """Names of materials, or their number where there are many."""
+    """Names of up to four materials, else their number."""
     return _listed([m["name"] for m in found]) if len(found) <= 4 else f"{len(found)} of {total} materials"
 
 
@@ -153,7 +153,7 @@ def _verdict(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]])
 
 
 def _ending(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) -> str:
-    """Sentence on the end of the search."""
+    """Sentence that says how the search ended, and after how many runs."""
     tolerance = f"the tolerance of {_number(summary['tolerance'], 2)} 1/{summary['levels']['unit']}"
     count = summary["runs"]["design"] + summary["runs"]["infill"]
     runs = "one run" if count == 1 else f"{count} runs"
@@ -205,7 +205,7 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) 
     page : path
         The file.
     archive : Archive
-        A calibration.
+        Results of a calibration.
     figures : sequence of Figure
         Figures from :func:`radcal.report.figures.write_figures`; their PNG files are
         embedded, so that the page is one file that opens offline.

@@ -1,4 +1,4 @@
-"""Figures of the law found, and of the cost of each run."""
+"""Figures of the calibrated law, and of each run's misfit to the target (its cost)."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _ANGLES_DEG = np.linspace(0.0, 90.0, 361)
 
 
 def _runs(axes: Axes, case: Archive, material: MaterialResult, shown: Array) -> None:
-    """Draw every run's value by kind of run, and the best value so far."""
+    """Draw one value for each run, marked by the kind of run, and the smallest value up to each run."""
     runs = np.arange(shown.size)
     counted = np.isfinite(material.parameters.values).all(axis=1)  # a run of another law is never the best
     best = np.minimum.accumulate(shown[counted])
@@ -70,13 +70,13 @@ def _number_runs(axes: Axes, number: int) -> None:
 
 
 def cost(case: Archive, name: str) -> tuple[Canvas, str, str]:
-    """Figure of the cost of each run."""
+    """Figure of each run's misfit to the target (its cost)."""
     costs = case.materials[name].cost
     return _density_cost(case, name) if costs is None else _law_cost(case, name, costs)
 
 
 def _law_cost(case: Archive, name: str, costs: Array) -> tuple[Canvas, str, str]:
-    """Draw the misfit of the incidence-angle bins, and the rms of the densities for the same runs."""
+    """Draw each run's misfit of the incidence-angle bins, and its rms difference of the densities."""
     material = case.materials[name]
     canvas = new_canvas(6.2, 6.2)
     upper, lower = canvas.subplots(2, 1, sharex=True)
@@ -118,7 +118,7 @@ def _law_cost(case: Archive, name: str, costs: Array) -> tuple[Canvas, str, str]
 
 
 def _density_cost(case: Archive, name: str) -> tuple[Canvas, str, str]:
-    """Draw the rms of the densities of each run."""
+    """Draw the rms difference between each run's density and the target density."""
     material = case.materials[name]
     canvas = new_canvas(6.2, 4.8)
     axes = canvas.subplots()
@@ -159,7 +159,7 @@ def _density_cost(case: Archive, name: str) -> tuple[Canvas, str, str]:
 
 
 def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
-    """Figure of backscatter against incidence for start, law found and hidden law; None for external laws."""
+    """Figure of the starting, calibrated and hidden law over the incidence angle; None for external laws."""
     material = case.materials[name]
     if not material.parameters.curve().has_curve:
         return None
@@ -201,7 +201,7 @@ def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
 
 
 def _curves(axes: Axes, material: MaterialResult, seen: Array) -> None:
-    """Draw the starting, found and true laws, with thick lines at the angles seen [deg], and the bins' levels."""
+    """Draw starting, calibrated and true law, with thick lines at the image's angles [deg], and the bins' levels."""
     parameters, start, check = material.parameters, material.start, material.check
     # where the first run has no X of the calibrated law, the start has another law
     begun = f"start ({start.law})" if np.isnan(parameters.values[0]).any() else "start"
@@ -227,7 +227,7 @@ def _curves(axes: Axes, material: MaterialResult, seen: Array) -> None:
 
 
 def _truth(axes: Axes, material: MaterialResult, hidden: Array, incidence_deg: Array, seen: Array) -> float:
-    """Draw the found law minus the true one, and return the largest difference over the incidence in the image [dB]."""
+    """Draw the calibrated minus the true law, and return their largest difference over the image's angles [dB]."""
     curve, found = material.parameters.curve(), material.parameters.values[material.best]
     difference = curve.largest_difference_db(found, hidden, incidence_deg)
     for angles, width in ((_ANGLES_DEG, 1.0), (seen, 3.2)):
@@ -241,7 +241,7 @@ def _truth(axes: Axes, material: MaterialResult, hidden: Array, incidence_deg: A
 
 
 def _pixels(axes: Axes, incidence_deg: Array) -> None:
-    """Histogram of the incidence of the pixels, with the axis of the angles."""
+    """Draw a histogram of the pixels' incidence, and label the axis of the angles."""
     axes.hist(incidence_deg, bins=np.arange(0.0, 90.5, 1.0).tolist(), color=MUTED)
     axes.set_ylabel("pixels")
     axes.set_xlabel("local incidence [deg]")

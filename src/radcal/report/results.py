@@ -62,19 +62,19 @@ def gather(
     Parameters
     ----------
     case, stop : stages.Archive, Stop
-        Configuration.
+        Configuration of the case, and its stop settings.
     history : History
         Reference run, design runs and verified proposals.
     scene : Scene
-        Scene.
+        Scene of the case.
     geometry : Geometry
         Geometry of the pass.
     registered : Registered
         Registered measured image.
     targets : Targets
-        Targets with which the runs are compared.
+        Targets of the calibrated materials.
     conclusion : Conclusion
-        Decision, checks of the laws, and final runs.
+        Decision on the end of the search, checks of the laws, and final runs.
 
     Returns
     -------
@@ -121,13 +121,13 @@ def gather(
 
 
 def _final_parameters(case: stages.Archive, history: History, targets: Targets) -> dict[str, Sequence[float]]:
-    """X of every material in the final runs: that of the best run, or that of a fixed law."""
+    """X of every material in the final runs: for a calibrated material X of the best run, else the fixed X."""
     best = {name: history.best(name).scores[name].parameters for name in targets}
     return {name: best.get(name, material.start_parameters) for name, material in case.materials.items()}
 
 
 def _law(values: Any, material: Material, radar: Radar) -> LawParameters:
-    """Parameters of a material's law, in one run or in several."""
+    """Parameters of a material's law in one or several runs, with the conditions of the law."""
     external = material.law == EXTERNAL
     return LawParameters(
         values=np.array(values, dtype=np.float64),
@@ -151,7 +151,7 @@ def _runs(history: History) -> Runs:
 
 
 def _registration(registered: Registered) -> RegistrationSummary:
-    """Registration of the measured image, with its arrays only if the displacement was applied."""
+    """Outcome of the registration, with the arrays only if the displacement was applied."""
     said = (registered.method, registered.applied, registered.verdict)
     if not registered.applied:
         return RegistrationSummary(*said)
@@ -165,17 +165,17 @@ def _registration(registered: Registered) -> RegistrationSummary:
 
 
 def _levels(levels: Levels) -> LevelSummary:
-    """Level of the measured image relative to the simulated."""
+    """Level of the measured image relative to the simulated image."""
     return LevelSummary(**{item.name: getattr(levels, item.name) for item in fields(LevelSummary)})
 
 
 def _level_db(levels: Levels) -> float:
-    """Level that is subtracted from the measured image for figures [dB]."""
+    """Level [dB] that is subtracted from the measured image in the archive."""
     return 0.0 if levels.normalisation == "none" else levels.offset_db
 
 
 def _scene(scene: Scene) -> SceneView:
-    """Scene at the resolution of the figures."""
+    """Scene, reduced to the resolution of the figures."""
     step = -(-max(scene.material.shape) // _LARGEST_SCENE)
     places = None
     if scene.objects is not None and (count := len(scene.objects)):
@@ -253,7 +253,7 @@ def _material(
 
 
 def _fidelity(infill: Sequence[Run], name: str) -> Fidelity | None:
-    """Predictions of the surrogate for a material, and what the runs showed."""
+    """Predictions of the surrogate for a material, and the results of the runs that verified them."""
     if not infill:
         return None
     proposals, scores = [run.proposals[name] for run in infill], [run.scores[name] for run in infill]
@@ -275,7 +275,7 @@ def _numbers(values: Iterable[float | None]) -> NDArray[np.float64]:
 
 
 def _check(check: LawCheck) -> Check:
-    """Check of a law in the form of the archive."""
+    """Check of a law, converted to the class of the archive."""
     known = {key: value for key, value in vars(check).items() if key not in ("sentences", "held")}
     held = None if check.held is None else HeldOutBlocks(**asdict(check.held))
     return Check(**known, sentences=tuple(check.sentences), held=held)

@@ -22,7 +22,7 @@ __all__ = ["numbered_jobs", "sentences", "summarise", "wall_seconds"]
 
 
 def numbered_jobs(archive: Archive) -> dict[str, int]:
-    """Number of jobs of each stage that has several numbered jobs.
+    """Number of jobs of each stage whose jobs are numbered.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def numbered_jobs(archive: Archive) -> dict[str, int]:
     Returns
     -------
     dict
-        Number of chunks for the design, and of iterations for train, propose and verify.
+        Number of chunks for the stage design, and number of iterations for train, propose and verify.
     """
     iterations = int(np.count_nonzero(archive.runs.kind == "infill"))
     config = json.loads(archive.config)
@@ -50,7 +50,7 @@ def wall_seconds(folder: str | Path, jobs: Mapping[str, int] | None = None) -> d
         Folder of the benchmark files.
     jobs : mapping, optional
         Number of jobs of each numbered stage. Jobs are numbered from 0, and files with higher numbers, left over from
-        an earlier calibration of the case, are ignored. For stages that are not named all files count.
+        an earlier calibration of the case, are ignored. For a stage that is not in ``jobs``, all files are counted.
 
     Returns
     -------
@@ -71,7 +71,7 @@ def wall_seconds(folder: str | Path, jobs: Mapping[str, int] | None = None) -> d
 
 
 def sentences(archive: Archive) -> list[str]:
-    """Sentences on the reason for the end of each material, and warnings about its law."""
+    """Sentences on the reason why the search ended for each material, and warnings about each law."""
     return [*archive.sentences, *(said for material in archive.materials.values() for said in material.check.sentences)]
 
 
@@ -90,7 +90,7 @@ def _check(check: Check) -> dict[str, Any]:
 
 
 def _numbers(held: HeldOutBlocks) -> dict[str, Any]:
-    """Errors of the predictions on held-out blocks, without the values of single blocks."""
+    """Errors of the predictions for held-out blocks, without the values of the individual blocks."""
     return {key: value for key, value in vars(held).items() if not isinstance(value, np.ndarray)}
 
 
@@ -144,7 +144,7 @@ def _material(material: MaterialResult, counted: NDArray[np.bool_], tolerance: f
 
 
 def _registration(registration: RegistrationSummary) -> dict[str, Any]:
-    """Registration: method, verdict and lengths [pixels]."""
+    """Registration: method, verdict, and rms, standard error and true error of the displacement [pixels]."""
     summary: dict[str, Any] = {
         "method": registration.method,
         "applied": registration.applied,
@@ -160,7 +160,7 @@ def _registration(registration: RegistrationSummary) -> dict[str, Any]:
 
 
 def _finite(value: Any) -> Any:
-    """Plain data with None in place of numbers that are not finite."""
+    """Plain data, with None in place of NaN and infinite numbers."""
     if isinstance(value, Mapping):
         return {key: _finite(item) for key, item in value.items()}
     if isinstance(value, list):
@@ -169,7 +169,7 @@ def _finite(value: Any) -> Any:
 
 
 def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> dict[str, Any]:
-    """Plain data of ``summary.json`` from the archive.
+    """Data of ``summary.json``, computed from the archive.
 
     Parameters
     ----------

@@ -58,8 +58,8 @@ def ulaby_dobson(phi_rad: ArrayLike, parameters: ArrayLike) -> NDArray[np.float6
 
     References
     ----------
-    Ulaby and Dobson, "Handbook of Radar Scattering Statistics for Terrain", Artech House (1989);
-    it gives P1 to P6 by terrain, band and polarisation.
+    Ulaby and Dobson, "Handbook of Radar Scattering Statistics for Terrain", Artech House (1989); the book tabulates P1
+    to P6 by terrain, band and polarisation.
     """
     phi = np.asarray(phi_rad, dtype=np.float64)
     p1, p2, p3, p4, p5, p6 = np.asarray(parameters, dtype=np.float64)
@@ -108,7 +108,7 @@ def tabulated(phi_rad: ArrayLike, parameters: ArrayLike, *, angles_deg: Sequence
     Returns
     -------
     ndarray
-        sigma0 [dB], shape of ``phi_rad``. Between two knots the curve lies between their values.
+        sigma0 [dB], shape of ``phi_rad``. Between two knots, the curve lies between the values at these knots.
 
     References
     ----------
