@@ -187,7 +187,7 @@ def _notes(
 ) -> list[str]:
     """Remarks on the random numbers of the simulator, and on texture."""
     notes = [repeatability(case.simulator, history.repeat_db)]
-    if case.surrogate.outputs == "centred":
+    if (case.surrogate.outputs, case.surrogate.training) == ("centred", "posterior"):
         known = {name: history.noise_variance(name) for name in checks}
         notes += [noise_sentence(name, variance) for name, variance in known.items() if variance is not None]
     notes += [texture_note(checks), not_fresh(case.simulator, final)]

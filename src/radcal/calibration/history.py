@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.errors import StoreError
 from radcal.storage.records import read_json, write_json
 
 __all__ = [
@@ -217,12 +218,17 @@ def write_runs(path: str | Path, runs: Iterable[Run]) -> None:
 def read_runs(paths: Iterable[str | Path]) -> History:
     """Read scored runs from files, in the order of the files."""
 
-    def parse(data: dict[str, Any]) -> Run:
+    def parse(path: str | Path, data: dict[str, Any]) -> Run:
+        if "scores" not in data:
+            raise StoreError(
+                f"{path}: was written by an earlier version of radcal; delete it and type the same command again to make "
+                "it again (finished runs are kept)."
+            )
         scores = {name: Score(**item) for name, item in data.pop("scores").items()}
         proposals = {name: Proposal(**item) for name, item in data.pop("proposals").items()}
         return Run(**data, scores=scores, proposals=proposals)
 
-    return History(parse(data) for path in paths for data in read_json(path))
+    return History(parse(path, data) for path in paths for data in read_json(path))
 
 
 def write_proposals(path: str | Path, proposals: Mapping[str, Proposal]) -> None:

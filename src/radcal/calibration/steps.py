@@ -191,7 +191,11 @@ def train_all(
         )
         for name, objective in objectives.items()
     ]
-    return dict(zip(objectives, _each(work, processes), strict=True))
+    trained = dict(zip(objectives, _each(work, processes), strict=True))
+    for name, training in trained.items():
+        level = logging.WARNING if "failed" in training.status else logging.INFO
+        logger.log(level, "%s: %s", name, training.sentence())
+    return trained
 
 
 def propose_all(

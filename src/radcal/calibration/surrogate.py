@@ -60,9 +60,10 @@ class Training:
         """Leave-one-out Q2 of each statistic, and which of them the baseline does not help."""
         found = ", ".join(f"{name} {q2:.3f}" for name, q2 in zip(STATISTICS, self.q2, strict=True))
         alone = [name for name, kept in zip(STATISTICS, self.baseline, strict=True) if not kept]
-        return f"leave-one-out Q2 of {len(self.parameters)} runs: {found}" + (
-            f"; without baseline: {', '.join(alone)}" if alone else ""
-        )
+        failed = [name for name, status in zip(STATISTICS, self.status, strict=True) if status == "failed"]
+        notes = (("without baseline", alone), ("training failed", failed))
+        more = "".join(f"; {text}: {', '.join(names)}" for text, names in notes if names)
+        return f"leave-one-out Q2 of {len(self.parameters)} runs: {found}{more}"
 
 
 class Surrogate:

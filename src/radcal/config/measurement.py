@@ -76,13 +76,10 @@ class FileMeasurement(Section):
     vrt_folders: list[str] | None = Field(
         None, description="further folders in which the source files of a VRT may lie, besides its own folder"
     )
-    radiometry: Radiometry = Field(
-        "sigma0_local", description="quantity that a pixel contains; must equal radar.radiometry"
-    )
     radiometry: Radiometry | None = Field(
         None,
         validate_default=True,
-        description="quantity of its pixels, the same as radar.radiometry; needed where the file does not say it",
+        description="quantity that a pixel contains; must equal radar.radiometry; required if the file does not state it",
     )
 
     @field_validator("radiometry")

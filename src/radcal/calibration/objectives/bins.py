@@ -132,6 +132,9 @@ class Bins(Objective):
     def ending(cls, progress: Progress, stop: Stop) -> Verdict | None:
         """End where the surrogate of all runs promises no better law, or hardly another one."""
         score, name = progress.score, progress.name
+        if progress.proposal.mode == "exhausted":
+            text = "every combination of whole parameters inside the bounds has been simulated."
+            return Verdict("settled", f"{name}: stop criterion met after {progress.runs} runs: {text}")
         if score.gain is None:
             return None
         if score.floor is not None and progress.best - score.floor > _SETTLED:
