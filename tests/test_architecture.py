@@ -46,10 +46,7 @@ EXCEPTIONS: dict[Edge, str] = {
 MODULE_LINES, FUNCTION_LINES = 400, 60  # the latter without its docstring
 
 # What is larger all the same: module or function, or the room of both, and the reason. This list only shrinks.
-LARGE: dict[str, str] = {
-    "calibration.law_check._check": "it fills one record of thirty fields",
-    "calibration.steps": "score of a run and steps of the loop, which are to part",
-}
+LARGE: dict[str, str] = {}
 
 
 def imports(root: Path) -> set[Edge]:

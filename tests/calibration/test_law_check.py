@@ -63,7 +63,7 @@ def made(
         patch=ground.patch,
         block=ground.block,
         kept_out=out,
-        classes=ClassTarget(classes, Spread(0.1, 0.05), True, True, 0.0, truth, LOOKS)
+        classes=ClassTarget(classes, Spread(0.1, 0.05), 1, True, True, 0.0, truth, LOOKS)
         if case.objective == "classes"
         else None,
     )

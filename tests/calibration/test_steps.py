@@ -11,15 +11,8 @@ from calibration_samples import TRUTH
 from radcal.calibration.history import History, read_proposals, read_runs, write_proposals, write_runs
 from radcal.calibration.loop import calibrate
 from radcal.calibration.objectives import make_objectives
-from radcal.calibration.steps import (
-    noise_seed,
-    propose_all,
-    score,
-    score_reference,
-    train_all,
-    verify,
-    with_texture,
-)
+from radcal.calibration.scoring import score, score_reference, with_texture
+from radcal.calibration.steps import noise_seed, propose_all, train_all, verify
 from radcal.calibration.surrogate import read_trainings, write_trainings
 from radcal.config import stages
 from radcal.measurement.target import Targets, read_targets, write_targets

@@ -98,7 +98,7 @@ FLAT = {
 }  # fmt: skip
 PROGRAM = {
     "kind": "command", "command": ["./sim"], "timeout_s": 60, "retries": 3, "retry_wait_s": 2.0,
-    "accept_exit_codes": [0, 1], "seed_bits": 31,
+    "accept_exit_codes": [0, 1], "seed_bits": 31, "draws": 2,
     "output": {
         "file": "a.raw", "scale": "db", "format": "raw", "dtype": "float32", "shape": [80, 90], "header_bytes": 8,
     },

@@ -256,3 +256,14 @@ def test_the_default_case_starts_from_bare_soil() -> None:
     soil = ready("oh1992", "HH")(phi, [8.0, 1.5, 2.0])
     start = Case().materials["dyke"].start_parameters
     np.testing.assert_allclose(mangia(phi, start), soil + 30.0, atol=0.25)
+
+
+def test_the_largest_difference_counts_the_incidence_seen_only():
+    incidence_deg = np.linspace(30.0, 50.0, 1001)  # 5 % to 95 %: 31 to 49 degrees
+    found, mangia = [6.0, 14.0, 21.0, 3.0], LAWS["mangia"]
+    assert mangia.largest_difference_db(found, found, incidence_deg) == 0.0
+    assert mangia.largest_difference_db([7.5, 14.0, 21.0, 3.0], found, incidence_deg) == pytest.approx(1.5)
+    by_hand = 2.0 * np.cos(np.radians(31.0))
+    assert mangia.largest_difference_db([6.0, 12.0, 21.0, 3.0], found, incidence_deg) == pytest.approx(
+        by_hand, rel=1e-6
+    )

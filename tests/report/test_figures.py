@@ -60,7 +60,7 @@ def drawn(canvas):
 
 def test_every_figure_as_png_and_pdf(figures):
     names = [figure.name for figure in figures]
-    kinds = ("densities", "law", "cost", "histogram", "quality")
+    kinds = ("densities", "law", "cost", "fidelity", "histogram", "quality")
     assert names[:5] == ["scene", "incidence", "images", "residual", "overview"]
     assert names[5:] == [f"{kind}_{m}" for m in ("dyke", "stem_beans") for kind in kinds]
     folder = figures[0].png.parent

@@ -9,10 +9,7 @@ import pytest
 from archives import changed_material
 from scipy.special import ndtr
 
-from radcal.radar.laws import LAWS
-from radcal.report.summary import law_difference_db, numbered_jobs, sentences, summarise, wall_seconds
-
-INCIDENCE = np.linspace(30.0, 50.0, 1001)  # 5 to 95 %: 31 to 49 deg
+from radcal.report.summary import numbered_jobs, sentences, summarise, wall_seconds
 
 
 def test_counts_add_up(made):
@@ -60,14 +57,6 @@ def test_distances_of_two_normals(made):
     # mean over 10 standard deviations of the squared difference of two normal densities
     by_hand = np.sqrt((1.0 - np.exp(-(shift**2) / 4.0)) / (10.0 * np.sqrt(np.pi)))
     assert dyke["rms_fresh"] == dyke["rms_final"] == pytest.approx(by_hand, rel=1e-3)
-
-
-def test_law_difference_counts_the_incidence_seen_only():
-    law = [6.0, 14.0, 21.0, 3.0]
-    assert law_difference_db(LAWS["mangia"], law, law, INCIDENCE) == 0.0
-    assert law_difference_db(LAWS["mangia"], [7.5, 14.0, 21.0, 3.0], law, INCIDENCE) == pytest.approx(1.5)
-    by_hand = 2.0 * np.cos(np.radians(31.0))
-    assert law_difference_db(LAWS["mangia"], [6.0, 12.0, 21.0, 3.0], law, INCIDENCE) == pytest.approx(by_hand, rel=1e-6)
 
 
 def test_law_difference_of_the_archive(made):

@@ -221,8 +221,8 @@ def read_runs(paths: Iterable[str | Path]) -> History:
     def parse(path: str | Path, data: dict[str, Any]) -> Run:
         if "scores" not in data:
             raise StoreError(
-                f"{path}: was written by an earlier version of radcal; delete it and type the same command again to make "
-                "it again (finished runs are kept)."
+                f"{path}: was written by an earlier version of radcal; delete it and type the same command again to "
+                "make it again (finished runs are kept)."
             )
         scores = {name: Score(**item) for name, item in data.pop("scores").items()}
         proposals = {name: Proposal(**item) for name, item in data.pop("proposals").items()}

@@ -79,7 +79,7 @@ class FileMeasurement(Section):
     radiometry: Radiometry | None = Field(
         None,
         validate_default=True,
-        description="quantity that a pixel contains; must equal radar.radiometry; required if the file does not state it",
+        description="quantity that a pixel contains; must equal radar.radiometry; required unless the file has it",
     )
 
     @field_validator("radiometry")
