@@ -177,7 +177,7 @@ def test_the_same_seed_gives_the_same_proposal():
 
 def test_of_xi_omega_and_alpha_no_floor_is_claimed(edge):
     surrogate = Exact(known=(edge[0],))
-    surrogate.training = SimpleNamespace(direct=True)
+    surrogate.training = SimpleNamespace(direct=True, q2=np.full(3, np.nan))
     proposal = search(BEYOND, surrogate).propose(QUICK, 1, scored(*edge))
     assert (proposal.mode, proposal.floor) == ("exploit", None)
 

@@ -251,11 +251,7 @@ class CommandSimulator:
 
     @contextmanager
     def _folder(self, key: str, remark: str = "") -> Iterator[Path]:
-        """Context with a new folder for one run, with the program's files.
-
-        After a successful run the folder is removed, or renamed if ``keep_folders`` is true. After a failed run the
-        folder is renamed to ``failed-...``, so that the user can inspect its files.
-        """
+        """Folder with the program's files for one run: removed after success (unless kept), renamed after failure."""
         folder = working_folder(self._work).absolute()
         ended = folder.name.rsplit("-", 1)[-1]
         try:
