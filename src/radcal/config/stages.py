@@ -104,9 +104,10 @@ class Laws(Stage):
 
 
 class Scores(Laws):
-    """Sections for the scores of the runs: laws and objective."""
+    """Sections for the scores of the runs: laws, in all passes, and objective."""
 
     objective: Objective
+    further_radar: list[Radar] | None = None
 
 
 class Simulation(Simulator, Laws):
@@ -176,6 +177,8 @@ class StopSettings(Stage):
 class FinalRuns(Simulation):
     """Sections for the final runs, with the calibrated laws of all materials together."""
 
+    further_radar: list[Radar] | None = None
+
 
 class Archive(Stage):
     """Sections for the archive: all but ``replace`` and ``stop``; the stop criteria come from a file."""
@@ -188,6 +191,8 @@ class Archive(Stage):
     simulator: SimulatorConfig
     materials: dict[str, Material]
     measurement: MeasurementConfig
+    further_radar: list[Radar] | None = None
+    further_measurement: list[MeasurementConfig] | None = None
     registration: RegistrationConfig
     objective: Objective
     target: TargetConfig
