@@ -19,7 +19,7 @@ with logged(snakemake.log[0], snakemake.params.case):
     case = stages.Archive.model_validate(snakemake.params.case)
     stop = Stop.model_validate(read_json(snakemake.input.stop))
     history = read_runs([snakemake.input.scores, *snakemake.input.verified])
-    targets, geometry = read_targets(snakemake.input.target), read_geometry(snakemake.input.geometry)
+    targets, geometry = read_targets(*snakemake.input.target), read_geometry(snakemake.input.geometry[0])
     runs = snakemake.params.runs
     final = [record for record, _ in indexed([snakemake.input.final], runs, case.calibrated)]
     archive = gather(
@@ -28,7 +28,7 @@ with logged(snakemake.log[0], snakemake.params.case):
         history=history,
         scene=read_scene(snakemake.input.scene),
         geometry=geometry,
-        registered=read_registered(snakemake.input.registered),
+        registered=read_registered(snakemake.input.registered[0]),
         targets=targets,
         conclusion=conclude(case, stop, history, targets, geometry, runs, final),
     )

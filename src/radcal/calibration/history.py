@@ -15,6 +15,7 @@ from radcal.storage.records import read_json, write_json
 __all__ = [
     "History",
     "Kind",
+    "PassScore",
     "Proposal",
     "Run",
     "Score",
@@ -65,20 +66,36 @@ class Proposal:
 
 
 @dataclass(frozen=True)
+class PassScore:
+    """Density of a material in the second or a later pass of a run.
+
+    Attributes
+    ----------
+    dp : list of float
+        xi [dB], omega [dB], alpha.
+    rms : float
+        Root-mean-square difference from the density of that pass's target [1/dB].
+    """
+
+    dp: list[float]
+    rms: float
+
+
+@dataclass(frozen=True)
 class Score:
-    """Score of one material in one run.
+    """Score of one material in one run, with several passes of the same X in all of them.
 
     Attributes
     ----------
     parameters : list of float
         X.
     dp : list of float
-        Density of the material's pixels with the texture of ``looks``: xi [dB], omega [dB], alpha.
+        Density of the material's pixels with the texture of ``looks``, in the first pass: xi [dB], omega [dB], alpha.
     rms : float
         Root-mean-square difference of that density from the target's [1/dB].
     statistics : list of list of float
-        Mean [dB], log sd and skewness of each incidence-angle bin at the sensor's looks, shape (n, 3); a single row for
-        one density.
+        Mean [dB], log sd and skewness of each incidence-angle bin at the sensor's looks, shape (n, 3), one pass after
+        the other; a single row for the density of a pass.
     looks : float
         Effective number of looks with which the run fits the target best.
     cost : float
@@ -94,6 +111,8 @@ class Score:
         for.
     moved_db : float or None
         Largest difference of the laws of these two X over the incidence seen [dB].
+    further : list of PassScore or None
+        Densities in the second and later passes; None in a pass with too few pixels of the material.
     """
 
     parameters: list[float]
@@ -106,6 +125,7 @@ class Score:
     gain: float | None = None
     floor: float | None = None
     moved_db: float | None = None
+    further: list[PassScore | None] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -143,6 +163,7 @@ class Run:
     repeat_db: float | None = None
     repeat_variance: Mapping[str, list[list[float]]] = field(default_factory=dict)
     rms_sampling: Mapping[str, float] = field(default_factory=dict)
+    further_keys: list[str] = field(default_factory=list)
 
 
 class History:
@@ -210,19 +231,29 @@ class History:
 
 
 def write_runs(path: str | Path, runs: Iterable[Run]) -> None:
-    """Write scored runs as JSON."""
-    write_json(path, [asdict(run) for run in runs])
+    """Write scored runs as JSON; what only several passes have is omitted where there is one."""
+    written = [asdict(run) for run in runs]
+    for run in written:
+        for item, key in [(run, "further_keys"), *((score, "further") for score in run["scores"].values())]:
+            if not item[key]:
+                del item[key]
+    write_json(path, written)
 
 
 def read_runs(paths: Iterable[str | Path]) -> History:
     """Read scored runs from files, in the order of the files."""
 
     def parse(data: dict[str, Any]) -> Run:
-        scores = {name: Score(**item) for name, item in data.pop("scores").items()}
+        scores = {name: _score(item) for name, item in data.pop("scores").items()}
         proposals = {name: Proposal(**item) for name, item in data.pop("proposals").items()}
         return Run(**data, scores=scores, proposals=proposals)
 
     return History(parse(data) for path in paths for data in read_json(path))
+
+
+def _score(data: dict[str, Any]) -> Score:
+    further = [None if item is None else PassScore(**item) for item in data.pop("further", [])]
+    return Score(**data, further=further)
 
 
 def write_proposals(path: str | Path, proposals: Mapping[str, Proposal]) -> None:

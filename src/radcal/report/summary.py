@@ -81,7 +81,7 @@ def wall_seconds(folder: str | Path, jobs: Mapping[str, int] | None = None) -> d
         Wall time by stage [s]; stages without a file are absent.
     """
     seconds: dict[str, float] = defaultdict(float)
-    for file in sorted(Path(folder).glob("*.tsv")):
+    for file in sorted(Path(folder).rglob("*.tsv")):
         stage, _, number = file.stem.rpartition("_")
         if not number.isdigit():
             stage, number = file.stem, "0"
