@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from radcal import skewnormal
 from radcal.config import stages
 from radcal.radar.laws import Law
-from radcal.report.archive import Archive, Check, HeldOutBlocks, MaterialResult, RegistrationSummary
+from radcal.report.archive import Archive, Check, HeldOutBlocks, MaterialResult, PassSummary, RegistrationSummary
 
 __all__ = ["law_difference_db", "numbered_jobs", "sentences", "summarise", "wall_seconds"]
 
@@ -182,6 +182,17 @@ def _registration(registration: RegistrationSummary) -> dict[str, Any]:
     return summary
 
 
+def _pass(one: PassSummary) -> dict[str, Any]:
+    """One pass of several, and what is known of the laws over its incidence."""
+    known = {key: value for key, value in vars(one).items() if key not in ("keys", "materials", "final_runs")}
+    return {
+        **known,
+        "notes": list(one.notes),
+        "runs": int(np.unique(one.keys).size) + one.final_runs,
+        "materials": {name: dict(vars(law)) for name, law in one.materials.items()},
+    }
+
+
 def _finite(value: Any) -> Any:
     """Plain data with None in place of numbers that are not finite."""
     if isinstance(value, Mapping):
@@ -207,10 +218,12 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
         Keys of ``summary.json``; rms in 1/dB, mse in 1/dB^2, all numbers finite or None.
     """
     kinds = archive.runs.kind
-    # a proposal whose run was simulated before does not count as a run
-    made = np.isin(np.arange(kinds.size), np.unique(archive.runs.key, return_index=True)[1])
-    runs = {kind: int(np.count_nonzero((kinds == kind) & made)) for kind in ("reference", "design", "infill")}
-    runs["final"] = archive.final_runs
+    passes = archive.passes or {}
+    keys = [one.keys for one in passes.values()] or [archive.runs.key]
+    # a proposal whose run was simulated before does not count as a run; each pass of an X is a run
+    made = sum(np.isin(np.arange(kinds.size), np.unique(one, return_index=True)[1]).astype(np.int64) for one in keys)
+    runs = {kind: int(np.sum(made * (kinds == kind))) for kind in ("reference", "design", "infill")}
+    runs["final"] = sum(one.final_runs for one in passes.values()) if passes else archive.final_runs
     summary: dict[str, Any] = {
         "case": archive.case,
         "objective": archive.objective,
@@ -233,6 +246,8 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
             for name, material in archive.materials.items()
         },
     }
+    if passes:
+        summary["passes"] = [_pass(one) for one in passes.values()]
     result = _finite(summary)
     assert isinstance(result, dict)  # noqa: S101 - the type checker cannot infer that a dict stays a dict
     return result
