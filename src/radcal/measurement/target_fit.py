@@ -172,7 +172,7 @@ def make_targets(
     geometry: Geometry,
     registered: Registered,
     reference_db: NDArray[np.float32],
-    partial: bool = False,
+    partly: bool = False,
 ) -> Targets:
     """Targets of all calibrated materials, with the levels.
 
@@ -186,7 +186,7 @@ def make_targets(
         Registered measured image.
     reference_db : ndarray, shape (rows, columns)
         Image of the reference run [dB].
-    partial : bool
+    partly : bool
         Whether materials with too few pixels are left out, as long as one has enough; for further passes.
 
     Raises
@@ -220,7 +220,7 @@ def make_targets(
                 validation=case.validation,
             )
         except MeasurementError:
-            if not partial or (number == len(case.calibrated) and not targets):
+            if not partly or (number == len(case.calibrated) and not targets):
                 raise
     if isinstance(case.simulator, BuiltinSimulation):
         simulated_db = noise_floor_db(case.radar, geometry.flat_incidence_deg)
