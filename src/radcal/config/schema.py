@@ -46,8 +46,11 @@ def schema_json() -> str:
     for name, further in FURTHER.items():  # one pass, or a list with an item for each
         del sections[further]
         one = {word: value for word, value in sections[name].items() if word not in ("default", "description")}
-        about = {word: sections[name][word] for word in ("description",) if word in sections[name]}
-        sections[name] = {**about, "anyOf": [one, {"type": "array", "items": one, "minItems": 1}]}
+        about = sections[name].get("description", "the acquisition: track, sensor and image grid")
+        sections[name] = {
+            "description": f"{about}; of several passes a list with one for each",
+            "anyOf": [one, {"type": "array", "items": one, "minItems": 1}],
+        }
     return json.dumps({"$schema": _DRAFT, **_plain(schema)}, indent=1, ensure_ascii=False) + "\n"
 
 
