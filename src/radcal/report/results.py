@@ -163,10 +163,13 @@ def _passes(
     """Passes of a case of several, by their number from 1."""
     laws = pass_laws(case, targets, history)
     found = {}
+    known = {key for run in history.runs for key in (run.key, *run.further_keys)}
     for k, (one, registered, target) in enumerate(zip(case.passes, images, targets.passes, strict=True)):
         keys = [run.further_keys[k - 1] if k else run.key for run in history.runs]
         missing = [name for name in targets if name not in target]
         notes = [f"{name}: too few pixels in this pass, which says nothing of it." for name in missing]
+        new = {record.key for record in final[2 * k : 2 * k + 2]} - known
+        known |= new
         found[str(k + 1)] = PassSummary(
             depression_deg=one.radar.depression_deg,
             look_side=one.radar.look_side,
@@ -177,7 +180,7 @@ def _passes(
             levels=target.levels.sentence,
             notes=(*registered.measurement.notes, *notes),
             keys=np.array(keys),
-            final_runs=len({record.key for record in final[2 * k : 2 * k + 2]} - set(keys)),
+            final_runs=len(new),
             materials={
                 name: PassLaw(
                     **asdict(law),

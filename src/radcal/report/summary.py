@@ -219,10 +219,11 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
     """
     kinds = archive.runs.kind
     passes = archive.passes or {}
-    keys = [one.keys for one in passes.values()] or [archive.runs.key]
+    keys = np.concatenate([one.keys for one in passes.values()] or [archive.runs.key])
     # a proposal whose run was simulated before does not count as a run; each pass of an X is a run
-    made = sum(np.isin(np.arange(kinds.size), np.unique(one, return_index=True)[1]).astype(np.int64) for one in keys)
-    runs = {kind: int(np.sum(made * (kinds == kind))) for kind in ("reference", "design", "infill")}
+    made = np.isin(np.arange(keys.size), np.unique(keys, return_index=True)[1])
+    each = np.tile(kinds, keys.size // kinds.size)
+    runs = {kind: int(np.count_nonzero((each == kind) & made)) for kind in ("reference", "design", "infill")}
     runs["final"] = sum(one.final_runs for one in passes.values()) if passes else archive.final_runs
     summary: dict[str, Any] = {
         "case": archive.case,
