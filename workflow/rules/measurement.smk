@@ -4,7 +4,9 @@
 rule measurement:
     input:
         inputs_of("measurement"),
-        lambda wildcards: SIMULATOR if synthetic(wildcards) else [],
+        lambda wildcards: every_pass(
+            SIMULATOR if synthetic(wildcards) else [], wildcards.at
+        ),
         scene=rules.scene.output.scene,
         geometry=rules.geometry.output.geometry,
     output:

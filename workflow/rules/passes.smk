@@ -14,12 +14,12 @@ wildcard_constraints:
     at="(passes/[0-9]+/)?",
 
 
-def every_pass(files):
-    """Files of a rule in all passes."""
+def every_pass(files, at=PASSES):
+    """Files of a rule in all passes, or in those that are named."""
     names = [files] if isinstance(files, str) else files
     # Snakemake has written the constraint of the wildcard into the outputs of rules
     plain = [strip_wildcard_constraints(name) for name in names]
-    return expand(plain, at=PASSES, allow_missing=True)
+    return expand(plain, at=at, allow_missing=True)
 
 
 def of_pass(stage):
