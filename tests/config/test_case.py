@@ -194,7 +194,7 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     ),
     # other shapes than those expected
     ({"radar": None}, ["some.yaml: radar is None, expected keys and values."]),
-    ({"radar": [{"looks": 4}]}, ["radar is [{'looks': 4}], expected keys and values."]),
+    ({"radar": [4]}, ["radar is 4, expected keys and values."]),
     ({"materials": {}}, ["materials is {}, expected at least 1 item, not 0."]),
     ({"materials": ["dyke"]}, ["materials is ['dyke'], expected keys and values."]),
     (dyke(bounds=[0, 1, 2, 3]), ["materials.dyke.bounds.0 is 0, expected a list (and 3 more)."]),
@@ -421,3 +421,41 @@ def test_keys_of_an_earlier_version_are_read_with_a_warning(earlier: dict[str, A
         assert case_from({"objective": "density", "surrogate": {"retrain_every": 5, "training": "smt"}}).surrogate == (
             case_from({"objective": "density", "surrogate": {"training": "smt"}}).surrogate
         )
+
+
+TWO_PASSES = {
+    "radar": [{"depression_deg": 45}, {"depression_deg": 30, "polarisation": "VV"}],
+    "measurement": [{}, {"synthetic": {"seed": 5}}],
+}
+
+
+def test_lists_of_radar_and_measurement_are_passes() -> None:
+    case = case_from(TWO_PASSES)
+    assert [one.radar.depression_deg for one in case.passes] == [45, 30]
+    assert [one.radar.polarisation for one in case.passes] == ["HH", "VV"]
+    assert [one.measurement.synthetic.seed for one in case.passes] == [2, 5]
+    assert all(one.passes == [one] for one in case.passes)
+    # the first pass alone is the case without the second, in every job that looks at one pass
+    alone = case_from({"radar": [TWO_PASSES["radar"][0]], "measurement": {}})
+    assert case.passes[0].sections(*Case.model_fields) == alone.sections(*Case.model_fields)
+    assert "further_radar" not in alone.sections(*Case.model_fields)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"measurement": {}}, "passes: found radar of 2 and measurement of 1, expected lists of equal length"),
+        ({"radar": [{}, {"depression_deg": 2}]}, "radar.2.depression_deg is 2, expected greater than 5."),
+        ({"radar": [{}, {"depresion_deg": 2}]}, "unknown key radar.2.depresion_deg (did you mean 'depression_deg'?)."),
+        ({"measurement": [{}, {"source": "fil"}]}, "measurement.2.source is 'fil', expected 'synthetic', 'file'."),
+        ({"measurement": [{}, {"synthetic": {"warp_px": -2}}]}, "measurement.2.synthetic.warp_px is -2, expected"),
+        (
+            {"measurement": [{}, {"source": "file", "path": "x", "scale": "db", "polarisation": "HH"}]},
+            "pass 2: measurement.polarisation is HH, radar.polarisation is VV",
+        ),
+        ({"design": {"reuse": "other"}}, "design.reuse is 'other' in a case of 2 passes, expected one pass"),
+        ({"further_radar": [{}]}, "unknown key further_radar"),
+    ],
+)
+def test_wrong_passes_are_refused_in_a_sentence(changes: dict[str, Any], words: str) -> None:
+    assert words in message({**TWO_PASSES, **changes})

@@ -47,6 +47,8 @@ def numbers(annotation: Any, metadata: list[Any], path: str) -> Iterator[tuple[s
             yield from numbers(part, [], f"{path}.*")
     elif isinstance(annotation, type) and issubclass(annotation, BaseModel):
         for name, field in annotation.model_fields.items():
+            if name.startswith("further_"):  # of the second and later passes: the same sections again
+                continue
             yield from numbers(field.annotation, field.metadata, f"{path}.{name}".lstrip("."))
     elif annotation in (int, float):
         found = {type(item): item for item in metadata}

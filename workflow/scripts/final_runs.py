@@ -15,8 +15,12 @@ with logged(snakemake.log[0], snakemake.params.case):
         case.materials, {name: history.best(name).scores[name].parameters for name in case.calibrated}
     )
     # with one calibrated material the first of these runs is in the run store already; its whole image is not needed
-    records = [runner.run(parameters, noise_seed(case, fresh), image=fresh) for fresh in (False, True)]
+    records = [
+        one.run(parameters, noise_seed(case, fresh), image=fresh)
+        for one in (runner, *runner.further)
+        for fresh in (False, True)
+    ]
     write_index(snakemake.output.final, [IndexedRun(record.key, parameters) for record in records])
     progress("final runs: the calibrated laws together, and once more with another seed")
-    if sentence := not_fresh(case.simulator, records):
+    if sentence := not_fresh(case.simulator, records[:2]):
         progress(sentence)

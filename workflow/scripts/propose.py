@@ -11,7 +11,7 @@ from radcal.running.jobs import logged
 with logged(snakemake.log[0], snakemake.params.case):
     case = stages.Propose.model_validate(snakemake.params.case)
     history = read_runs([snakemake.input.scores, *snakemake.input.verified])
-    objectives = make_objectives(case, read_targets(snakemake.input.target))
+    objectives = make_objectives(case, read_targets(*snakemake.input.target))
     stop = Stop.model_validate(snakemake.config["stop"])
     trainings = read_trainings(snakemake.input.surrogate)
     k = int(snakemake.wildcards.k)

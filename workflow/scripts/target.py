@@ -15,7 +15,7 @@ with logged(snakemake.log[0], snakemake.params.case):
     reference, _ = next(indexed([snakemake.input.reference], snakemake.params.runs, case.calibrated, image=True))
     registered = read_registered(snakemake.input.registered)
     geometry = read_geometry(snakemake.input.geometry)
-    targets = make_targets(case, geometry, registered, reference.image_db)
+    targets = make_targets(case, geometry, registered, reference.image_db, partly=bool(snakemake.wildcards.at))
     scene = read_scene(snakemake.input.scene)
     targets = bin_targets(case, targets, geometry, registered, scene.slope_error_deg)
     write_targets(snakemake.output.target, targets)

@@ -11,6 +11,6 @@ from radcal.running.jobs import logged
 with logged(snakemake.log[0], snakemake.params.case):
     case = stages.Train.model_validate(snakemake.params.case)
     history = read_runs([snakemake.input.scores, *snakemake.input.verified])
-    objectives = make_objectives(case, read_targets(snakemake.input.target))
+    objectives = make_objectives(case, read_targets(*snakemake.input.target))
     trainings = train_all(history, case, objectives, snakemake.threads)
     write_trainings(snakemake.output.surrogate, trainings)

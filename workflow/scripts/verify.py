@@ -12,7 +12,7 @@ with logged(snakemake.log[0], snakemake.params.case):
     runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     proposals = read_proposals(snakemake.input.proposal)
     history = read_runs([snakemake.input.scores, *snakemake.input.earlier])
-    targets, k = read_targets(snakemake.input.target), int(snakemake.wildcards.k)
+    targets, k = read_targets(*snakemake.input.target), int(snakemake.wildcards.k)
     run = verify(proposals, targets, runner, case, history, k, snakemake.threads)
     write_runs(snakemake.output.verified, [run])
     stop = Stop.model_validate(snakemake.config["stop"])

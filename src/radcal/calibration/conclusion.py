@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from radcal.calibration.history import History
 from radcal.calibration.law_check import LawCheck, check_laws, texture_note
 from radcal.calibration.noise import noise_sentence
-from radcal.calibration.objectives import Objective, make_objectives
+from radcal.calibration.objectives import Comparison, make_objectives
 from radcal.calibration.scoring import with_texture
 from radcal.calibration.steps import not_fresh, repeatability
 from radcal.calibration.stopping import Decision, decide
@@ -143,7 +143,7 @@ def conclude(
 
 
 def _textured(
-    record: Record, objectives: Mapping[str, Objective], looks: Mapping[str, float], seed: int, fresh: bool = False
+    record: Record, objectives: Mapping[str, Comparison], looks: Mapping[str, float], seed: int, fresh: bool = False
 ) -> Pixels:
     """A run's pixels with the texture of each material."""
     return {

@@ -16,6 +16,7 @@ from radcal.storage.records import read_json, write_json
 __all__ = [
     "History",
     "Kind",
+    "PassScore",
     "Proposal",
     "Run",
     "Score",
@@ -66,20 +67,36 @@ class Proposal:
 
 
 @dataclass(frozen=True)
+class PassScore:
+    """Density of a material in the second or a later pass of a run.
+
+    Attributes
+    ----------
+    dp : list of float
+        xi [dB], omega [dB], alpha.
+    rms : float
+        Root-mean-square difference from the density of that pass's target [1/dB].
+    """
+
+    dp: list[float]
+    rms: float
+
+
+@dataclass(frozen=True)
 class Score:
-    """Score of one material in one run.
+    """Score of one material in one run, with several passes of the same X in all of them.
 
     Attributes
     ----------
     parameters : list of float
         X.
     dp : list of float
-        Density of the material's pixels with the texture of ``looks``: xi [dB], omega [dB], alpha.
+        Density of the material's pixels with the texture of ``looks``, in the first pass: xi [dB], omega [dB], alpha.
     rms : float
         Root-mean-square difference of that density from the target's [1/dB].
     statistics : list of list of float
-        Mean [dB], log sd and skewness of each incidence-angle bin at the sensor's looks, shape (n, 3); a single row for
-        one density.
+        Mean [dB], log sd and skewness of each incidence-angle bin at the sensor's looks, shape (n, 3), one pass after
+        the other; a single row for the density of a pass.
     looks : float
         Effective number of looks with which the run fits the target best.
     cost : float
@@ -95,6 +112,8 @@ class Score:
         for.
     moved_db : float or None
         Largest difference of the laws of these two X over the incidence seen [dB].
+    further : list of PassScore or None
+        Densities in the second and later passes; None in a pass with too few pixels of the material.
     """
 
     parameters: list[float]
@@ -107,6 +126,7 @@ class Score:
     gain: float | None = None
     floor: float | None = None
     moved_db: float | None = None
+    further: list[PassScore | None] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -144,6 +164,7 @@ class Run:
     repeat_db: float | None = None
     repeat_variance: Mapping[str, list[list[float]]] = field(default_factory=dict)
     rms_sampling: Mapping[str, float] = field(default_factory=dict)
+    further_keys: list[str] = field(default_factory=list)
 
 
 class History:
@@ -211,8 +232,13 @@ class History:
 
 
 def write_runs(path: str | Path, runs: Iterable[Run]) -> None:
-    """Write scored runs as JSON."""
-    write_json(path, [asdict(run) for run in runs])
+    """Write scored runs as JSON; what only several passes have is omitted where there is one."""
+    written = [asdict(run) for run in runs]
+    for run in written:
+        for item, key in [(run, "further_keys"), *((score, "further") for score in run["scores"].values())]:
+            if not item[key]:
+                del item[key]
+    write_json(path, written)
 
 
 def read_runs(paths: Iterable[str | Path]) -> History:
@@ -224,11 +250,16 @@ def read_runs(paths: Iterable[str | Path]) -> History:
                 f"{path}: was written by an earlier version of radcal; delete it and type the same command again to "
                 "make it again (finished runs are kept)."
             )
-        scores = {name: Score(**item) for name, item in data.pop("scores").items()}
+        scores = {name: _score(item) for name, item in data.pop("scores").items()}
         proposals = {name: Proposal(**item) for name, item in data.pop("proposals").items()}
         return Run(**data, scores=scores, proposals=proposals)
 
     return History(parse(path, data) for path in paths for data in read_json(path))
+
+
+def _score(data: dict[str, Any]) -> Score:
+    further = [None if item is None else PassScore(**item) for item in data.pop("further", [])]
+    return Score(**data, further=further)
 
 
 def write_proposals(path: str | Path, proposals: Mapping[str, Proposal]) -> None:

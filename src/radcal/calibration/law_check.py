@@ -69,8 +69,8 @@ class LawCheck:
     sentences: list[str]
 
 
-def check_laws(case: stages.Archive, targets: Targets, history: History) -> dict[str, LawCheck]:
-    """Check the best run's law of every material.
+def check_laws(case: stages.Archive, targets: Targets, history: History, number: int = 0) -> dict[str, LawCheck]:
+    """Check the best run's law of every material on the ground of one pass.
 
     Parameters
     ----------
@@ -80,16 +80,22 @@ def check_laws(case: stages.Archive, targets: Targets, history: History) -> dict
         By calibrated material.
     history : History
         All scored runs.
+    number : int
+        Number of the pass, from 0; the uncertainty of the law is that of all passes.
 
     Returns
     -------
     dict
         By material.
     """
-    best = {name: history.best(name).scores[name] for name in targets}
+    objectives = make_objectives(case, targets)
+    if targets.further:
+        case, targets = case.passes[number], targets.passes[number]
+    scores = {name: history.best(name).scores[name] for name in targets}
+    best = {name: objectives[name].in_pass(number, score) for name, score in scores.items()}
     laws = {
-        name: objective.law(best[name])
-        for name, objective in make_objectives(case, targets).items()
+        name: objectives[name].law_in(number, score)
+        for name, score in scores.items()
         # values of normalised images are no dB
         if case.laws[name].has_curve and case.target.normalisation != "image"
     }

@@ -13,7 +13,7 @@ from radcal.calibration.history import Proposal, Score
 from radcal.calibration.lattice import SAME, corners, elsewhere, lattice
 from radcal.calibration.law_fit import LOOKS
 from radcal.calibration.nsga2 import nsga2
-from radcal.calibration.objectives import Objective
+from radcal.calibration.objectives import Comparison
 from radcal.calibration.objectives.objective import Points
 from radcal.calibration.surrogate import Surrogate
 from radcal.config import Optimiser
@@ -34,13 +34,13 @@ class Search:
 
     Parameters
     ----------
-    objective : Objective
+    objective : Comparison
         Residuals and cost.
     surrogate : Surrogate
         Statistics at any X.
     """
 
-    def __init__(self, objective: Objective, surrogate: Surrogate) -> None:
+    def __init__(self, objective: Comparison, surrogate: Surrogate) -> None:
         self.objective, self.surrogate = objective, surrogate
         self._looks = np.log([LOOKS[0], LOOKS[1] * objective.material.looks])
         self._d = len(objective.material.box)

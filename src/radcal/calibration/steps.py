@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from threadpoolctl import threadpool_limits
 
 from radcal.calibration.history import History, Proposal, Run, Score
-from radcal.calibration.objectives import OBJECTIVES, Objective, make_objectives
+from radcal.calibration.objectives import OBJECTIVES, Comparison, make_objectives
 from radcal.calibration.scoring import score
 from radcal.calibration.search import Search
 from radcal.calibration.stopping import decide
@@ -65,15 +65,17 @@ def reference_runs(case: stages.ReferenceRun, runner: Runner) -> list[Record]:
     parameters, seed = case.start_parameters, noise_seed(case)
     records = [run_all_draws(case, runner, parameters, image=True)]
     if isinstance(case.simulator, CommandSimulation) and case.simulator.deterministic is None:
-        records.append(runner.run(parameters, seed, repeat=True))
+        again = [one.run(parameters, seed, repeat=True) for one in (runner, *runner.further)]
+        records.append(replace(again[0], further=tuple(again[1:])))
     return records
 
 
 def run_all_draws(case: stages.Simulation, runner: Runner, parameters: Parameters, image: bool = False) -> Record:
-    """Record of a run, with the records of its further draws of speckle; only the first holds the whole image."""
+    """Record of a run in all passes, with its further draws of speckle; only the first draw holds the whole image."""
     first, *others = draw_seeds(case)
     record = runner.run(parameters, first, image=image)
-    return replace(record, draws=tuple(runner.run(parameters, seed) for seed in others))
+    further = tuple(run_all_draws(case, one, parameters, image) for one in runner.further)
+    return replace(record, draws=tuple(runner.run(parameters, seed) for seed in others), further=further)
 
 
 def repeatability(simulator: SimulatorConfig, differences_db: Sequence[float]) -> str:
@@ -164,7 +166,7 @@ def _call(number: int) -> Any:
 
 
 def train_all(
-    history: History, case: stages.Train, objectives: Mapping[str, Objective], processes: int = 1
+    history: History, case: stages.Train, objectives: Mapping[str, Comparison], processes: int = 1
 ) -> dict[str, Training]:
     """Train the surrogates of all calibrated materials.
 
@@ -200,7 +202,7 @@ def train_all(
 
 def propose_all(
     trainings: Mapping[str, Training],
-    objectives: Mapping[str, Objective],
+    objectives: Mapping[str, Comparison],
     history: History,
     case: stages.Propose,
     iteration: int,

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.calibration.kriging import JITTER, Kriging, train
 from radcal.calibration.moments import STATISTICS, from_dp, to_dp
-from radcal.calibration.objectives import Objective
+from radcal.calibration.objectives import Comparison
 from radcal.calibration.smt_kriging import train_smt
 from radcal.config import SurrogateConfig
 from radcal.errors import SurrogateError
@@ -77,7 +77,7 @@ class Surrogate:
     ----------
     training : Training
         Data and hyper-parameters.
-    objective : Objective
+    objective : Comparison
         Baseline, bounds and whole parameters.
 
     References
@@ -87,7 +87,7 @@ class Surrogate:
     (2004).
     """
 
-    def __init__(self, training: Training, objective: Objective) -> None:
+    def __init__(self, training: Training, objective: Comparison) -> None:
         self.training = training
         self.bounds, self.integer = objective.material.box, objective.material.integer
         self.parameters = training.parameters
@@ -149,7 +149,7 @@ def _statistics(learnt: NDArray[np.float64], direct: bool) -> NDArray[np.float64
 
 
 def train_surrogate(
-    objective: Objective,
+    objective: Comparison,
     parameters: NDArray[np.float64],
     statistics: NDArray[np.float64],
     config: SurrogateConfig,
@@ -160,7 +160,7 @@ def train_surrogate(
 
     Parameters
     ----------
-    objective : Objective
+    objective : Comparison
         Baseline and bounds.
     parameters : ndarray, shape (k, d)
         Distinct X of the runs.

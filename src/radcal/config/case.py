@@ -19,7 +19,7 @@ from radcal.config.pydantic_errors import nearest
 from radcal.config.radar import Radar
 from radcal.config.registration import RegistrationConfig
 from radcal.config.scene import BuiltinScene, SceneConfig
-from radcal.config.sections import TAGS, CaseName
+from radcal.config.sections import FURTHER, TAGS, CaseName
 from radcal.config.simulator import BuiltinSimulation, CommandSimulation, SimulatorConfig
 from radcal.config.stop import Stop
 from radcal.config.surrogate import SurrogateConfig
@@ -55,8 +55,30 @@ def _with_fitting_draws(data: dict[str, Any]) -> dict[str, Any]:
     return {**data, "simulator": {**simulator, tag: "builtin", "draws": _DRAWS_IN_BINS}}
 
 
+def _with_passes(data: dict[str, Any]) -> dict[str, Any]:
+    """Case data in which lists of ``radar`` and ``measurement`` are divided into the first and the further passes."""
+    for key in FURTHER.values():
+        if data.get(key) is not None:
+            raise ValueError(f"unknown key {key}: further passes are items of a list of radar and of measurement")
+    found = {name: value for name, value in data.items() if name not in FURTHER.values()}
+    counts = {name: len(data[name]) if isinstance(data.get(name), list) else 1 for name in FURTHER}
+    if counts["radar"] != counts["measurement"] or 0 in counts.values():
+        said = " and ".join(f"{name} of {count}" for name, count in counts.items())
+        raise ValueError(f"passes: found {said}, expected lists of equal length, with one item for each pass")
+    for name, further in FURTHER.items():
+        if isinstance(data.get(name), list):
+            found[name], *others = data[name]
+            if others:
+                found[further] = others
+    return found
+
+
 class Case(Part):
-    """Configuration of one calibration."""
+    """Configuration of one calibration.
+
+    ``radar`` and ``measurement`` may be lists of equal length, with one item for each pass. The fields of these names
+    hold those of the first pass, ``further_radar`` and ``further_measurement`` those of the others.
+    """
 
     case: CaseName = Field("dyke", description="name of the case and of its folder below results/")
     replace: bool = Field(
@@ -76,6 +98,8 @@ class Case(Part):
     measurement: MeasurementConfig = Field(
         SyntheticMeasurement(), description="the measured image in a file, or a synthetic one"
     )
+    further_radar: list[Radar] | None = Field(None, description="radar of the second and later passes")
+    further_measurement: list[MeasurementConfig] | None = Field(None, description="their measured images")
     registration: RegistrationConfig = Field(default_factory=RegistrationConfig)
     objective: Objective = Field(
         DEFAULT,
@@ -99,7 +123,7 @@ class Case(Part):
         """
         if not isinstance(data, dict):
             return data
-        data = _with_fitting_stop(data)
+        data = _with_fitting_stop(_with_passes(data))
         if "objective" in data:
             return _with_fitting_draws(data)
         target, materials = (data[key] if isinstance(data.get(key), dict) else {} for key in ("target", "materials"))
@@ -119,6 +143,15 @@ class Case(Part):
                 return {tag: getattr(cls.model_fields[info.field_name].default, tag), **value}
         return value
 
+    @field_validator("further_measurement", mode="before")
+    @classmethod
+    def _default_tags(cls, value: object) -> object:
+        tag = TAGS["measurement"]
+        default = getattr(cls.model_fields["measurement"].default, tag)
+        if not isinstance(value, list):
+            return value
+        return [{tag: default, **item} if isinstance(item, dict) and tag not in item else item for item in value]
+
     @field_validator("materials")
     @classmethod
     def _material_names(cls, value: dict[str, Material]) -> dict[str, Material]:
@@ -131,16 +164,6 @@ class Case(Part):
     def _consistent(self) -> Self:
         if not self.calibrated:
             raise ValueError("materials: none is marked calibrate: true, expected at least one")
-        # the default hidden parameters are for the default case only: in other cases materials keep their start
-        if isinstance(self.measurement, SyntheticMeasurement) and self.measurement.synthetic.is_written:
-            for name, x in self.measurement.synthetic.parameters.items():
-                if name not in self.materials:
-                    raise ValueError(
-                        f"measurement.synthetic.parameters.{name}: no such material{nearest(name, self.materials)}"
-                    )
-                material = self.materials[name]
-                check_parameters(f"measurement.synthetic.parameters.{name}", x, material.unbound_law, material.law)
-                material.check_whole(f"measurement.synthetic.parameters.{name}", x)
         for name in self.target.reference_materials or []:
             if name not in self.materials:
                 raise ValueError(f"target.reference_materials: no material {name!r}{nearest(name, self.materials)}")
@@ -153,12 +176,19 @@ class Case(Part):
                 "target.normalisation is offset, expected at least one material with fixed parameters "
                 "(calibrate: false) to give the level, found none"
             )
-        if isinstance(self.measurement, SyntheticMeasurement):
-            self._check_truth(self.measurement.synthetic)
-        self._check_laws()
-        if isinstance(self.measurement, FileMeasurement):
-            self._check_pass(self.measurement)
+        for number, one in enumerate(self.passes, start=1):
+            try:
+                one._check_pass()
+            except ValueError as error:
+                if self.further_radar is None:
+                    raise
+                raise ValueError(f"pass {number}: {error}") from None
         self._check_objective()
+        if self.design.reuse is not None and self.further_radar:
+            raise ValueError(
+                f"design.reuse is {self.design.reuse!r} in a case of {len(self.passes)} passes, expected one pass: "
+                "a pass that is added to a case reuses the case's own runs without it"
+            )
         if self.design.reuse == self.case:
             raise ValueError(f"design.reuse is {self.case!r}, this case itself, expected an earlier one")
         self._check_whole_box()
@@ -172,6 +202,28 @@ class Case(Part):
                 f"stop.max_runs is {self.stop.max_runs}, expected at least design.size ({self.design_size})"
             )
         return self
+
+    def _check_pass(self) -> None:
+        """Refuse settings of one pass that do not fit the laws or its measured image."""
+        measurement = self.measurement
+        # default hidden parameters are for the default case only: elsewhere materials keep their start
+        if isinstance(measurement, SyntheticMeasurement):
+            if measurement.synthetic.is_written:
+                self._check_hidden(measurement.synthetic)
+            self._check_truth(measurement.synthetic)
+        self._check_laws()
+        if isinstance(measurement, FileMeasurement):
+            self._check_image(measurement)
+
+    def _check_hidden(self, synthetic: Synthetic) -> None:
+        """Refuse hidden parameters of unknown materials, and those that do not fit their law."""
+        for name, x in synthetic.parameters.items():
+            key = f"measurement.synthetic.parameters.{name}"
+            if name not in self.materials:
+                raise ValueError(f"{key}: no such material{nearest(name, self.materials)}")
+            material = self.materials[name]
+            check_parameters(key, x, material.unbound_law, material.law)
+            material.check_whole(key, x)
 
     def _check_whole_box(self) -> None:
         """Refuse bounds that contain fewer combinations of whole numbers than design and reference run need."""
@@ -255,7 +307,7 @@ class Case(Part):
                         f"radar.frequency_ghz is missing: law {seen.law!r} of materials.{key} depends on it"
                     )
 
-    def _check_pass(self, measurement: FileMeasurement) -> None:
+    def _check_image(self, measurement: FileMeasurement) -> None:
         """Refuse an image whose declared radiometry, polarisation or band differs from that of ``radar``."""
         if measurement.radiometry not in (None, self.radar.radiometry):
             raise ValueError(

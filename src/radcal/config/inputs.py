@@ -117,8 +117,10 @@ def input_files(case: Case) -> dict[str, Path]:
         files["scene.names"] = expand_path(case.scene.names, "scene.names")
     if isinstance(case.scene, BuiltinScene | RasterScene) and case.scene.objects and case.scene.objects.path:
         files["scene.objects.path"] = expand_path(case.scene.objects.path, "scene.objects.path")
-    if isinstance(case.measurement, FileMeasurement):
-        files |= _raster_inputs(case.measurement, "path", "measurement.path")
+    for number, one in enumerate(case.passes, start=1):
+        if isinstance(one.measurement, FileMeasurement):
+            key = "measurement" if number == 1 else f"measurement.{number}"
+            files |= _raster_inputs(one.measurement, "path", f"{key}.path")
     if isinstance(case.simulator, CommandSimulation):
         files |= _simulator_files(case.simulator)
     return files

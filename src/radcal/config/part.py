@@ -8,7 +8,7 @@ from typing import Any, Protocol, Self, TypeVar
 from radcal.config.design import Design
 from radcal.config.materials import Material
 from radcal.config.radar import Radar
-from radcal.config.sections import Section
+from radcal.config.sections import FURTHER, Section
 from radcal.config.surrogate import SurrogateConfig
 from radcal.config.target import TargetConfig
 from radcal.radar.laws import EXTERNAL, Law, law_for
@@ -33,6 +33,16 @@ class _Pass(_Materials, Protocol):
     def radar(self) -> Radar: ...
 
 
+class _Passes(Protocol):
+    @property
+    def radar(self) -> Radar: ...
+
+    @property
+    def further_radar(self) -> list[Radar] | None: ...
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None) -> Self: ...
+
+
 class _Levels(_Materials, Protocol):
     @property
     def target(self) -> TargetConfig: ...
@@ -50,6 +60,7 @@ class _Design(_Levels, Protocol):
 
 
 _OfMaterials = TypeVar("_OfMaterials", bound=_Materials)
+_OfPasses = TypeVar("_OfPasses", bound=_Passes)
 
 
 class Part(Section):
@@ -62,6 +73,8 @@ class Part(Section):
     def sections(self, *names: str) -> dict[str, Any]:
         """Named sections as plain data, for the ``params`` of a Snakemake rule."""
         sections = self.model_dump(mode="json", include=set(names))
+        # a case of one pass has no such key: jobs and results are the same as before a case could have several
+        sections = {name: data for name, data in sections.items() if data is not None or name not in FURTHER.values()}
         if environment := sections.get("simulator", {}).get("environment"):
             sections["simulator"]["environment"] = Undisclosed(environment)
         return sections
@@ -102,6 +115,15 @@ class Part(Section):
             )
             for name, material in self.materials.items()
         }
+
+    @property
+    def passes(self: _OfPasses) -> list[_OfPasses]:
+        """Copies for each pass alone, the first one first."""
+        fields = [(name, FURTHER[name]) for name in FURTHER if hasattr(self, FURTHER[name])]
+        alone = self.model_copy(update={further: None for _, further in fields})
+        count = len(self.further_radar or ())
+        others = [{name: getattr(self, further)[k] for name, further in fields} for k in range(count)]
+        return [alone, *(alone.model_copy(update=update) for update in others)]
 
     @property
     def reference_materials(self: _Levels) -> list[str]:

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from pydantic import BaseModel, ValidationError
 
-from radcal.config.sections import TAGS
+from radcal.config.sections import FURTHER, TAGS
 
 __all__ = ["MISSING", "nearest", "sentence", "shown"]
 
@@ -45,6 +45,9 @@ def _tags(model: type[BaseModel]) -> list[object]:
 def _known_keys(location: Sequence[int | str], root: type[BaseModel]) -> list[str]:
     """Allowed keys of the section in which pydantic found an error."""
     models = [root]
+    for section, further in FURTHER.items():
+        if location[0] == further:
+            location = [section, *location[2:]]
     for part in location[:-1]:
         if len(models) > 1:  # in a union, this part of the location is the tag of the section's kind, not a key
             models = [model for model in models if part in _tags(model)]
@@ -97,7 +100,7 @@ def sentence(error: ValidationError, origin: str, root: type[BaseModel]) -> str:
         case "value_error":
             text = f"{key}: {first['msg'].removeprefix('Value error, ')}"
         case "union_tag_invalid" | "union_tag_not_found":
-            tag = TAGS[key]
+            tag = TAGS[key.partition(".")[0]]
             text = f"{key}.{tag} is {_shown(found, tag)}, expected {first.get('ctx', {}).get('expected_tags', '')}"
         case "int_parsing_size":
             text = f"{key} is {shown(repr(found))}, expected an integer of fewer digits"
@@ -115,8 +118,13 @@ def sentence(error: ValidationError, origin: str, root: type[BaseModel]) -> str:
 def _key(place: Sequence[int | str]) -> str:
     """Key of an error in dotted form, without the tags and alternatives that pydantic inserts."""
     location = list(place)
-    if location and location[0] in TAGS and len(location) > 1:
-        location.pop(1)
+    tagged = 1
+    for section, further in FURTHER.items():
+        if location and location[0] == further:  # passes are counted from 1
+            location[:2] = [section, *(int(part) + 2 for part in location[1:2])]
+            tagged = 2
+    if location and location[0] in TAGS and len(location) > tagged:
+        location.pop(tagged)
     location = [part for part in location if part not in _ALTERNATIVES and "[" not in str(part)]
     return ".".join(str(part) for part in location) or "the configuration"
 

@@ -11,6 +11,7 @@ import json
 from typing import Any
 
 from radcal.config.case import Case
+from radcal.config.sections import FURTHER
 
 __all__ = ["schema_json"]
 
@@ -39,8 +40,17 @@ def schema_json() -> str:
     (draft-handrews-json-schema-validation-01), 2018.
     """
     schema = Case.model_json_schema()
-    for section in schema["properties"].values():
+    sections = schema["properties"]
+    for section in sections.values():
         _require_tag(section, schema["$defs"])
+    for name, further in FURTHER.items():  # one pass, or a list with an item for each
+        del sections[further]
+        one = {word: value for word, value in sections[name].items() if word not in ("default", "description")}
+        about = sections[name].get("description", "the acquisition: track, sensor and image grid")
+        sections[name] = {
+            "description": f"{about}; of several passes a list with one for each",
+            "anyOf": [one, {"type": "array", "items": one, "minItems": 1}],
+        }
     return json.dumps({"$schema": _DRAFT, **_plain(schema)}, indent=1, ensure_ascii=False) + "\n"
 
 

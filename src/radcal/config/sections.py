@@ -7,12 +7,15 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict
 
-__all__ = ["TAGS", "CaseName", "Section"]
+__all__ = ["FURTHER", "TAGS", "CaseName", "Section"]
 
 _LONGEST_NAME = 100  # file systems allow names of 255 bytes, and files named after a case have longer names
 
 # sections that exist in several kinds, and the key that chooses the kind
 TAGS = {"scene": "source", "simulator": "kind", "measurement": "source"}
+
+# sections of which each pass has one, and the fields that hold those of the second and later passes
+FURTHER = {"radar": "further_radar", "measurement": "further_measurement"}
 
 
 def _case_name(value: str) -> str:

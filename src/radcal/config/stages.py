@@ -103,9 +103,10 @@ class Laws(Stage):
 
 
 class Scores(Laws):
-    """Sections that rule ``scores`` reads to score the runs: laws and objective."""
+    """Sections that rule ``scores`` reads to score the runs: laws, in all passes, and objective."""
 
     objective: Objective
+    further_radar: list[Radar] | None = None
 
 
 class Simulation(Simulator, Laws):
@@ -175,6 +176,8 @@ class StopSettings(Stage):
 class FinalRuns(Simulation):
     """Sections that rule ``final_runs`` reads to run the calibrated laws of all materials together."""
 
+    further_radar: list[Radar] | None = None
+
 
 class Archive(Stage):
     """Sections that rule ``archive`` reads: all but ``replace`` and ``stop``; a file gives the stop criteria."""
@@ -187,6 +190,8 @@ class Archive(Stage):
     simulator: SimulatorConfig
     materials: dict[str, Material]
     measurement: MeasurementConfig
+    further_radar: list[Radar] | None = None
+    further_measurement: list[MeasurementConfig] | None = None
     registration: RegistrationConfig
     objective: Objective
     target: TargetConfig

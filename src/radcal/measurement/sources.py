@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from radcal import skewnormal
-from radcal.config import FileMeasurement, Radar, Synthetic, expand_path, stages, vrt_folders
+from radcal.config import FileMeasurement, Radar, Synthetic, TargetConfig, expand_path, stages, vrt_folders
 from radcal.config.measurement import RADIOMETRY_EXPECTED
 from radcal.errors import FitError, MeasurementError
 from radcal.measurement.displacement import invert, warp
@@ -38,7 +39,11 @@ _WARP_SIGMA_PX = 60.0  # smoothing of a synthetic displacement field
 
 
 def make_measurement(
-    case: stages.Measurement, geometry: Geometry, simulator: Simulator, scene: Scene | None = None
+    case: stages.Measurement,
+    geometry: Geometry,
+    simulator: Simulator,
+    scene: Scene | None = None,
+    partly: bool = False,
 ) -> Measurement:
     """Read or make the measurement and check that every calibrated material can be fitted.
 
@@ -53,6 +58,8 @@ def make_measurement(
     scene : Scene, optional
         Scene on a map, by which a georeferenced image is resampled; without it every image is assumed to be in slant
         range.
+    partly : bool
+        Whether it is enough that one of the calibrated materials can be fitted; for further passes.
 
     Raises
     ------
@@ -68,13 +75,29 @@ def make_measurement(
     if case.target.normalisation == "none":  # otherwise the level of the noise follows from the reference run
         noise_db = noise_floor_db(case.radar, geometry.flat_incidence_deg)
         flags[IN_THE_NOISE] = noise_limited(measurement.image_db, noise_db, case.target.snr_db)
-    for name in case.calibrated:
-        pixels = eligible_pixels(name, geometry, measurement, case.target, flags=flags).pixels
-        try:
-            skewnormal.fit(measurement.image_db.ravel()[pixels])
-        except FitError as error:
-            raise MeasurementError(f"materials.{name} in {measurement.source}: {error}") from None
+    refused = [_refusal(name, measurement, geometry, case.target, flags) for name in case.calibrated]
+    errors = [error for error in refused if error is not None]
+    if errors and not (partly and len(errors) < len(refused)):
+        raise errors[0]
     return measurement
+
+
+def _refusal(
+    name: str,
+    measurement: Measurement,
+    geometry: Geometry,
+    config: TargetConfig,
+    flags: Mapping[str, NDArray[np.bool_]],
+) -> MeasurementError | None:
+    """Error of a material that cannot be fitted."""
+    try:
+        pixels = eligible_pixels(name, geometry, measurement, config, flags=flags).pixels
+        skewnormal.fit(measurement.image_db.ravel()[pixels])
+    except MeasurementError as error:
+        return error
+    except FitError as error:
+        return MeasurementError(f"materials.{name} in {measurement.source}: {error}")
+    return None
 
 
 def smooth_warp(shape: tuple[int, int], rms_px: float, rng: np.random.Generator) -> NDArray[np.float64]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -148,14 +148,26 @@ class Targets(dict[str, Target]):
         Level normalisation of both images; none if missing.
     looks : float
         Equivalent number of looks of the measured image's homogeneous areas; NaN where not known.
+    further : sequence of Targets
+        Those of the second and later passes, which may lack a material.
     """
 
     def __init__(
-        self, targets: Mapping[str, Target], levels: Levels | None = None, looks: float = float("nan")
+        self,
+        targets: Mapping[str, Target],
+        levels: Levels | None = None,
+        looks: float = float("nan"),
+        further: Sequence[Targets] = (),
     ) -> None:
         super().__init__(targets)
+        self.further = tuple(further)
         self.levels = levels or Levels()
         self.looks = looks
+
+    @property
+    def passes(self) -> tuple[Targets, ...]:
+        """Targets of all passes, these first."""
+        return (self, *self.further)
 
     def textured(self, name: str) -> bool:
         """Whether a material has far fewer looks than the image's homogeneous areas, and hence texture."""
@@ -216,8 +228,11 @@ def write_targets(path: str | Path, targets: Targets) -> None:
         put(file, _Stored(targets, targets.levels, targets.looks))
 
 
-def read_targets(path: str | Path) -> Targets:
-    """Read the targets that :func:`write_targets` wrote; errors are those of :func:`.read_hdf5`."""
-    with read_hdf5(path, "target") as file:
-        stored = take(file, _Stored)
-    return Targets(stored.materials, stored.levels, stored.looks)
+def read_targets(*paths: str | Path) -> Targets:
+    """Read the targets that :func:`write_targets` wrote, from one file for each pass; errors: :func:`.read_hdf5`."""
+    found = []
+    for path in paths:
+        with read_hdf5(path, "target") as file:
+            found.append(take(file, _Stored))
+    further = [Targets(stored.materials, stored.levels, stored.looks) for stored in found[1:]]
+    return Targets(found[0].materials, found[0].levels, found[0].looks, further)

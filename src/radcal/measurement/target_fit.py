@@ -168,7 +168,11 @@ def _ground(
 
 
 def make_targets(
-    case: stages.Target, geometry: Geometry, registered: Registered, reference_db: NDArray[np.float32]
+    case: stages.Target,
+    geometry: Geometry,
+    registered: Registered,
+    reference_db: NDArray[np.float32],
+    partly: bool = False,
 ) -> Targets:
     """Targets of all calibrated materials, with the levels.
 
@@ -182,6 +186,8 @@ def make_targets(
         Registered measured image.
     reference_db : ndarray, shape (rows, columns)
         Image of the reference run [dB].
+    partly : bool
+        Whether materials with too few pixels are left out, as long as one has enough; for further passes.
 
     Raises
     ------
@@ -198,21 +204,24 @@ def make_targets(
     looks = estimate_looks(measurement.image_db, geometry.material, case.radar)
     if config.leave_out_point_targets:
         flags["point targets"] = point_targets(measurement.image_db, geometry.material, case.radar)
-    targets = {
-        name: make_target(
-            name,
-            geometry,
-            measurement,
-            config,
-            case.seed,
-            registered.uncertainty_px,
-            levels=levels,
-            flags=flags,
-            radar=case.radar,
-            validation=case.validation,
-        )
-        for name in case.calibrated
-    }
+    targets: dict[str, Target] = {}
+    for number, name in enumerate(case.calibrated, start=1):
+        try:
+            targets[name] = make_target(
+                name,
+                geometry,
+                measurement,
+                config,
+                case.seed,
+                registered.uncertainty_px,
+                levels=levels,
+                flags=flags,
+                radar=case.radar,
+                validation=case.validation,
+            )
+        except MeasurementError:
+            if not partly or (number == len(case.calibrated) and not targets):
+                raise
     if isinstance(case.simulator, BuiltinSimulation):
         simulated_db = noise_floor_db(case.radar, geometry.flat_incidence_deg)
         rows = {name: target.pixels // geometry.shape[1] for name, target in targets.items()}

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["log_speckle_cumulants", "texture_db", "texture_order"]
+__all__ = ["equal_texture", "log_speckle_cumulants", "texture_db", "texture_order"]
 
 _DB = 10.0 / np.log(10.0)
 
@@ -85,6 +85,36 @@ def texture_order(looks: float, effective: float) -> float:
         return float("inf")
     # trigamma(x) lies between 1/x and 1/x + 1/x^2
     return float(brentq(lambda x: polygamma(1, x) - wanted, 0.3 / (1.0 + wanted), 2.0 + 2.0 / wanted, rtol=1e-12))
+
+
+def equal_texture(looks: float, effective: float, others: float) -> float:
+    r"""Effective looks in an image of other looks, with the texture that an image of L looks shows.
+
+    The variances of speckle and texture add in dB: :math:`\psi'(L_2') = \psi'(L_2) + \psi'(L') - \psi'(L)`. Where L' is
+    above L, so that no texture explains it, the ratio of effective to nominal looks is kept.
+
+    Parameters
+    ----------
+    looks, effective : float
+        Looks L of the speckle in one image and the effective looks L' of an area.
+    others : float
+        Looks :math:`L_2` of the speckle in another image.
+
+    Returns
+    -------
+    float
+        Effective looks of the area there, at least 0.01.
+    """
+    if others == looks:
+        return effective
+    if effective >= looks:
+        return effective * others / looks
+    from scipy.optimize import brentq
+    from scipy.special import polygamma
+
+    wanted = float(polygamma(1, others) + polygamma(1, effective) - polygamma(1, looks))
+    low = 0.01
+    return float(brentq(lambda x: polygamma(1, x) - wanted, low, others)) if polygamma(1, low) > wanted else low
 
 
 def texture_db(uniform: ArrayLike, order: float) -> NDArray[np.float64]:

@@ -26,6 +26,8 @@ __all__ = [
     "LevelSummary",
     "MaterialResult",
     "ObjectPlaces",
+    "PassLaw",
+    "PassSummary",
     "RegistrationSummary",
     "Runs",
     "SceneView",
@@ -279,6 +281,40 @@ class LevelSummary:
 
 
 @dataclass(frozen=True)
+class PassLaw:
+    """Law of a material over the incidence of one pass (:class:`radcal.calibration.passes.PassLaw`)."""
+
+    low_deg: Annotated[float, About("5 % quantile of the local incidence of the target's pixels", "deg")]
+    high_deg: Annotated[float, About("95 % quantile of the local incidence of the target's pixels", "deg")]
+    rms: Annotated[float, About("rms difference of the best run's density from the target's in this pass", _DENSITY)]
+    sd_first_db: Annotated[
+        float, About("largest standard deviation of the law there, from the first pass alone; NaN if unknown", "dB")
+    ]
+    sd_all_db: Annotated[float, About("the same from all passes", "dB")]
+    pixels: Annotated[int, About("number of the target's pixels")]
+    difference_db: Annotated[
+        float | None, About("largest difference from the hidden law of a synthetic measurement", "dB")
+    ] = None
+
+
+@dataclass(frozen=True)
+class PassSummary:
+    """One pass of a case of several."""
+
+    depression_deg: Annotated[float, About("depression angle", "deg")]
+    look_side: Annotated[str, About("look side")]
+    polarisation: Annotated[str, About("transmitted and received polarisation")]
+    looks: Annotated[int, About("number of looks of the simulation")]
+    measurement: Annotated[str, About("source of the measured image")]
+    registration: Annotated[str, About("outcome of the registration in words")]
+    levels: Annotated[str, About("level of the measured image and its consequences in words")]
+    notes: Annotated[tuple[str, ...], Attribute(), About("remarks on the measurement and on missing materials")]
+    keys: Annotated[NDArray[np.str_], About("hash of each run in this pass", shape="n")]
+    final_runs: Annotated[int, About("final runs that were not simulated before")]
+    materials: Annotated[Mapping[str, PassLaw], About("laws over the incidence of this pass")]
+
+
+@dataclass(frozen=True)
 class Archive:
     """Results of a calibration at its end."""
 
@@ -310,6 +346,9 @@ class Archive:
         Mapping[str, MaterialResult],
         About("calibrated materials: d parameters, p pixels, m infill runs, c incidence-angle bins, b held-out blocks"),
     ]
+    passes: Annotated[
+        Mapping[str, PassSummary] | None, About("passes by their number; absent in a case of one pass")
+    ] = None
     images: Annotated[Images, About("whole images; rows: slant range, columns: azimuth")] = field(
         default_factory=Images
     )

@@ -15,12 +15,14 @@ from numpy.typing import NDArray
 from radcal.calibration.conclusion import Conclusion
 from radcal.calibration.history import History, Run
 from radcal.calibration.law_check import LawCheck
+from radcal.calibration.passes import pass_laws
 from radcal.config import Material, Radar, Stop, stages
+from radcal.config.sections import FURTHER
 from radcal.measurement.levels import Levels
 from radcal.measurement.registration import Registered
 from radcal.measurement.target import Targets
 from radcal.radar.geometry import Geometry
-from radcal.radar.laws import EXTERNAL
+from radcal.radar.laws import EXTERNAL, Law, seen_rad
 from radcal.report.archive import (
     Archive,
     Check,
@@ -31,6 +33,8 @@ from radcal.report.archive import (
     LevelSummary,
     MaterialResult,
     ObjectPlaces,
+    PassLaw,
+    PassSummary,
     RegistrationSummary,
     Runs,
     SceneView,
@@ -38,6 +42,7 @@ from radcal.report.archive import (
 from radcal.report.law_notes import law_notes
 from radcal.scene.model import Scene
 from radcal.storage.disclosure import disclosed
+from radcal.storage.runs import Record
 
 __all__ = ["gather"]
 
@@ -56,6 +61,8 @@ def gather(
     registered: Registered,
     targets: Targets,
     conclusion: Conclusion,
+    passes: Sequence[Registered] = (),
+    final: Sequence[Record] = (),
 ) -> Archive:
     """Collect the results of a calibration.
 
@@ -75,6 +82,10 @@ def gather(
         Targets of the calibrated materials.
     conclusion : Conclusion
         Decision on the end of the search, checks of the laws, and final runs.
+    passes : sequence of Registered
+        Registered measured images of all passes.
+    final : sequence of Record
+        Final runs of all passes, two for each.
 
     Returns
     -------
@@ -85,7 +96,7 @@ def gather(
     measurement, decision = registered.measurement, conclusion.decision
     return Archive(
         case=case.case,
-        config=json.dumps(disclosed({**case.sections(*case.__dict__), "stop": stop.model_dump(mode="json")})),
+        config=json.dumps(disclosed(_as_written(case, stop))),
         objective=case.objective,
         reason=decision.reason or "running",
         converged=decision.converged,
@@ -94,7 +105,7 @@ def gather(
         looks=case.radar.looks,
         measured_looks=targets.looks,
         measurement=measurement.source,
-        notes=(*measurement.notes, *conclusion.notes),
+        notes=(*measurement.notes, *conclusion.notes, *_pass_note(targets)),
         law_notes=tuple(law_notes(case, geometry, parameters)),
         sentences=tuple(decision.materials[name].sentence for name in targets),
         simulator=json.dumps(conclusion.simulator),
@@ -109,6 +120,7 @@ def gather(
         materials={
             name: _material(name, case, history, targets, conclusion, measurement.hidden.get(name)) for name in targets
         },
+        passes=_passes(case, history, targets, passes, final) if targets.further else None,
         images=Images(
             # figures compare whole images in dB, after subtraction of the assumed level
             measured_db=measurement.image_db - np.float32(_level_db(targets.levels)),
@@ -118,6 +130,81 @@ def gather(
             incidence_deg=geometry.incidence_deg,
         ),
     )
+
+
+def _pass_note(targets: Targets) -> list[str]:
+    """Remark on what is shown of several passes."""
+    if not targets.further:
+        return []
+    count = len(targets.passes)
+    return [
+        f"The laws are those of {count} passes together; densities, images, pixels and checks on held-out ground are "
+        "shown of pass 1. The field effects of a material are taken as independent from pass to pass."
+    ]
+
+
+def _as_written(case: stages.Archive, stop: Stop) -> dict[str, Any]:
+    """Configuration, with lists of the passes as in a case file."""
+    data = {**case.sections(*case.__dict__), "stop": stop.model_dump(mode="json")}
+    for section, further in FURTHER.items():
+        if further in data:
+            data[section] = [data[section], *data.pop(further)]
+    return data
+
+
+def _passes(
+    case: stages.Archive,
+    history: History,
+    targets: Targets,
+    images: Sequence[Registered],
+    final: Sequence[Record],
+) -> dict[str, PassSummary]:
+    """Passes of a case of several, by their number from 1."""
+    laws = pass_laws(case, targets, history)
+    found = {}
+    known = {key for run in history.runs for key in (run.key, *run.further_keys)}
+    for k, (one, registered, target) in enumerate(zip(case.passes, images, targets.passes, strict=True)):
+        keys = [run.further_keys[k - 1] if k else run.key for run in history.runs]
+        missing = [name for name in targets if name not in target]
+        notes = [f"{name}: too few pixels in this pass, which says nothing of it." for name in missing]
+        new = {record.key for record in final[2 * k : 2 * k + 2]} - known
+        known |= new
+        found[str(k + 1)] = PassSummary(
+            depression_deg=one.radar.depression_deg,
+            look_side=one.radar.look_side,
+            polarisation=one.radar.polarisation,
+            looks=one.radar.looks,
+            measurement=registered.measurement.source,
+            registration=registered.verdict,
+            levels=target.levels.sentence,
+            notes=(*registered.measurement.notes, *notes),
+            keys=np.array(keys),
+            final_runs=len(new),
+            materials={
+                name: PassLaw(
+                    **asdict(law),
+                    pixels=target[name].pixels.size,
+                    difference_db=_difference_db(
+                        one.laws[name],
+                        history.best(name).scores[name].parameters,
+                        registered.measurement.hidden.get(name),
+                        target[name].incidence_deg,
+                    ),
+                )
+                for name, law in laws[k].items()
+            },
+        )
+    return found
+
+
+def _difference_db(
+    law: Law, found: Sequence[float], hidden: Sequence[float] | None, incidence_deg: Any
+) -> float | None:
+    """Largest difference from a hidden law over a pass's incidence [dB]; None where there is none, or no curve."""
+    if hidden is None or not law.has_curve:
+        return None
+    seen = seen_rad(incidence_deg)
+    return float(np.max(np.abs(law(seen, found) - law(seen, hidden))))
 
 
 def _final_parameters(case: stages.Archive, history: History, targets: Targets) -> dict[str, Sequence[float]]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from radcal import skewnormal
 from radcal.config import stages
-from radcal.report.archive import Archive, Check, HeldOutBlocks, MaterialResult, RegistrationSummary
+from radcal.report.archive import Archive, Check, HeldOutBlocks, MaterialResult, PassSummary, RegistrationSummary
 
 __all__ = ["numbered_jobs", "sentences", "summarise", "wall_seconds"]
 
@@ -58,7 +58,7 @@ def wall_seconds(folder: str | Path, jobs: Mapping[str, int] | None = None) -> d
         Wall time by stage [s]; stages without a file are absent.
     """
     seconds: dict[str, float] = defaultdict(float)
-    for file in sorted(Path(folder).glob("*.tsv")):
+    for file in sorted(Path(folder).rglob("*.tsv")):
         stage, _, number = file.stem.rpartition("_")
         if not number.isdigit():
             stage, number = file.stem, "0"
@@ -159,6 +159,17 @@ def _registration(registration: RegistrationSummary) -> dict[str, Any]:
     return summary
 
 
+def _pass(one: PassSummary) -> dict[str, Any]:
+    """One pass of several, and what is known of the laws over its incidence."""
+    known = {key: value for key, value in vars(one).items() if key not in ("keys", "materials", "final_runs")}
+    return {
+        **known,
+        "notes": list(one.notes),
+        "runs": int(np.unique(one.keys).size) + one.final_runs,
+        "materials": {name: dict(vars(law)) for name, law in one.materials.items()},
+    }
+
+
 def _finite(value: Any) -> Any:
     """Plain data, with None in place of NaN and infinite numbers."""
     if isinstance(value, Mapping):
@@ -184,10 +195,13 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
         Keys of ``summary.json``; rms in 1/dB, mse in 1/dB^2, all numbers finite or None.
     """
     kinds = archive.runs.kind
-    # a proposal whose run was simulated before does not count as a run
-    made = np.isin(np.arange(kinds.size), np.unique(archive.runs.key, return_index=True)[1])
-    runs = {kind: int(np.count_nonzero((kinds == kind) & made)) for kind in ("reference", "design", "infill")}
-    runs["final"] = archive.final_runs
+    passes = archive.passes or {}
+    keys = np.concatenate([one.keys for one in passes.values()] or [archive.runs.key])
+    # a proposal whose run was simulated before does not count as a run; each pass of an X is a run
+    made = np.isin(np.arange(keys.size), np.unique(keys, return_index=True)[1])
+    each = np.tile(kinds, keys.size // kinds.size)
+    runs = {kind: int(np.count_nonzero((each == kind) & made)) for kind in ("reference", "design", "infill")}
+    runs["final"] = sum(one.final_runs for one in passes.values()) if passes else archive.final_runs
     summary: dict[str, Any] = {
         "case": archive.case,
         "objective": archive.objective,
@@ -210,6 +224,8 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
             for name, material in archive.materials.items()
         },
     }
+    if passes:
+        summary["passes"] = [_pass(one) for one in passes.values()]
     result = _finite(summary)
     assert isinstance(result, dict)  # noqa: S101 - the type checker cannot infer that a dict stays a dict
     return result

@@ -61,8 +61,9 @@ def values_of(case: Case) -> dict[str, int]:
         The scene's files do not determine the size.
     """
     scene = scene_size(case.scene)
-    image = image_size(scene, case.radar)
-    return {"scene": max(scene.cells, scene.resampled), "image": max(scene.cells, image.facets, image.pixels)}
+    images = [image_size(scene, one.radar) for one in case.passes]
+    most = max(max(image.facets, image.pixels) for image in images)
+    return {"scene": max(scene.cells, scene.resampled), "image": max(scene.cells, most)}
 
 
 def memory_mb(stage: Stage, values: int, attempt: int = 1) -> int:

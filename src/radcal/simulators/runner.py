@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -56,11 +56,20 @@ class Runner:
         Hash that identifies the scene.
     case : stages.Simulation
         Pass, laws, and calibrated materials, whose pixels are recorded.
+    further : sequence of Runner
+        Runners of the second and later passes.
     """
 
     def __init__(
-        self, store: RunStore, simulator: Simulator, geometry: Geometry, scene_identity: str, case: stages.Simulation
+        self,
+        store: RunStore,
+        simulator: Simulator,
+        geometry: Geometry,
+        scene_identity: str,
+        case: stages.Simulation,
+        further: Sequence[Runner] = (),
     ) -> None:
+        self.further = tuple(further)
         self._store = store
         self._simulator = simulator
         self._geometry = geometry

@@ -10,7 +10,7 @@ from radcal.errors import StoreError
 from radcal.storage.records import read_json, write_json
 from radcal.storage.runs import Parameters, Record, RunStore
 
-__all__ = ["IndexedRun", "indexed", "read_index", "write_index"]
+__all__ = ["IndexedRun", "in_all_passes", "indexed", "read_index", "write_index"]
 
 
 @dataclass(frozen=True)
@@ -82,6 +82,24 @@ def indexed(
         for run in read_index(file):
             draws = tuple(_found(store, file, key, materials, False) for key in run.draws)
             yield replace(_found(store, file, run.key, materials, image), draws=draws), run.parameters
+
+
+def in_all_passes(
+    passes: Iterable[Iterable[tuple[Record, Parameters]]],
+) -> Iterator[tuple[Record, Parameters]]:
+    """Records of the first pass, each with those of the other passes, from the records of each pass in one order.
+
+    Raises
+    ------
+    StoreError
+        The passes have other parameters, or another number of runs.
+    """
+    first, *others = [list(found) for found in passes]
+    for found in others:
+        if [dict(parameters) for _, parameters in found] != [dict(parameters) for _, parameters in first]:
+            raise StoreError("the indexes of the passes list runs of different parameters; delete them and type again.")
+    for number, (record, parameters) in enumerate(first):
+        yield replace(record, further=tuple(found[number][0] for found in others)), parameters
 
 
 def _found(store: RunStore, file: str | Path, key: str, materials: Sequence[str], image: bool) -> Record:

@@ -50,6 +50,8 @@ class Record:
         Wall time of the simulator [s].
     draws : tuple of Record
         Records of further speckle draws with the same parameters, each with a separate file in the run store.
+    further : tuple of Record
+        Runs of the second and later passes with the same parameters.
     """
 
     key: str
@@ -57,10 +59,20 @@ class Record:
     image_db: NDArray[np.float32] | None
     seconds: float
     draws: tuple[Record, ...] = ()
+    further: tuple[Record, ...] = ()
+
+    @property
+    def passes(self) -> tuple[Record, ...]:
+        """Runs of all passes with these parameters, this one first."""
+        return (self, *self.further)
 
     def largest_difference_db(self, other: Record) -> float:
-        """Largest absolute difference between the pixels of this run and the pixels of another run [dB]."""
-        each = [np.max(np.abs(values - other.pixels_db[name]), initial=0.0) for name, values in self.pixels_db.items()]
+        """Largest absolute difference between the pixels of this run and those of another run [dB]."""
+        each = [
+            np.max(np.abs(values - theirs.pixels_db[name]), initial=0.0)
+            for ours, theirs in zip(self.passes, other.passes, strict=True)
+            for name, values in ours.pixels_db.items()
+        ]
         return float(max(each, default=0.0))
 
 

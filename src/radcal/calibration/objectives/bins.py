@@ -13,10 +13,18 @@ from numpy.typing import NDArray
 from radcal.calibration.expected import LawForward
 from radcal.calibration.grounds import GroundLaw, curve_prior, ground_residuals, limited
 from radcal.calibration.history import History, Score
-from radcal.calibration.law_fit import LOOKS, fit_law
+from radcal.calibration.law_fit import Residuals, fit_law
 from radcal.calibration.misfit import BinMisfit, LikelihoodMisfit, Method, Misfit
 from radcal.calibration.moments import from_cumulants, to_cumulants
-from radcal.calibration.objectives.objective import Doubles, Material, Objective, Points, Progress, Verdict
+from radcal.calibration.objectives.objective import (
+    Doubles,
+    Material,
+    Objective,
+    Points,
+    Progress,
+    Verdict,
+    suited_looks,
+)
 from radcal.config import Stop
 from radcal.errors import MeasurementError
 
@@ -28,8 +36,8 @@ _SETTLED = 0.05  # of half the sum of squares: the law is a third of its standar
 class Bins(Objective):
     """Mean, log sd and skewness of each incidence-angle bin, with free looks and weak priors."""
 
-    looks_ahead: ClassVar[bool] = True
-    tolerance: ClassVar[float] = 1e-6
+    looks_ahead = True
+    tolerance = 1e-6
     improvement: ClassVar[float] = _SETTLED
     misfit: ClassVar[type[Misfit]] = BinMisfit
 
@@ -47,7 +55,7 @@ class Bins(Objective):
             misfit=self.misfit,
             classes=bins.classes.size,
             free_looks=bins.free_looks,
-            priors=bins.priors,
+            priors=bins.priors and material.priors,
             incidence_error_deg=bins.incidence_error_deg,
         )
         self._misfit = self.misfit.of(self.ground, bins.classes, self.method, bins.spread)
@@ -88,38 +96,31 @@ class Bins(Objective):
 
     def worth(self, parameters: Sequence[float], statistics: Doubles) -> tuple[float, float | None]:
         """Looks that suit a run best, and half the sum of squared residuals there, priors included."""
-        from scipy.optimize import minimize_scalar
-
-        x = np.asarray(parameters, dtype=np.float64)[None]
-
-        def at(looks: float) -> float:
-            return float(self.cost(Points(statistics[None], x, np.array([looks])))[0])
-
-        sensor = self.material.looks
-        if not self.free_looks:
-            return sensor, at(sensor)
-        bounds = np.log([LOOKS[0], LOOKS[1] * sensor])
-        found = minimize_scalar(
-            lambda log: at(float(np.exp(log))), bounds=bounds, method="bounded", options={"xatol": 1e-6}
-        )
-        return float(np.exp(found.x)), float(found.fun)
+        return suited_looks(self, parameters, statistics)
 
     def promising(self, costs: Doubles, best: float) -> NDArray[np.bool_]:
         """Which costs are clearly below the best, and as good as the smallest."""
         return costs <= min(best - _SETTLED, float(costs.min()) + _SETTLED)
 
-    def law(self, score: Score) -> GroundLaw:
-        """Law of a run with its uncertainty; what its bins hold besides law and speckle is its correction."""
-        x, statistics = np.asarray(score.parameters, dtype=np.float64), np.asarray(score.statistics)
-        classes, method, baseline = self.bins.classes, self.method, self.baseline
+    def evidence(self, score: Score) -> Residuals:
+        """Residuals by X and looks; what the run's bins hold besides law and speckle is kept."""
+        x, statistics, baseline = np.asarray(score.parameters), np.asarray(score.statistics), self.baseline
         assert baseline is not None  # noqa: S101
         discrepancy = statistics - baseline(x)
-        residuals = ground_residuals(
-            self.ground, classes, method, self.bins.spread, lambda at: to_cumulants(baseline(at) + discrepancy)
+        return ground_residuals(
+            self.ground,
+            self.bins.classes,
+            self.method,
+            self.bins.spread,
+            lambda at: to_cumulants(baseline(at) + discrepancy),
         )
-        fit = fit_law(
-            residuals, method.bounds, method.looks, method.free_looks, (x, score.looks), score.looks, self._prior, False
-        )
+
+    def law(self, score: Score, residuals: Residuals | None = None) -> GroundLaw:
+        """Law of a run with its uncertainty; what its bins hold besides law and speckle is its correction."""
+        x, statistics = np.asarray(score.parameters, dtype=np.float64), np.asarray(score.statistics)
+        classes, method, free_looks = self.bins.classes, self.method, self.method.free_looks
+        found = residuals or self.evidence(score)
+        fit = fit_law(found, method.bounds, method.looks, free_looks, (x, score.looks), score.looks, self._prior, False)
         fit = replace(fit, parameters=x, looks=score.looks)
         correction = statistics[:, 0] - LawForward(method.law, classes.nodes_deg, method.looks)(x)[:, 0]
         # part of how it differs from bin to bin is the run's own speckle

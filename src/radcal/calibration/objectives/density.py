@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,13 +13,13 @@ from radcal import skewnormal
 from radcal.calibration.expected import LawForward
 from radcal.calibration.grounds import GroundLaw, ground_residuals
 from radcal.calibration.history import History, Proposal, Score
-from radcal.calibration.law_fit import fit_law
+from radcal.calibration.law_fit import Residuals, fit_law
 from radcal.calibration.misfit import Method
 from radcal.calibration.moments import from_cumulants, from_dp, to_dp
 from radcal.calibration.objectives.objective import Doubles, Material, Objective, Points, Progress, Verdict, drawn
 from radcal.calibration.priors import looks_residuals
 from radcal.config import Stop
-from radcal.measurement.classes import make_classes
+from radcal.measurement.classes import Classes, make_classes
 from radcal.measurement.patches import Spread
 
 __all__ = ["UNREACHABLE_SHARE", "Density"]
@@ -51,6 +52,15 @@ class Density(Objective):
             nodes = np.quantile(np.asarray(target.incidence_deg, dtype=np.float64), shares)[None]
             expected = LawForward(material.law, nodes, material.looks, target.noise_db)
             self.baseline = lambda x: from_cumulants(expected(x))
+
+    @cached_property
+    def _method(self) -> Method:
+        return Method(self.material.law, self.material.box, self.material.looks, classes=1)
+
+    @cached_property
+    def _classes(self) -> Classes:
+        ground = self.material.target.ground
+        return make_classes(ground.values_db, ground.incidence_deg, 1, ground.independent)
 
     @property
     def scale(self) -> Doubles:
@@ -89,15 +99,22 @@ class Density(Objective):
         """Which costs are below half of the best."""
         return costs < _PROMISING_SHARE * best
 
-    def law(self, score: Score) -> GroundLaw:
-        """Law of a run with what one density says of its uncertainty."""
-        m, ground, x = self.material, self.material.target.ground, np.asarray(score.parameters, dtype=np.float64)
-        method = Method(m.law, m.box, m.looks, classes=1)
-        classes = make_classes(ground.values_db, ground.incidence_deg, 1, ground.independent)
+    def together(self, costs: Doubles) -> Doubles:
+        """Root mean square over the passes."""
+        return np.asarray(np.sqrt(np.mean(costs**2, axis=0)))
+
+    def evidence(self, score: Score) -> Residuals:
+        """Residuals of one bin by X and looks."""
         # the simulated density has speckle of its own, and there may be texture, which moves looks and skewness
-        compared = replace(classes, effective=0.5 * classes.effective)
+        compared = replace(self._classes, effective=0.5 * self._classes.effective)
+        return ground_residuals(self.material.target.ground, compared, self._method, _ALONE)
+
+    def law(self, score: Score, residuals: Residuals | None = None) -> GroundLaw:
+        """Law of a run with what one density says of its uncertainty."""
+        m, x = self.material, np.asarray(score.parameters, dtype=np.float64)
+        ground, method, classes = m.target.ground, self._method, self._classes
         fit = fit_law(
-            ground_residuals(ground, compared, method, _ALONE),
+            residuals or self.evidence(score),
             m.box,
             m.looks,
             start=(x, m.looks),
@@ -123,7 +140,7 @@ class Density(Objective):
         if best <= stop.rms:
             sentence = f"{name}: rms {best:.2g} within the tolerance {stop.rms:.2g} after {progress.runs} runs."
             return Verdict("rms", sentence)
-        known = len(progress.score.parameters) + 2 <= progress.runs and _kept(proposal, progress.score.rms)
+        known = len(progress.score.parameters) + 2 <= progress.runs and _kept(proposal, progress.score.cost)
         if proposal.floor is not None and proposal.floor >= UNREACHABLE_SHARE * best and known:
             return Verdict(
                 "unreachable",
@@ -154,7 +171,7 @@ class Density(Objective):
     @classmethod
     def progress_line(cls, history: History, materials: Sequence[str], ended: Sequence[str], stop: Stop) -> str:
         """Best rms, of several materials the worst."""
-        best = {name: history.best(name).scores[name].rms for name in materials}
+        best = {name: history.best(name).scores[name].cost for name in materials}
         if len(best) == 1:
             text = f"best rms {next(iter(best.values())):.2e}"
         else:
