@@ -450,7 +450,12 @@ def test_lists_of_radar_and_measurement_are_passes() -> None:
         ({"measurement": [{}, {"source": "fil"}]}, "measurement.2.source is 'fil', expected 'synthetic', 'file'."),
         ({"measurement": [{}, {"synthetic": {"warp_px": -2}}]}, "measurement.2.synthetic.warp_px is -2, expected"),
         (
-            {"measurement": [{}, {"source": "file", "path": "x", "scale": "db", "polarisation": "HH"}]},
+            {
+                "measurement": [
+                    {},
+                    {"source": "file", "path": "x", "scale": "db", "radiometry": "sigma0_ref", "polarisation": "HH"},
+                ]
+            },
             "pass 2: measurement.polarisation is HH, radar.polarisation is VV",
         ),
         ({"design": {"reuse": "other"}}, "design.reuse is 'other' in a case of 2 passes, expected one pass"),

@@ -12,7 +12,7 @@ from radcal.calibration.history import read_runs, write_runs
 from radcal.calibration.objectives import make_objectives
 from radcal.calibration.objectives.objective import Points
 from radcal.calibration.passes import law_sd_db
-from radcal.calibration.steps import score
+from radcal.calibration.scoring import score
 from radcal.config import case_from
 from radcal.measurement.registration import register
 from radcal.measurement.sources import make_measurement
