@@ -8,7 +8,9 @@ def verified(wildcards):
     """Files of the verified iterations until the search ends; a missing file raises, so that Snakemake makes it."""
     files = [checkpoints.scores.get().output.scores]
     k = 0
-    while not decide(read_runs(files), CASE.calibrated, CASE.stop, CASE.objective).ended:
+    while not decide(
+        read_runs(files), CASE.calibrated, CASE.stop, CASE.objective
+    ).ended:
         files.append(checkpoints.verify.get(k=k).output.verified)
         k += 1
     return files[1:]
