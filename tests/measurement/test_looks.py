@@ -84,7 +84,7 @@ def log_variance(looks: float) -> float:
 def test_looks_among_neighbours_are_those_of_pixels_a_resolution_and_a_half_apart(looks: float) -> None:
     """Speckle that is the same in 2 x 3 pixels: nearer pairs would be correlated, and other ground is far brighter."""
     radar = Radar(range_resolution_m=3.6, range_spacing_m=3.0, azimuth_resolution_m=2.0, azimuth_spacing_m=1.0)
-    assert module._steps(radar) == (2, 3)
+    assert module.independent_steps(radar) == (2, 3)
     power = np.random.default_rng(2).gamma(looks, 1.0 / looks, (90, 80)).repeat(2, axis=0).repeat(3, axis=1)
     image = (10 * np.log10(power)).astype(np.float32)
     inside = np.zeros(image.shape, dtype=bool)
