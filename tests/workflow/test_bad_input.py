@@ -34,7 +34,7 @@ def refused(project, *words, arguments=("--configfile", "tiny.yaml")):
     [
         ({"sede": 3}, ["tiny.yaml", "sede", "'seed'"]),
         ({"seed": "many"}, ["seed", "'many'", "integer"]),
-        ({"design": {"size": 0}}, ["design.size", "0", "greater"]),
+        ({"design": {"size": -1}}, ["design.size", "-1", "greater"]),
         ({"scene": {"source": "bulitin"}}, ["scene", "bulitin", "builtin"]),
         (
             {"materials": {**MATERIALS, "field": {"calibrate": True, "bounds": [[50, 0]] * 4}}},
@@ -48,7 +48,7 @@ def refused(project, *words, arguments=("--configfile", "tiny.yaml")):
     ids=[
         "unknown key",
         "wrong type",
-        "design size 0",
+        "design size -1",
         "source",
         "bounds reversed",
         "measurement",

@@ -23,7 +23,6 @@ from radcal.measurement.target_fit import make_targets, sampling_rms
 from radcal.radar.geometry import Geometry
 from radcal.radar.laws import LAWS
 from radcal.radar.projection import make_geometry
-from radcal.report.summary import law_difference_db
 from radcal.scene.model import Scene
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.runner import Runner
@@ -100,7 +99,7 @@ def measured(ground: Ground, truth: list[float]) -> tuple[Case, Targets]:
 def test_one_density_does_not_tell_them_apart(rough: Ground, twin: list[float]) -> None:
     incidence = rough.geometry.incidence_deg.ravel()[rough.pixels]
     assert skewnormal.density_rms(rough.density(FIRST), rough.density(twin)) < 1e-6
-    assert law_difference_db(LAW, FIRST, twin, incidence) > 1.2
+    assert LAW.largest_difference_db(FIRST, twin, incidence) > 1.2
 
 
 @pytest.mark.parametrize("which", ["first", "second"])
@@ -118,7 +117,7 @@ def test_classes_of_incidence_do_on_rough_ground(rough: Ground, twin: list[float
     assert decision.reason == "settled"
     found = history.best("field").scores["field"].parameters
     incidence = target.incidence_deg
-    assert law_difference_db(LAW, found, truth, incidence) < 0.5 < law_difference_db(LAW, found, other, incidence)
+    assert LAW.largest_difference_db(found, truth, incidence) < 0.5 < LAW.largest_difference_db(found, other, incidence)
 
 
 def test_a_second_pass_does_on_flat_ground() -> None:
@@ -128,5 +127,5 @@ def test_a_second_pass_does_on_flat_ground() -> None:
     assert skewnormal.density_rms(first.density(FIRST), first.density(twin)) < 0.1 * enough
     # not even classes of incidence: the two laws are the same where flat ground is seen
     incidence = first.geometry.incidence_deg.ravel()[first.pixels]
-    assert law_difference_db(LAW, FIRST, twin, incidence) < 0.1
+    assert LAW.largest_difference_db(FIRST, twin, incidence) < 0.1
     assert skewnormal.density_rms(second.density(FIRST), second.density(twin)) > 10.0 * enough

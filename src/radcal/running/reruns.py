@@ -24,7 +24,8 @@ _RUNS: Mapping[str, str] = {
     "all for a new law or another material's parameters",
     "measurement": "none of the design; infill towards the new target",
     "registration": "none of the design; infill towards the new target",
-    "objective": "none of the design; infill for the new objective",
+    "objective": "further draws of speckle in the design where `simulator.draws` is not configured; infill for the new "
+    "objective",
     "target": "none of the design, which is larger with normalisation `image` (`design.size: auto`); infill towards "
     "the new target",
     "validation": "none of the design; infill towards the new target",
