@@ -39,8 +39,8 @@ class TargetConfig(Section):
     )
     normalisation: Literal["none", "offset", "image"] = Field(
         "none",
-        description="level removed before the comparison: none, offset (estimated from reference_materials) or image "
-        "(scaled to zero median and unit interquartile range)",
+        description="brightness of both images before the comparison: none (unchanged), offset (less the offset of "
+        "reference_materials) or image (zero median, unit interquartile range)",
     )
     reference_materials: list[str] | None = Field(
         None,

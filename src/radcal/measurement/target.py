@@ -190,7 +190,7 @@ class Targets(dict[str, Target]):
         return [*lines, *self.warnings()]
 
     def warnings(self) -> list[str]:
-        """Sentences on materials that a skew normal or a surface's law does not describe, or without a known law."""
+        """Warnings on materials whose values do not follow a skew normal, or for which no law can be determined."""
         lines = []
         if level_only := {name: target.incidence_deg for name, target in self.items() if target.level_only}:
             seen = (f"{name} ({np.min(deg):.2f} to {np.max(deg):.2f} deg)" for name, deg in level_only.items())
@@ -223,7 +223,7 @@ class _Stored:
 
 
 def write_targets(path: str | Path, targets: Targets) -> None:
-    """Write the targets of all materials and the levels to HDF5, atomically."""
+    """Write the targets of all materials, and the brightness level of both images, to HDF5, atomically."""
     with write_hdf5(path, "target") as file:
         put(file, _Stored(targets, targets.levels, targets.looks))
 

@@ -187,7 +187,9 @@ def to_boxes_and_spots(
 
 @dataclass(frozen=True)
 class Raised:
-    """Boxes on a block of azimuth lines of the refined elevation model; the arrays have the shape (lines, facets).
+    """Index and roof elevation of the box that covers each facet, for some consecutive azimuth lines.
+
+    The arrays have the shape (lines, facets).
 
     Attributes
     ----------

@@ -55,7 +55,7 @@ class Fit:
 def _unpack(
     u: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Direct parameters DP at u = (mean, log sd, v), and their first and second derivatives by u.
+    """Direct parameters (xi, omega, alpha) as functions of u = (mean, log sd, v), with first and second derivatives.
 
     The skewness is the largest possible skewness times tanh v.
     """
