@@ -33,6 +33,7 @@ CASE, FILES, OUT = SESSION.case, SESSION.inputs, SESSION.folder
 config["stop"] = CASE.sections("stop")["stop"]  # with all defaults, for the scripts
 
 
+include: "workflow/rules/passes.smk"
 include: "workflow/rules/resources.smk"
 include: "workflow/rules/scene.smk"
 include: "workflow/rules/simulator.smk"
@@ -42,9 +43,14 @@ include: "workflow/rules/loop.smk"
 include: "workflow/rules/report.smk"
 
 
-OUTPUTS = {str(path) for made in workflow.rules for path in made.output}
-UNUSED = {rules.simulator.output.identity, rules.reuse.output.index}
-UNUSED -= {*SIMULATOR, *REUSED}
+OUTPUTS = {
+    name
+    for made in workflow.rules
+    for path in made.output
+    for name in every_pass(str(path))
+}
+UNUSED = {*every_pass(rules.simulator.output.identity), rules.reuse.output.index}
+UNUSED -= {*every_pass(SIMULATOR), *REUSED}
 
 
 def results(wildcards):
@@ -79,7 +85,7 @@ rule all:
 
 rule reference:
     input:
-        f"{OUT}/reference.json",
+        every_pass(rules.reference_run.output.index),
 
 
 rule design:

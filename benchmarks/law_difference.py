@@ -1,6 +1,6 @@
 """Error of the law found and number of runs: the default case with several measurements.
 
-    python benchmarks/law_difference.py [--quick] [--objectives density,classes] [--design 16,2]
+    python benchmarks/law_difference.py [--quick] [--objectives density,classes] [--design 2,2]
 
 Each measurement is made from the default hidden law with its own speckle and noise, and needs no registration. The
 table gives the largest difference [dB] of the two laws over the incidence seen (5-95 %), which a matched density does
@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from radcal.calibration.class_search import class_targets
+from radcal.calibration.bin_target import bin_targets
 from radcal.calibration.law_check import check_laws
 from radcal.calibration.loop import calibrate
-from radcal.config import Case, load
+from radcal.config import default_case
 from radcal.measurement.registration import register
 from radcal.measurement.sources import make_measurement
 from radcal.measurement.target_fit import make_targets
@@ -39,11 +39,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="2 measurements in place of 10")
     parser.add_argument("--objectives", default="density,classes", help="which, with commas")
-    parser.add_argument("--design", default="16,2", help="size of the design of each")
+    parser.add_argument("--design", default="2,2", help="size of the design of each")
     arguments = parser.parse_args()
     seeds = range(1, 3 if arguments.quick else 11)
 
-    default: Case = load([])
+    default = default_case()
     scene = make_scene(default.scene, list(default.materials))
     geometry = make_geometry(scene, default.radar)
     simulator = BuiltinSimulator(geometry, default.radar, {name: m.law for name, m in default.materials.items()})
@@ -66,16 +66,15 @@ def main() -> None:
                 measurement = make_measurement(case, geometry, simulator)
                 registered = register(measurement.image_db, measurement, case.registration)
                 targets = make_targets(case, geometry, registered, measurement.image_db)
-                targets = class_targets(case, targets, geometry, registered)
+                targets = bin_targets(case, targets, geometry, registered)
                 history, decision = calibrate(case, runner, targets)
-                best = history.best("dyke")
-                found, hidden = best.parameters["dyke"], measurement.hidden["dyke"]
-                difference = law_difference_db(LAWS["mangia"], found, hidden, targets["dyke"].incidence_deg)
+                best, hidden = history.best("dyke").scores["dyke"], measurement.hidden["dyke"]
+                difference = law_difference_db(LAWS["mangia"], best.parameters, hidden, targets["dyke"].incidence_deg)
                 check = check_laws(case, targets, history)["dyke"]
                 runs = history.count("design") + history.count("infill")
                 rows.append((difference, runs, bool(check.identified), decision.converged))
                 print(
-                    f"{objective:10} {seed:4d} {decision.reason:12} {runs:5d} {best.rms['dyke']:9.1e} "
+                    f"{objective:10} {seed:4d} {decision.reason:12} {runs:5d} {best.rms:9.1e} "
                     f"{difference:12.2f} dB  {'yes' if check.identified else 'no':10}  {check.looks:.2f}",
                     flush=True,
                 )

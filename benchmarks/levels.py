@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from radcal.calibration.loop import calibrate
-from radcal.calibration.steps import noise_seed, reference_parameters
-from radcal.config import Case, case_from
+from radcal.calibration.steps import noise_seed
+from radcal.config import case_from, default_case
 from radcal.measurement.registration import register
 from radcal.measurement.sources import make_measurement
 from radcal.measurement.target_fit import make_targets
@@ -47,7 +47,7 @@ class Bench:
     """Default case with one run store for all calibrations."""
 
     def __init__(self, folder: Path) -> None:
-        self.default = Case()
+        self.default = default_case()
         scene = make_scene(self.default.scene, list(self.default.materials))
         self.geometry = make_geometry(scene, self.default.radar)
         laws = {name: material.law for name, material in self.default.materials.items()}
@@ -71,12 +71,12 @@ class Bench:
             }
         )
         measurement = make_measurement(case, self.geometry, self.simulator)
-        reference = self.runner.run(reference_parameters(case.materials), noise_seed(case), image=True).image_db
+        reference = self.runner.run(case.start_parameters, noise_seed(case), image=True).image_db
         assert reference is not None  # asked for
         registered = register(reference, measurement, case.registration)
         targets = make_targets(case, self.geometry, registered, reference)
         history, decision = calibrate(case, self.runner, targets)
-        return list(history.best("dyke").parameters["dyke"]), str(decision.reason), targets.levels.offset_db
+        return list(history.best("dyke").scores["dyke"].parameters), str(decision.reason), targets.levels.offset_db
 
 
 def main() -> None:

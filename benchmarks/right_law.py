@@ -25,8 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from radcal.calibration.grounds import GroundLaw, Method, fit_grounds, marginal_law
+from radcal.calibration.grounds import GroundLaw, fit_grounds, marginal_law
 from radcal.calibration.incidence_error import incidence_warnings
+from radcal.calibration.misfit import LikelihoodMisfit, Method
 from radcal.calibration.validation import cross_validate, held_out
 from radcal.measurement.goodness import effective_sample_size
 from radcal.measurement.ground import Blocks, Ground
@@ -41,6 +42,11 @@ LOOKS = 4.0
 PIXELS = 1000
 FLEVOLAND_BOUNDS = [[-80, 10], [0, 60], [0, 60], [0, 20]]
 ROWS, MEANS = 20, 10
+FITS: dict[str, dict[str, Any]] = {
+    "classes": {},
+    "likelihood": {"misfit": LikelihoodMisfit},
+    "density": {"classes": 1, "free_looks": False, "priors": False},  # three statistics of all pixels, at known looks
+}
 
 
 def one_area(incidence_deg: NDArray[np.float64], looks: float, rng: np.random.Generator, error_deg: float) -> Ground:
@@ -69,7 +75,7 @@ def synthetic(objectives: list[str], seeds: int) -> dict[str, Any]:
     for objective in objectives:
         for sd_deg in (3.0, 6.0, 10.0):
             for looks in (4.0, 2.5):
-                method = Method(LAW, bounds, LOOKS, objective=objective)  # type: ignore[arg-type]
+                method = Method(LAW, bounds, LOOKS, **FITS[objective])
                 errors = [hidden(seed, sd_deg, looks, method)[0] for seed in range(seeds)]
                 row = {"median": float(np.median(errors)), "p90": float(np.quantile(errors, 0.9)), "worst": max(errors)}
                 results.setdefault(objective, {})[f"sd{sd_deg:g}_looks{looks:g}"] = row
@@ -142,7 +148,7 @@ def geometric(values: NDArray[np.float64]) -> float:
 def flevoland(folder: Path, polarisation: str, objective: str) -> dict[str, Any]:
     """Errors of held-out block means of one image, with even and with odd blocks held out."""
     grounds = flevoland_grounds(folder, polarisation)
-    method = Method(LAW, FLEVOLAND_BOUNDS, LOOKS, objective=objective)  # type: ignore[arg-type]
+    method = Method(LAW, FLEVOLAND_BOUNDS, LOOKS, **FITS[objective])
     print(f"Flevoland {polarisation.upper()}, {objective}: rmse of block means [dB] on held-out rows")
     print(
         f"{'kept':5} {'class':11} {'constant':>8} {'law':>6} {'+patch':>6} {'best':>6} {'in band':>7} {'looks':>6} "

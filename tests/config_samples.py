@@ -29,7 +29,7 @@ def mapped(**keys: Any) -> dict[str, Any]:
 
 
 def measured(**keys: Any) -> dict[str, Any]:
-    return {"measurement": {"source": "file", "path": "a.tif", "scale": "db", **keys}}
+    return {"measurement": {"source": "file", "path": "a.tif", "scale": "db", "radiometry": "sigma0_ref", **keys}}
 
 
 def synthetic(**keys: Any) -> dict[str, Any]:
@@ -74,7 +74,7 @@ def outside(materials: dict[str, Any], **sections: Any) -> dict[str, Any]:
     return {
         "simulator": {"kind": "command", "command": ["sh"], "output": {"file": "i.npy", "scale": "db"}},
         "materials": {"soil": {"calibrate": True, "law": "external", "names": ["a", "n"], **materials}},
-        "measurement": {"source": "file", "path": "m.tif", "scale": "db"},
+        "measurement": {"source": "file", "path": "m.tif", "scale": "db", "radiometry": "sigma0_ref"},
         **sections,
     }
 

@@ -40,6 +40,11 @@ def pytest_configure(config: pytest.Config) -> None:
         config.option.markexpr = ""
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Folders whose tests are all deselected are not read."""
+    return True if config.option.markexpr == DESELECTED and _marker(collection_path) else None
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark by folder, so that no test can forget; begin with the longest, so that no worker ends alone."""
     for item in items:
@@ -92,7 +97,7 @@ def scene(build_scene: Callable[..., Scene]) -> Scene:
 
 @pytest.fixture(scope="session")
 def radar() -> Radar:
-    return Radar(altitude_m=1000.0)
+    return Radar(altitude_m=1000.0, radiometry="sigma0_local")
 
 
 @pytest.fixture(scope="session")
@@ -106,7 +111,7 @@ def build_case() -> Callable[..., Case]:
 
     def build(**sections: Any) -> Case:
         data: dict[str, Any] = {
-            "radar": {"altitude_m": 1000.0},
+            "radar": {"altitude_m": 1000.0, "radiometry": "sigma0_local"},
             "materials": {"dyke": {"calibrate": True}, "grass": {"parameters": [10.0, 14.0, 6.0, 4.0]}},
             "measurement": {"source": "synthetic", "synthetic": {"parameters": {"dyke": [6.1, 14.2, 21.5, 3.3]}}},
             "objective": "density",

@@ -52,7 +52,7 @@ BAD_FILES = {
     # Snakemake would run the Python code in it
     "code.yaml": (b"__use_yte__: true\n", "code.yaml: unknown key __use_yte__ "),
     "files.yaml": (
-        b"measurement: {source: file, path: gone.tif, scale: db}\n",
+        b"measurement: {source: file, path: gone.tif, scale: db, radiometry: sigma0_ref}\n",
         "measurement.path: the file gone.tif does not exist.",
     ),
 }  # fmt: skip
@@ -126,7 +126,14 @@ def test_all_cores_are_used_unless_somebody_says_where_jobs_run(clone: Path) -> 
     [
         {"stop": {"rms": 1e-6, "max_runs": 30}, "seed": 7, "objective": "density"},
         {"validation": None, "radar": {"frequency_ghz": None, "band": "X"}, "replace": True, "case": "other"},
-        {"measurement": {"source": "file", "path": 'it\'s "ü" \U0001f4e1.tif', "scale": "db"}},
+        {
+            "measurement": {
+                "source": "file",
+                "path": 'it\'s "ü" \U0001f4e1.tif',
+                "scale": "db",
+                "radiometry": "sigma0_ref",
+            }
+        },
     ],
 )
 def test_settings_arrive_as_they_were_meant(clone: Path, overrides: dict[str, object]) -> None:

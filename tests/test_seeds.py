@@ -1,15 +1,12 @@
 from __future__ import annotations
 
+import hashlib
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
 from radcal.seeds import derived_rng, derived_seed
-
-
-@given(seed=st.integers(0, 2**63 - 1), name=st.text(max_size=20))
-def test_derived_seeds_fit_63_bits(seed: int, name: str) -> None:
-    assert 0 <= derived_seed(seed, name) < 2**63
 
 
 def test_derived_seeds_are_the_same_in_every_session() -> None:
@@ -25,8 +22,9 @@ def test_different_names_and_seeds_give_different_streams() -> None:
     assert abs(np.corrcoef(a, b)[0, 1]) < 0.04
 
 
-def test_equal_names_give_equal_streams() -> None:
-    np.testing.assert_array_equal(derived_rng(3, "x", 4).random(5), derived_rng(3, "x", 4).random(5))
+def test_streams_are_those_of_the_names_hash() -> None:
+    seed = int(hashlib.sha256(b"3/x/4").hexdigest()[:16], 16) // 2
+    np.testing.assert_array_equal(derived_rng(3, "x", 4).random(5), np.random.default_rng(seed).random(5))
 
 
 @given(seed=st.integers(0, 2**63 - 1), bits=st.integers(8, 63))

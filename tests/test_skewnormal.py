@@ -561,6 +561,23 @@ def test_intervals_do_not_depend_on_the_penalty() -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("size", "skewness", "ratio"),
+    [
+        (100, 0.5, 1.054),
+        (100, -0.55, 0.75 * 1.054 + 0.25 * 1.328),
+        (800, 0.96, 2 / 3 * 0.959 + 1 / 3 * 1.025),
+        (141.4213562, 0.5, 0.5 * (1.054 + 1.086)),  # by the logarithm of the size
+        (20, 0.0, 1.290),
+        (5000, 0.98, 1.025),
+    ],
+)
+def test_critical_value_lies_between_those_of_the_table(size: float, skewness: float, ratio: float) -> None:
+    """Simulated quantiles over those of chi squared of one degree of freedom, linear between skewnesses."""
+    found = profile._critical(size, np.arctanh(skewness / skewnormal.MAX_SKEWNESS), 0.9)
+    assert found == pytest.approx(stats.chi2.ppf(0.9, 1) * ratio, rel=1e-6)
+
+
 @pytest.mark.parametrize("level", [0.0, 1.0, 95.0])
 def test_a_level_is_a_probability(level: float) -> None:
     x = stats.norm.rvs(size=100, random_state=1)

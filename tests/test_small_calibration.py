@@ -67,4 +67,6 @@ def test_the_loop_in_one_process_gives_the_same_runs(finished, tmp_path, monkeyp
     assert decision.converged
     with h5py.File(finished.out() / "calibration.h5") as file:
         assert [run.key for run in history.runs] == list(file["runs/key"].asstr()[()])
-        np.testing.assert_array_equal([run.rms["field"] for run in history.runs], file["materials/field/rms"][()])
+        np.testing.assert_array_equal(
+            [run.scores["field"].rms for run in history.runs], file["materials/field/rms"][()]
+        )

@@ -35,8 +35,8 @@ SCRIPTS = HERE.parent / "workflow" / "scripts"
 # imported by the library only where they are used
 LATE = (
     "h5py", "jinja2", "matplotlib.backends.backend_agg", "matplotlib.backends.backend_pdf", "matplotlib.figure",
-    "numba", "platypus", "rasterio", "scipy.interpolate", "scipy.optimize", "scipy.stats", "snakemake.cli",
-    "snakemake.script",
+    "numba", "platypus", "rasterio", "scipy.interpolate", "scipy.optimize", "scipy.stats",
+    "snakemake.cli", "snakemake.script",
 )  # fmt: skip
 
 
@@ -80,9 +80,6 @@ def preload() -> None:
                 importlib.import_module(node.module)
     for name in LATE:
         importlib.import_module(name)
-    from radcal.calibration.kriging import smt_krg
-
-    smt_krg({})
 
 
 def serve(path: str) -> Callable[[], None]:

@@ -1,9 +1,9 @@
-"""Calibrate the backscatter laws of a SAR simulator against a measured image."""
+"""Calibration of the backscatter laws of a SAR simulator against a measured image."""
 
 import os
 import signal
 
-# A job of the workflow that gets a Ctrl-C ends without a traceback: Snakemake says what is to be said.
+# A workflow job ends at Ctrl-C without a traceback, because Snakemake prints the message about the interruption.
 if "RADCAL_OWNER" in os.environ:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 

@@ -1,7 +1,7 @@
-"""The command ``radcal``: checks a case before Snakemake reads it, then hands over to Snakemake.
+"""Command ``radcal``, which checks a case before it starts Snakemake.
 
-Snakemake loads a case file before the workflow's own code runs, and ends in a traceback where it cannot read the file.
-Modules that are slow to import are imported by the command that needs them.
+Snakemake alone would load the case file before any code of the workflow runs, and would print a traceback if the file
+cannot be read. Each command of this module imports slow modules only when it needs them.
 """
 
 from __future__ import annotations
@@ -25,9 +25,17 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )  # fmt: skip
 
-_TARGETS = ("all", "reference", "design")  # documented targets; any other rule is accepted, too
-_OURS = ("--conf", "-C")  # Snakemake's --configfile and --config with their abbreviations
-_ELSEWHERE = ("--cores", "-c", "--jobs", "-j", "--profile", "--executor", "-e")  # any replaces --cores all
+_TARGETS = ("all", "reference", "design")  # documented targets; every other rule of the workflow is also a valid target
+_OURS = ("--conf", "-C")  # prefixes of Snakemake's options --configfile and --config, however they are abbreviated
+_ELSEWHERE = (
+    "--cores",
+    "-c",
+    "--jobs",
+    "-j",
+    "--profile",
+    "--executor",
+    "-e",
+)  # with any of these options, --cores all is not added
 
 _RUN_HELP = """Check a case and calibrate it, in the folder of your clone.
 
@@ -88,19 +96,19 @@ def _run(
 
 
 def check_folder(folder: Path, targets: Iterable[str] = ()) -> None:
-    """Refuse a folder without the workflow, and targets that the workflow does not have.
+    """Raise an error if a folder does not contain radcal's workflow, or if the workflow lacks a target.
 
     Parameters
     ----------
     folder : path
-        Folder in which Snakemake is to run.
+        Folder in which Snakemake will run.
     targets : iterable of str
-        Names of rules, or files below ``results/``.
+        Names of rules, or paths of files below ``results/``.
 
     Raises
     ------
     ConfigError
-        The folder has no Snakefile of radcal, or a target is neither a rule nor such a file.
+        The folder has no Snakefile of radcal, or a target is neither a rule nor a path with a slash.
     """
     from radcal.config import nearest
     from radcal.errors import ConfigError
@@ -121,19 +129,19 @@ def check_folder(folder: Path, targets: Iterable[str] = ()) -> None:
 
 
 def checked_case(path: Path, overrides: dict[str, Any]) -> Case:
-    """Case of a file, after its keys, values and input files have been checked.
+    """Load a case file and check its keys, values and input files.
 
     Parameters
     ----------
     path : path
         The case file.
     overrides : dict
-        Keys of the command line.
+        Keys that the command line changes, section by section.
 
     Raises
     ------
     ConfigError
-        One sentence about the first problem found.
+        The case is wrong; the message names the first problem.
     """
     from radcal.config import input_files, load
 
@@ -150,22 +158,22 @@ def snakemake_command(
     cores: str | None,
     dry_run: bool,
 ) -> list[str]:
-    """Command that runs the workflow, as a list of arguments.
+    """Snakemake command that runs the workflow, as a list of arguments.
 
     Parameters
     ----------
     case : path
         The case file.
     targets : sequence of str
-        Targets; they are placed first, where no option can take them for its arguments.
+        Targets. They precede all options, because an option with several arguments would consume them.
     further : sequence of str
         Further options for Snakemake.
     overrides : dict
-        Keys of the command line, section by section.
+        Keys that the command line changes, section by section.
     cores : str or None
-        Number of cores, ``all``, or None: all, unless ``further`` names a profile or executor.
+        Number of cores, or ``all``. None means ``all``, unless ``further`` gives cores, jobs, a profile or an executor.
     dry_run : bool
-        Whether nothing is to be run.
+        Whether Snakemake only lists the jobs, without running them.
 
     Raises
     ------
@@ -183,7 +191,7 @@ def snakemake_command(
             )
     if cores is None and not any(word.partition("=")[0] in _ELSEWHERE for word in further):
         cores = "all"
-    # -P keeps the current folder off Python's path, since its files might have the names of libraries
+    # -P removes the current folder from Python's path, because a file there might have the name of a library
     command = [sys.executable, "-P", "-m", "snakemake", *targets, "--configfile", str(case)]
     if overrides:
         command += ["--config", *(f"{key}={_for_snakemake(value)}" for key, value in overrides.items())]
@@ -193,7 +201,7 @@ def snakemake_command(
 
 
 def _overrides(words: Sequence[str]) -> dict[str, Any]:
-    """Settings of the command line, section by section."""
+    """Parse the settings of the command line and merge them, section by section."""
     from radcal.config.yaml_file import check_words, merged, setting
 
     check_words(words, "--set")
@@ -204,9 +212,10 @@ def _overrides(words: Sequence[str]) -> dict[str, Any]:
 
 
 def _for_snakemake(value: Any) -> str:
-    """Text of a value that Snakemake passes on unchanged, since it turns all values inside a section into text.
+    """Text of a value for Snakemake's option ``--config``, in JSON.
 
-    Blanks at both ends keep Snakemake from stripping quotes.
+    A section is one text in quotes, because Snakemake would convert every value inside a section to text. The blanks
+    at both ends prevent Snakemake from removing the quotes.
     """
     import json
 
@@ -215,7 +224,7 @@ def _for_snakemake(value: Any) -> str:
 
 
 def _become(command: Sequence[str]) -> NoReturn:
-    """Replace this process by another program, which takes over the terminal, Ctrl-C and the exit status."""
+    """Replace this process by another program, which then receives Ctrl-C and determines the exit status."""
     sys.stdout.flush()
     sys.stderr.flush()
     os.execv(command[0], list(command))  # noqa: S606 - a list of arguments, never a shell

@@ -1,7 +1,7 @@
-"""Errors whose message is for the user.
+"""Exceptions whose message is written for the user.
 
-Every message is one sentence with the file or key, the value found, the value expected, and what to do. Any other
-exception is a bug of radcal.
+Every message is one sentence that names the file or key, the value found, the expected value and the remedy. Every
+other exception is a bug in radcal.
 """
 
 from __future__ import annotations
@@ -21,31 +21,31 @@ __all__ = [
 
 
 class RadcalError(Exception):
-    """Base of all errors meant for the person who runs radcal."""
+    """Base class of all exceptions whose message is written for the user."""
 
 
 class ConfigError(RadcalError):
-    """The configuration is wrong: unknown key, wrong type, impossible value."""
+    """The configuration has an unknown key, a value of the wrong type or an impossible value."""
 
 
 class SceneError(RadcalError):
-    """The scene cannot be built or does not fit the configuration."""
+    """The scene cannot be built, or contradicts the configuration."""
 
 
 class MeasurementError(RadcalError):
-    """The measured image cannot be read or does not fit the scene."""
+    """The measured image cannot be read, or does not match the scene."""
 
 
 class FitError(RadcalError):
-    """A density cannot be fitted to the pixels."""
+    """A density cannot be fitted to the pixel values."""
 
 
 class SurrogateError(RadcalError):
-    """A surrogate cannot be trained."""
+    """A surrogate cannot be trained with the available runs."""
 
 
 class SimulatorError(RadcalError):
-    """A simulator run failed or returned something unusable."""
+    """A simulator run failed, or its output is not a usable image."""
 
 
 class StoreError(RadcalError):
@@ -53,8 +53,8 @@ class StoreError(RadcalError):
 
 
 class DamagedError(StoreError):
-    """A file of the results folder is damaged, of another version or of another case."""
+    """A file of the results folder is damaged, or another version of radcal or another case wrote it."""
 
 
 class ClusterError(RadcalError):
-    """A command of a cluster's scheduler fails."""
+    """A command of the cluster's scheduler failed."""

@@ -1,4 +1,4 @@
-"""Named random streams, derived from the seed of the case."""
+"""Seeds and random generators for named uses, derived from the seed of the case."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ if TYPE_CHECKING:
     from radcal.config import SimulatorConfig
     from radcal.config.stages import Simulation
 
-__all__ = ["derived_rng", "derived_seed", "measurement_seed", "noise_seed"]
+__all__ = ["derived_rng", "derived_seed", "draw_seeds", "measurement_seed", "noise_seed"]
 
 
 def derived_seed(seed: int, *names: str | int, bits: int = 63) -> int:
-    """Seed for a named use, independent of the seeds of all other names.
+    """Seed for a named use; seeds of different names are statistically independent.
 
     Parameters
     ----------
@@ -24,27 +24,35 @@ def derived_seed(seed: int, *names: str | int, bits: int = 63) -> int:
     *names : str or int
         Name of the use, in one or several parts.
     bits : int
-        Width of the seed, 1 to 63: the seed is below ``2**bits``.
+        Number of bits of the seed, 1 to 63: the seed is below ``2**bits``.
 
     Returns
     -------
     int
-        The leading bits of one 63-bit number; 1 instead of 0, which many programs interpret as a seed from the clock.
+        Leading bits of a 64-bit hash of case seed and name. The value 0 is replaced by 1, because many programs take a
+        seed from the clock when they receive 0.
     """
     text = "/".join([str(seed), *map(str, names)])
     return int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "big") >> (64 - bits) or 1
 
 
 def noise_seed(case: Simulation, fresh: bool = False) -> int:
-    """Seed of speckle and thermal noise: one for all runs of a case, another for the final check."""
+    """Seed of speckle and thermal noise in all runs of a case, or, if ``fresh`` is true, in the final check run."""
     return derived_seed(case.seed, "runs", "fresh" if fresh else "common", bits=case.simulator.seed_width)
 
 
+def draw_seeds(case: Simulation) -> list[int]:
+    """Seeds of all speckle draws of a run: first the common seed of all runs, then the seeds of the further draws."""
+    more = range(2, case.simulator.draws + 1)
+    width = case.simulator.seed_width
+    return [noise_seed(case), *(derived_seed(case.seed, "runs", "draw", k, bits=width) for k in more)]
+
+
 def measurement_seed(simulator: SimulatorConfig, seed: int) -> int:
-    """Seed of a synthetic measurement's speckle and thermal noise."""
+    """Seed of speckle and thermal noise in a synthetic measurement."""
     return derived_seed(seed, "measurement", "noise", bits=simulator.seed_width)
 
 
 def derived_rng(seed: int, *names: str | int) -> np.random.Generator:
-    """Random generator for a named use, independent of those of all other names."""
+    """Random generator for a named use; generators of different names are statistically independent."""
     return np.random.default_rng(derived_seed(seed, *names))

@@ -65,7 +65,7 @@ def test_monte_carlo_is_uniform() -> None:
 
 @pytest.mark.parametrize("sampler", SAMPLERS)
 def test_design_is_inside_the_bounds_and_fixed_materials_stay(build_case: Callable[..., Case], sampler: str) -> None:
-    points = design_points(two_materials(build_case, sampler, 32))
+    points = design_points(two_materials(build_case, sampler, 32), 32)
     low, high = np.array(BOX).T
     assert len(points) == 32
     for name in ("dyke", "soil"):
@@ -80,21 +80,21 @@ def test_design_is_inside_the_bounds_and_fixed_materials_stay(build_case: Callab
 
 @pytest.mark.parametrize("sampler", ["monte_carlo", "latin_hypercube", "sobol"])
 def test_materials_do_not_move_together(build_case: Callable[..., Case], sampler: str) -> None:
-    points = design_points(two_materials(build_case, sampler, 64))
+    points = design_points(two_materials(build_case, sampler, 64), 64)
     dyke, soil = (np.array([point[name] for point in points]) for name in ("dyke", "soil"))
     assert np.abs(np.corrcoef(dyke.T, soil.T)[:4, 4:]).max() < 4 / np.sqrt(64)
 
 
 @pytest.mark.parametrize("sampler", SAMPLERS)
 def test_same_seed_same_points(build_case: Callable[..., Case], sampler: str) -> None:
-    points = design_points(two_materials(build_case, sampler, 8))
-    assert design_points(two_materials(build_case, sampler, 8)) == points
-    assert design_points(two_materials(build_case, sampler, 24))[:8] == points
-    assert design_points(two_materials(build_case, sampler, 8, seed=2)) != points
+    points = design_points(two_materials(build_case, sampler, 8), 8)
+    assert design_points(two_materials(build_case, sampler, 8), 8) == points
+    assert design_points(two_materials(build_case, sampler, 24), 24)[:8] == points
+    assert design_points(two_materials(build_case, sampler, 8, seed=2), 8) != points
 
 
 def test_points_do_not_share_memory(build_case: Callable[..., Case]) -> None:
-    points = design_points(two_materials(build_case, "sobol", 2))
+    points = design_points(two_materials(build_case, "sobol", 2), 2)
     points[0]["grass"][0] = -99.0
     assert points[1]["grass"][0] == 10.0
 
@@ -106,7 +106,7 @@ def whole(build_case: Callable[..., Case], size: int, bounds: list[list[float]],
     return build_case(
         simulator=simulator,
         materials={"dyke": dyke, "grass": {"law": "external"}},
-        measurement={"source": "file", "path": "m.tif", "scale": "db"},
+        measurement={"source": "file", "path": "m.tif", "scale": "db", "radiometry": "sigma0_local"},
         design={"size": size},
     )
 
@@ -116,7 +116,7 @@ def test_whole_parameters_are_whole_and_come_once(build_case: Callable[..., Case
     def points(size: int) -> list[tuple[float, ...]]:
         case = whole(build_case, size, [[2, 6], [-1, 2]], integer=True, start=[3, 0])
         case = case.model_copy(update={"design": case.design.model_copy(update={"sampler": sampler})})
-        return [tuple(x["dyke"]) for x in design_points(case)]
+        return [tuple(x["dyke"]) for x in design_points(case, size)]
 
     # 5 x 4 combinations, of which the reference run has one
     every = points(19)
@@ -127,7 +127,18 @@ def test_whole_parameters_are_whole_and_come_once(build_case: Callable[..., Case
 
 def test_whole_numbers_have_equal_shares_ends_included(build_case: Callable[..., Case]) -> None:
     case = whole(build_case, 64, [[1, 4], [0, 1]], integer=["n"])
-    n, x = np.array([run["dyke"] for run in design_points(case)]).T
+    n, x = np.array([run["dyke"] for run in design_points(case, 64)]).T
     # rounding would give the ends half of what the others have
     assert [np.count_nonzero(n == k) for k in (1, 2, 3, 4)] == [16, 16, 16, 16]
     assert len(np.unique(x)) == 64
+
+
+def test_no_design_and_runs_of_an_earlier_case(build_case: Callable[..., Case]) -> None:
+    """Reused runs stand for runs of the design, those that it would repeat before all others."""
+    case = two_materials(build_case, "sobol", 4)
+    every = design_points(case, 4)
+    assert design_points(case, 0) == []
+    assert design_points(case, 4, [every[1]]) == [every[0], *every[2:]]
+    other = {**every[1], "dyke": [-20.0, 3.0, 1.2, 7.0]}
+    assert design_points(case, 4, [every[1], other]) == [every[0], every[2]]
+    assert design_points(case, 2, [other] * 3) == []

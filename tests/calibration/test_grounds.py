@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from radcal.calibration.expected import LawForward
-from radcal.calibration.grounds import Method, fit_grounds
+from radcal.calibration.grounds import fit_grounds, ground_residuals
 from radcal.calibration.law_fit import fit_law
+from radcal.calibration.misfit import BinMisfit, LikelihoodMisfit, Method
 from radcal.calibration.validation import CrossValidation, cross_validate, held_out
 from radcal.measurement.ground import Blocks, Ground
 from radcal.radar.laws import LAWS
@@ -39,21 +40,22 @@ def law_error(found, x=TRUTH):
     return np.abs(LAW(phi, found.fit.parameters) - LAW(phi, x)).max()
 
 
-@pytest.mark.parametrize("objective", ["classes", "likelihood"])
-def test_law_and_looks_are_found(objective):
-    found = fit_grounds({"field": fields(np.random.default_rng(1))}, {"field": replace(METHOD, objective=objective)})
+@pytest.mark.parametrize("misfit", [BinMisfit, LikelihoodMisfit])
+def test_law_and_looks_are_found(misfit):
+    found = fit_grounds({"field": fields(np.random.default_rng(1))}, {"field": replace(METHOD, misfit=misfit)})
     assert law_error(found["field"]) < 0.35
     assert found["field"].fit.looks == pytest.approx(2.8, rel=0.08)
     assert found["field"].identified > 20.0
 
 
-def test_the_density_takes_missing_looks_for_a_law():
+def test_one_bin_takes_missing_looks_for_a_law():
+    """At looks that are held for known: what one density of all pixels tells."""
     ground = fields(np.random.default_rng(1), looks=2.0)
-    methods = {name: replace(METHOD, objective=name) for name in ("classes", "density")}
+    methods = {"bins": METHOD, "one": replace(METHOD, classes=1, free_looks=False, priors=False)}
     found = fit_grounds(dict.fromkeys(methods, ground), methods)
-    assert law_error(found["density"]) > 2.0 * law_error(found["classes"])
-    assert found["density"].fit.looks == 4.0
-    assert found["density"].classes.size == 1
+    assert law_error(found["one"]) > 2.0 * law_error(found["bins"])
+    assert found["one"].fit.looks == 4.0
+    assert found["one"].classes.size == 1
 
 
 def test_a_surrogate_takes_the_place_of_the_law():
@@ -61,9 +63,14 @@ def test_a_surrogate_takes_the_place_of_the_law():
     ground = fields(np.random.default_rng(2), rows=60)
     plain = fit_grounds({"field": ground}, {"field": METHOD})["field"]
     law = LawForward(LAW, plain.classes.nodes_deg, 4.0)
-    shifted = fit_grounds({"field": ground}, {"field": METHOD}, {"field": lambda x: law(x) + [1.0, 0.0, 0.0]})["field"]
+    residuals = ground_residuals(ground, plain.classes, METHOD, plain.spread, lambda x: law(x) + [1.0, 0.0, 0.0])
+    shifted = fit_law(residuals, BOUNDS, 4.0, start=(plain.fit.parameters, plain.fit.looks))
+    alone = fit_law(
+        ground_residuals(ground, plain.classes, METHOD, plain.spread), BOUNDS, 4.0,
+        start=(plain.fit.parameters, plain.fit.looks),
+    )  # fmt: skip
     phi = np.radians([30.0, 35.0])
-    np.testing.assert_allclose(LAW(phi, shifted.fit.parameters) - LAW(phi, plain.fit.parameters), -1.0, atol=0.1)
+    np.testing.assert_allclose(LAW(phi, shifted.parameters) - LAW(phi, alone.parameters), -1.0, atol=0.1)
 
 
 def test_an_error_of_the_incidence_is_undone_where_it_is_known():
@@ -84,7 +91,7 @@ def test_an_error_of_the_incidence_is_undone_where_it_is_known():
 
 def test_bands_hold_and_patches_help():
     held = []
-    for seed in range(6):
+    for seed in range(4):
         ground = fields(np.random.default_rng(seed), between=1.0, within=0.3, rows=160, width=32, height=40)
         kept = Blocks(20, 10).kept(ground.block, "even")
         found = fit_grounds({"field": ground.part(kept)}, {"field": METHOD})["field"]
@@ -124,13 +131,13 @@ def test_too_few_blocks_say_nothing_and_are_announced():
     assert crossed.sentence("field") == ""
 
 
-@pytest.mark.parametrize("objective", ["classes", "density"])
-def test_blocks_of_a_pixel_or_two_do_not_end_in_an_error(objective):
+@pytest.mark.parametrize("classes", ["auto", 1])
+def test_blocks_of_a_pixel_or_two_do_not_end_in_an_error(classes):
     ground = fields(np.random.default_rng(5), rows=10, columns=12)
     block = np.zeros(ground.block.size, dtype=int)
     block[0] = 1  # the rest of its fold is one pixel
     ground = replace(ground, block=block)
-    found = fit_grounds({"field": ground}, {"field": replace(METHOD, objective=objective)})["field"]
+    found = fit_grounds({"field": ground}, {"field": replace(METHOD, classes=classes)})["field"]
     assert np.isfinite(found.fit.parameters).all()
     assert cross_validate(found, block).sentence("field") == ""
     nothing = ground.part(np.zeros(block.size, dtype=bool))

@@ -1,9 +1,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
+from calibration_samples import make_score
 
 from radcal.calibration.history import (
     History,
@@ -11,18 +11,16 @@ from radcal.calibration.history import (
     Run,
     read_proposals,
     read_runs,
-    score,
     write_proposals,
     write_runs,
 )
 from radcal.calibration.stopping import decide
 from radcal.config import Stop
-from radcal.measurement.target import Targets
-from radcal.storage.runs import Record
 
 
-def run(kind, index, x, rms):
-    return Run(kind, index, f"{kind}{index}", 0.5, {"dyke": list(x)}, {"dyke": [0.0, 1.0, 0.1]}, {"dyke": rms})
+def run(kind, index, x, cost, proposal=None, **keys):
+    score = make_score(cost, list(x), statistics=[[cost, index, 0.2], [1.0, 2.0, 3.0]], **keys)
+    return Run(kind, index, f"{kind}{index}", 0.5, {"dyke": score}, {"dyke": proposal} if proposal else {})
 
 
 RUNS = [
@@ -42,9 +40,14 @@ def test_counts_and_best():
     assert history.infill == RUNS[3:]
 
 
+def test_the_best_is_that_of_the_smallest_cost_whatever_the_rms():
+    runs = [run("design", 0, [0.2], 3.0, rms=0.4), run("design", 1, [0.3], 4.0, rms=0.1)]
+    assert History(runs).best("dyke") is runs[0]
+
+
 def test_failures_count_proposals_since_the_best():
-    def infill(index, rms, mode="exploit"):
-        return Run("infill", index, "", 0.0, {"dyke": [0.0]}, {}, {"dyke": rms}, {"dyke": Proposal([0.0], mode)})
+    def infill(index, cost, mode="exploit"):
+        return run("infill", index, [0.0], cost, Proposal([0.0], mode))
 
     assert History(RUNS[:3]).failures("dyke") == 0
     runs = [*RUNS[:3], infill(0, 0.4), infill(1, 0.3)]
@@ -54,38 +57,46 @@ def test_failures_count_proposals_since_the_best():
 
 
 def test_training_holds_each_point_once():
-    x, dp = History(RUNS).training("dyke")
+    """With the statistics of its latest run: its neighbours' laws are then nearest to their own."""
+    x, statistics = History(RUNS).training("dyke")
     np.testing.assert_array_equal(x, [[0.1, 1 / 3], [0.2, 0.2], [0.3, 0.3], [0.4, 0.4]])
-    assert dp.shape == (4, 3)
+    assert statistics.shape == (4, 2, 3)
+    np.testing.assert_array_equal(statistics[2, 0], [0.1, 1.0, 0.2])
+    np.testing.assert_array_equal(statistics[1, 0], [0.3, 0.0, 0.2])
 
 
 def test_a_reference_run_of_another_law_counts_for_nothing():
-    reference = replace(RUNS[0], parameters={"dyke": [-9.0]}, rms={"dyke": 0.01}, other_law=["dyke"])
+    reference = run("reference", 0, [-9.0], 0.01, own_law=False)
     history = History([reference, *RUNS[1:]])
     assert history.best("dyke") is RUNS[3]
     np.testing.assert_array_equal(history.training("dyke")[0], [[0.2, 0.2], [0.3, 0.3], [0.4, 0.4]])
-    assert decide(History([reference, *RUNS[1:3]]), ["dyke"], Stop(rms=0.05)).reason is None
-    assert decide(History([*RUNS[1:3]]), ["dyke"], Stop(rms=0.25)).reason == "rms"
+    assert decide(History([reference, *RUNS[1:3]]), ["dyke"], Stop(rms=0.05), "density").reason is None
+    assert decide(History(RUNS[1:3]), ["dyke"], Stop(rms=0.25), "density").reason == "rms"
+
+
+def test_noise_is_the_mean_of_what_repetitions_measured():
+    repeated = [
+        replace(RUNS[0], repeat_variance={"dyke": [[k, 2.0 * k, 0.5], [1.0, k, 3.0]]}, repeat_db=float(k))
+        for k in (1.0, 4.0)
+    ]
+    history = History([RUNS[0], *repeated])
+    np.testing.assert_allclose(history.noise_variance("dyke"), [[2.5, 5.0, 0.5], [1.0, 2.5, 3.0]])
+    assert history.repeat_db == [1.0, 4.0]
+    assert History(RUNS).noise_variance("dyke") is None
+    assert history.rms_sampling("dyke") == 0.0
+    assert History([replace(RUNS[0], rms_sampling={"dyke": 2e-3}), *RUNS]).rms_sampling("dyke") == 2e-3
 
 
 def test_files_round_trip_to_the_last_bit(tmp_path):
-    proposal = Proposal([0.1 + 0.2, 1e-300], "explore", 1e-5, None, 0.3)
+    proposal = Proposal([0.1 + 0.2, 1e-300], "explore", 1e-5, None, 0.3, 0.7, [[1 / 3, 0.0, -0.1]], [[0.1, 0.2, 1e-9]])
     runs = [
-        replace(RUNS[0], other_law=["dyke"]),
+        run("reference", 0, [0.1, 1 / 3], 0.5, own_law=False),
         *RUNS[1:3],
-        Run("infill", 0, "k", 0.1, {"dyke": [0.1 + 0.2]}, {"dyke": [1, 2, 3]}, {"dyke": 0.1}, {"dyke": proposal}),
+        run("infill", 0, [0.1 + 0.2], 0.1, proposal, gain=1e-17, floor=None, moved_db=0.1 + 0.7, looks=2 / 3),
     ]
+    runs[0] = replace(runs[0], repeat_variance={"dyke": [[0.1, 0.2, 1 / 7]]}, rms_sampling={"dyke": 1e-3})
     write_runs(tmp_path / "a.json", runs[:2])
     write_runs(tmp_path / "b.json", runs[2:])
     assert list(read_runs([tmp_path / "a.json", tmp_path / "b.json"]).runs) == runs
     write_proposals(tmp_path / "p.json", {"dyke": proposal})
     assert read_proposals(tmp_path / "p.json") == {"dyke": proposal}
-
-
-def test_score_asks_every_target():
-    record = Record("k", {"a": np.zeros(3, np.float32), "b": np.ones(3, np.float32)}, None, 0.2)
-    one = SimpleNamespace(score=lambda p, mapping: (np.array([p[0], *mapping]), float(p[0])))
-    targets = Targets(dict.fromkeys("ab", one))
-    found = score("design", 4, record, {"a": [1.0], "b": [2.0], "fixed": [3.0]}, targets)
-    assert found.rms == {"a": 0.0, "b": 1.0}
-    assert found.parameters == {"a": [1.0], "b": [2.0]}

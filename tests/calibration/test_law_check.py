@@ -6,19 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from calibration_samples import make_target
 
-from radcal.calibration.class_search import class_searches
 from radcal.calibration.expected import LawForward
-from radcal.calibration.history import History, Run
+from radcal.calibration.history import History, Run, Score
 from radcal.calibration.law_check import check_laws, texture_note
+from radcal.calibration.moments import from_cumulants, from_dp
+from radcal.calibration.objectives import make_objectives
 from radcal.calibration.validation import HeldOut
 from radcal.config import case_from
 from radcal.measurement.class_target import ClassTarget
 from radcal.measurement.classes import make_classes
-from radcal.measurement.goodness import Goodness
 from radcal.measurement.ground import Ground
 from radcal.measurement.patches import Spread
-from radcal.measurement.target import Target, Targets
+from radcal.measurement.target import Targets
 from radcal.radar.laws import LAWS
 from radcal.skewnormal import centred, fit
 
@@ -55,37 +56,34 @@ def made(
             **changes,
         }
     )
-    target = Target(
-        pixels=np.arange(3000),
-        order=np.arange(3000),
-        values_db=ground.values_db,
-        incidence_deg=ground.incidence_deg.astype(np.float32),
+    target = make_target(
+        ground.values_db,
+        ground.incidence_deg,
         dp=dp,
-        eligible=3000,
-        at_boundary=False,
-        effective=3000.0,
-        rms_sampling=1e-3,
-        cp_error=np.zeros(3),
-        cp_interval=np.zeros((3, 2)),
-        goodness=Goodness(0.0, 1.0, 0.0, 1.0),
         patch=ground.patch,
         block=ground.block,
         kept_out=out,
-        classes=ClassTarget(classes, Spread(0.1, 0.05), "classes", LOOKS, True, True, 0.0, -np.inf, truth, LOOKS)
+        classes=ClassTarget(classes, Spread(0.1, 0.05), 1, True, True, 0.0, truth, LOOKS)
         if case.objective == "classes"
         else None,
     )
     targets = Targets({"area": target})
-    run = Run("design", 0, "0", 1.0, {"area": truth.tolist()}, {"area": dp.tolist()}, {"area": 0.0})
+    statistics, looks, cost = from_dp(dp)[None], LOOKS, 0.0
     if case.objective == "classes":
-        shown = LawForward(LAW, classes.nodes_deg, LOOKS)(truth)
-        looks, cost = class_searches(case, targets)["area"].score(truth, shown)
-        run = replace(run, cumulants={"area": shown.tolist()}, looks={"area": looks}, cost={"area": cost})
-    return case, targets, History([run])
+        statistics = from_cumulants(LawForward(LAW, classes.nodes_deg, LOOKS)(truth))
+        looks, cost = make_objectives(case, targets)["area"].worth(truth, statistics)
+    score = Score(truth.tolist(), dp.tolist(), 0.0, statistics.tolist(), looks, cost)
+    return case, targets, History([Run("design", 0, "0", 1.0, {"area": score})])
 
 
-def test_a_right_law_in_classes_is_identified_and_predicts():
-    check = check_laws(*made())["area"]
+@pytest.fixture(scope="module")
+def right():
+    """The true law in bins."""
+    return check_laws(*made())["area"]
+
+
+def test_a_right_law_in_classes_is_identified_and_predicts(right):
+    check = right
     assert check.identified is True
     assert check.held is not None
     assert check.held.n_blocks == 5
@@ -114,7 +112,7 @@ def test_one_density_does_not_identify_the_law():
     assert check.held is not None
     assert check.held.rmse_law_db < 0.3
     assert not check.class_deg.size
-    assert centred(history.runs[0].dp["area"])[0] == pytest.approx(targets["area"].values_db.mean(), abs=0.1)
+    assert centred(history.runs[0].scores["area"].dp)[0] == pytest.approx(targets["area"].values_db.mean(), abs=0.1)
 
 
 def test_a_wrong_law_of_one_density_is_found_out_by_its_own_ground():
@@ -122,7 +120,8 @@ def test_a_wrong_law_of_one_density_is_found_out_by_its_own_ground():
     flat = np.array([20.0, 0.0, 0.0, 1.0])
     wrong = np.array([2.0, 25.0, 3.0, 1.0])
     case, targets, history = made(objective="density", truth=flat, kept=tuple(range(10)), validation=None)
-    run = replace(history.runs[0], parameters={"area": wrong.tolist()})
+    run = history.runs[0]
+    run = replace(run, scores={"area": replace(run.scores["area"], parameters=wrong.tolist())})
     check = check_laws(case, targets, History([run]))["area"]
     assert check.identified is False
     assert "area: the law is not identified: blocks of its own ground" in check.sentences[0]
@@ -148,13 +147,12 @@ def test_a_material_without_held_out_pixels_is_named():
     assert any("area: validation checks nothing: no held-out block" in line for line in check.sentences)
 
 
-def test_an_error_of_the_incidence_is_not_put_down_to_the_law():
+def test_an_error_of_the_incidence_is_not_put_down_to_the_law(right):
     case, targets, history = made()
     told = replace(targets["area"].classes, incidence_error_deg=4.0)
     check = check_laws(case, Targets({"area": replace(targets["area"], classes=told)}), history)["area"]
-    plain = check_laws(case, targets, history)["area"]
     # the same pixels ask for a steeper law where the map is known to be off
-    slope = [np.polyfit(c.class_deg, c.class_db, 1)[0] for c in (check, plain)]
+    slope = [np.polyfit(c.class_deg, c.class_db, 1)[0] for c in (check, right)]
     assert slope[0] < 1.1 * slope[1] < 0.0
 
 
@@ -178,8 +176,8 @@ def test_pooled_grounds_count_each_block_once():
     assert HeldOut.pooled([]) is None
 
 
-def test_texture_is_said():
-    found = check_laws(*made())["area"]
+def test_texture_is_said(right):
+    found = right
     said = texture_note({"area": replace(found, looks=2.5), "other": replace(found, looks=4.2)})
     assert "has 4 looks" in said
     assert "(area 2.50)" in said

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from radcal import skewnormal
+from radcal.calibration.moments import from_cumulants, from_dp
 from radcal.calibration.noise import noise_sentence, noise_variance
+from radcal.measurement.classes import class_cumulants
 
 DP = np.array([-12.0, 3.0, -2.0])
 N = 800
@@ -16,11 +18,16 @@ def sample(seed: int) -> np.ndarray:
     return skewnormal.sample(DP, N, np.random.default_rng(seed))
 
 
+def density(values_db: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+    """Of one density, fitted to the pixels."""
+    return from_dp(skewnormal.fit(values_db[pixels]).dp)[None]
+
+
 def test_two_runs_tell_the_scatter_of_many() -> None:
-    mean, sd, skewness = np.array([skewnormal.centred(skewnormal.fit(sample(k)).dp) for k in range(10, 210)]).T
+    mean, sd, skewness = np.array([skewnormal.centred(skewnormal.fit(sample(k)).dp) for k in range(10, 90)]).T
     scatter = np.array([mean.var(), np.log(sd).var(), skewness.var()])
     assert mean.var() == pytest.approx(skewnormal.centred(DP)[1] ** 2 / N, rel=0.3)
-    found = [noise_variance(sample(2 * k), sample(2 * k + 1), np.random.default_rng(k)) for k in range(5)]
+    found = [noise_variance(sample(2 * k), sample(2 * k + 1), density, np.random.default_rng(k))[0] for k in range(5)]
     ratio = np.array(found) / scatter
     # never far too small; too large once in a hundred, where the two runs happen to lie far apart
     assert (ratio > 0.4).all()
@@ -29,29 +36,45 @@ def test_two_runs_tell_the_scatter_of_many() -> None:
 
 
 def test_equal_runs_have_none() -> None:
-    np.testing.assert_array_equal(noise_variance(sample(0), sample(0), np.random.default_rng(1)), 0.0)
+    np.testing.assert_array_equal(noise_variance(sample(0), sample(0), density, np.random.default_rng(1)), 0.0)
 
 
 def test_what_the_runs_share_is_no_noise() -> None:
     """Equal speckle with small differences, as from sums in another order: not the speckle's scatter."""
     each = 0.01 * np.random.default_rng(5).standard_normal((2, N))
-    found = noise_variance(sample(0) + each[0], sample(0) + each[1], np.random.default_rng(1))
-    assert found[0] == pytest.approx(0.01**2 / N, rel=0.6)
+    found = noise_variance(sample(0) + each[0], sample(0) + each[1], density, np.random.default_rng(1))
+    assert found[0, 0] == pytest.approx(0.01**2 / N, rel=0.6)
 
 
 def test_a_gain_common_to_all_pixels_is_seen() -> None:
-    found = noise_variance(sample(0), sample(0) + 0.7, np.random.default_rng(1))
-    assert found[0] == pytest.approx(0.5 * 0.7**2, rel=1e-6)
-    np.testing.assert_allclose(found[1:], 0.0, atol=1e-9)
+    found = noise_variance(sample(0), sample(0) + 0.7, density, np.random.default_rng(1))
+    assert found[0, 0] == pytest.approx(0.5 * 0.7**2, rel=1e-6)
+    np.testing.assert_allclose(found[0, 1:], 0.0, atol=1e-9)
 
 
 def test_correlated_pixels_count_for_fewer() -> None:
-    alone, together = (noise_variance(sample(0), sample(1), np.random.default_rng(1), n) for n in (None, N / 4))
+    alone, together = (
+        noise_variance(sample(0), sample(1), density, np.random.default_rng(1), n) for n in (None, N / 4)
+    )
     np.testing.assert_allclose(together, 4.0 * alone)
 
 
+def test_each_bin_has_a_noise_of_its_own() -> None:
+    """Pixels drawn again keep their bins: few pixels scatter more than many."""
+    member = (np.arange(N) % 5 == 0).astype(np.int64)  # a fifth of them in the second bin
+
+    def bins(values_db: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+        return from_cumulants(class_cumulants(values_db[pixels], member[pixels], 2))
+
+    found = noise_variance(sample(0), sample(1), bins, np.random.default_rng(1))
+    assert found.shape == (2, 3)
+    variance = skewnormal.centred(DP)[1] ** 2
+    np.testing.assert_allclose(found[:, 0], [variance / (0.8 * N), variance / (0.2 * N)], rtol=0.6)
+    assert (found[1] > 1.5 * found[0]).all()
+
+
 def test_the_sentence_has_standard_deviations() -> None:
-    said = noise_sentence("soil", [0.0144, 1e-4, 0.09])
+    said = noise_sentence("soil", [[0.0044, 1.5e-4, 0.08], [0.0244, 0.5e-4, 0.1]])
     assert "soil: " in said
     for words in ("mean scatters by 0.12 dB", "deviation by 1 %", "skewness by 0.3 "):
         assert words in said

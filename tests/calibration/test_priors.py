@@ -28,25 +28,25 @@ def test_the_slope_has_the_log_normal_density():
     found = []
     for slope in values:
         law, x = line(slope)
-        found.append(log_density(CurvePrior.of(law, -15.0, 37.5).residuals(x)[0]))
+        found.append(log_density(CurvePrior(law, -15.0, 37.5).residuals(x)[0]))
     wanted = stats.lognorm(0.95, scale=0.2).logpdf(values)
     np.testing.assert_allclose(np.diff(found), np.diff(wanted), atol=1e-6)
 
 
 def test_x4_has_the_log_normal_density_and_is_mangias_alone():
     values = np.array([0.5, 5.0, 20.0])
-    prior = CurvePrior.of(MANGIA, 0.0, 40.0)
+    prior = CurvePrior(MANGIA, 0.0, 40.0)
     found = [log_density(prior.residuals([0.0, 5.0, 5.0, x4])[-1]) for x4 in values]
     np.testing.assert_allclose(np.diff(found), np.diff(stats.lognorm(1.0, scale=5.0).logpdf(values)), atol=1e-9)
     law, x = line(0.2)
-    assert CurvePrior.of(law, 0.0, 40.0).residuals(x).size == prior.residuals([0.0, 5.0, 5.0, 5.0]).size - 1
+    assert CurvePrior(law, 0.0, 40.0).residuals(x).size == prior.residuals([0.0, 5.0, 5.0, 5.0]).size - 1
 
 
 def test_a_rising_curve_has_a_finite_and_growing_price():
     prices = []
     for slope in (0.05, 0.0, -0.05, -0.1):
         law, x = line(slope)
-        prices.append(CurvePrior.of(law, -15.0, 37.5).residuals(x)[0] ** 2)
+        prices.append(CurvePrior(law, -15.0, 37.5).residuals(x)[0] ** 2)
     assert np.isfinite(prices).all()
     assert prices[1] < prices[2] < prices[3]
     assert prices[0] < prices[1]
@@ -54,12 +54,12 @@ def test_a_rising_curve_has_a_finite_and_growing_price():
 
 def test_level_is_normal_about_the_measured_mean():
     law, x = line(0.2)
-    assert CurvePrior.of(law, -25.0, 37.5).residuals(x)[1] == pytest.approx(1.0)
+    assert CurvePrior(law, -25.0, 37.5).residuals(x)[1] == pytest.approx(1.0)
 
 
 def test_a_curve_of_impossible_range_is_priced():
-    usual = CurvePrior.of(MANGIA, -15.0, 40.0).residuals([-30.0, 15.0, 5.0, 5.0])
-    steep = CurvePrior.of(MANGIA, -15.0, 40.0).residuals([-120.0, 130.0, 5.0, 5.0])
+    usual = CurvePrior(MANGIA, -15.0, 40.0).residuals([-30.0, 15.0, 5.0, 5.0])
+    steep = CurvePrior(MANGIA, -15.0, 40.0).residuals([-120.0, 130.0, 5.0, 5.0])
     assert not usual[2:-1].any()
     assert (steep[2:-1] ** 2).sum() > 100.0
 

@@ -3,26 +3,21 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from calibration_samples import make_run
 
-from radcal.calibration.history import History, Proposal, Run
+from radcal.calibration.history import History, Proposal
 from radcal.calibration.stopping import decide
 from radcal.config import Stop
 
+X = [1.0, 2.0]  # d = 2: no floor before the fourth run of design and infill
+
 
 def run(kind, index, rms, mode="exploit", floor=None, promised=None):
-    names = list(rms)
-    return Run(
-        kind=kind,
-        index=index,
-        key=f"{kind}{index}",
-        seconds=0.0,
-        parameters={name: [float(index)] for name in names},
-        dp={name: [0.0, 1.0, 0.0] for name in names},
-        rms=rms,
-        proposals={name: Proposal([float(index)], mode, promised or rms[name], floor) for name in names}
-        if kind == "infill"
-        else {},
-    )
+    proposals = {
+        name: Proposal(X, mode, cost=value if promised is None else promised, floor=floor)
+        for name, value in rms.items()
+    }
+    return make_run(kind, index, rms, proposals if kind == "infill" else None, x=X)
 
 
 def history(infill, design=(0.5, 0.4), floors=None):
@@ -36,115 +31,158 @@ def history(infill, design=(0.5, 0.4), floors=None):
     )
 
 
-def reason(h, **stop):
-    return decide(h, ["dyke"], Stop(**{"rms": 1e-3, "max_runs": 50, "stagnation_runs": 5, **stop})).reason
+def judged(h, objective="density", **stop):
+    return decide(h, ["dyke"], Stop(**{"rms": 1e-3, "max_runs": 50, "stagnation_runs": 5, **stop}), objective)
+
+
+def reason(h, objective="density", **stop):
+    return judged(h, objective, **stop).reason
 
 
 def test_goes_on_until_within_the_tolerance():
     assert reason(history([0.1, 0.01])) is None
     assert reason(history([0.1, 0.01, 9e-4])) == "rms"
     assert reason(history([], design=(0.5, 1e-4))) == "rms"
-    assert decide(history([9e-4]), ["dyke"], Stop(rms=1e-3)).converged
+    assert judged(history([9e-4])).converged
 
 
-def test_the_maximum_counts_design_and_infill():
-    assert reason(history([0.1, 0.1]), max_runs=4) == "max_runs"
-    assert reason(history([0.1, 0.1]), max_runs=5) is None
-    # an iteration beyond the maximum does not count, even where it is within the tolerance
+def test_the_reference_run_alone_may_be_within_the_tolerance():
+    """There may be no design."""
+    within = History([run("reference", 0, {"dyke": 9e-4})])
+    assert reason(within) == "rms"
+    assert "before any infill" in judged(within).materials["dyke"].sentence
+    assert reason(History([run("reference", 0, {"dyke": 2e-3})])) is None
+
+
+@pytest.mark.parametrize("objective", ["density", "classes"])
+def test_the_maximum_counts_design_and_infill(objective):
+    assert reason(history([0.1, 0.1]), objective, max_runs=4) == "max_runs"
+    assert reason(history([0.1, 0.1]), objective, max_runs=5) is None
+
+
+def test_a_run_beyond_the_maximum_does_not_count():
     assert reason(history([0.1, 0.1, 1e-4]), max_runs=4) == "max_runs"
 
 
-def test_stagnation_counts_runs_without_a_better_point():
-    assert reason(history([0.3, 0.31, 0.32]), stagnation_runs=2) == "stagnation"
-    assert reason(history([0.3, 0.31, 0.29]), stagnation_runs=2) is None
-    assert reason(history([0.3, 0.31, 0.32]), stagnation_runs=3) is None
+@pytest.mark.parametrize(("objective", "step"), [("density", 0.01), ("classes", 0.06)])
+def test_stagnation_counts_runs_without_a_better_point(objective, step):
+    """For bins a better one by 0.05, a third of the law's standard error."""
+    assert reason(history([0.3, 0.31, 0.32]), objective, stagnation_runs=2) == "stagnation"
+    assert reason(history([0.3, 0.31, 0.3 - step]), objective, stagnation_runs=2) is None
+    assert reason(history([0.3, 0.31, 0.32]), objective, stagnation_runs=3) is None
+    assert reason(history([0.3, 0.31, 0.26]), "classes", stagnation_runs=2) == "stagnation"
 
 
 def test_unreachable_needs_a_floor_near_the_best():
     assert reason(history([0.1, 0.1], floors=[None, 0.095])) == "unreachable"
-    assert reason(history([0.1, 0.1], floors=[None, 0.05])) is None
+    assert reason(history([0.1, 0.1], floors=[None, 0.085])) is None
+    assert not judged(history([0.1, 0.1], floors=[None, 0.095])).converged
+
+
+def test_a_floor_counts_only_from_d_and_2_runs_on():
+    """Of design and infill; the reference run is not counted."""
+    assert reason(history([0.1], floors=[0.095])) is None
+    assert reason(history([0.1], design=(0.5, 0.4, 0.3), floors=[0.095])) == "unreachable"
+    assert reason(history([0.1] * 3, design=(), floors=[0.095] * 3)) is None
+    assert reason(history([0.1] * 4, design=(), floors=[0.095] * 4)) == "unreachable"
 
 
 def test_a_floor_counts_only_where_the_surrogate_kept_its_promise():
     runs = history([0.1]).runs
-    kept = run("infill", 1, {"dyke": 0.1}, floor=0.095, promised=0.095)
-    broken = run("infill", 1, {"dyke": 0.1}, floor=0.095, promised=0.05)
+    kept, broken = (run("infill", 1, {"dyke": 0.1}, floor=0.095, promised=promised) for promised in (0.086, 0.08))
+    low = run("infill", 1, {"dyke": 0.1}, floor=0.095, promised=0.13)
     explored = run("infill", 1, {"dyke": 0.1}, mode="explore", floor=0.095)
-    assert [reason(History([*runs, last])) for last in (kept, broken, explored)] == ["unreachable", None, None]
+    found = [reason(History([*runs, last])) for last in (kept, broken, low, explored)]
+    assert found == ["unreachable", None, None, None]
 
 
 def test_the_sentence_says_why():
-    verdict = decide(history([0.1, 0.1], floors=[None, 0.095]), ["dyke"], Stop(rms=1e-3)).materials["dyke"]
-    for word in ("dyke", "0.1", "0.001", "0.095", "out of reach"):
+    verdict = judged(history([0.1, 0.1], floors=[None, 0.095])).materials["dyke"]
+    for word in ("dyke", "0.1", "0.001", "0.095", "out of reach", "after 4 runs"):
         assert word in verdict.sentence
+    assert judged(history([0.1])).materials["dyke"].sentence == "dyke: rms 0.1, above the tolerance 0.001 yet."
 
 
 @pytest.mark.parametrize("patience", [1, 2, 5])
 def test_an_ended_material_that_repeats_its_best_does_not_stagnate(patience):
-    runs = [
-        run("reference", 0, {"a": 0.6, "b": 0.6}),
-        run("design", 0, {"a": 1e-4, "b": 0.5}),
-        *(
-            Run("infill", k, str(k), 0.0, {}, {}, {"a": 1e-4, "b": 0.4 - 0.01 * k},
-                {"a": Proposal([0.0], "ended"), "b": Proposal([0.0], "exploit", 0.0)})
-            for k in range(4)
-        ),
-    ]  # fmt: skip
-    decision = decide(History(runs), ["a", "b"], Stop(rms=1e-3, stagnation_runs=patience))
+    runs = [run("reference", 0, {"a": 0.6, "b": 0.6}), run("design", 0, {"a": 1e-4, "b": 0.5})]
+    for k in range(4):
+        infill = run("infill", k, {"a": 1e-4, "b": 0.4 - 0.01 * k})
+        runs.append(replace(infill, proposals={**infill.proposals, "a": Proposal(X, "ended")}))
+    decision = decide(History(runs), ["a", "b"], Stop(rms=1e-3, stagnation_runs=patience), "density")
     assert decision.materials["a"].reason == "rms"
     assert decision.materials["b"].reason is None
     assert not decision.ended
 
 
 def test_the_worst_reason_names_the_loop():
-    runs = [
-        run("reference", 0, {"a": 0.6, "b": 0.6}),
-        run("design", 0, {"a": 1e-4, "b": 0.5}),
-        run("infill", 0, {"a": 1e-4, "b": 0.5}, floor=0.49),
-    ]
-    decision = decide(History(runs), ["a", "b"], Stop(rms=1e-3))
+    first = [run("reference", 0, {"a": 0.6, "b": 0.6}), *(run("design", k, {"a": 1e-4, "b": 0.5}) for k in range(3))]
+    runs = [*first, run("infill", 0, {"a": 1e-4, "b": 0.5}, floor=0.49)]
+    decision = decide(History(runs), ["a", "b"], Stop(rms=1e-3), "density")
     assert decision.reason == "unreachable"
     assert not decision.converged
+    assert {name: verdict.reason for name, verdict in decision.materials.items()} == {"a": "rms", "b": "unreachable"}
+    # one that goes on keeps all going
+    decision = decide(History([*runs[:-1], run("infill", 0, {"a": 1e-4, "b": 0.5})]), ["a", "b"], Stop(), "density")
+    assert (decision.reason, decision.ended) == (None, False)
 
 
-def of_law(cost, predicted, left=1.0, moved=1.0):
-    """Infill scored in classes: cost, what was promised, and what its own correction would still take."""
-    runs = [replace(run("design", 0, {"dyke": 0.5}), cumulants={"dyke": [[0.0, 1.0, 0.0]]}, cost={"dyke": 50.0})]
-    for k, (found, promise) in enumerate(zip(cost, predicted, strict=True)):
+def of_law(cost, gain=1.0, moved=1.0, floor=None):
+    """Infill scored in bins: cost, and what the surrogate of all runs still promises."""
+    runs = [make_run("design", 0, {"dyke": 50.0}, x=X)]
+    for k, found in enumerate(cost):
+        proposals = {"dyke": Proposal(X, "exploit")}
         runs.append(
-            replace(
-                run("infill", k, {"dyke": 0.1}),
-                proposals={"dyke": Proposal([float(k)], "exploit", predicted_cost=promise)},
-                cumulants={"dyke": [[0.0, 1.0, 0.0]]},
-                cost={"dyke": found},
-                left={"dyke": left},
-                moved_db={"dyke": moved},
-            )
+            make_run("infill", k, {"dyke": found}, proposals, x=X, gain=gain, moved_db=moved, floor=floor, rms=0.1)
         )
     return History(runs)
 
 
-def test_a_law_settles_when_its_last_run_would_hardly_change_it():
-    assert reason(of_law([5.0], [4.0])) is None
-    assert reason(of_law([5.0], [4.0], left=0.04)) == "settled"
-    assert reason(of_law([5.0], [4.0], moved=0.04), law_db=0.05) == "settled"
+@pytest.mark.parametrize("objective", ["classes", "likelihood"])
+def test_a_law_settles_when_all_runs_promise_no_better_or_hardly_another(objective):
+    assert reason(of_law([5.0]), objective) is None
+    assert reason(of_law([5.0], gain=0.06, moved=0.06), objective) is None
+    assert reason(of_law([5.0], gain=0.04), objective) == "settled"
+    assert reason(of_law([5.0], moved=0.04), objective) == "settled"
+    assert reason(of_law([5.0], moved=0.06), objective, law_db=0.07) == "settled"
+    assert judged(of_law([5.0], gain=0.04), objective).converged
     # not in a run that is worse than the best
-    assert reason(of_law([5.0, 6.0], [4.0, 4.5], left=0.04)) == "settled"
-    assert decide(of_law([5.0], [4.0], left=0.04), ["dyke"], Stop()).converged
+    assert reason(of_law([5.0, 6.0], gain=0.04), objective) == "settled"
 
 
-def test_a_law_settles_when_all_runs_promise_no_better_and_are_right():
-    # the correction of one run alone sees more to gain than there is
-    assert reason(of_law([5.0, 4.98], [4.0, 4.97])) == "settled"
-    assert reason(of_law([5.0, 4.80], [4.0, 4.97])) is None, "better than promised: go on"
-    assert reason(of_law([5.0, 4.98], [4.0, 4.50])) is None, "the promise was not kept"
+def test_a_law_without_a_curve_settles_by_its_gain_alone():
+    assert reason(of_law([5.0], gain=0.06, moved=None), "classes") is None
+    assert reason(of_law([5.0], gain=0.04, moved=None), "classes") == "settled"
+    said = judged(of_law([5.0], gain=0.04, moved=None), "classes").materials["dyke"].sentence
+    assert said.endswith("stop criterion met after 2 runs: the surrogate of all runs promises no better X.")
+
+
+def test_a_law_does_not_settle_where_more_may_be_hidden():
+    """Two standard errors in favour, more than 0.05 below the best: the search goes on exploring."""
+    assert reason(of_law([5.0], gain=0.0, floor=4.9), "classes") is None
+    assert reason(of_law([5.0], gain=0.0, floor=4.96), "classes") == "settled"
+
+
+def test_the_sentence_says_how_the_law_settled():
+    gained, moved = (
+        judged(of_law([5.0, 4.0], **last), "classes").materials["dyke"].sentence
+        for last in ({"gain": 0.01}, {"moved": 0.04})
+    )
+    assert gained == "dyke: stop criterion met after 2 runs: the surrogate of all runs promises no better law."
+    assert "after 2 runs: the best law that the surrogate of all runs promises differs by 0.04 dB" in moved
+
+
+def test_before_any_outlook_a_law_goes_on():
+    """Costs are no rms: a small one ends nothing."""
+    assert reason(of_law([1e-9], gain=None), "classes") is None
+    assert reason(of_law([]), "classes") is None
 
 
 def outside(infill, sampling=0.3, **stop):
     """A history whose reference run says the sampling error."""
     runs = history(infill).runs
     runs = [replace(runs[0], rms_sampling={"dyke": sampling}), *runs[1:]]
-    return decide(History(runs), ["dyke"], Stop(**{"at_sampling_error": True, **stop})).materials["dyke"]
+    return decide(History(runs), ["dyke"], Stop(**{"at_sampling_error": True, **stop}), "density").materials["dyke"]
 
 
 def test_another_program_ends_where_the_image_tells_no_more():
@@ -162,6 +200,6 @@ def test_another_program_ends_where_the_image_tells_no_more():
 def test_all_whole_numbers_simulated_is_out_of_reach():
     runs = history([0.2]).runs
     last = run("infill", 1, {"dyke": 0.2}, mode="exhausted", floor=0.2)
-    verdict = decide(History([*runs, last]), ["dyke"], Stop()).materials["dyke"]
+    verdict = decide(History([*runs, last]), ["dyke"], Stop(), "density").materials["dyke"]
     assert verdict.reason == "unreachable"
     assert "every combination of whole parameters" in verdict.sentence

@@ -49,9 +49,7 @@ def test_defaults_are_a_valid_case() -> None:
     assert case.materials["dyke"].box == [(0.0, 50.0)] * 4
     assert (case.stop.rms, case.stop.max_runs, case.stop.stagnation_runs) == (1e-5, 200, 20)
     assert (case.objective, case.design.sampler, case.design_size) == ("classes", "sobol", 2)
-    # the published method is one key away
-    assert case_from({"objective": "density"}).design_size == 16
-    assert case_from({"objective": "density", "design": {"size": 20}}).design_size == 20
+    assert case.has_baseline
 
 
 BAD: list[tuple[dict[str, Any], list[str]]] = [
@@ -77,6 +75,7 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     (dyke(start={"law": "constant_gamma"}), ["materials.dyke.start.parameters is missing"]),
     (dyke(start={"law": "constant_gamma", "parameters": [1, 2]}), ["materials.dyke.start", "2 numbers", "takes 1"]),
     (dyke(start={"law": "gamma", "parameters": [1]}), ["materials.dyke.start: law is 'gamma', expected one of"]),
+    (dyke(law="x" * 10_000), ["materials.dyke: law is 'xxx", "xxx..., expected one of ['"]),
     (dyke(start={"low": "mangia", "parameters": X}), ["materials.dyke.start.low", "did you mean 'law'?"]),
     (dyke(start={"law": "mangia", "parameters": [60, 1, 1, 1]}), ["materials.dyke", "X1 is 60", "inside its bounds"]),
     (
@@ -86,6 +85,14 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     (
         {**dyke(start={"law": "constant_gamma", "parameters": [-9]}), **synthetic(parameters={})},
         ["measurement.synthetic.parameters.dyke is missing", "materials.dyke.start is of another law"],
+    ),
+    (
+        {
+            **dyke(start={"law": "constant_gamma", "parameters": [-9]}),
+            **synthetic(parameters={"dyke": X}),
+            "design": {"size": 0},
+        },
+        ["design.size is 0 and materials.dyke.start is of another law", "expected design.size of at least 1"],
     ),
     (dyke(start=5), ["materials.dyke.start is 5"]),
     (dyke(start=[1, 2, 3, "x"]), ["materials.dyke.start.3 is 'x'"]),
@@ -164,6 +171,14 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     (measured(scale=None), ["measurement.scale is None"]),
     ({"measurement": {"source": "file", "path": "a.tif"}}, ["measurement.scale is missing"]),
     ({"measurement": {"source": "file", "scale": "db"}}, ["measurement.path is missing"]),
+    (
+        {"measurement": {"source": "file", "path": "a.tif", "scale": "db"}},
+        [
+            "measurement.radiometry is missing: a.tif does not say it, expected sigma0_ref, sigma0_local",
+            "or gamma0_rtc",
+        ],
+    ),
+    (measured(radiometry="sigma0"), ["measurement.radiometry is 'sigma0'", "'gamma0_rtc'"]),
     (measured(polarisation="HH "), ["measurement.polarisation is 'HH '", "'HH', 'HV', 'VH' or 'VV'"]),
     (measured(polarisation="HV"), ["measurement.polarisation is HV, radar.polarisation is HH", "never mixed"]),
     (measured(carrier_band="C"), ["measurement.carrier_band is 'C', radar.band is 'X'", "never mixed"]),
@@ -179,7 +194,7 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     ),
     # other shapes than those expected
     ({"radar": None}, ["some.yaml: radar is None, expected keys and values."]),
-    ({"radar": [{"looks": 4}]}, ["radar is [{'looks': 4}], expected keys and values."]),
+    ({"radar": [4]}, ["radar is 4, expected keys and values."]),
     ({"materials": {}}, ["materials is {}, expected at least 1 item, not 0."]),
     ({"materials": ["dyke"]}, ["materials is ['dyke'], expected keys and values."]),
     (dyke(bounds=[0, 1, 2, 3]), ["materials.dyke.bounds.0 is 0, expected a list (and 3 more)."]),
@@ -193,15 +208,16 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     ({"target": {"pixels": 49}}, ["target.pixels is 49", "50"]),
     ({"target": {"margin_px": -1}}, ["target.margin_px is -1"]),
     ({"design": {"sampler": "halton"}}, ["design.sampler is 'halton'", "'sobol'", "'latin_hypercube'"]),
-    ({"design": {"size": 0}}, ["design.size is 0"]),
+    ({"design": {"size": -1}}, ["design.size is -1"]),
     ({"design": {"chunk": 0}}, ["design.chunk is 0"]),
-    ({"surrogate": {"training": "hot"}}, ["surrogate.training is 'hot'", "'warm'"]),
-    ({"surrogate": {"retrain_every": 0}}, ["surrogate.retrain_every is 0"]),
+    ({"surrogate": {"training": "hot"}}, ["surrogate.training is 'hot'", "'posterior'"]),
+    ({"surrogate": {"baseline": "law"}}, ["surrogate.baseline is 'law'"]),
+    ({"surrogate": {"training": "smt"}}, ["surrogate.training smt, which objective: classes does not use"]),
     ({"optimiser": {"population": 3}}, ["optimiser.population is 3", "4"]),
     ({"optimiser": {"evaluations": 0}}, ["optimiser.evaluations is 0"]),
     ({"stop": {"rms": 0}}, ["stop.rms is 0"]),
     ({"stop": {"rms": float("nan")}}, ["stop.rms is nan"]),
-    ({"objective": "density", "stop": {"max_runs": 15}}, ["stop.max_runs is 15", "design.size (16)"]),
+    ({"surrogate": {"baseline": False}, "stop": {"max_runs": 7}}, ["stop.max_runs is 7", "design.size (8)"]),
     ({"stop": {"stagnation_runs": 0}}, ["stop.stagnation_runs is 0"]),
 ]
 
@@ -237,7 +253,9 @@ def test_each_union_member_is_read() -> None:
     assert case_from(mapped(bounds=[0, 1, 2, 3])).scene == RasterScene(
         source="raster", elevation="a.tif", materials="b.tif", names="a.json", bounds=(0, 1, 2, 3)
     )
-    assert case_from(measured()).measurement == FileMeasurement(source="file", path="a.tif", scale="db")
+    assert case_from(measured()).measurement == FileMeasurement(
+        source="file", path="a.tif", scale="db", radiometry="sigma0_ref"
+    )
 
 
 def test_measurement_of_the_same_pass() -> None:
@@ -246,7 +264,9 @@ def test_measurement_of_the_same_pass() -> None:
     )
     assert isinstance(declared.measurement, FileMeasurement)
     assert (declared.measurement.polarisation, declared.measurement.carrier_band) == ("VV", "l-band")
-    assert case_from(measured(band=2)).measurement == FileMeasurement(path="a.tif", scale="db", band=2)
+    assert case_from(measured(band=2)).measurement == FileMeasurement(
+        path="a.tif", scale="db", radiometry="sigma0_ref", band=2
+    )
 
 
 def test_calibrated_materials_keep_the_order_of_the_file() -> None:
@@ -299,9 +319,14 @@ def test_laws_know_the_pass() -> None:
 
 def test_a_measurement_of_another_radiometry_is_refused() -> None:
     file = {"source": "file", "path": "a.tif", "scale": "power", "radiometry": "gamma0"}
-    with pytest.raises(ConfigError, match=r"measurement\.radiometry is gamma0, radar\.radiometry is sigma0_local: set"):
+    with pytest.raises(ConfigError, match=r"measurement\.radiometry is gamma0, radar\.radiometry is sigma0_ref: set"):
         case_from({"measurement": file})
     assert case_from({"measurement": file, "radar": {"radiometry": "gamma0"}}).radar.radiometry == "gamma0"
+
+
+@pytest.mark.parametrize("path", ["a.nitf", "a.NTF", "b/a.sicd", "${IMAGE}"])
+def test_a_file_that_may_say_its_radiometry_is_not_asked_for_it(path: str) -> None:
+    assert case_from(measured(path=path, radiometry=None)).measurement.radiometry is None
 
 
 @pytest.mark.parametrize(
@@ -346,10 +371,96 @@ def test_where_there_can_be_no_classes_the_density_is_minimised() -> None:
     assert case_from({"target": {"incidence_classes": 5}}).objective == "classes"
 
 
-def test_an_external_law_has_no_classes() -> None:
+def test_an_external_law_has_classes_and_neither_likelihood_nor_validation() -> None:
     soil = {"calibrate": True, "law": "external", "names": ["a"], "bounds": [[0, 1]], "start": [0.5]}
     case = {"simulator": COMMAND, "materials": {"soil": soil}, "measurement": NO_TRUTH}
-    case_from(case)
-    for changes in ({"objective": "classes"}, {"validation": {}}):
+    assert case_from(case | {"objective": "classes"}).objective == "classes"
+    for changes in ({"objective": "likelihood"}, {"validation": {}}):
         with pytest.raises(ConfigError, match=r"materials\.soil\.law is external, whose curve only the simulator"):
             case_from(case | changes)
+
+
+def external(parameters: int) -> dict[str, Any]:
+    """A case of a law that only the simulator knows."""
+    names, bounds = [f"p{k}" for k in range(parameters)], [[0, 1]] * parameters
+    soil = {"calibrate": True, "law": "external", "names": names, "bounds": bounds, "start": [0.5] * parameters}
+    return {"simulator": COMMAND, "materials": {"soil": soil}, "measurement": NO_TRUTH}
+
+
+@pytest.mark.parametrize(
+    ("changes", "baseline", "size"),
+    [
+        ({}, True, 2),
+        ({"objective": "density"}, True, 2),
+        ({"objective": "likelihood"}, True, 2),
+        ({"design": {"size": 0}}, True, 0),
+        ({"objective": "density", "design": {"size": 20}}, True, 20),
+        ({"surrogate": {"baseline": False}}, False, 8),
+        ({"objective": "density", "surrogate": {"outputs": "direct"}}, False, 8),
+        ({"target": {"normalisation": "image"}}, False, 8),
+        (external(3), False, 8),
+        (external(7), False, 14),
+        ({**external(7), "design": {"size": 3}}, False, 3),
+    ],
+)
+def test_the_design_is_larger_where_no_baseline_predicts_the_runs(
+    changes: dict[str, Any], baseline: bool, size: int
+) -> None:
+    case = case_from(changes)
+    assert (case.has_baseline, case.design_size) == (baseline, size)
+
+
+@pytest.mark.parametrize(
+    "earlier", [{"training": "warm"}, {"retrain_every": 5}, {"training": "warm", "retrain_every": 1}]
+)
+def test_keys_of_an_earlier_version_are_read_with_a_warning(earlier: dict[str, Any]) -> None:
+    with pytest.warns(FutureWarning, match=r"surrogate\.training: warm and surrogate\.retrain_every have no effect"):
+        case = case_from({"surrogate": earlier})
+    assert case == case_from({})
+    with pytest.warns(FutureWarning):
+        assert case_from({"objective": "density", "surrogate": {"retrain_every": 5, "training": "smt"}}).surrogate == (
+            case_from({"objective": "density", "surrogate": {"training": "smt"}}).surrogate
+        )
+
+
+TWO_PASSES = {
+    "radar": [{"depression_deg": 45}, {"depression_deg": 30, "polarisation": "VV"}],
+    "measurement": [{}, {"synthetic": {"seed": 5}}],
+}
+
+
+def test_lists_of_radar_and_measurement_are_passes() -> None:
+    case = case_from(TWO_PASSES)
+    assert [one.radar.depression_deg for one in case.passes] == [45, 30]
+    assert [one.radar.polarisation for one in case.passes] == ["HH", "VV"]
+    assert [one.measurement.synthetic.seed for one in case.passes] == [2, 5]
+    assert all(one.passes == [one] for one in case.passes)
+    # the first pass alone is the case without the second, in every job that looks at one pass
+    alone = case_from({"radar": [TWO_PASSES["radar"][0]], "measurement": {}})
+    assert case.passes[0].sections(*Case.model_fields) == alone.sections(*Case.model_fields)
+    assert "further_radar" not in alone.sections(*Case.model_fields)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"measurement": {}}, "passes: found radar of 2 and measurement of 1, expected lists of equal length"),
+        ({"radar": [{}, {"depression_deg": 2}]}, "radar.2.depression_deg is 2, expected greater than 5."),
+        ({"radar": [{}, {"depresion_deg": 2}]}, "unknown key radar.2.depresion_deg (did you mean 'depression_deg'?)."),
+        ({"measurement": [{}, {"source": "fil"}]}, "measurement.2.source is 'fil', expected 'synthetic', 'file'."),
+        ({"measurement": [{}, {"synthetic": {"warp_px": -2}}]}, "measurement.2.synthetic.warp_px is -2, expected"),
+        (
+            {
+                "measurement": [
+                    {},
+                    {"source": "file", "path": "x", "scale": "db", "radiometry": "sigma0_ref", "polarisation": "HH"},
+                ]
+            },
+            "pass 2: measurement.polarisation is HH, radar.polarisation is VV",
+        ),
+        ({"design": {"reuse": "other"}}, "design.reuse is 'other' in a case of 2 passes, expected one pass"),
+        ({"further_radar": [{}]}, "unknown key further_radar"),
+    ],
+)
+def test_wrong_passes_are_refused_in_a_sentence(changes: dict[str, Any], words: str) -> None:
+    assert words in message({**TWO_PASSES, **changes})

@@ -47,6 +47,8 @@ def numbers(annotation: Any, metadata: list[Any], path: str) -> Iterator[tuple[s
             yield from numbers(part, [], f"{path}.*")
     elif isinstance(annotation, type) and issubclass(annotation, BaseModel):
         for name, field in annotation.model_fields.items():
+            if name.startswith("further_"):  # of the second and later passes: the same sections again
+                continue
             yield from numbers(field.annotation, field.metadata, f"{path}.{name}".lstrip("."))
     elif annotation in (int, float):
         found = {type(item): item for item in metadata}
@@ -85,7 +87,7 @@ FIRST: dict[str, Any] = {
     "target": {"pixels": 900, "margin_px": 2, "snr_db": 1.0, "incidence_classes": 4, "incidence_error_deg": 1.0},
     "validation": {"rows": 20, "columns": 30, "means": 10},
     "design": {"size": 4, "chunk": 3},
-    "surrogate": {"retrain_every": 6},
+    "surrogate": {"training": "posterior"},
     "optimiser": {"population": 50, "evaluations": 700},
     "stop": {"rms": 1e-4, "max_runs": 150, "stagnation_runs": 15, "law_db": 0.1},
 }  # fmt: skip
@@ -98,7 +100,7 @@ FLAT = {
 }  # fmt: skip
 PROGRAM = {
     "kind": "command", "command": ["./sim"], "timeout_s": 60, "retries": 3, "retry_wait_s": 2.0,
-    "accept_exit_codes": [0, 1], "seed_bits": 31,
+    "accept_exit_codes": [0, 1], "seed_bits": 31, "draws": 2,
     "output": {
         "file": "a.raw", "scale": "db", "format": "raw", "dtype": "float32", "shape": [80, 90], "header_bytes": 8,
     },
@@ -109,7 +111,7 @@ CASES: list[dict[str, Any]] = [
     {
         "scene": FLAT,
         "materials": {"a": {"calibrate": True, "law": "external", "names": ["p"], "bounds": [[0, 9]], "start": [4]}},
-        "measurement": {"source": "file", "path": "a.tif", "scale": "db", "band": 2},
+        "measurement": {"source": "file", "path": "a.tif", "scale": "db", "radiometry": "sigma0_ref", "band": 2},
         "simulator": PROGRAM,
     },
     {"simulator": PROGRAM | {"output": {"file": "a.tif", "scale": "db", "band": 2}}},

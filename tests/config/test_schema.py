@@ -28,7 +28,7 @@ FLAT = {
     "far_incidence_deg": 40,
 }
 PROGRAM = {"kind": "command", "command": ["./sim", "{input}"], "output": {"file": "a.npy", "scale": "db"}}
-MEASURED = {"source": "file", "path": "a.tif", "scale": "db"}
+MEASURED = {"source": "file", "path": "a.tif", "scale": "db", "radiometry": "sigma0_ref"}
 SOIL = {"calibrate": True, "law": "external", "names": ["mv", "s"], "bounds": [[0.0, 0.4], [0.3, 2.5]]}
 
 
@@ -147,7 +147,7 @@ def test_what_radcal_takes_the_schema_takes(data: dict[str, Any], schema: Draft7
         {"simulator": {**PROGRAM, "environment": {"OMP_NUM_THREADS": [2]}}},
         {"simulator": {**PROGRAM, "command": "./sim {input}"}},
         {"simulator": {**PROGRAM, "command": []}},
-        {"measurement": {"path": "a.tif", "scale": "db"}},
+        {"measurement": {"path": "a.tif", "scale": "db", "radiometry": "sigma0_ref"}},
     ],
 )
 def test_what_the_schema_refuses_radcal_refuses(data: dict[str, Any], schema: Draft7Validator) -> None:

@@ -75,3 +75,25 @@ def test_a_power_of_zero_but_for_rounding_decides_nothing():
 
 def test_values_that_are_all_equal_stay():
     assert winsorised([1.0, 1.0, 5.0], np.zeros(3, dtype=int)).tolist() == [1.0, 1.0, 5.0]
+
+
+def test_an_angle_on_an_edge_is_of_the_bin_above():
+    assert class_of([20.0, 29.9, 30.0, 35.0, 41.0, 50.0], [20.0, 30.0, 41.0, 50.0]).tolist() == [0, 0, 1, 1, 2, 2]
+
+
+def test_bins_of_the_smallest_size_are_made():
+    angles = np.repeat([20.0, 40.0, 70.0], 30)
+    assert incidence_edges(angles, 3).size - 1 == 3
+    assert incidence_edges(angles[1:], 3).size - 1 == 1  # 29 pixels of 20 degrees are too few
+
+
+def test_nodes_are_the_middles_of_equal_parts_of_a_bin():
+    nodes = make_classes(np.zeros(1001), np.linspace(20.0, 30.0, 1001), 1).nodes_deg
+    np.testing.assert_allclose(nodes, [20.0 + 10.0 * (np.arange(24) + 0.5) / 24])
+
+
+def test_values_are_limited_to_six_robust_standard_deviations():
+    values, member = np.array([0.0, 1.0, 2.0, 4.0, 100.0, -50.0, -60.0, -70.0]), np.array([0] * 5 + [1] * 3)
+    # median 2 and median distance 2; the other bin on its own: -60 and 10
+    expected = [0.0, 1.0, 2.0, 4.0, 2.0 + 6 * 1.4826 * 2.0, -50.0, -60.0, -70.0]
+    np.testing.assert_allclose(winsorised(values, member), expected)

@@ -31,7 +31,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:Use `@` matmul:PendingDeprecatio
 UTM = "EPSG:32631"
 WEST, SOUTH, CELL_M = 600_000.0, 5_780_000.0, 5.0
 SCENE = (CELL_M, 0.0, WEST, 0.0, CELL_M, SOUTH)
-CONFIG = FileMeasurement(path="image.tif", scale="power")
+CONFIG = FileMeasurement(path="image.tif", scale="power", radiometry="sigma0_ref")
 
 
 def ground_of(rows: int = 30, columns: int = 40) -> np.ndarray:

@@ -60,6 +60,15 @@ def test_none_takes_nothing_but_says_what_it_sees() -> None:
     assert "no material" in offset_levels("none", {}).sentence
 
 
+@pytest.mark.parametrize(
+    ("offset_db", "error_db", "doubtful"),
+    [(0.6, 0.3, False), (0.6, 0.19, True), (-0.6, 0.19, True), (0.45, 0.01, False), (0.5, 0.01, False)],
+)
+def test_an_offset_is_doubtful_beyond_half_a_db_and_three_errors(offset_db, error_db, doubtful) -> None:
+    assert offset_levels("none", {"grass": (offset_db, error_db)}).doubtful is doubtful
+    assert not offset_levels("offset", {"grass": (offset_db, error_db)}).doubtful
+
+
 @pytest.fixture
 def images() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     rng = np.random.default_rng(1)

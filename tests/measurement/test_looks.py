@@ -7,7 +7,9 @@ import pytest
 from scipy import special
 
 from radcal.config import Radar
-from radcal.measurement.looks import estimate_looks, looks_of_log_variance
+from radcal.errors import MeasurementError
+from radcal.measurement import looks as module
+from radcal.measurement.looks import Looks, check_looks, estimate_looks, local_looks, looks_of_log_variance
 from radcal.radar.image import ImageFormation, decibels
 from radcal.radar.reflectivity import uniform
 
@@ -72,3 +74,62 @@ def test_too_small_materials_give_none() -> None:
     material = np.zeros(SHAPE, dtype=np.uint8)
     material[:40, :40] = 1
     assert estimate_looks(speckle_db(4), material, Radar()) is None
+
+
+def log_variance(looks: float) -> float:
+    return float((10 / np.log(10)) ** 2 * special.polygamma(1, looks))
+
+
+@pytest.mark.parametrize("looks", [1.0, 3.0])
+def test_looks_among_neighbours_are_those_of_pixels_a_resolution_and_a_half_apart(looks: float) -> None:
+    """Speckle that is the same in 2 x 3 pixels: nearer pairs would be correlated, and other ground is far brighter."""
+    radar = Radar(range_resolution_m=3.6, range_spacing_m=3.0, azimuth_resolution_m=2.0, azimuth_spacing_m=1.0)
+    assert module.independent_steps(radar) == (2, 3)
+    power = np.random.default_rng(2).gamma(looks, 1.0 / looks, (90, 80)).repeat(2, axis=0).repeat(3, axis=1)
+    image = (10 * np.log10(power)).astype(np.float32)
+    inside = np.zeros(image.shape, dtype=bool)
+    inside[40:, 30:] = True
+    image[~inside] += 40.0
+    found = local_looks(image, np.flatnonzero(inside), radar)
+    # squared differences of 70 x 70 values, each in two pairs of correlation 1/4 or less: 4 sigma of their mean
+    excess = special.polygamma(3, looks) / special.polygamma(1, looks) ** 2
+    error = 4 * np.sqrt((excess / 2 + 2) * 1.5 / 4900)
+    assert error < 0.2
+    semivariance = log_variance(found)
+    assert semivariance == pytest.approx(log_variance(looks), rel=error)
+    assert np.isnan(local_looks(image, np.array([5]), radar))
+
+
+def test_variance_of_a_window_is_unbiased_beside_a_plane() -> None:
+    rows, columns = np.indices((320, 480))
+    image = np.random.default_rng(4).normal(0.0, 2.5, rows.shape) + 0.3 * rows - 0.7 * columns
+    found = module._window_variances(image, np.ones(rows.shape, dtype=np.uint8), 1, 1)
+    assert found.size == 40 * 60
+    # chi-squared of 61 degrees of freedom; a plane takes three of 64, 5 % of the variance
+    assert found.mean() == pytest.approx(2.5**2, rel=4 * np.sqrt(2 / 61 / found.size))
+    assert found.var() == pytest.approx(2 * 2.5**4 / 61, rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("found", "scale", "said"),
+    [
+        (looks_of_log_variance(log_variance(4.0) / 4), "power", "would be that of 4 if its numbers are amplitude"),
+        (looks_of_log_variance(log_variance(4.0) / 4), "db", "10 log10 of amplitude instead of power"),
+        (500.0, "power", "as if its numbers were dB"),
+        (looks_of_log_variance(log_variance(4.0) * 4), "amplitude", "would be that of 4 if its numbers are power:"),
+        (looks_of_log_variance(log_variance(4.0) * 4), "db", "would be that of 4 if its numbers are 20 log10 of power"),
+        (1.39, "power", "set radar.looks to what it has"),
+    ],
+)
+def test_a_wrong_scale_is_named_by_the_looks_that_it_would_give(found: float, scale: str, said: str) -> None:
+    with pytest.raises(MeasurementError, match=said):
+        check_looks(Looks(found, 0.9 * found, 1.1 * found, 50), 4, scale, "image.tif")
+
+
+@pytest.mark.parametrize(
+    ("found", "end"),
+    [(8.0, "wider than those."), (5.21, "wider than those."), (5.2, "radar.looks is 4."), (2.4, "radar.looks is 4."),
+     (2.39, "narrower than those."), (1.4, "narrower than those.")],
+)  # fmt: skip
+def test_other_looks_make_densities_wider_or_narrower(found: float, end: str) -> None:
+    assert check_looks(Looks(found, 0.9 * found, 1.1 * found, 50), 4, "power", "image.tif").endswith(end)

@@ -88,3 +88,24 @@ def test_sampling_variance_is_pooled_over_cells():
     cells = make_cells(np.ones(2000, dtype=int), block)
     found = cells.sampling_variance(rng.normal(0.0, 2.0, 2000) + 5.0 * block, independent=0.5)
     np.testing.assert_allclose(found, 4.0 / 20.0, rtol=0.1)
+
+
+def test_sampling_variance_by_hand():
+    """Sums of squares inside cells of 7, 4 and 2 values over 13 - 3 degrees of freedom; at least one value counts."""
+    values = np.array([1.0, 2, 3, 4, 5, 6, 7, -2, -2, 2, 2, 9, 12])
+    cells = make_cells(np.ones(13, dtype=int), np.repeat([0, 1, 2], [7, 4, 2]))
+    pooled = (28.0 + 16.0 + 4.5) / 10.0
+    np.testing.assert_allclose(cells.sampling_variance(values, 0.3), pooled / np.array([2.1, 1.2, 1.0]))
+    # with nine degrees of freedom cells say nothing, and the variance of all pixels bounds that inside
+    few = make_cells(np.ones(12, dtype=int), np.repeat([0, 1, 2], [7, 4, 1]))
+    np.testing.assert_allclose(few.sampling_variance(values[:12], 0.5), values[:12].var(ddof=1) / [3.5, 2.0, 1.0])
+
+
+def test_without_information_the_spread_is_the_priors():
+    """Scale s with density exp(-s^2 / 2) from 0.1 to 4 dB, and a half-normal spread, whose mean is s sqrt(2 / pi)."""
+    blind = Residuals(np.zeros(3), np.full(3, 1e9), np.array([1, 2, 2]), np.ones((3, 1)), np.eye(1))
+    (found,) = spreads([blind])
+    s = np.linspace(0.1, 4.0, 4000)
+    expected = np.sqrt(2.0 / np.pi) * np.average(s, weights=np.exp(-0.5 * s**2))
+    assert found.between == pytest.approx(expected, rel=0.02)
+    assert found.within == pytest.approx(expected, rel=0.02)

@@ -69,7 +69,7 @@ WRITERS = {
 
 
 def read(path, scale="power", **keys):
-    return read_image(path, FileMeasurement(path=str(path), scale=scale, **keys)).image_db
+    return read_image(path, FileMeasurement(path=str(path), scale=scale, radiometry="sigma0_ref", **keys)).image_db
 
 
 @pytest.mark.parametrize("scale", SCALES)
@@ -102,7 +102,7 @@ def test_unusable_pixels_are_counted(tmp_path, scale, unusable, counts):
     values = np.tile(SCALES[scale], (5, 5))
     values[7, : len(unusable)] = unusable
     np.save(tmp_path / "a.npy", values)
-    found = read_image(tmp_path / "a.npy", FileMeasurement(path="a.npy", scale=scale))
+    found = read_image(tmp_path / "a.npy", FileMeasurement(path="a.npy", scale=scale, radiometry="sigma0_ref"))
     assert found.counts == Counts(values.size, *counts)
     assert np.argwhere(np.isnan(found.image_db)).tolist() == [[7, k] for k in range(len(unusable))]
     assert np.isfinite(found.image_db).sum() == values.size - len(unusable)
@@ -118,7 +118,9 @@ def test_masked_pixels_are_counted(tmp_path):
             values = np.full((20, 30), 100, dtype=np.uint16)
             values[2, 3:7], values[4, :2] = 65535, 0
             raster.write(values, 1)
-    assert read_image(tmp_path / "a.tif", FileMeasurement(path="a.tif", scale="power")).counts == Counts(600, 4, 2, 0)
+    assert read_image(
+        tmp_path / "a.tif", FileMeasurement(path="a.tif", scale="power", radiometry="sigma0_ref")
+    ).counts == Counts(600, 4, 2, 0)
 
 
 def test_scale_and_offset_of_the_band_are_heeded(tmp_path):
@@ -183,7 +185,7 @@ def test_a_few_impossible_levels_are_masked_and_counted_many_refused(tmp_path):
     values = np.tile(DB, (2, 1)).astype(np.float32)  # 2,400 pixels: two are 0.08 %
     values[3, 4], values[7, 8] = 1e38, -1e38
     np.save(path, values)
-    found = read_image(path, FileMeasurement(path=str(path), scale="db"))
+    found = read_image(path, FileMeasurement(path=str(path), scale="db", radiometry="sigma0_ref"))
     assert np.isnan(found.image_db[[3, 7], [4, 8]]).all()
     assert np.isfinite(found.image_db).sum() == values.size - 2
     assert str(found.counts) == (
@@ -243,7 +245,7 @@ def test_sizes_are_compared_before_anything_is_read(tmp_path, name, monkeypatch)
     """With a memory that would not hold the array: what is read first ends otherwise."""
     monkeypatch.setattr("radcal.reading.intake._SPARE_BYTES", 200 << 20)
     huge(tmp_path / name, (40000, 30000))
-    config = FileMeasurement(path=name, scale="power")
+    config = FileMeasurement(path=name, scale="power", radiometry="sigma0_ref")
     with pytest.raises(MeasurementError, match="has 40000 x 30000 pixels, the scene's image 40 x 30: crop or resample"):
         read_image(tmp_path / name, config, (40, 30))
     with pytest.raises(MeasurementError, match="has 40000 x 30000 pixels, expected at most"):
@@ -284,7 +286,7 @@ def test_what_inflates_beyond_its_size_ends_in_a_sentence(tmp_path, monkeypatch)
         data = file.create_dataset("a", (40, 30), "f4", chunks=(40, 30), compression="gzip")
         data.id.write_direct_chunk((0, 0), zlib.compress(bytes(600 << 20), 1))
     with pytest.raises(MeasurementError, match=r"a\.h5 cannot be read as HDF5"):
-        read_image(tmp_path / "a.h5", FileMeasurement(path="a.h5", scale="power"), (40, 30))
+        read_image(tmp_path / "a.h5", FileMeasurement(path="a.h5", scale="power", radiometry="sigma0_ref"), (40, 30))
 
 
 def test_pickled_objects_are_never_loaded(tmp_path):
@@ -304,10 +306,17 @@ def test_empty_and_wrong_files_end_in_a_sentence(tmp_path, name):
             read(tmp_path / name)
 
 
-def test_a_file_that_crashes_its_reader_ends_in_a_sentence(tmp_path, monkeypatch):
+@pytest.mark.parametrize("reader", ["whosmat", "loadmat"])
+def test_a_file_that_crashes_its_reader_ends_in_a_sentence(tmp_path, monkeypatch, reader):
     """As scipy's reader does with some damaged files."""
     savemat(tmp_path / "a.mat", {"image": POWER})
-    monkeypatch.setattr("scipy.io.loadmat", lambda *_, **__: os.kill(os.getpid(), signal.SIGSEGV))
+    here = os.getpid()
+
+    def crash(*_, **__):
+        assert os.getpid() != here
+        os.kill(os.getpid(), signal.SIGSEGV)
+
+    monkeypatch.setattr(f"scipy.io.{reader}", crash)
     with pytest.raises(MeasurementError, match=r"a\.mat cannot be read as a MATLAB file .*damaged: reading it crashes"):
         read(tmp_path / "a.mat")
 

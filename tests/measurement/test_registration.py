@@ -8,6 +8,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 
 from radcal.config import RegistrationConfig
 from radcal.errors import MeasurementError
+from radcal.measurement import registration as module
 from radcal.measurement.displacement import invert
 from radcal.measurement.model import Measurement
 from radcal.measurement.registration import read_registered, register, write_registered
@@ -54,7 +55,13 @@ def test_a_displaced_image_is_brought_back(registered):
     assert registered.applied
     error = np.hypot(*(registered.displacement_px - field(4.0)))
     assert error[15:-15, 15:-15].mean() < 0.4
-    assert "registered with gefolki: moved by" in registered.verdict
+    length = np.hypot(*registered.displacement_px)
+    said = re.search(
+        r"registered with gefolki: moved by (\S+) pixels \(rms, at most (\S+)\) with a standard error of (\S+);",
+        registered.verdict,
+    )
+    expected = (np.sqrt(np.mean(length**2)), length.max(), np.median(registered.uncertainty_px))
+    np.testing.assert_allclose([float(number) for number in said.groups()], expected, atol=0.051)
     # a pixel's value is a measured one: speckle keeps its statistics
     moved = registered.measurement.image_db
     assert np.isin(moved[np.isfinite(moved)], registered.unregistered_db).all()
@@ -69,6 +76,28 @@ def test_the_uncertainty_is_that_of_the_error():
         said.append(found.uncertainty_px[15:-15, 15:-15])
     ratio = np.sqrt(np.mean(np.square(said)) / np.mean(np.square(errors)))
     assert 0.8 < ratio < 1.25
+
+
+def test_squares_are_judged_by_the_field_of_the_other_squares():
+    """The field of one half is right, that of the other wrong: only squares not used for the right one agree."""
+    fixed = np.random.default_rng(2).normal(size=(96, 130)).astype(np.float32)
+    squares = module._chequerboard(fixed.shape)
+    right, wrong = np.zeros((2, 96, 130)), np.full((2, 96, 130), 7.0)
+    found = module._held_out((fixed, fixed), (right, wrong), squares).reshape(6, 8)
+    used = squares[8::16, 8:128:16]
+    assert used[0, 0]
+    assert not used[0, 1]
+    # mean products of 256 values in a square
+    assert found[~used].mean() == pytest.approx(1.0, abs=4 * np.sqrt(2 / 256 / 24))
+    assert abs(found[used].mean()) < 4 * np.sqrt(1 / 256 / 24)
+    other = module._held_out((fixed, fixed), (wrong, right), squares).reshape(6, 8)
+    assert other[used].mean() == pytest.approx(1.0, abs=4 * np.sqrt(2 / 256 / 24))
+
+
+def test_standard_error_of_the_squares_mean():
+    values = np.array([1.0, 2.0, 4.0, 9.0, 4.0])
+    assert module._standard_error(values) == pytest.approx(np.sqrt(38.0 / 4 / 5))
+    assert module._z(values) == pytest.approx(4.0 / np.sqrt(38.0 / 4 / 5))
 
 
 def test_an_image_in_its_place_is_left_there():

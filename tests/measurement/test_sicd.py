@@ -155,7 +155,7 @@ def test_sigma0_is_the_polynomial_times_power(tmp_path):
     assert factor.max() / factor.min() > 1.3
     assert found.image_db.dtype == np.float32
     np.testing.assert_allclose(found.image_db, db(np.abs(pixels.astype(complex)) ** 2 * factor), atol=1e-4)
-    assert found.notes == ("a.nitf: sigma0 by its SigmaZeroSFPoly, for level ground.",)
+    assert found.notes == ("a.nitf: sigma0 by its SigmaZeroSFPoly, for level ground (radiometry sigma0_ref).",)
     assert (found.polarisation, found.frequency_hz) == ("VV", pytest.approx(9.6e9))
     assert found.counts == Counts(ROWS * COLUMNS, 0, 0, 0)
 
@@ -242,6 +242,12 @@ def test_sigma0_from_gamma0(tmp_path):
     expected = np.abs(pixels.astype(complex)) ** 2 * 0.01 * np.sin(np.radians(SLOPE_DEG))  # the grazing angle
     np.testing.assert_allclose(found.image_db, db(expected), atol=1e-4)
     assert "GammaZeroSFPoly" in found.notes[0]
+
+
+@pytest.mark.parametrize("polynomial", ["SigmaZeroSFPoly", "BetaZeroSFPoly", "GammaZeroSFPoly", "RCSSFPoly"])
+def test_the_file_says_its_radiometry(tmp_path, polynomial):
+    path = write(tmp_path / "a.nitf", pixels_of("RE32F_IM32F"), radiometric={polynomial: 2.0})
+    assert read(path).radiometry == (None if polynomial == "RCSSFPoly" else "sigma0_ref")
 
 
 def test_sigma0_is_preferred_to_beta0(tmp_path):
@@ -411,12 +417,12 @@ class NoSimulator:
 def measure(tmp_path, geometry, build_case):
     """Write a SICD file of the tiny case's size and make it the measurement of a case with such a radar."""
 
-    def measure(section, pixels=None, **keys):
+    def measure(section, pixels=None, radiometry=None, radiometric=(("SigmaZeroSFPoly", 0.01),), **keys):
         pixels = pixels_of("RE32F_IM32F", geometry.shape) if pixels is None else pixels
-        path = write(tmp_path / "a.nitf", pixels, radiometric={"SigmaZeroSFPoly": 0.01}, **keys)
+        path = write(tmp_path / "a.nitf", pixels, radiometric=dict(radiometric), **keys)
         case = build_case(
             radar={"altitude_m": 1000.0, "looks": 1, "polarisation": "VV", **section},
-            measurement={"source": "file", "path": str(path), "scale": "complex"},
+            measurement={"source": "file", "path": str(path), "scale": "complex", "radiometry": radiometry},
         )
         return make_measurement(case, geometry, NoSimulator())
 
@@ -426,7 +432,7 @@ def measure(tmp_path, geometry, build_case):
 def test_notes_of_a_measurement(measure, geometry):
     pixels = pixels_of("RE32F_IM32F", geometry.shape)
     pixels[0, :5], pixels[1, 1] = 0, np.nan
-    level = "a.nitf: sigma0 by its SigmaZeroSFPoly, for level ground."
+    level = "a.nitf: sigma0 by its SigmaZeroSFPoly, for level ground (radiometry sigma0_ref)."
     total = f"{pixels.size:,}"
     assert measure({}, pixels).notes == (
         f"a.nitf: {total} pixels, 1 without data, 5 zero, 0 negative: NaN in the image.",
@@ -461,6 +467,41 @@ def test_another_pass_is_refused(measure, section, keys, words):
 )
 def test_what_cannot_be_compared_is_told(measure, section, keys, words):
     assert words in measure(section, **keys).notes[2]
+
+
+@pytest.mark.parametrize(
+    ("of_pass", "configured", "radiometric", "words"),
+    [
+        (
+            "sigma0_local",
+            None,
+            {"SigmaZeroSFPoly": 1.0},
+            "radiometry of .*a.nitf is sigma0_ref, radar.radiometry is sigm",
+        ),
+        (
+            "gamma0",
+            "gamma0",
+            {"GammaZeroSFPoly": 1.0},
+            "radiometry is gamma0, .*a.nitf is read as sigma0_ref: leave th",
+        ),
+        (
+            "sigma0_ref",
+            None,
+            {"RCSSFPoly": 1.0},
+            "measurement.radiometry is missing: .*a.nitf does not say it .*expect",
+        ),
+        ("sigma0_ref", None, {}, "measurement.radiometry is missing: .*a.nitf does not say it"),
+    ],
+)
+def test_another_radiometry_is_refused(measure, of_pass, configured, radiometric, words):
+    with pytest.raises(MeasurementError, match=words):
+        measure({"radiometry": of_pass}, radiometry=configured, radiometric=radiometric)
+
+
+def test_radiometry_of_relative_levels_is_configured(measure):
+    notes = measure({"radiometry": "beta0"}, radiometry="beta0", radiometric={}).notes
+    assert "levels are relative" in notes[1]
+    assert measure({}, radiometry="sigma0_ref").notes[1].endswith("(radiometry sigma0_ref).")
 
 
 @pytest.mark.parametrize(("band", "frequency_ghz"), [("x-band", (9.4, 9.8)), ("P", (0.4, 0.47)), ("UHF", (0.4, 0.47))])

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import rasterio
+from scipy.ndimage import uniform_filter
 
 from radcal.config import Case, Radar
 from radcal.errors import ConfigError, MeasurementError
@@ -54,7 +55,9 @@ def read(tmp_path: Path, geometry: Geometry, build_case: Build) -> Read:
         path = tmp_path / "measured.tif"
         if values is not None:
             write(path, values, nodata)
-        case = build_case(measurement={"source": "file", "path": str(path), "scale": scale}, **sections)
+        case = build_case(
+            measurement={"source": "file", "path": str(path), "scale": scale, "radiometry": "sigma0_local"}, **sections
+        )
         return make_measurement(case, geometry, NoSimulator())
 
     return read
@@ -105,7 +108,7 @@ def test_notes_tell_what_is_unusable(read: Read, image_db: np.ndarray) -> None:
     assert read(amplitude, "complex").notes[1:] == (
         "measured.tif: complex pixels have a single look, radar.looks is 4.",
     )
-    assert len(read(amplitude, "complex", radar={"altitude_m": 1000.0, "looks": 1}).notes) == 1
+    assert len(read(amplitude, "complex", radar={"looks": 1, "radiometry": "sigma0_local"}).notes) == 1
 
 
 def test_image_of_another_size(read: Read, geometry: Geometry) -> None:
@@ -172,7 +175,9 @@ def test_variable_in_the_path(
     geometry: Geometry, build_case: Build, image_db: np.ndarray, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write(tmp_path / "a.tif", image_db)
-    case = build_case(measurement={"source": "file", "path": "${RADCAL_TEST_DATA}/a.tif", "scale": "db"})
+    case = build_case(
+        measurement={"source": "file", "path": "${RADCAL_TEST_DATA}/a.tif", "scale": "db", "radiometry": "sigma0_local"}
+    )
     monkeypatch.delenv("RADCAL_TEST_DATA", raising=False)
     with pytest.raises(ConfigError, match=r"measurement\.path is .*RADCAL_TEST_DATA is not set: type export"):
         make_measurement(case, geometry, NoSimulator())
@@ -329,7 +334,7 @@ def test_an_image_on_the_map_is_seen_where_its_ground_lies(
     ) as raster:  # fmt: skip
         raster.write((-20.0 + 0.1 * east + 0.01 * north).astype(np.float32), 1)
     case = build_case(
-        measurement={"source": "file", "path": str(path), "scale": "db"},
+        measurement={"source": "file", "path": str(path), "scale": "db", "radiometry": "sigma0_ref"},
         radar={"altitude_m": 1000.0, "look_side": look_side},
     )
     measurement = make_measurement(case, geometry, NoSimulator(), on_map)
@@ -375,7 +380,9 @@ def test_a_wrong_scale_is_told(
         "negative db": 10 * np.log10(power) - 20,
     }[held]
     write(tmp_path / "a.tif", values.astype(np.float32))
-    case = build_case(measurement={"source": "file", "path": str(tmp_path / "a.tif"), "scale": declared})
+    case = build_case(
+        measurement={"source": "file", "path": str(tmp_path / "a.tif"), "scale": declared, "radiometry": "sigma0_local"}
+    )
     with pytest.raises(MeasurementError, match=words):
         make_measurement(case, geometry, NoSimulator())
 
@@ -385,11 +392,30 @@ def test_the_right_scale_says_the_looks(
 ) -> None:
     geometry, power = speckle
     write(tmp_path / "a.tif", power.astype(np.float32))
-    file = {"source": "file", "path": str(tmp_path / "a.tif"), "scale": "power"}
+    file = {"source": "file", "path": str(tmp_path / "a.tif"), "scale": "power", "radiometry": "sigma0_local"}
     (_, note) = make_measurement(build_case(measurement=file), geometry, NoSimulator()).notes
     assert re.search(r"speckle of a.tif is that of [34]\.?\d* looks .*radar.looks is 4\.$", note)
-    other = build_case(measurement=file, radar={"looks": 8})
+    other = build_case(measurement=file, radar={"looks": 8, "radiometry": "sigma0_local"})
     assert "densities will be narrower" in make_measurement(other, geometry, NoSimulator()).notes[1]
+
+
+def test_a_speckle_filtered_image_is_called_that(
+    speckle: tuple[Geometry, np.ndarray], tmp_path: Path, build_case: Build
+) -> None:
+    geometry, power = speckle
+    write(tmp_path / "a.tif", uniform_filter(power, 3).astype(np.float32))
+    file = {"source": "file", "path": str(tmp_path / "a.tif"), "scale": "power", "radiometry": "sigma0_ref"}
+    with pytest.raises(
+        MeasurementError,
+        match=r"^measurement\.path: a\.tif is speckle-filtered: .* that of 1\d\.?\d* looks .*; radar\.looks is 4, and "
+        r".* use the image before filtering, or set radar\.looks: 1\d ",
+    ):
+        make_measurement(build_case(measurement=file, radar={"looks": 4}), geometry, NoSimulator())
+    notes = make_measurement(build_case(measurement=file, radar={"looks": 14}), geometry, NoSimulator()).notes
+    assert notes[2].startswith("a.tif is speckle-filtered or smoothed in another way")
+    coarse = {"range_resolution_m": 1.8, "azimuth_resolution_m": 7.0, "azimuth_spacing_m": 5.0, "looks": 14}
+    notes = make_measurement(build_case(measurement=file, radar=coarse), geometry, NoSimulator()).notes
+    assert "radar.range_resolution_m is 1.8 and radar.azimuth_resolution_m 7" in notes[2]
 
 
 def test_an_image_below_the_noise_floor_is_told_before_any_run(read: Read, image_db: np.ndarray) -> None:
@@ -400,6 +426,6 @@ def test_an_image_below_the_noise_floor_is_told_before_any_run(read: Read, image
         r"which radar\.nesz_db and target\.snr_db treat as noise: set radar\.nesz_db to ",
     ):
         read(dark)
-    read(dark, radar={"altitude_m": 1000.0, "nesz_db": -60.0})
+    read(dark, radar={"nesz_db": -60.0, "radiometry": "sigma0_local"})
     # at which level the noise lies in an image of unknown level, the reference run says
     read(dark, target={"normalisation": "offset"})

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy import sparse
+from scipy import sparse, special
 from scipy.linalg import LinAlgError
 
 from radcal.measurement.spline_field import Data, Lattice, Prior
@@ -51,17 +51,25 @@ def test_a_priors_field_has_its_spread_and_length():
     rows, columns = LATTICE.size
     covariance = np.linalg.inv(matrix)[: rows * columns, : rows * columns]
     assert np.sqrt(np.diag(covariance).mean()) == pytest.approx(1.7, rel=1e-6)
-    wide = Lattice((1200, 1200))
-    roughness, _ = wide._roughness
-    # Matern of smoothness 2 at the distance of one length, kappa d = sqrt(12): 6 K_2(3.46) = 0.20
-    bend = (0.5 * 240.0 / wide.spacing_px) ** 2 / 3
-    spectrum = ((1.0 + roughness * bend) ** -3).reshape(wide.size)
-    # away from the borders, whose reflection counts constant fields twice
-    spectrum[0] *= 0.5
-    spectrum[:, 0] *= 0.5
-    waves = np.pi * np.arange(wide.size[0]) / wide.size[0]
-    shifted = (spectrum * np.cos(waves * 240.0 / wide.spacing_px)).sum() / spectrum.sum()
-    assert shifted == pytest.approx(0.20, abs=0.02)
+
+
+def test_a_field_is_correlated_over_its_length():
+    """Whittle-Matern field of smoothness 2: correlation (k d)^2 K_2(k d) / 2 at a distance d, k = sqrt(12) / length."""
+    wide = Lattice((510, 540))
+    rows, columns = wide.size
+    assert wide.spacing_px == 24.0
+    length = 5 * 24.0
+    matrix = dense(wide, wide.precision(Prior(1.7, length))[0])[: rows * columns, : rows * columns]
+    middle = rows // 2 * columns + columns // 2  # far from the borders, whose reflection adds to it
+    unit = np.zeros(rows * columns)
+    unit[middle] = 1.0
+    covariance = np.linalg.solve(matrix, unit).reshape(rows, columns)
+    correlation = covariance / covariance[rows // 2, columns // 2]
+    for step in (2, 5, 8):  # the differences of a lattice of five points in a length lower it by up to 0.036
+        distance = np.sqrt(12.0) * 24.0 * step / length
+        expected = distance**2 * special.kv(2, distance) / 2
+        assert correlation[rows // 2, columns // 2 + step] == pytest.approx(expected, abs=0.04)
+        assert correlation[rows // 2 - step, columns // 2] == pytest.approx(expected, abs=0.04)
 
 
 def test_the_posterior_is_that_of_dense_algebra():
@@ -113,3 +121,25 @@ def test_a_prior_that_numbers_do_not_hold_is_passed_over():
     with pytest.raises(LinAlgError):
         empty.given(Prior(1e6, 1e7))
     assert not empty.best(TRUE).coefficients().any()
+
+
+@pytest.mark.parametrize("scale", [2, 4])
+def test_a_coarser_field_is_that_of_the_middles_of_its_pixels(scale):
+    """A pixel of a coarser level is as many fine ones wide, and its displacement counts in its own pixels."""
+    coefficients = np.random.default_rng(1).normal(size=(2, *LATTICE.size))
+    fine = LATTICE.field(coefficients)
+    parts = fine[:, : 150 // scale * scale, : 210 // scale * scale].reshape(2, 150 // scale, scale, 210 // scale, scale)
+    # splines are nearly straight within a pixel: their spacing is 24
+    coarse = LATTICE.field(coefficients, scale)
+    np.testing.assert_allclose(coarse, parts.mean(axis=(2, 4)) / scale, atol=0.01 * np.abs(coarse).max())
+
+
+@pytest.mark.parametrize("scale", [1, 2])
+def test_coefficients_of_a_plane_make_that_plane(scale):
+    """Cubic B-splines reproduce what is linear: the spline of number j has its middle at j - 1 spacings."""
+    row, column = (24.0 * (np.arange(n) - 1.0) for n in LATTICE.size)
+    plane = 3.0 + 0.2 * row[:, None] - 0.7 * column
+    y, x = ((np.arange(n // scale) + 0.5) * scale for n in LATTICE.shape)
+    found = LATTICE.field(np.stack([plane, -2.0 * plane]), scale) * scale
+    expected = 3.0 + 0.2 * y[:, None] - 0.7 * x
+    np.testing.assert_allclose(found, [expected, -2.0 * expected], atol=1e-9)

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from radcal.config import TargetConfig, Validation
 from radcal.errors import FitError, MeasurementError
 from radcal.measurement.levels import Levels
 from radcal.measurement.model import Measurement
+from radcal.measurement.one_incidence import incidence_span_deg
 from radcal.measurement.pixels import eligible_pixels
 from radcal.measurement.target import Targets, read_targets, write_targets
 from radcal.measurement.target_fit import make_target, sampling_rms
@@ -131,6 +134,19 @@ def test_too_few_pixels(geometry: Geometry) -> None:
 def test_constant_image_cannot_be_fitted(geometry: Geometry) -> None:
     with pytest.raises(FitError, match="all 500 are -5 dB"):
         make_target("dyke", geometry, Measurement(np.full(geometry.shape, -5, dtype=np.float32), "c"), CONFIG, 1)
+
+
+def test_a_material_seen_at_one_incidence_is_level_only(geometry: Geometry, measurement: Measurement) -> None:
+    targets = Targets({name: make_target(name, geometry, measurement, CONFIG, 1) for name in ("dyke", "grass")})
+    assert not any("level only" in line for line in targets.warnings())
+    narrow = replace(targets["grass"], incidence_deg=np.linspace(38.92, 39.07, 500, dtype=np.float32))
+    (line,) = [line for line in Targets({**targets, "grass": narrow}).sentences() if "level only" in line]
+    assert line.endswith("no law can be known: grass (38.92 to 39.07 deg).")
+    # a range that the error of the incidence explains
+    span = incidence_span_deg(targets["dyke"].incidence_deg)
+    doubtful = SimpleNamespace(incidence_error_deg=span / 3.0, classes=SimpleNamespace(size=4))
+    assert replace(targets["dyke"], classes=doubtful).level_only
+    assert not targets["dyke"].level_only
 
 
 def test_round_trip_is_exact(geometry: Geometry, measurement: Measurement, tmp_path: Path) -> None:

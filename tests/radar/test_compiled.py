@@ -25,6 +25,10 @@ print(points.phased(one, 7)[0].tolist(), sum(points._phases.stats.cache_hits.val
 """
 
 
+def twice(x: int) -> int:
+    return 2 * x
+
+
 @pytest.fixture
 def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(compiled._config, "CACHE_DIR", "")
@@ -54,6 +58,37 @@ def test_a_changed_callee_in_another_file_is_compiled(package: Path) -> None:
     # back again, and its machine code is still there
     callee.write_text(callee.read_text().replace("for _ in range(9):", "for _ in range(10):"))
     assert run(package) == (first, 1)
+
+
+def test_one_process_compiles_a_function_and_others_wait(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The other process holds the lock until the test has seen that it is waited for."""
+    monkeypatch.setattr(compiled, "_FOLDER", str(tmp_path))
+    double = compiled.njit()(twice)
+    lock = tmp_path / f"{twice.__module__}.twice.lock"
+    held, release = os.pipe(), os.pipe()
+    if (other := os.fork()) == 0:
+        with compiled._locked(lock):
+            os.write(held[1], b"x")
+            os.read(release[0], 1)
+            os._exit(0)
+    os.read(held[0], 1)
+    # one that is suspended meanwhile holds up nobody for ever, a folder that is gone nobody at all
+    with monkeypatch.context() as patch:
+        patch.setattr(compiled, "_PATIENCE_S", 0.1)
+        with compiled._locked(lock), compiled._locked(tmp_path / "gone" / "lock"):
+            pass
+    waits: list[float] = []
+
+    def sleep(seconds: float) -> None:
+        assert not double.signatures
+        waits.append(seconds)
+        if len(waits) == 3:
+            os.write(release[1], b"x")
+            os.waitpid(other, 0)
+
+    monkeypatch.setattr(compiled.time, "sleep", sleep)
+    assert double(21) == 42
+    assert len(waits) == 3
 
 
 def test_every_module_with_compiled_functions_is_found(package: Path) -> None:
@@ -86,6 +121,39 @@ def test_constants_of_other_modules_are_sources_too(package: Path, imported: str
     assert package / "scene" / "limits.py" in sources(package)
     (package / "scene" / "limits.py").write_text("MOST = 4\n")
     assert cache_folder(package) != before
+
+
+@pytest.mark.parametrize(
+    ("imported", "used", "init"),
+    [
+        ("from radcal.scene.limits import MOST", "MOST", "MOST = 3"),
+        ("from radcal.scene import limits", "limits.MOST", "MOST = 3"),
+        ("import radcal.scene.limits", "radcal.scene.limits.MOST", "MOST = 3"),
+        ("from radcal.scene.limits.most import MOST", "MOST", ""),
+        ("from radcal.scene.limits import most", "most.MOST", ""),
+        ("from radcal.scene.limits import MOST", "MOST", "from radcal.scene.limits.most import MOST"),
+        ("from radcal.scene.limits import LARGEST as n", "n", "from radcal.scene.limits.most import MOST as LARGEST"),
+        (
+            "from radcal.scene import limits",
+            "limits.LARGEST",
+            "from radcal.scene.limits import most\nLARGEST = most.MOST",
+        ),
+    ],
+)
+def test_constants_of_packages_are_sources_too(tmp_path: Path, imported: str, used: str, init: str) -> None:
+    """The constant stands in the package's ``__init__``, or in a module of it that ``__init__`` may pass on."""
+    package = tmp_path / "radcal"
+    limits = package / "scene" / "limits"
+    limits.mkdir(parents=True)
+    (limits / "__init__.py").write_text(f"{init}\n")
+    (limits / "most.py").write_text("MOST = 3\n")
+    (limits / "other.py").write_text("LEAST = 2\n")
+    (package / "scene" / "further.py").write_text(
+        f"from radcal.radar.compiled import njit\n{imported}\n\n\n@njit()\ndef f(x):\n    return min(x, {used})\n"
+    )
+    found = sources(package)
+    assert limits / ("__init__.py" if init == "MOST = 3" else "most.py") in found
+    assert limits / "other.py" not in found
 
 
 def test_no_other_module_imports_numba() -> None:

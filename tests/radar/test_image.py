@@ -149,6 +149,14 @@ def test_reflectivity_is_the_weighted_mean_over_visible_facets(geometry: Geometr
         assert weights == pytest.approx(1.0, rel=1e-5)
 
 
+def test_a_law_beyond_single_precision_ends_in_a_sentence_about_its_material() -> None:
+    """Its infinite power would become NaN in the pixels of its neighbours."""
+    laws = dict.fromkeys(("dyke", "grass"), LAWS["mangia"])
+    with pytest.raises(ConfigError, match=r"^materials\.grass: .* give a sigma0 of 391 dB, expected at most 380 dB"):
+        law_tables(("dyke", "grass"), laws, {"dyke": DYKE, "grass": [390.0, 0.0, 1.0, 5.0]})
+    assert np.isfinite(law_tables(("grass",), laws, {"grass": [370.0, 0.0, 1.0, 5.0]})).all()
+
+
 def test_reflectivity_of_a_flat_scene_is_the_law(build_scene: Callable[..., Scene], radar: Radar) -> None:
     geometry = make_geometry(build_scene(lambda east, north: 0 * east), radar)
     tables = law_tables(geometry.names, {"dyke": LAWS["mangia"]}, {"dyke": DYKE})
@@ -212,6 +220,34 @@ def test_a_run_with_one_new_law_is_a_run_from_nothing(geometry: Geometry, radar:
     sims[0].run({"dyke": DYKE, "grass": GRASS}, 5)
     after = sims[0].run({"dyke": [1.0, 2.0, 3.0, 4.0], "grass": GRASS}, 5)
     np.testing.assert_array_equal(after, sims[1].run({"dyke": [1.0, 2.0, 3.0, 4.0], "grass": GRASS}, 5))
+
+
+@pytest.mark.parametrize("place", [(0, 0), (64, 127), (77, 150), (50, 111), (140, 169)])
+def test_a_changed_pixel_is_formed_anew_in_all_tiles_within_reach(place: tuple[int, int]) -> None:
+    """One pixel of another material, near the borders of tiles of 64 pixels: the rest of the image stays."""
+    shape, radar = (141, 170), Radar(looks=1, range_spacing_m=1.6, azimuth_spacing_m=1.0)
+    reach = [len(impulse_response(r, s)) // 2 for r, s in ((2.0, 1.6), (3.5, 1.0))]
+    assert reach == [10, 28]
+    formation = ImageFormation(radar, shape, QUIET)
+    cells = uniform(np.ones(shape, dtype=np.float32))
+    cells.material[place[0] * shape[1] + place[1]] = 2
+    changed = np.array([False, False, True])
+    tiles = formation.touched(cells, changed)
+    found = np.zeros(shape, dtype=bool)
+    for top, left, bottom, right in tiles:
+        found[top:bottom, left:right] = True
+    expected = np.zeros(shape, dtype=bool)
+    for top in range(0, shape[0], 64):
+        for left in range(0, shape[1], 64):
+            away = [max(start - at, at - (min(start + 64, n) - 1), 0)
+                    for start, at, n in zip((top, left), place, shape, strict=True)]  # fmt: skip
+            expected[top : top + 64, left : left + 64] = away[0] <= reach[0] and away[1] <= reach[1]
+    np.testing.assert_array_equal(found, expected)
+    before = formation.intensity(cells, 5)
+    cells.power[cells.material == 2] = 1000.0
+    again = formation.intensity(cells, 5, before.copy(), tiles)
+    np.testing.assert_array_equal(again, formation.intensity(cells, 5))
+    assert np.count_nonzero(again != before) > 300
 
 
 def test_looks_average_in_power() -> None:

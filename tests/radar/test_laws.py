@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radcal.config import Case
@@ -204,6 +204,7 @@ def box_of(name: str) -> list[tuple[float, float]]:
 
 
 @pytest.mark.parametrize("name", sorted(LAWS))
+@settings(max_examples=40, deadline=None)
 @given(data=st.data(), degrees=st.floats(0.0, 90.0))
 def test_every_law_is_finite_within_its_limits(name: str, data: st.DataObject, degrees: float) -> None:
     x = [data.draw(st.one_of(st.sampled_from(interval), st.floats(*interval))) for interval in box_of(name)]
@@ -255,3 +256,13 @@ def test_the_default_case_starts_from_bare_soil() -> None:
     soil = ready("oh1992", "HH")(phi, [8.0, 1.5, 2.0])
     start = Case().materials["dyke"].start_parameters
     np.testing.assert_allclose(mangia(phi, start), soil + 30.0, atol=0.25)
+
+
+def test_the_largest_difference_counts_the_incidence_seen_only():
+    incidence_deg = np.linspace(30.0, 50.0, 1001)  # 5 % to 95 %: 31 to 49 degrees
+    found, mangia = [6.0, 14.0, 21.0, 3.0], LAWS["mangia"]
+    assert mangia.largest_difference_db(found, found, incidence_deg) == 0.0
+    assert mangia.largest_difference_db([7.5, 14.0, 21.0, 3.0], found, incidence_deg) == pytest.approx(1.5)
+    by_hand = 2.0 * np.cos(np.radians(31.0))
+    weaker = [6.0, 12.0, 21.0, 3.0]
+    assert mangia.largest_difference_db(weaker, found, incidence_deg) == pytest.approx(by_hand, rel=1e-6)

@@ -30,7 +30,7 @@ ALTITUDE, DEPRESSION = 500.0, 30.0
 QUIET = -200.0  # [dB] no noise at all
 FINE = Radar(
     altitude_m=ALTITUDE, depression_deg=DEPRESSION, range_spacing_m=1, azimuth_spacing_m=1, range_resolution_m=2,
-    azimuth_resolution_m=2, nesz_db=-200.0,
+    azimuth_resolution_m=2, nesz_db=-200.0, radiometry="sigma0_local",
 )  # fmt: skip
 CENTRE = ALTITUDE / np.tan(np.radians(DEPRESSION))
 NX, NY = 160, 60  # cells of 1 m

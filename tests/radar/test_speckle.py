@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 from scipy.signal import windows
 
-from radcal.radar.speckle import WIDTH_FACTOR, impulse_response, log_speckle_sd_db, taylor_weights
+from radcal.radar.speckle import (
+    WIDTH_FACTOR,
+    impulse_response,
+    log_speckle_sd_db,
+    speckle_correlation,
+    taylor_weights,
+)
 
 
 @pytest.mark.parametrize("n", [8, 1024])
@@ -45,6 +51,15 @@ def test_impulse_response_sidelobes_are_below_35_db() -> None:
     level_db = 10 * np.log10(power[power.size // 2 :] / power.max())
     first_null = np.flatnonzero(np.diff(level_db) > 0)[0]
     assert -37.0 < level_db[first_null:].max() < -34.0
+
+
+@pytest.mark.parametrize(("resolution", "spacing"), [(2.0, 1.5), (5.0, 1.0)])
+def test_speckle_is_correlated_as_the_impulse_response(resolution: float, spacing: float) -> None:
+    taps = impulse_response(resolution, spacing)
+    lags = np.arange(6)
+    expected = [np.dot(taps[k:], taps[: taps.size - k]) ** 2 for k in lags]
+    np.testing.assert_allclose(speckle_correlation(lags * spacing / resolution), expected, atol=0.002)
+    assert speckle_correlation(np.array([0.0])) == pytest.approx([1.0], rel=1e-12)
 
 
 def test_log_speckle_sd_of_four_looks() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from radcal.radar.texture import log_speckle_cumulants, texture_db, texture_order
+from radcal.radar.texture import equal_texture, log_speckle_cumulants, texture_db, texture_order
 
 
 @pytest.mark.parametrize("looks", [1.0, 2.5, 4.0, 40.0])
@@ -41,3 +41,12 @@ def test_no_texture_where_looks_are_the_sensors(effective):
 def test_texture_is_a_smooth_function_of_its_order():
     u = np.random.default_rng(2).random(100)
     assert np.abs(texture_db(u, 5.0) - texture_db(u, 5.001)).max() < 0.01
+
+
+def test_equal_texture_adds_the_same_variance_in_db():
+    there = equal_texture(4.0, 2.5, 8.0)
+    added = log_speckle_cumulants(2.5)[1] - log_speckle_cumulants(4.0)[1]
+    assert log_speckle_cumulants(there)[1] - log_speckle_cumulants(8.0)[1] == pytest.approx(added, rel=1e-9)
+    assert equal_texture(8.0, there, 4.0) == pytest.approx(2.5, rel=1e-9)
+    assert equal_texture(4.0, 4.2, 8.0) == pytest.approx(8.4)  # above the sensor's looks there is no texture
+    assert equal_texture(4.0, 2.5, 4.0) == 2.5

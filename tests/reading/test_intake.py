@@ -26,6 +26,21 @@ def test_memory_is_bounded_in_the_block_and_only_there() -> None:
     assert resource.getrlimit(resource.RLIMIT_AS) == before
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="the system has no /proc")
+@pytest.mark.parametrize(("soft", "values", "tighter"), [(1 << 40, 1000, True), (1 << 40, 1 << 36, False)])
+def test_a_limit_that_is_set_already_is_never_widened(
+    monkeypatch: pytest.MonkeyPatch, soft: int, values: int, tighter: bool
+) -> None:
+    limits: list[tuple[int, int]] = []
+    monkeypatch.setattr(resource, "getrlimit", lambda _: (soft, 2 * soft))
+    monkeypatch.setattr(resource, "setrlimit", lambda _, pair: limits.append(pair))
+    with bounded_memory(values):
+        assert (limits[0][0] < soft) is tighter
+        assert limits[0][0] <= soft
+        assert limits[0][1] == 2 * soft
+    assert limits[1:] == [(soft, 2 * soft)]
+
+
 def test_entities_and_document_types_are_refused(tmp_path: Path) -> None:
     (tmp_path / "secret").write_text("secret")
     assert parse_xml(b"<a><b>1</b></a>").findtext("b") == "1"

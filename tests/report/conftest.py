@@ -13,7 +13,8 @@ import pytest
 
 from radcal import skewnormal
 from radcal.calibration.conclusion import conclude
-from radcal.calibration.history import History, Proposal, Run
+from radcal.calibration.history import History, Proposal, Run, Score
+from radcal.calibration.moments import from_dp
 from radcal.config import Case, RegistrationConfig, Stop, case_from
 from radcal.measurement.goodness import Goodness
 from radcal.measurement.model import Measurement
@@ -28,8 +29,8 @@ from radcal.storage.runs import Record, RunStore
 HIDDEN = [6.1, 14.2, 21.5, 3.3]
 # the density's xi is this far from the target's in successive runs, per material
 SHIFTS = {
-    "dyke": {"reference": [9.0], "design": [5.0, -6.0, 2.0], "infill": [0.2, 1e-6]},
-    "stem beans": {"reference": [-40.0], "design": [3.0, 1.0, -7.0], "infill": [0.5, 0.6]},
+    "dyke": {"reference": [9.0], "design": [5.0, -6.0, 2.0, 4.0], "infill": [0.2, 1e-6]},
+    "stem beans": {"reference": [-40.0], "design": [3.0, 1.0, -7.0, 2.0], "infill": [0.5, 0.6]},
 }
 
 
@@ -165,6 +166,8 @@ def make_archive(
             looks=1.2 if name == "stem beans" else 3.0,
             left_out={"near other ground": 12, "without data": 3},
             cp_interval=np.add.outer(skewnormal.centred(fit.dp), [-0.3, 0.3]),
+            patch=np.zeros(drawn.size, dtype=np.int64),
+            block=np.zeros(drawn.size, dtype=np.int64),
             goodness=Goodness(0.04, 0.4, 0.5, 0.01 if name == "stem beans" else 0.3),
         )
 
@@ -184,28 +187,24 @@ def make_archive(
                 for name in shifts:
                     floor = floors.get(name, [None] * 99)[index]
                     promised = 1e-9 if floor is None else skewnormal.density_rms(dp[name], targets[name].dp)
-                    proposals[name] = Proposal([1.0] * 4, "ended" if ended[name] else "exploit", promised, floor)
+                    mode = "ended" if ended[name] else "exploit"
+                    proposals[name] = Proposal([1.0] * 4, mode, cost=promised, floor=floor)
                     ended[name] |= abs(shifts[name][kind][index]) < 1e-4
-            runs.append(
-                Run(
-                    kind=kind,
-                    index=index,
-                    key=f"{kind}{index:04d}",
-                    seconds=0.1 + 0.2 * index,
-                    parameters={
-                        name: [-12.0]
-                        if kind == "reference" and name in other_start
-                        else [10.0, 10.0, 10.0, 10.0]
-                        if kind == "reference"
-                        else [50.0, *rng.uniform(1, 49, 3).tolist()]
-                        for name in shifts
-                    },
-                    dp=dp,
-                    rms={name: skewnormal.density_rms(dp[name], t.dp) for name, t in targets.items()},
-                    proposals=proposals,
-                    other_law=list(other_start) if kind == "reference" else [],
+            scores = {}
+            for name, target in targets.items():
+                start = [-12.0] if name in other_start else [10.0, 10.0, 10.0, 10.0]
+                rms = skewnormal.density_rms(dp[name], target.dp)
+                scores[name] = Score(
+                    parameters=start if kind == "reference" else [50.0, *rng.uniform(1, 49, 3).tolist()],
+                    dp=dp[name],
+                    rms=rms,
+                    statistics=from_dp(dp[name])[None].tolist(),
+                    looks=float(case.radar.looks),
+                    cost=rms,
+                    own_law=kind != "reference" or name not in other_start,
                 )
-            )
+            key = f"{kind}{index:04d}"
+            runs.append(Run(kind, index, key, seconds=0.1 + 0.2 * index, scores=scores, proposals=proposals))
     history = History(runs)
     registered = register(measured, measurement, RegistrationConfig(method="none"))
     if moved:

@@ -77,7 +77,7 @@ def page(made, pictures, tmp_path_factory):
 
 def test_verdict_comes_first_and_claims_no_more_than_the_density(page):
     text = page[1].text
-    assert "Stopped after 5 runs with stem beans outside the tolerance of 1.0" in text
+    assert "Stopped after 6 runs with stem beans outside the tolerance of 1.0" in text
     order = [
         "Stopped after",
         "What has been shown",
@@ -116,18 +116,18 @@ def test_the_first_line_says_whether_a_law_was_found_or_a_histogram_matched(page
     archive = changed_check(checked(made.archive), "stem beans", identified=True)
     text = render(tmp_path / "report.html", archive)[1].text
     assert (
-        "Converged: the stop criterion is met for the laws of 2 materials after 5 runs. What was matched is the law"
+        "Converged: the stop criterion is met for the laws of 2 materials after 6 runs. What was matched is the law"
         in text
     )
     archive = changed_check(archive, "stem beans", identified=False)
     text = render(tmp_path / "report.html", archive)[1].text
     assert (
-        "materials after 5 runs. The law of stem beans is not identified by this image. Held-out ground is "
+        "materials after 6 runs. The law of stem beans is not identified by this image. Held-out ground is "
         "predicted no better by the law of stem beans than by a constant."
     ) in text
     archive = changed_material(replace(archive, converged=False, reason="max_runs"), "dyke", reason="max_runs")
     text = render(tmp_path / "report.html", archive)[1].text
-    assert "Stopped after 5 runs before the stop criterion was met for the law of dyke: maximum number of runs." in text
+    assert "Stopped after 6 runs before the stop criterion was met for the law of dyke: maximum number of runs." in text
 
 
 def test_held_out_ground_has_a_table(page, made, tmp_path):
@@ -191,7 +191,7 @@ def test_tables(page):
     assert "X1 is at its upper bound (50 dB)" in text
     runs = text[text.index("Runs of the simulator") :]
     assert re.findall(r"(reference|design|infill|final|total)\s*(\d+)", runs)[:5] == [
-        ("reference", "1"), ("design", "3"), ("infill", "2"), ("final", "1"), ("total", "7"),
+        ("reference", "1"), ("design", "4"), ("infill", "2"), ("final", "1"), ("total", "8"),
     ]  # fmt: skip
     assert "50.00 (at bound)" in text
     assert "More skewed than a skew normal can be" in text  # at_boundary of the stem beans
@@ -205,8 +205,8 @@ def test_tables(page):
     ("attributes", "words"),
     [
         ({"converged": True, "reason": "rms"}, "Converged: the backscatter densities of all 2 materials agree with"),
-        ({"converged": False, "reason": "running"}, "Not finished: after 5 runs the backscatter densities of all 2"),
-        ({"converged": False, "reason": "max_runs"}, "Stopped after 5 runs with stem beans outside the tolerance"),
+        ({"converged": False, "reason": "running"}, "Not finished: after 6 runs the backscatter densities of all 2"),
+        ({"converged": False, "reason": "max_runs"}, "Stopped after 6 runs with stem beans outside the tolerance"),
     ],
 )
 def test_verdicts(made, tmp_path, attributes, words):

@@ -19,13 +19,13 @@ from radcal.report.summary import summarise
 
 def test_every_run_is_there_in_order(made):
     with h5py.File(made.path) as file:
-        assert file["runs/kind"].asstr()[()].tolist() == ["reference", *["design"] * 3, *["infill"] * 2]
-        assert file["runs/index"][()].tolist() == [0, 0, 1, 2, 0, 1]
+        assert file["runs/kind"].asstr()[()].tolist() == ["reference", *["design"] * 4, *["infill"] * 2]
+        assert file["runs/index"][()].tolist() == [0, 0, 1, 2, 3, 0, 1]
         assert file["runs/key"].asstr()[()].tolist() == [run.key for run in made.history.runs]
         for name in made.targets:
             group = file[f"materials/{name}"]
             for key in ("parameters", "dp", "rms"):
-                np.testing.assert_array_equal(group[key], [getattr(run, key)[name] for run in made.history.runs])
+                np.testing.assert_array_equal(group[key], [getattr(run.scores[name], key) for run in made.history.runs])
 
 
 def test_promises_of_proposals_not_computed_are_nan(made):
@@ -56,8 +56,8 @@ def test_how_it_ended(made):
         assert file.attrs["reason"] == "unreachable"
         assert not file.attrs["converged"]
         assert file["materials/dyke"].attrs["reason"] == "rms"
-        assert file["materials/dyke"].attrs["best"] == 5
-        assert file["materials/stem beans"].attrs["best"] == 4
+        assert file["materials/dyke"].attrs["best"] == 6
+        assert file["materials/stem beans"].attrs["best"] == 5
         assert [sentence.split(":")[0] for sentence in file.attrs["sentences"]] == list(made.targets)
         # the calibrated run is the last infill run, only the one with fresh numbers is new
         assert file.attrs["final_runs"] == 1

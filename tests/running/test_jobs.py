@@ -182,6 +182,7 @@ def test_lines_of_a_job_elsewhere_are_shown_whole_and_once(tmp_path, monkeypatch
     monkeypatch.delenv(STARTED, raising=False)
     monkeypatch.delenv(FAILURE, raising=False)
     progress("run 1")
+    follower._show()  # as its thread does every second
     with pytest.raises(SystemExit), logged(tmp_path / "job.log"):
         raise MeasurementError("image.tif has 3 bands, expected one.")
     with path.open("a") as file:

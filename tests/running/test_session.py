@@ -26,7 +26,7 @@ def _folder(tmp_path, monkeypatch):
         monkeypatch.setenv(name, "before")  # put back afterwards, whatever the session sets
 
 
-def test_a_command_opens_the_session_of_its_case(tmp_path, caplog):
+def test_a_command_opens_the_session_of_its_case(tmp_path):
     (tmp_path / "mine.yaml").write_text("case: mine\nstop: {rms: 1.0e-3}\n")
     logger = logging.getLogger("of snakemake")
     session = open_session(["mine.yaml"], {"stop": {"rms": 1e-3}, "seed": "7"}, ["seed=7"], False, logger)
@@ -44,7 +44,7 @@ def test_a_command_opens_the_session_of_its_case(tmp_path, caplog):
         ("stop: {rmss: 1}", [], "mine.yaml: unknown key stop.rmss (did you mean 'rms'?)"),
         ("seed: 1", ["seed=1", "seed=2"], "--config: seed is given twice"),
         (
-            "measurement: {source: file, path: no.tif, scale: db}",
+            "measurement: {source: file, path: no.tif, scale: db, radiometry: sigma0_ref}",
             [],
             "measurement.path: the file no.tif does not exist",
         ),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import atexit
+import errno
 import logging
 import os
 import subprocess
@@ -9,7 +11,7 @@ import sys
 
 import pytest
 
-from radcal.running.terminal import Messages
+from radcal.running.terminal import Guarded, Messages
 
 PRINTS = """
 import logging, os, sys
@@ -46,6 +48,31 @@ def test_what_somebody_reads_is_whole(tmp_path):
     done = subprocess.run([sys.executable, "prints.py"], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert done.stdout.splitlines() == [f"line {k}" for k in range(3000)]
     assert done.stderr == "".join(f"line {k}\nline {k}\n" for k in range(3000)) + "child"
+
+
+class FailsOnce:
+    """A file whose first text meets an error of the system."""
+
+    def __init__(self, file, number):
+        self._file, self._number = file, number
+        self.fileno, self.flush = file.fileno, file.flush
+
+    def write(self, text):
+        if self._number:
+            self._number, number = 0, self._number
+            raise OSError(number, "")
+        self._file.write(text)
+
+
+@pytest.mark.parametrize(("number", "left"), [(errno.ENOSPC, "later"), (errno.EPIPE, "")])
+def test_a_full_disk_may_have_room_again_and_a_closed_pipe_stays_closed(tmp_path, number, left):
+    with (tmp_path / "out.txt").open("w") as file:
+        guarded = Guarded(FailsOnce(file, number))
+        atexit.unregister(guarded._end)
+        assert guarded.write("lost") == 4
+        guarded.write("later")
+        guarded.flush()
+    assert (tmp_path / "out.txt").read_text() == left
 
 
 def shown(messages: Messages, text: str) -> str | None:

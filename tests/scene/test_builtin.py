@@ -9,6 +9,7 @@ from radcal.config import BuiltinScene, Case, Radar
 from radcal.errors import SceneError
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
+from radcal.scene import builtin as module
 from radcal.scene.builtin import MATERIALS, ROUGHNESS, builtin_scene
 from radcal.scene.model import Scene, read_scene, write_scene
 from radcal.scene.sources import make_scene
@@ -21,7 +22,7 @@ def builtin() -> Scene:
 
 @pytest.fixture(scope="module")
 def default_geometry(builtin: Scene) -> Geometry:
-    return make_geometry(builtin, Radar())
+    return make_geometry(builtin, Radar(radiometry="sigma0_local"))
 
 
 def test_same_seed_same_scene(builtin: Scene) -> None:
@@ -48,6 +49,33 @@ def test_scene_is_two_kilometres_of_real_relief(builtin: Scene) -> None:
     assert builtin.material.dtype == np.uint8
     assert np.isfinite(builtin.elevation_m).all()
     assert 200 < builtin.elevation_m.min() < builtin.elevation_m.max() < 1000  # of the Jacksboro fault
+
+
+@pytest.mark.parametrize("length_m", [15.0, 40.0])
+def test_roughness_has_its_correlation_length(length_m: float) -> None:
+    """Gaussian correlation exp(-d^2 / L^2): 1/e at the distance L, in both directions."""
+    field = module._correlated(np.random.default_rng(3), (400, 400), length_m)
+    assert field.std() == pytest.approx(1.0)
+    apart = round(length_m / module.CELL_M)
+    # about 400^2 / (pi / 2 (L / cell)^2) independent squares: an error of 1 to 3 %
+    for one, two in ((field[apart:], field[:-apart]), (field[:, apart:], field[:, :-apart])):
+        assert np.mean(one * two) == pytest.approx(np.exp(-1.0), abs=0.06)
+
+
+def test_ground_is_level_beside_the_dyke_and_the_terrains_elsewhere(builtin: Scene) -> None:
+    centres = (np.arange(400) + 0.5) * 5.0
+    north, east = np.meshgrid(centres, centres, indexing="ij")
+    across = east - module._dyke_axis_m(north)
+    at_dyke, own = module._terrain(module._dyke_axis_m(north), north), module._terrain(east, north)
+    grass = builtin.material == 3
+    beside = grass & (((across > -88.0) & (across < -73.0)) | ((across > 103.0) & (across < 121.0)))
+    away = grass & (np.abs(across - 50.0) > 420.0)
+    assert min(beside.sum(), away.sum()) > 1000
+    assert np.abs(at_dyke - own)[beside].mean() > 2.0  # relief that has been levelled
+    for level, where in ((at_dyke, beside), (own, away)):
+        left = (builtin.elevation_m - level)[where]
+        assert left.std() == pytest.approx(ROUGHNESS["grass"][0], rel=0.1)
+        assert abs(left.mean()) < 0.05
 
 
 def test_seven_materials_cover_the_scene(builtin: Scene) -> None:

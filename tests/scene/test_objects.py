@@ -20,10 +20,10 @@ from pyproj import CRS
 from radcal.config import case_from
 from radcal.errors import ConfigError, SceneError
 from radcal.scene.model import Scene, read_scene, write_scene
-from radcal.scene.object_generator import generate_objects
+from radcal.scene.object_generator import BUILDING, CAR, TREE, generate_objects
 from radcal.scene.object_tables import Place, read_objects
 from radcal.scene.objects import Objects, check_curve
-from radcal.scene.sources import make_scene
+from radcal.scene.sources import _objects, make_scene
 
 UTM = "EPSG:32631"
 LOCAL = Place((200.0, 100.0))
@@ -401,6 +401,23 @@ def test_buildings_do_not_overlap_and_nothing_stands_in_them(seed: int) -> None:
     assert shapely.box(0, 0, 600, 400).buffer(1e-6).contains(houses).all()
     assert (made.width_m <= made.length_m).all()
     assert made.height_m.min() > 1.0
+
+
+def test_cross_sections_are_of_the_footprints_area() -> None:
+    made = generate_objects((3000.0, 2000.0), 1, trees=4000, cars=4000, buildings=4000)
+    per_area = made.rcs_dbsm - 10.0 * np.log10(made.length_m * made.width_m)
+    for k, kind in enumerate((BUILDING, TREE, CAR)):
+        own = per_area[made.kind == k]
+        # normal: four standard errors of the mean and of the standard deviation
+        assert own.mean() == pytest.approx(kind.rcs_db_per_m2, abs=4 * kind.spread_db / np.sqrt(4000))
+        assert own.std() == pytest.approx(kind.spread_db, rel=4 / np.sqrt(8000))
+
+
+def test_generated_objects_fill_a_scene_that_is_not_square(build_scene: Callable[..., Scene]) -> None:
+    scene = build_scene(lambda east, north: 0 * east, cells=(12, 50), cell_m=3.0)
+    made = _objects(configured({"generate": {"trees": 500, "seed": 3}}).objects, scene)
+    assert 140.0 < made.x_m.max() < 150.0
+    assert 30.0 < made.y_m.max() < 36.0
 
 
 def test_a_crowd_of_buildings_is_refused() -> None:

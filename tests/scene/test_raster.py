@@ -5,14 +5,15 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 import rasterio
 from affine import Affine
-from pyproj import CRS, Transformer
-from scipy.ndimage import binary_erosion
+from pyproj import CRS, Geod, Transformer
+from scipy.ndimage import binary_erosion, gaussian_filter
 from sealed import changed
 
 from radcal.config import Radar, RasterScene
@@ -208,6 +209,54 @@ def test_coarse_cells_take_the_mean_height_and_the_most_frequent_material(build:
     assert any("averaged" in note and "majority" in note for note in scene.notes)
 
 
+def test_of_equally_frequent_materials_the_lowest_id_counts(build: Build) -> None:
+    ids = np.full(SHAPE, 3, dtype=np.uint8)
+    ids[::2] = 2
+    ids[:, :20] = 1
+    assert (raster_scene(build(ids=ids, cell_m=20.0)).material == np.where(np.arange(30) < 10, 1, 2)).all()
+
+
+def test_cells_of_which_half_is_known_take_the_mean_of_that_half(build: Build) -> None:
+    heights = np.random.default_rng(4).normal(50.0, 5.0, SHAPE)
+    heights[10, 20:22] = heights[30:32, 40] = heights[31, 41] = np.nan  # two of four pixels, and three
+    scene = raster_scene(build(heights, cell_m=20.0, profile={"nodata": np.nan}))
+    assert scene.elevation_m[19, 10] == pytest.approx(heights[11, 20:22].mean())
+    assert np.argwhere(scene.material == 0).tolist() == [[9, 20]]
+
+
+def test_pixels_narrower_than_high_are_averaged_in_their_cells(build: Build) -> None:
+    heights = np.random.default_rng(5).normal(50.0, 5.0, 120) * np.ones((25, 1))
+    narrow = Affine(5.0, 0.0, WEST, 0.0, -20.0, SOUTH + 500.0)
+    scene = raster_scene(build(heights, transform=narrow, cell_m=20.0))
+    np.testing.assert_allclose(scene.elevation_m, heights[::-1].reshape(25, 30, 4).mean(axis=-1), rtol=1e-9)
+    assert "elevation averaged" in scene.notes[1]
+
+
+def test_cells_have_the_area_of_pixels_in_degrees(build: Build) -> None:
+    pixels = Affine(0.0001, 0.0, 4.47, 0.0, -0.0002, 52.17)
+    heights = np.full((60, 90), 40.0)
+    scene = raster_scene(build(heights, crs="EPSG:4326", transform=pixels, vertical_datum="EGM96", ids_crs="EPSG:4326",
+                               ids_transform=pixels, ids=np.ones((60, 90), dtype=np.uint8)))  # fmt: skip
+    geod = Geod(ellps="WGS84")
+    _, _, width = geod.inv(4.4745, 52.164, 4.4746, 52.164)
+    _, _, height = geod.inv(4.4745, 52.1639, 4.4745, 52.1641)
+    assert scene.cell_m == float(f"{np.sqrt(width * height):.3g}")
+
+
+def test_the_scene_ends_where_either_raster_ends(build: Build) -> None:
+    part = Affine(10.0, 0.0, WEST + 120.0, 0.0, -10.0, SOUTH + 430.0)
+    ids = np.ones((30, 20), dtype=np.uint8)
+    scene = raster_scene(build(ids=ids, ids_transform=part))
+    assert scene.transform == (10.0, 0.0, WEST + 120.0, 0.0, 10.0, SOUTH + 130.0)
+    assert scene.material.shape == (30, 20)
+
+
+def test_bounds_between_cells_leave_out_the_parts(build: Build) -> None:
+    scene = raster_scene(build(bounds=[WEST + 103.0, SOUTH + 57.0, WEST + 309.0, SOUTH + 251.0]))
+    assert scene.transform == (10.0, 0.0, WEST + 110.0, 0.0, 10.0, SOUTH + 60.0)
+    assert scene.material.shape == (19, 19)
+
+
 def test_bounds_cut_the_scene(build: Build) -> None:
     bounds = [WEST + 100.0, SOUTH + 50.0, WEST + 305.0, SOUTH + 250.0]
     scene = raster_scene(build(bounds=bounds))
@@ -258,6 +307,7 @@ def test_web_mercator_is_no_grid_in_metres(build: Build) -> None:
         ("EPSG:2048", "whose coordinates grow to the west"),
         ("EPSG:32631+5773", "has a vertical axis: heights are not transformed"),
         ("EPSG:32621", "whose metre is"),
+        ("EPSG:4087", r"whose metre is 1\.6\d+ times"),  # true along meridians, not along parallels
     ],
 )
 def test_crs_that_give_no_grid_in_metres(build: Build, crs: str, words: str) -> None:
@@ -284,7 +334,8 @@ def test_gaps_are_filled_and_counted(build: Build) -> None:
     scene = raster_scene(build(heights, ids, profile={"nodata": -9999.0}))
     np.testing.assert_array_equal(scene.material == 0, (gaps | (ids == 0))[::-1])
     np.testing.assert_allclose(scene.elevation_m[~gaps[::-1]], heights[::-1][~gaps[::-1]], atol=1e-9)
-    np.testing.assert_allclose(scene.elevation_m, plane(*centres(scene)), atol=5.0)  # 25 m of a slope of 0.2
+    # inverse distances: about the height of a cell of the slope, 2.2 m along its fall
+    np.testing.assert_allclose(scene.elevation_m, plane(*centres(scene)), atol=2.3)
     assert "20 of 3000 cells have no elevation: filled from around them, no material" in scene.notes
     assert "32 of 3000 cells have no material" in scene.notes
 
@@ -377,6 +428,7 @@ def test_names_of_datums_that_are_the_same() -> None:
     assert same_datum("WGS84 ellipsoid", "WGS 84 ellipsoidal height")
     assert same_datum("ellipsoid", "WGS 84 ellipsoid")
     assert not same_datum("GRS 1980 ellipsoid", "WGS 84 ellipsoid")
+    assert not same_datum("ellipsoid", "EGM96 height")
     assert not same_datum("EGM96 height", "EGM2008 height")
     # libraries write "unknown" where a file names a unit of heights and nothing else
     unknown = (
@@ -387,11 +439,17 @@ def test_names_of_datums_that_are_the_same() -> None:
     assert vertical_datum(CRS.from_wkt(unknown)) is None
 
 
-def test_a_missing_grid_of_shifts_is_told() -> None:
+@pytest.mark.parametrize(("accuracy", "said"), [(2.5, "is accurate to 2.5 m"), (-1.0, "has no known accuracy")])
+def test_a_missing_grid_of_shifts_is_told(monkeypatch: pytest.MonkeyPatch, accuracy: float, said: str) -> None:
     assert transformation_note(CRS(4326), CRS(UTM), "it") is None
-    # OSGB36: the grid is not part of PROJ's own data
-    note = transformation_note(CRS(27700), CRS(32630), "it")
-    assert note is None or "needs a grid that is not installed" in note
+    # which grids are installed depends on the machine
+    missing = SimpleNamespace(best_available=False, transformers=[SimpleNamespace(accuracy=accuracy)])
+    monkeypatch.setattr("pyproj.transformer.TransformerGroup", lambda *_, **__: missing)
+    note = transformation_note(CRS(27700), CRS(32630), "scene.materials")
+    assert note == (
+        "scene.materials: the best transformation from OSGB36 / British National Grid to WGS 84 / UTM zone 30N needs a "
+        f"grid that is not installed; the one used {said}."
+    )
 
 
 @pytest.mark.parametrize("key", ["elevation", "materials"])
@@ -508,6 +566,7 @@ def test_rasters_of_different_places(build: Build) -> None:
 
 
 def test_too_few_and_too_many_cells(build: Build) -> None:
+    assert raster_scene(build(cell_m=62.0)).material.shape == (8, 9)
     with pytest.raises(SceneError, match=r"scene\.cell_m is 80, which makes 7 x 6 cells .*expected at least 8 x 8"):
         raster_scene(build(cell_m=80.0))
     with pytest.raises(
@@ -586,3 +645,27 @@ def test_an_error_of_the_heights_is_one_of_the_slopes(build: Build, tmp_path: Pa
     assert plain.identity == scene.identity
     write_scene(tmp_path / "scene.h5", scene)
     assert read_scene(tmp_path / "scene.h5").slope_error_deg == scene.slope_error_deg
+
+
+def test_whole_metres_are_an_error_of_the_slopes(build: Build) -> None:
+    smooth = gaussian_filter(np.random.default_rng(2).standard_normal(SHAPE), 4.0)
+    heights = 50.0 + 8.0 * smooth / smooth.std()
+    plain = raster_scene(build(heights))
+    assert plain.slope_error_deg == 0.0
+    assert "steps" not in " ".join(plain.notes)
+    whole = raster_scene(build(np.round(heights).astype(np.int16)))
+    errors = np.diff(whole.elevation_m - plain.elevation_m, axis=1) / whole.cell_m
+    assert whole.slope_error_deg == pytest.approx(np.degrees(np.arctan(errors.std())), rel=0.1)
+    assert whole.notes[3] == (
+        "heights are in steps of 1 m: their rounding error of 0.29 m enters scene.elevation_error_m (now 0.29 m, a "
+        "slope error of 2.3 deg)"
+    )
+    # in quadrature with the configured error
+    both = raster_scene(build(np.round(heights).astype(np.int16), elevation_error_m=0.3))
+    assert np.tan(np.radians(both.slope_error_deg)) == pytest.approx(np.sqrt(2 * (0.3**2 + 1 / 12)) / 10.0, rel=1e-6)
+    # steps of the file's numbers times its scale
+    config = build(np.round(10 * heights).astype(np.int16), crs=UTM, vertical_datum="NAP")
+    with rasterio.open(config.elevation, "r+") as raster:
+        raster.scales, raster.offsets = (0.1,), (5.0,)
+    tenths = raster_scene(config)
+    assert tenths.slope_error_deg == pytest.approx(whole.slope_error_deg / 10, rel=0.01)

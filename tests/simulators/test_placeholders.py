@@ -92,6 +92,7 @@ def test_a_range_may_have_a_format():
     [
         ("{dyke.X1:1..9}", r"^key: dyke\.X1:1\.\.9 has a range, which only noise_seed may have\.$"),
         ("{noise_seed:9..1}", r"^key: the range of noise_seed is 9\.\.1, expected lower < upper\.$"),
+        ("{noise_seed:9..9}", r"^key: the range of noise_seed is 9\.\.9, expected lower < upper\.$"),
         ("{noise_seed:1...9}", r"noise_seed cannot be written as '1\.\.\.9'"),
     ],
 )

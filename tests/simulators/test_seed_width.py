@@ -27,7 +27,7 @@ def case_of(words: list[str], sections: dict[str, Any] | None = None, **simulato
         {
             "case": "mine",
             "materials": MATERIALS,
-            "measurement": {"source": "file", "path": "m.tif", "scale": "db"},
+            "measurement": {"source": "file", "path": "m.tif", "scale": "db", "radiometry": "sigma0_ref"},
             "simulator": {
                 "kind": "command",
                 "command": ["sh", "{dyke.a}", "{dyke.n}", *words],
@@ -78,6 +78,16 @@ def test_runs_of_an_earlier_case_bring_their_width(tmp_path: Path) -> None:
     case = case_of(["{noise_seed}"], {"design": {"reuse": "earlier"}})
     assert with_seed_bits(case, tmp_path).simulator.seed_width == 63
     assert with_seed_bits(case_of(["{noise_seed}"]), tmp_path).simulator.seed_width == 31
+    # the case's own goes before the earlier one's
+    with provenance("mine"):
+        write_json(tmp_path / "mine/simulator.json", {"kind": "command", "seed_bits": 40})
+    assert with_seed_bits(case, tmp_path).simulator.seed_width == 40
+
+
+@pytest.mark.parametrize(("seed", "width"), [(2**31 - 1, 31), (2**31, 63)])
+def test_the_smallest_seed_that_no_c_int_holds_is_of_an_earlier_version(tmp_path: Path, seed: int, width: int) -> None:
+    put_run(tmp_path / "mine", "a", seed)
+    assert with_seed_bits(case_of(["{noise_seed}"]), tmp_path).simulator.seed_width == width
 
 
 def test_a_program_without_its_seed_is_refused_unless_it_takes_none() -> None:

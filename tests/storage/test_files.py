@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import socket
 import subprocess
 import sys
@@ -11,7 +12,17 @@ from pathlib import Path
 import pytest
 
 from radcal.errors import StoreError
-from radcal.storage.files import atomic, clamp_future_mtimes, digest, first_difference, sweep, working_folder
+from radcal.storage.files import (
+    alive,
+    atomic,
+    clamp_future_mtimes,
+    digest,
+    first_difference,
+    sweep,
+    sweep_scripts,
+    unwritable,
+    working_folder,
+)
 
 
 def left_in(folder: Path) -> list[str]:
@@ -108,8 +119,7 @@ def test_digest_is_of_the_data_not_of_its_order() -> None:
     assert digest({"a": 1, "b": [1, 2]}) == digest({"b": [1, 2], "a": 1})
     assert digest([1, 2]) != digest([2, 1])
     assert digest({"a": 1.0}) != digest({"a": 1.0 + 2**-52})
-    assert len(digest({})) == 20
-    assert int(digest({}), 16) >= 0
+    assert re.fullmatch("[0-9a-f]{20}", digest({}))
     # the same in every session and on every machine
     assert digest({"a": 1}) == digest(json.loads('{"a": 1}')) == "015abd7f5cc57a2dd94b"
 
@@ -138,6 +148,39 @@ def test_sweep_removes_partials_of_dead_processes_only(tmp_path: Path) -> None:
     assert not dead.exists()
     assert all(path.exists() for path in kept)
     assert sweep(tmp_path) == 0
+
+
+def test_the_partial_file_of_another_user_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The system refuses to signal a process of another user, which lives."""
+    partial = tmp_path / f".partial-{socket.gethostname()}-4242-a.h5"
+    partial.write_text("")
+
+    def refuse(pid: int, signal: int) -> None:
+        raise {4242: PermissionError, 4243: ProcessLookupError}[pid]
+
+    monkeypatch.setattr(os, "kill", refuse)
+    assert (alive(4242), alive(4243)) == (True, False)
+    assert sweep(tmp_path) == 0
+    assert partial.exists()
+
+
+def test_scripts_of_this_case_alone_are_swept(tmp_path: Path) -> None:
+    for name, log in (("tmp1.py", "results/dyke/logs/run.log"), ("tmp2.py", "results/dyke2/logs/run.log")):
+        (tmp_path / name).write_text(f"log = '{log}'")
+    (tmp_path / "own.py").write_text("results/dyke/logs/")
+    assert sweep_scripts(tmp_path, "results/dyke") == 1
+    assert left_in(tmp_path) == ["own.py", "tmp2.py"]
+
+
+def test_a_folder_that_cannot_be_written_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What stands in the case's own ``external`` is somebody else's, but not in a folder of that name further down."""
+    for name in ("external/inner", "iterations/external"):
+        (tmp_path / name).mkdir(parents=True)
+    refused = {tmp_path / "external" / "inner"}
+    monkeypatch.setattr(os, "access", lambda path, mode: Path(path) not in refused)
+    assert unwritable(tmp_path) is None
+    refused.add(tmp_path / "iterations" / "external")
+    assert unwritable(tmp_path) == tmp_path / "iterations" / "external"
 
 
 def test_partial_of_a_killed_process_is_swept(tmp_path: Path) -> None:

@@ -130,6 +130,33 @@ def test_the_file_is_what_the_table_says(tmp_path: Path) -> None:
         assert file["curves/a"].attrs["names"].tolist() == ["u"]
 
 
+@pytest.mark.parametrize(("size", "compression"), [(255, None), (256, "gzip")])
+def test_arrays_of_a_kilobyte_are_compressed(tmp_path: Path, size: int, compression: str | None) -> None:
+    kept(example(image_db=np.zeros((1, size), dtype=np.float32)), tmp_path / "a.h5")
+    with h5py.File(tmp_path / "a.h5", "r") as file:
+        assert file["image_db"].compression == compression
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "alike"),
+    [
+        (np.nan, np.nan, True),
+        (0.0, -0.0, False),
+        ({"a": 1, "b": 2}, {"b": 2, "a": 1}, False),  # the order of a mapping is kept, too
+        ({"a": 1}, {"a": 1, "b": 2}, False),
+        ((1, 2), (1, 2, 3), False),
+        (1, 1.0, False),
+        (np.zeros(2), np.zeros(2, dtype=np.float32), False),
+        (np.zeros((1, 2)), np.zeros((2, 1)), False),
+        (np.array([np.nan]), np.array([np.nan]), True),
+        (np.array(["a", None], dtype=object), np.array(["a", None], dtype=object), True),
+    ],
+)
+def test_what_is_the_same(one: object, other: object, alike: bool) -> None:
+    assert same(one, other) is alike
+    assert same(other, one) is alike
+
+
 def test_a_field_with_a_default_may_be_missing_and_no_other(tmp_path: Path) -> None:
     kept(example(), tmp_path / "a.h5")
     with h5py.File(tmp_path / "a.h5", "r+") as file:

@@ -13,10 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sealed import changed
 
-from radcal.errors import DamagedError, StoreError
-from radcal.storage.inspection import SCHEMAS, inspect
+from radcal.errors import ConfigError, DamagedError, StoreError
+from radcal.storage.inspection import SCHEMAS, inspect, set_aside
 from radcal.storage.provenance import provenance
-from radcal.storage.records import read_hdf5, read_json, write_hdf5, write_json
+from radcal.storage.records import REPLACE, read_hdf5, read_json, write_hdf5, write_json
 from radcal.storage.sealing import seal
 
 X = np.arange(3000, dtype=np.float32)
@@ -106,9 +106,68 @@ def test_of_a_large_file_header_and_size_are_compared_first(tmp_path: Path) -> N
     content[place] ^= 1
     path.write_bytes(content)
     inspect(path, "scene", most_bytes=600)
-    path.write_bytes(content[:-1])
-    with pytest.raises(DamagedError, match="is damaged"):
-        inspect(path, "scene", most_bytes=600)
+    for other in (content[:-1], content + b"\0"):
+        path.write_bytes(other)
+        told = rf"is damaged \({len(other) - 512} bytes after the header, expected {len(content) - 512}\)"
+        with pytest.raises(DamagedError, match=told):
+            inspect(path, "scene", most_bytes=600)
+
+
+def test_a_file_of_the_largest_size_is_read_whole(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.h5")
+    content = bytearray(path.read_bytes())
+    content[-1] ^= 1
+    path.write_bytes(content)
+    inspect(path, "scene", most_bytes=len(content) - 1)
+    with pytest.raises(DamagedError, match="its contents differ from its checksum"):
+        inspect(path, "scene", most_bytes=len(content))
+
+
+def test_a_file_that_somebody_has_replaced_meanwhile_is_not_set_aside(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.h5")
+    number = path.stat().st_ino
+    write(tmp_path / "b.h5", values=X + 1).replace(path)  # while the first one was inspected
+    assert path.stat().st_ino != number
+    set_aside(path, "is damaged", number)
+    assert left_in(tmp_path) == ["a.h5"]
+    inspect(path, "scene")
+    set_aside(path, "is damaged", path.stat().st_ino)
+    assert left_in(tmp_path) == ["a.damaged"]
+
+
+def test_a_file_of_no_case_is_read_in_any(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.h5")
+    with provenance("dyke"), read_hdf5(path, "scene") as file:
+        assert file["x"][1] == 1.0
+
+
+def test_beside_a_finished_calibration_only_the_same_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv(REPLACE, raising=False)
+
+    def protected(values: np.ndarray, looks: int, alike: bool = False) -> None:
+        config = {"radar": {"looks": looks}}
+        with provenance("dyke", config), write_hdf5(path, "scene", protected=True, alike=lambda _: alike) as file:
+            file["x"] = values
+
+    path = tmp_path / "a.h5"
+    protected(X, 4)
+    protected(X + 1, 4)  # no calibration stands on it yet
+    (tmp_path / "calibration.h5").touch()
+    before = path.read_bytes()
+    with pytest.raises(ConfigError, match=r"calibration of another scene \(radar\.looks is 4 there, 8 here\), which"):
+        protected(X + 2, 8)
+    with pytest.raises(ConfigError, match="the files that it is made from are others"):
+        protected(X + 2, 4)
+    protected(X + 1, 8)  # the same numbers
+    assert path.read_bytes() == before
+    protected(X + 2, 4, alike=True)  # other numbers that mean the same
+    assert path.read_bytes() != before
+    monkeypatch.setenv(REPLACE, "1")
+    protected(X + 3, 8)
+    with read_hdf5(path, "scene") as file:
+        assert file["x"][0] == 3.0
 
 
 def test_another_kind_version_or_case_is_named_and_set_aside(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from radcal.radar.geometry import Geometry
 from radcal.radar.laws import LAWS, Law
 from radcal.simulators.runner import Runner
 from radcal.storage.files import digest
-from radcal.storage.runs import Record, RunStore
+from radcal.storage.runs import Record, RunStore, _checksum
 
 X = {"dyke": [6.1, 14.2, 21.5, 3.3], "grass": [10.0, 14.0, 6.0, 4.0]}
 
@@ -420,6 +420,31 @@ def test_a_record_keeps_what_an_earlier_one_held(store: RunStore) -> None:
     record = store.get("k", ["a", "b"], image=True)
     assert record is not None
     np.testing.assert_array_equal(record.pixels_db["a"], [0, 0])
+    np.testing.assert_array_equal(record.image_db, np.ones((2, 2)))
+    # what is put last counts
+    store.put(Record("k", {"a": np.array([3, 4], np.float32)}, np.full((2, 2), 5, np.float32), 0.1), {})
+    latest = store.get("k", ["a", "b"], image=True)
+    assert latest is not None
+    np.testing.assert_array_equal(latest.pixels_db["a"], [3, 4])
+    np.testing.assert_array_equal(latest.image_db, np.full((2, 2), 5))
+    assert store.get("k", ["a", "c"]) is None
+
+
+def test_checksum_of_early_records_is_that_of_the_names_in_order() -> None:
+    a, b, image = np.array([1, 2], np.float32), np.array([3], np.float32), np.array([[4]], np.float32)
+    expected = hashlib.sha256(b"a" + a.tobytes() + b"b" + b.tobytes() + image.tobytes()).hexdigest()
+    assert _checksum({"b": b, "a": a}, image) == _checksum({"a": a, "b": b}, image) == expected
+    assert _checksum({"a": a, "b": b}, None) != expected
+
+
+def test_the_largest_difference_counts_in_either_direction() -> None:
+    def record(**pixels: list[float]) -> Record:
+        return Record("k", {name: np.array(values, np.float32) for name, values in pixels.items()}, None, 0.1)
+
+    one = record(a=[1.0, 2.0], b=[5.0], c=[])
+    assert one.largest_difference_db(record(a=[1.5, 2.0], b=[8.5], c=[])) == 3.5
+    assert one.largest_difference_db(record(a=[1.0, -2.25], b=[5.0], c=[])) == 4.25
+    assert record().largest_difference_db(record()) == 0.0
 
 
 def outside(build_case: Callable[..., Case], radar: dict[str, Any], **simulator: Any) -> Case:

@@ -34,7 +34,7 @@ def refused(project, *words, arguments=("--configfile", "tiny.yaml")):
     [
         ({"sede": 3}, ["tiny.yaml", "sede", "'seed'"]),
         ({"seed": "many"}, ["seed", "'many'", "integer"]),
-        ({"design": {"size": 0}}, ["design.size", "0", "greater"]),
+        ({"design": {"size": -1}}, ["design.size", "-1", "greater"]),
         ({"scene": {"source": "bulitin"}}, ["scene", "bulitin", "builtin"]),
         (
             {"materials": {**MATERIALS, "field": {"calibrate": True, "bounds": [[50, 0]] * 4}}},
@@ -48,7 +48,7 @@ def refused(project, *words, arguments=("--configfile", "tiny.yaml")):
     ids=[
         "unknown key",
         "wrong type",
-        "design size 0",
+        "design size -1",
         "source",
         "bounds reversed",
         "measurement",
@@ -88,7 +88,10 @@ def test_a_key_given_twice_on_the_command_line(project):
 
 
 def test_missing_measurement(project, monkeypatch):
-    project.write(measurement={"source": "file", "path": "nowhere.tif", "scale": "db"} | {"synthetic": None})
+    project.write(
+        measurement={"source": "file", "path": "nowhere.tif", "scale": "db", "radiometry": "sigma0_ref"}
+        | {"synthetic": None}
+    )
     text = (project.folder / "tiny.yaml").read_text().replace("  synthetic: null\n", "")
     (project.folder / "tiny.yaml").write_text(text)
     refused(project, "measurement.path", "nowhere.tif", "does not exist", sentence(project, monkeypatch))
@@ -101,7 +104,7 @@ def test_material_not_in_the_scene(project):
 
 def image(project, values):
     write_raster(project.folder / "image.tif", values.astype(np.float32))
-    case = {"source": "file", "path": "image.tif", "scale": "db"}
+    case = {"source": "file", "path": "image.tif", "scale": "db", "radiometry": "sigma0_ref"}
     project.write()
     import yaml
 

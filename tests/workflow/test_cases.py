@@ -9,16 +9,31 @@ import numpy as np
 import pytest
 import rasterio
 import yaml
-from workflow_project import ROOT
+from workflow_project import ROOT, tiny_case
 
-from radcal.config import case_from, default_yaml, load
+from radcal.calibration.loop import calibrate
+from radcal.calibration.moments import to_dp
+from radcal.calibration.objectives import make_objectives
+from radcal.calibration.smt_kriging import train_smt
+from radcal.calibration.steps import train_all
+from radcal.config import case_from, default_case, default_yaml, load, stages
+from radcal.measurement.sources import make_measurement
+from radcal.measurement.target import Targets
+from radcal.measurement.target_fit import make_target
+from radcal.radar.projection import make_geometry
+from radcal.scene.model import Scene
+from radcal.scene.slant_range import flat_incidence_deg
+from radcal.simulators.builtin import BuiltinSimulator
+from radcal.simulators.runner import Runner
+from radcal.storage.runs import RunStore
 
 CASES = sorted((ROOT / "config").glob("*.yaml"))
+LABELS = np.where(np.arange(60) < 40, 1, 2).astype(np.uint8) * np.ones((50, 1), dtype=np.uint8)
 
 
 def test_the_default_file_is_written_from_the_defaults():
     assert (ROOT / "config/config.yaml").read_text() == default_yaml(), "python -m radcal.config > config/config.yaml"
-    assert load([ROOT / "config/config.yaml"]) == case_from({})
+    assert load([ROOT / "config/config.yaml"]) == default_case()
 
 
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
@@ -34,7 +49,47 @@ def test_the_papers_presets_say_what_the_paper_says():
     assert small.stop.max_runs == 80 + 40
     for case in (paper, small):
         assert (case.surrogate.outputs, case.surrogate.training) == ("direct", "smt")
+        assert not case.has_baseline
+        assert case.radar.radiometry == "sigma0_local"
         assert (case.optimiser.objective, case.optimiser.polish, case.stop.rms) == ("rms", False, 1e-5)
+
+
+def test_the_papers_method_is_a_black_box_after_a_design_without_polish(tmp_path):
+    """``paper_small`` with a design of 8 and two iterations, on a scene of a few thousand pixels."""
+    preset = load([ROOT / "config/paper_small.yaml"]).model_dump(mode="json")
+    changed = tiny_case(
+        **{key: preset[key] for key in ("objective", "surrogate")},
+        design={**preset["design"], "size": 8},
+        optimiser={**preset["optimiser"], "population": 20, "evaluations": 200},
+        stop={**preset["stop"], "max_runs": 10},
+    )
+    case = case_from(changed)
+    scene = Scene("tiny", ("field", "lake"), LABELS, None, 1.0, flat_incidence_deg(15.0, 35.0, len(LABELS)))
+    geometry = make_geometry(scene, case.radar)
+    simulator = BuiltinSimulator(geometry, case.radar, case.laws)
+    measurement = make_measurement(case, geometry, simulator)
+    targets = Targets({"field": make_target("field", geometry, measurement, case.target, case.seed)})
+    runner = Runner(RunStore(tmp_path), simulator, geometry, scene.identity, case)
+    history, decision = calibrate(case, runner, targets)
+    assert not case.has_baseline
+    assert decision.reason == "max_runs"
+    assert [run.kind for run in history.runs] == ["reference"] + ["design"] * 8 + ["infill"] * 2
+    assert len(list(tmp_path.glob("*.h5"))) == len(history.runs)
+    for run in history.infill:
+        proposal = run.proposals["field"]
+        assert proposal.mode == "exploit"
+        assert proposal.cost == proposal.nsga2_cost  # not polished
+        assert proposal.floor is None
+    training = train_all(history, stages.Train.of(case), make_objectives(case, targets))["field"]
+    assert training.direct
+    assert not training.baseline.any()
+    # each of xi, omega and alpha has the length scales that smt finds with its defaults
+    x, statistics = history.training("field")
+    low, high = np.array(case.materials["field"].box).T
+    unit = (x - low) / (high - low)
+    for k, learnt in enumerate(np.moveaxis(to_dp(statistics)[:, 0], -1, 0)):
+        np.testing.assert_array_equal(training.scales[k], train_smt(unit, learnt)[0])
+    assert len(np.unique(training.scales)) > 6
 
 
 @pytest.mark.parametrize("name", ["paper", "paper_small"])
@@ -80,8 +135,8 @@ def test_a_scene_from_gis_rasters_to_the_report(project):
     level = {"pixels": 400, "normalisation": "offset"}
     hidden = {"parameters": {"field": [6.1, 14.2, 21.5, 3.3]}, "seed": 1, "warp_px": 0, "offset_db": 3.0}
     changes = {
-        "case": "gis", "radar": {"altitude_m": 1000.0}, "target": level, "stop": {"rms": 3e-3, "max_runs": 16},
-        "measurement": {"synthetic": hidden},
+        "case": "gis", "radar": {"altitude_m": 1000.0, "radiometry": "sigma0_local"}, "target": level,
+        "stop": {"rms": 3e-3, "max_runs": 16}, "measurement": {"synthetic": hidden},
     }  # fmt: skip
     project.write("asked.yaml", scene=scene, **changes)
     done = project.run("--configfile", "asked.yaml")

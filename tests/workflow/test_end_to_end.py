@@ -37,7 +37,7 @@ def test_a_larger_design_keeps_the_runs_of_a_smaller_one(project):
     assert {name: after[name] for name in before} == before
 
 
-def test_several_materials_share_each_run(project):
+def test_several_materials_share_each_run_and_need_no_design(project):
     truth = {"field": [6.1, 14.2, 21.5, 3.3], "lake": [10.0, 20.0, 5.0, 8.0]}
     project.write(
         materials={
@@ -45,7 +45,8 @@ def test_several_materials_share_each_run(project):
             "lake": {"calibrate": True, "law": "mangia", "start": [5, 5, 5, 5]},
         },
         measurement={"synthetic": {"parameters": truth, "seed": 2}},
-        stop={"rms": 5e-3, "max_runs": 14},
+        design={"size": 0},
+        stop={"rms": 5e-3, "max_runs": 5},
     )
     done = project.run("--configfile", "tiny.yaml")
     assert done.returncode == 0, done.stdout
@@ -59,7 +60,8 @@ def test_several_materials_share_each_run(project):
         n = len(file["runs/kind"])
         assert len(file["materials/field/rms"]) == len(file["materials/lake/rms"]) == n
         modes = {name: file[f"materials/{name}/mode"].asstr()[()] for name in truth}
-    assert n == 1 + 12 + summary["runs"]["infill"]
+    assert n == 1 + summary["runs"]["infill"]
+    assert summary["runs"]["design"] == 0
     assert len(project.records()) == summary["runs"]["total"]
     # whoever ends first repeats its best while the other goes on
     for mode in modes.values():

@@ -54,7 +54,7 @@ def outsider(project: Project, **simulator: object) -> Path:
             **simulator,
         },
         "materials": {"field": field | {"bounds": [[-40, -10], [1, 12]]}, "lake": {"law": "external"}},
-        "measurement": {"source": "file", "path": "measured.tif", "scale": "db"},
+        "measurement": {"source": "file", "path": "measured.tif", "scale": "db", "radiometry": "sigma0_ref"},
         "target": {"pixels": 1000},
         "radar": {"nesz_db": -60},
         "seed": 3,

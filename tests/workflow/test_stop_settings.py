@@ -67,7 +67,7 @@ def walk(project, made, **stop):
     files = [project.out() / "scores.json"]
     files += [project.out() / f"iterations/{k}/verified.json" for k in range(made)]
     for k in range(made + 1):
-        decision = decide(read_runs(files[: k + 1]), ["field"], Stop(**stop))
+        decision = decide(read_runs(files[: k + 1]), ["field"], Stop(**stop), "density")
         if decision.ended:
             return k, decision.reason
     return made, None

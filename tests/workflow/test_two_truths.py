@@ -11,8 +11,9 @@ from scipy.ndimage import gaussian_filter
 from scipy.optimize import least_squares
 
 from radcal import skewnormal
-from radcal.calibration.class_search import class_searches, class_targets
+from radcal.calibration.bin_target import bin_targets
 from radcal.calibration.loop import calibrate
+from radcal.calibration.objectives import make_objectives
 from radcal.calibration.steps import noise_seed
 from radcal.config import Case, case_from
 from radcal.measurement.model import Measurement
@@ -22,7 +23,6 @@ from radcal.measurement.target_fit import make_targets, sampling_rms
 from radcal.radar.geometry import Geometry
 from radcal.radar.laws import LAWS
 from radcal.radar.projection import make_geometry
-from radcal.report.summary import law_difference_db
 from radcal.scene.model import Scene
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.runner import Runner
@@ -44,7 +44,7 @@ class Ground:
                 "materials": {"field": {"calibrate": True, "bounds": BOUNDS}},
                 "measurement": {"synthetic": {"parameters": {"field": FIRST}, "warp_px": 0}},
                 "registration": {"method": "none"},
-                "radar": {"depression_deg": depression_deg},
+                "radar": {"depression_deg": depression_deg, "radiometry": "sigma0_local"},
                 "target": {"pixels": 4000},
                 "design": {"size": 2},
                 "optimiser": {"population": 20, "evaluations": 400},
@@ -93,33 +93,31 @@ def measured(ground: Ground, truth: list[float]) -> tuple[Case, Targets]:
     image = ground.image_db(truth, 20)
     measurement = Measurement(image, "another truth", {"field": truth})
     registered = register(image, measurement, case.registration)
-    return case, class_targets(
-        case, make_targets(case, ground.geometry, registered, image), ground.geometry, registered
-    )
+    return case, bin_targets(case, make_targets(case, ground.geometry, registered, image), ground.geometry, registered)
 
 
 def test_one_density_does_not_tell_them_apart(rough: Ground, twin: list[float]) -> None:
     incidence = rough.geometry.incidence_deg.ravel()[rough.pixels]
     assert skewnormal.density_rms(rough.density(FIRST), rough.density(twin)) < 1e-6
-    assert law_difference_db(LAW, FIRST, twin, incidence) > 1.2
+    assert LAW.largest_difference_db(FIRST, twin, incidence) > 1.2
 
 
 @pytest.mark.parametrize("which", ["first", "second"])
 def test_classes_of_incidence_do_on_rough_ground(rough: Ground, twin: list[float], which: str, tmp_path: Any) -> None:
     truth, other = (FIRST, twin) if which == "first" else (twin, FIRST)
     case, targets = measured(rough, truth)
-    target, search = targets["field"], class_searches(case, targets)["field"]
+    target, objective = targets["field"], make_objectives(case, targets)["field"]
     runs = [(x, rough.image_db(x, noise_seed(case)).ravel()[target.pixels]) for x in (truth, other)]
-    costs = [search.score(x, target.classes.cumulants(values))[1] for x, values in runs]
+    costs = [objective.worth(x, objective.statistics(values))[1] for x, values in runs]
     # half a difference in chi squared: odds of e^5 for the truth
     assert costs[1] - costs[0] > 5.0
     # and the law found is the one and not the other
     runner = Runner(RunStore(tmp_path), rough.simulator, rough.geometry, rough.scene.identity, case)
     history, decision = calibrate(case, runner, targets)
     assert decision.reason == "settled"
-    found = history.best("field").parameters["field"]
+    found = history.best("field").scores["field"].parameters
     incidence = target.incidence_deg
-    assert law_difference_db(LAW, found, truth, incidence) < 0.5 < law_difference_db(LAW, found, other, incidence)
+    assert LAW.largest_difference_db(found, truth, incidence) < 0.5 < LAW.largest_difference_db(found, other, incidence)
 
 
 def test_a_second_pass_does_on_flat_ground() -> None:
@@ -129,5 +127,5 @@ def test_a_second_pass_does_on_flat_ground() -> None:
     assert skewnormal.density_rms(first.density(FIRST), first.density(twin)) < 0.1 * enough
     # not even classes of incidence: the two laws are the same where flat ground is seen
     incidence = first.geometry.incidence_deg.ravel()[first.pixels]
-    assert law_difference_db(LAW, FIRST, twin, incidence) < 0.1
+    assert LAW.largest_difference_db(FIRST, twin, incidence) < 0.1
     assert skewnormal.density_rms(second.density(FIRST), second.density(twin)) > 10.0 * enough

@@ -11,10 +11,10 @@ EARLIER = f"results/{CASE.design.reuse}/runs"
 # Runs of an earlier case, before the reference run, which may be among them.
 rule reuse:
     input:
-        SIMULATOR,
+        every_pass(SIMULATOR),
         scene=rules.scene.output.scene,
-        geometry=rules.geometry.output.geometry,
-        measurement=rules.measurement.output.measurement,
+        geometry=f"{OUT}/geometry.h5",
+        measurement=f"{OUT}/measurement.h5",
     output:
         index=f"{OUT}/reused.json",
     log:
@@ -45,17 +45,17 @@ rule reference_run:
         measurement=rules.measurement.output.measurement,
         reused=REUSED,
     output:
-        index=f"{OUT}/reference.json",
+        index=f"{OUT}/{{at}}reference.json",
     log:
-        f"{OUT}/logs/reference.log",
+        f"{OUT}/logs/{{at}}reference.log",
     benchmark:
-        f"{OUT}/benchmarks/reference.tsv"
+        f"{OUT}/benchmarks/{{at}}reference.tsv"
     threads: 1
     resources:
         mem_mb=memory("run"),
         runtime=minutes("run", 2),
     params:
-        case=STAGES["reference_run"].params(CASE),
+        case=of_pass("reference_run"),
         runs=f"{OUT}/runs",
     message:
         "reference run"
@@ -71,17 +71,18 @@ rule design_chunk:
         target=rules.target.output.target,
         reused=REUSED,
     output:
-        index=f"{OUT}/design/{{chunk}}.json",
+        index=f"{OUT}/{{at}}design/{{chunk}}.json",
     log:
-        f"{OUT}/logs/design/{{chunk}}.log",
+        f"{OUT}/logs/{{at}}design/{{chunk}}.log",
     benchmark:
-        f"{OUT}/benchmarks/design_{{chunk}}.tsv"
+        f"{OUT}/benchmarks/{{at}}design_{{chunk}}.tsv"
     threads: 1
     resources:
         mem_mb=memory("run"),
         runtime=minutes("run", CASE.design.chunk),
     params:
-        case=STAGES["design_chunk"].params(CASE),
+        case=of_pass("design_chunk"),
+        size=CASE.design_size,
         runs=f"{OUT}/runs",
     message:
         "design, chunk {wildcards.chunk}"
@@ -91,10 +92,10 @@ rule design_chunk:
 
 checkpoint scores:
     input:
-        target=rules.target.output.target,
-        reference=rules.reference_run.output.index,
+        target=every_pass(rules.target.output.target),
+        reference=every_pass(rules.reference_run.output.index),
         reused=REUSED,
-        design=expand(rules.design_chunk.output.index, chunk=CHUNKS),
+        design=expand(every_pass(rules.design_chunk.output.index), chunk=CHUNKS),
     output:
         scores=f"{OUT}/scores.json",
     log:

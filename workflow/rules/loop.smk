@@ -8,7 +8,9 @@ def verified(wildcards):
     """Files of the verified iterations until the search ends; a missing file raises, so that Snakemake makes it."""
     files = [checkpoints.scores.get().output.scores]
     k = 0
-    while not decide(read_runs(files), CASE.calibrated, CASE.stop).ended:
+    while not decide(
+        read_runs(files), CASE.calibrated, CASE.stop, CASE.objective
+    ).ended:
         files.append(checkpoints.verify.get(k=k).output.verified)
         k += 1
     return files[1:]
@@ -17,12 +19,6 @@ def verified(wildcards):
 def earlier(wildcards):
     """Files of the verified proposals before this iteration."""
     return [f"{OUT}/iterations/{j}/verified.json" for j in range(int(wildcards.k))]
-
-
-def last_surrogate(wildcards):
-    """File of the earlier iteration's surrogate, from which the training starts; empty for the first iteration."""
-    k = int(wildcards.k)
-    return f"{OUT}/iterations/{k - 1}/surrogate.h5" if k > 0 else []
 
 
 # New stop settings affect only `verified` above and the readers of stop.json. The jobs of the loop read the settings
@@ -46,7 +42,7 @@ rule train:
     input:
         scores=f"{OUT}/scores.json",
         verified=earlier,
-        previous=last_surrogate,
+        target=every_pass(rules.target.output.target),
     output:
         surrogate=update(f"{OUT}/iterations/{{k}}/surrogate.h5"),
     log:
@@ -70,7 +66,7 @@ rule propose:
     input:
         scores=f"{OUT}/scores.json",
         verified=earlier,
-        target=rules.target.output.target,
+        target=every_pass(rules.target.output.target),
         surrogate=rules.train.output.surrogate,
     output:
         proposal=f"{OUT}/iterations/{{k}}/proposal.json",
@@ -93,10 +89,10 @@ rule propose:
 
 checkpoint verify:
     input:
-        SIMULATOR,
+        every_pass(SIMULATOR),
         scene=rules.scene.output.scene,
-        geometry=rules.geometry.output.geometry,
-        target=rules.target.output.target,
+        geometry=every_pass(rules.geometry.output.geometry),
+        target=every_pass(rules.target.output.target),
         scores=f"{OUT}/scores.json",
         earlier=earlier,
         proposal=rules.propose.output.proposal,
@@ -109,7 +105,7 @@ checkpoint verify:
     threads: 1
     resources:
         mem_mb=memory("run"),
-        runtime=minutes("run", 1),
+        runtime=minutes("run", len(PASSES)),
     params:
         case=STAGES["verify"].params(CASE),
         runs=f"{OUT}/runs",

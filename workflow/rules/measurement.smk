@@ -3,23 +3,25 @@
 
 rule measurement:
     input:
-        [FILES[key] for key in FILES if key.startswith("measurement.")],
-        SIMULATOR if SYNTHETIC else [],
+        inputs_of("measurement"),
+        lambda wildcards: every_pass(
+            SIMULATOR if synthetic(wildcards) else [], wildcards.at
+        ),
         scene=rules.scene.output.scene,
         geometry=rules.geometry.output.geometry,
     output:
-        measurement=update(f"{OUT}/measurement.h5"),
+        measurement=update(f"{OUT}/{{at}}measurement.h5"),
     log:
-        f"{OUT}/logs/measurement.log",
+        f"{OUT}/logs/{{at}}measurement.log",
     benchmark:
-        f"{OUT}/benchmarks/measurement.tsv"
+        f"{OUT}/benchmarks/{{at}}measurement.tsv"
     retries: 0
     threads: 1
     resources:
         mem_mb=memory("measurement"),
-        runtime=minutes("measurement", 1 if SYNTHETIC else 0),
+        runtime=minutes("measurement", 1),
     params:
-        case=STAGES["measurement"].params(CASE),
+        case=of_pass("measurement"),
     message:
         "measured image"
     script:
@@ -30,21 +32,21 @@ rule measurement:
 # the scene has them.
 rule registration:
     input:
-        reference=f"{OUT}/reference.json",
+        reference=f"{OUT}/{{at}}reference.json",
         measurement=rules.measurement.output.measurement,
     output:
-        registered=update(f"{OUT}/registered.h5"),
+        registered=update(f"{OUT}/{{at}}registered.h5"),
     log:
-        f"{OUT}/logs/registration.log",
+        f"{OUT}/logs/{{at}}registration.log",
     benchmark:
-        f"{OUT}/benchmarks/registration.tsv"
+        f"{OUT}/benchmarks/{{at}}registration.tsv"
     retries: 0
     threads: 1
     resources:
         mem_mb=memory("registration"),
         runtime=minutes("registration"),
     params:
-        case=STAGES["registration"].params(CASE),
+        case=of_pass("registration"),
         runs=f"{OUT}/runs",
     message:
         "registration"
@@ -56,21 +58,21 @@ rule target:
     input:
         scene=rules.scene.output.scene,
         geometry=rules.geometry.output.geometry,
-        reference=f"{OUT}/reference.json",
+        reference=f"{OUT}/{{at}}reference.json",
         registered=rules.registration.output.registered,
     output:
-        target=update(f"{OUT}/target.h5"),
+        target=update(f"{OUT}/{{at}}target.h5"),
     log:
-        f"{OUT}/logs/target.log",
+        f"{OUT}/logs/{{at}}target.log",
     benchmark:
-        f"{OUT}/benchmarks/target.tsv"
+        f"{OUT}/benchmarks/{{at}}target.tsv"
     retries: 0
     threads: 1
     resources:
         mem_mb=memory("target"),
         runtime=minutes("target"),
     params:
-        case=STAGES["target"].params(CASE),
+        case=of_pass("target"),
         runs=f"{OUT}/runs",
     message:
         "target densities"

@@ -3,10 +3,10 @@
 
 rule final_runs:
     input:
-        SIMULATOR,
+        every_pass(SIMULATOR),
         scene=rules.scene.output.scene,
-        geometry=rules.geometry.output.geometry,
-        target=rules.target.output.target,
+        geometry=every_pass(rules.geometry.output.geometry),
+        target=every_pass(rules.target.output.target),
         scores=f"{OUT}/scores.json",
         verified=verified,
     output:
@@ -18,7 +18,7 @@ rule final_runs:
     threads: 1
     resources:
         mem_mb=memory("run"),
-        runtime=minutes("run", 2),
+        runtime=minutes("run", 2 * len(PASSES)),
     params:
         case=STAGES["final_runs"].params(CASE),
         runs=f"{OUT}/runs",
@@ -31,9 +31,9 @@ rule final_runs:
 rule archive:
     input:
         scene=rules.scene.output.scene,
-        geometry=rules.geometry.output.geometry,
-        registered=rules.registration.output.registered,
-        target=rules.target.output.target,
+        geometry=every_pass(rules.geometry.output.geometry),
+        registered=every_pass(rules.registration.output.registered),
+        target=every_pass(rules.target.output.target),
         stop=rules.stop_settings.output.stop,
         scores=f"{OUT}/scores.json",
         verified=verified,

@@ -35,11 +35,11 @@ rule geometry:
     input:
         scene=rules.scene.output.scene,
     output:
-        geometry=update(f"{OUT}/geometry.h5"),
+        geometry=update(f"{OUT}/{{at}}geometry.h5"),
     log:
-        f"{OUT}/logs/geometry.log",
+        f"{OUT}/logs/{{at}}geometry.log",
     benchmark:
-        f"{OUT}/benchmarks/geometry.tsv"
+        f"{OUT}/benchmarks/{{at}}geometry.tsv"
     retries: 0
     threads: 1
     resources:
@@ -47,7 +47,7 @@ rule geometry:
         runtime=minutes("geometry"),
     params:
         **VERSION,
-        case=STAGES["geometry"].params(CASE),
+        case=of_pass("geometry"),
         immaterial=sorted(CASE.simulator.not_told),
     message:
         "geometry of the pass"

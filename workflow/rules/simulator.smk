@@ -1,6 +1,9 @@
 # The simulator's identity, and the resources that its runs request from a cluster.
 
-SYNTHETIC = CASE.measurement.source == "synthetic"
+
+def synthetic(wildcards):
+    """Whether the simulator makes the measured image of a pass."""
+    return PASSES[wildcards.at].measurement.source == "synthetic"
 
 
 # A new build or setting of an external simulator is another simulator. Every job that simulates has simulator.json as
@@ -11,16 +14,16 @@ rule simulator:
         [FILES[key] for key in FILES if key.startswith("simulator.")],
         geometry=rules.geometry.output.geometry,
     output:
-        identity=update(f"{OUT}/simulator.json"),
+        identity=update(f"{OUT}/{{at}}simulator.json"),
     log:
-        f"{OUT}/logs/simulator.log",
+        f"{OUT}/logs/{{at}}simulator.log",
     retries: 0
     threads: 1
     resources:
         mem_mb=memory("run"),
         runtime=minutes("run"),
     params:
-        case=STAGES["simulator"].params(CASE),
+        case=of_pass("simulator"),
     message:
         "simulator"
     script:

@@ -19,18 +19,21 @@ with logged(snakemake.log[0], snakemake.params.case):
     case = stages.Archive.model_validate(snakemake.params.case)
     stop = Stop.model_validate(read_json(snakemake.input.stop))
     history = read_runs([snakemake.input.scores, *snakemake.input.verified])
-    targets, geometry = read_targets(snakemake.input.target), read_geometry(snakemake.input.geometry)
+    targets, geometry = read_targets(*snakemake.input.target), read_geometry(snakemake.input.geometry[0])
     runs = snakemake.params.runs
     final = [record for record, _ in indexed([snakemake.input.final], runs, case.calibrated)]
+    images = [read_registered(path) for path in snakemake.input.registered]
     archive = gather(
         case=case,
         stop=stop,
         history=history,
         scene=read_scene(snakemake.input.scene),
         geometry=geometry,
-        registered=read_registered(snakemake.input.registered),
+        registered=images[0],
         targets=targets,
-        conclusion=conclude(case, stop, history, targets, geometry, runs, final),
+        conclusion=conclude(case, stop, history, targets, geometry, runs, final[:2]),
+        passes=images,
+        final=final,
     )
     write_archive(snakemake.output.archive, archive)
     write_table(snakemake.output.table, archive)

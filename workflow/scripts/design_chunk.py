@@ -1,7 +1,7 @@
 """Simulate one chunk of the design."""
 
 from radcal.calibration.design import design_points
-from radcal.calibration.steps import design_line, noise_seed
+from radcal.calibration.steps import design_line, run_all_draws
 from radcal.config import stages
 from radcal.measurement.target import read_targets
 from radcal.running.jobs import logged, progress
@@ -13,11 +13,11 @@ with logged(snakemake.log[0], snakemake.params.case):
     runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     targets = read_targets(snakemake.input.target)
     reused = [run.parameters for file in snakemake.input.reused for run in read_index(file)]
-    points = design_points(case, reused)
+    points = design_points(case, snakemake.params.size, reused)
     first = int(snakemake.wildcards.chunk) * case.design.chunk
     index = []
     for k, parameters in list(enumerate(points))[first : first + case.design.chunk]:
-        record = runner.run(parameters, noise_seed(case))
-        index.append(IndexedRun(record.key, parameters))
+        record = run_all_draws(case, runner, parameters)
+        index.append(IndexedRun.of(record, parameters))
         progress(design_line(k + 1, len(points), record, targets))
     write_index(snakemake.output.index, index)

@@ -11,10 +11,16 @@ with logged(snakemake.log[0], snakemake.params.case):
     case = stages.FinalRuns.model_validate(snakemake.params.case)
     history = read_runs([snakemake.input.scores, *snakemake.input.verified])
     runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
-    parameters = all_parameters(case.materials, {name: history.best(name).parameters[name] for name in case.calibrated})
+    parameters = all_parameters(
+        case.materials, {name: history.best(name).scores[name].parameters for name in case.calibrated}
+    )
     # with one calibrated material the first of these runs is in the run store already; its whole image is not needed
-    records = [runner.run(parameters, noise_seed(case, fresh), image=fresh) for fresh in (False, True)]
+    records = [
+        one.run(parameters, noise_seed(case, fresh), image=fresh)
+        for one in (runner, *runner.further)
+        for fresh in (False, True)
+    ]
     write_index(snakemake.output.final, [IndexedRun(record.key, parameters) for record in records])
     progress("final runs: the calibrated laws together, and once more with another seed")
-    if sentence := not_fresh(case.simulator, records):
+    if sentence := not_fresh(case.simulator, records[:2]):
         progress(sentence)

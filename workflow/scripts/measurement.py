@@ -13,7 +13,7 @@ with logged(snakemake.log[0], snakemake.params.case):
     scene = read_scene(snakemake.input.scene)
     geometry = read_geometry(snakemake.input.geometry)
     simulator = make_simulator(case, geometry, snakemake.input.geometry)
-    measurement = make_measurement(case, geometry, simulator, scene)
+    measurement = make_measurement(case, geometry, simulator, scene, partly=bool(snakemake.wildcards.at))
     write_measurement(snakemake.output.measurement, measurement)
     progress(f"measured image: {measurement.source}")
     for note in measurement.notes:

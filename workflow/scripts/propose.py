@@ -1,8 +1,9 @@
 """Propose the next parameters of every material that has not ended."""
 
 from radcal.calibration.history import read_runs, write_proposals
+from radcal.calibration.objectives import make_objectives
 from radcal.calibration.steps import propose_all
-from radcal.calibration.surrogate import read_surrogates
+from radcal.calibration.surrogate import read_trainings
 from radcal.config import Stop, stages
 from radcal.measurement.target import read_targets
 from radcal.running.jobs import logged
@@ -10,9 +11,9 @@ from radcal.running.jobs import logged
 with logged(snakemake.log[0], snakemake.params.case):
     case = stages.Propose.model_validate(snakemake.params.case)
     history = read_runs([snakemake.input.scores, *snakemake.input.verified])
-    targets = read_targets(snakemake.input.target)
+    objectives = make_objectives(case, read_targets(*snakemake.input.target))
     stop = Stop.model_validate(snakemake.config["stop"])
-    surrogates = read_surrogates(snakemake.input.surrogate)
+    trainings = read_trainings(snakemake.input.surrogate)
     k = int(snakemake.wildcards.k)
-    proposals = propose_all(surrogates, targets, history, case, k, stop, snakemake.threads)
+    proposals = propose_all(trainings, objectives, history, case, k, stop, snakemake.threads)
     write_proposals(snakemake.output.proposal, proposals)

@@ -1,6 +1,6 @@
 """Simulate the starting parameters: one run, which also tests the setup."""
 
-from radcal.calibration.steps import reference_parameters, reference_runs, repeatability
+from radcal.calibration.steps import reference_runs, repeatability
 from radcal.config import stages
 from radcal.running.jobs import logged, progress
 from radcal.simulators.sources import make_runner
@@ -11,9 +11,9 @@ with logged(snakemake.log[0], snakemake.params.case):
     runner = make_runner(case.at_start, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     first, *again = reference_runs(case, runner)
     differences = [first.largest_difference_db(record) for record in again]
-    start = reference_parameters(case.materials)
-    repeated = [IndexedRun(record.key, start, db) for record, db in zip(again, differences, strict=True)]
-    write_index(snakemake.output.index, [IndexedRun(first.key, start), *repeated])
+    start = case.start_parameters
+    repeated = [IndexedRun.of(record, start, db) for record, db in zip(again, differences, strict=True)]
+    write_index(snakemake.output.index, [IndexedRun.of(first, start), *repeated])
     progress(f"reference run: {first.seconds:.1f} s for {first.image_db.shape} pixels")
     if sentence := repeatability(case.simulator, differences):
         progress(sentence)

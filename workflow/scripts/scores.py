@@ -1,26 +1,29 @@
 """Score the reference run and the design against the targets."""
 
-from radcal.calibration.class_search import class_searches
-from radcal.calibration.history import History, score, write_runs
-from radcal.calibration.steps import score_reference
+from radcal.calibration.history import History, write_runs
+from radcal.calibration.objectives import make_objectives
+from radcal.calibration.scoring import score, score_reference
 from radcal.config import stages
 from radcal.measurement.target import read_targets
 from radcal.running.jobs import logged, progress
-from radcal.storage.run_index import indexed
+from radcal.storage.run_index import in_all_passes, indexed
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = stages.Scores.model_validate(snakemake.params.case)
-    targets = read_targets(snakemake.input.target)
-    reference = [record for record, _ in indexed([snakemake.input.reference], snakemake.params.runs, case.calibrated)]
-    searches = class_searches(case, targets)
+    targets = read_targets(*snakemake.input.target)
+    store, passes = (snakemake.params.runs, case.calibrated), len(snakemake.input.target)
+    reference = [record for record, _ in in_all_passes(indexed([file], *store) for file in snakemake.input.reference)]
+    objectives = make_objectives(case, targets)
     runs = score_reference(case, reference, targets)
     for kind, files in (("reused", snakemake.input.reused), ("design", snakemake.input.design)):
-        listed = indexed(files, snakemake.params.runs, case.calibrated)
+        chunks = len(files) // passes
+        each = [files[number * chunks : (number + 1) * chunks] for number in range(passes)]
+        listed = in_all_passes(indexed(one, *store) for one in each)
         runs += [
-            score(kind, k, record, parameters, targets, searches=searches)
+            score(kind, k, record, parameters, targets, objectives, case.seed)
             for k, (record, parameters) in enumerate(listed)
         ]
     write_runs(snakemake.output.scores, runs)
-    best = {name: History(runs).best(name).rms[name] for name in targets}
+    best = {name: History(runs).best(name).scores[name].rms for name in targets}
     for name, rms in best.items():
         progress(f"design of {len(runs) - len(reference)} runs: best rms of {name} {rms:.2e}")

@@ -1,6 +1,6 @@
 """Draw the target's pixels of every calibrated material at random and fit their densities."""
 
-from radcal.calibration.class_search import class_targets
+from radcal.calibration.bin_target import bin_targets
 from radcal.config import stages
 from radcal.measurement.registration import read_registered
 from radcal.measurement.target import write_targets
@@ -15,9 +15,9 @@ with logged(snakemake.log[0], snakemake.params.case):
     reference, _ = next(indexed([snakemake.input.reference], snakemake.params.runs, case.calibrated, image=True))
     registered = read_registered(snakemake.input.registered)
     geometry = read_geometry(snakemake.input.geometry)
-    targets = make_targets(case, geometry, registered, reference.image_db)
+    targets = make_targets(case, geometry, registered, reference.image_db, partly=bool(snakemake.wildcards.at))
     scene = read_scene(snakemake.input.scene)
-    targets = class_targets(case, targets, geometry, registered, scene.slope_error_deg)
+    targets = bin_targets(case, targets, geometry, registered, scene.slope_error_deg)
     write_targets(snakemake.output.target, targets)
     for sentence in targets.sentences():
         progress(sentence)

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.calibration.class_search import ClassSearch, class_searches
 from radcal.calibration.history import History
 from radcal.calibration.law_check import LawCheck, check_laws, texture_note
 from radcal.calibration.noise import noise_sentence
+from radcal.calibration.objectives import Comparison, make_objectives
+from radcal.calibration.scoring import with_texture
 from radcal.calibration.steps import not_fresh, repeatability
 from radcal.calibration.stopping import Decision, decide
 from radcal.config import Stop, stages
@@ -120,16 +121,21 @@ def conclude(
             f"{Path(runs).parent / 'reference.json'} and type the same command again to make it again."
         )
     checks = check_laws(case, targets, history)
-    searches = class_searches(case, targets)
-    looks = {name: checks[name].looks for name in searches}
-    fresh_db = _textured(final[1], searches, looks, fresh=True)
-    each_db = [_textured(reference, searches, history.runs[0].looks), _textured(final[0], searches, looks), fresh_db]
+    objectives = make_objectives(case, targets)
+    first = {name: score.looks for name, score in history.runs[0].scores.items()}
+    looks = {name: history.best(name).scores[name].looks for name in targets}
+    fresh_db = _textured(final[1], objectives, looks, case.seed, fresh=True)
+    each_db = [
+        _textured(reference, objectives, first, case.seed),
+        _textured(final[0], objectives, looks, case.seed),
+        fresh_db,
+    ]
     return Conclusion(
-        decision=decide(history, list(targets), stop),
+        decision=decide(history, list(targets), stop, case.objective),
         checks=checks,
         materials=_materials(targets, each_db, final),
         reference_db=reference.image_db,
-        calibrated_db=_picture(final[1], {name: fresh_db[name] for name in searches}, geometry),
+        calibrated_db=_picture(final[1], {name: fresh_db[name] for name in targets}, geometry),
         simulator=store.description(key).get("simulator", {}),
         new_runs=len({record.key for record in final} - {run.key for run in history.runs}),
         notes=_notes(case, history, checks, final),
@@ -137,12 +143,16 @@ def conclude(
 
 
 def _textured(
-    record: Record, searches: Mapping[str, ClassSearch], looks: Mapping[str, float], fresh: bool = False
+    record: Record, objectives: Mapping[str, Comparison], looks: Mapping[str, float], seed: int, fresh: bool = False
 ) -> Pixels:
-    """A run's pixels with the texture of each material whose looks are known."""
-    pixels_db = record.pixels_db
-    known = {name: searches[name].textured(pixels_db[name], looks[name], fresh) for name in searches if name in looks}
-    return {**pixels_db, **known}
+    """A run's pixels with the texture of each material."""
+    return {
+        **record.pixels_db,
+        **{
+            name: with_texture(record.pixels_db[name], objective, looks[name], seed, fresh)
+            for name, objective in objectives.items()
+        },
+    }
 
 
 def _picture(record: Record, pixels_db: Pixels, geometry: Geometry) -> NDArray[np.float32] | None:
@@ -177,7 +187,7 @@ def _notes(
 ) -> list[str]:
     """Remarks on the random numbers of the simulator, and on texture."""
     notes = [repeatability(case.simulator, history.repeat_db)]
-    if case.surrogate.outputs == "centred":
+    if (case.surrogate.outputs, case.surrogate.training) == ("centred", "posterior"):
         known = {name: history.noise_variance(name) for name in checks}
         notes += [noise_sentence(name, variance) for name, variance in known.items() if variance is not None]
     notes += [texture_note(checks), not_fresh(case.simulator, final)]

@@ -63,11 +63,11 @@ def _fill_strata(points: NDArray[np.float64], rng: np.random.Generator) -> NDArr
     return added
 
 
-def _points(case: stages.DesignChunk, box: NDArray[np.float64]) -> NDArray[np.float64]:
+def _points(case: stages.DesignChunk, size: int, box: NDArray[np.float64]) -> NDArray[np.float64]:
     """First points of the sequence in the box of all calibrated materials, shape (design size, d)."""
     integer = np.concatenate([np.array(case.materials[name].integers, dtype=np.bool_) for name in case.calibrated])
     low, high = box.T
-    size, drawn = case.design_size, case.design_size
+    drawn = size
     while True:
         rng = derived_rng(case.seed, "design", case.design.sampler)
         unit = sample_unit(case.design.sampler, drawn, len(low), rng)
@@ -85,7 +85,7 @@ def _points(case: stages.DesignChunk, box: NDArray[np.float64]) -> NDArray[np.fl
 
 
 def design_points(
-    case: stages.DesignChunk, reused: Sequence[Mapping[str, Sequence[float]]] = ()
+    case: stages.DesignChunk, size: int, reused: Sequence[Mapping[str, Sequence[float]]] = ()
 ) -> list[dict[str, list[float]]]:
     """Parameters of every material for each run of the design.
 
@@ -95,7 +95,9 @@ def design_points(
     Parameters
     ----------
     case : stages.DesignChunk
-        Sampler, size and box of the design.
+        Sampler and box of the design.
+    size : int
+        Number of its runs.
     reused : sequence of mapping, optional
         Parameters of runs of an earlier case: each stands for a run of the design.
 
@@ -107,14 +109,16 @@ def design_points(
         come again, and the starting parameters, are passed over.
     """
     boxes = {name: np.array(case.materials[name].box, dtype=np.float64) for name in case.calibrated}
-    points = _points(case, np.concatenate(list(boxes.values())))
+    if size == 0:
+        return []
+    points = _points(case, size, np.concatenate(list(boxes.values())))
     ends = np.cumsum([len(box) for box in boxes.values()])
     columns = dict(zip(boxes, np.split(points, ends[:-1], axis=1), strict=True))
     fixed = {name: material.start_parameters for name, material in case.materials.items()}
     design = [
         {name: columns[name][k].tolist() if name in columns else list(x) for name, x in fixed.items()}
-        for k in range(case.design_size)
+        for k in range(size)
     ]
     there = {tuple(tuple(x[name]) for name in columns) for x in reused}
     missing = [x for x in design if tuple(tuple(x[name]) for name in columns) not in there]
-    return missing[: max(case.design_size - len(reused), 0)]
+    return missing[: max(size - len(reused), 0)]

@@ -5,79 +5,33 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radcal import skewnormal
-from radcal.calibration.expected import Forward, LawForward, expected_cumulants, law_cumulants
-from radcal.calibration.incidence_error import ErrorKind, attenuation, true_nodes
+from radcal.calibration.expected import Forward, LawForward
 from radcal.calibration.law_fit import LawFit, Residuals, fit_law, prior_residuals
-from radcal.calibration.objective import SKEWNESS_SHAPE, ClassesObjective, DensityObjective, LikelihoodObjective
-from radcal.calibration.priors import CurvePrior, looks_residuals
+from radcal.calibration.misfit import BinMisfit, Method, true_angles
+from radcal.calibration.priors import CurvePrior
 from radcal.measurement.classes import Classes, class_of, incidence_edges, make_classes, winsorised
 from radcal.measurement.ground import Ground
 from radcal.measurement.patches import Effects, Spread, patch_effects, spreads
 from radcal.measurement.patches import Residuals as CellResiduals
-from radcal.radar.laws import Law
 from radcal.radar.texture import log_speckle_cumulants
 
 __all__ = [
     "GroundLaw",
-    "Method",
-    "Objective",
     "curve_prior",
-    "density_fit",
     "fit_grounds",
     "ground_residuals",
     "limited",
     "marginal_law",
     "refit",
-    "true_angles",
 ]
 
-Objective = Literal["classes", "density", "likelihood"]
 _ROUNDS = 3  # of law and spread in turn
 _START_SPREAD = Spread(0.8, 0.4)  # of the first round; 0.8 is the mean of a half-normal law of 1 dB
 _STEP = 1e-4
-
-
-@dataclass(frozen=True)
-class Method:
-    """How a material's law is fitted.
-
-    Attributes
-    ----------
-    law : Law
-        With a curve.
-    bounds : array_like, shape (d, 2)
-        Box of X.
-    looks : float
-        Of the sensor.
-    objective : {'classes', 'density', 'likelihood'}
-        What is minimised.
-    classes : int or 'auto'
-        Of local incidence; the density has one.
-    free_looks : bool
-        Whether the effective looks are searched; never for the density.
-    priors : bool
-        Weak priors on curve and looks; never for the density.
-    incidence_error_deg : float
-        Standard deviation of the error of the local incidence [deg].
-    incidence_error : {'classical', 'berkson'}
-        Its kind.
-    """
-
-    law: Law
-    bounds: ArrayLike
-    looks: float
-    objective: Objective = "classes"
-    classes: int | Literal["auto"] = "auto"
-    free_looks: bool = True
-    priors: bool = True
-    incidence_error_deg: float = 0.0
-    incidence_error: ErrorKind = "classical"
 
 
 @dataclass(frozen=True)
@@ -171,9 +125,7 @@ def limited(ground: Ground, member: NDArray[np.int64]) -> Ground:
 
 
 def _limited(ground: Ground, method: Method) -> Ground:
-    """The same, in classes still to be made; the density is fitted to what there is."""
-    if method.objective == "density":
-        return ground
+    """The same, in bins still to be made."""
     edges = incidence_edges(ground.incidence_deg, method.classes)
     return limited(ground, class_of(ground.incidence_deg, edges))
 
@@ -181,59 +133,17 @@ def _limited(ground: Ground, method: Method) -> Ground:
 def curve_prior(ground: Ground, method: Method) -> Residuals:
     """Residuals of the priors on a material's curve and looks."""
     level = float(ground.values_db.mean()), float(ground.incidence_deg.mean())
-    prior = CurvePrior.of(method.law, *level) if method.priors else None
+    prior = CurvePrior(method.law, *level) if method.priors and method.law.has_curve else None
     return prior_residuals(prior, method.looks, method.free_looks)
-
-
-def true_angles(ground: Ground, method: Method, nodes_deg: NDArray[np.float64]) -> NDArray[np.float64]:
-    """True angles behind mapped ones of a material [deg], (n, m) to (n, k), at the error that the method tells."""
-    mapped, error = ground.incidence_deg, method.incidence_error_deg
-    share = attenuation(mapped, error)
-    return np.asarray(true_nodes(nodes_deg, error, method.incidence_error, float(mapped.mean()), share))
 
 
 def ground_residuals(
     ground: Ground, classes: Classes, method: Method, spread: Spread, forward: Forward | None = None
 ) -> Residuals:
     """Residuals of one material, without priors, as a function of X and looks."""
-    nodes = true_angles(ground, method, classes.nodes_deg)
     simulate = forward or LawForward(method.law, classes.nodes_deg, method.looks)
-
-    def shifted(x: NDArray[np.float64]) -> NDArray[np.float64] | float:
-        if method.incidence_error_deg == 0.0:
-            return 0.0
-        return law_cumulants(method.law, x, nodes) - law_cumulants(method.law, x, classes.nodes_deg)
-
-    if method.objective == "density":
-        cp = skewnormal.centred(skewnormal.fit(ground.values_db).dp)
-        density = DensityObjective(cp, float(classes.effective.sum()))
-        return lambda x, looks: density.residuals(expected_cumulants(simulate(x), method.looks, looks))
-    if method.objective == "likelihood":
-        likelihood = LikelihoodObjective(classes, ground.values_db)
-
-        def of_likelihood(x: NDArray[np.float64], looks: float) -> NDArray[np.float64]:
-            levels = method.law(np.radians(nodes), x)
-            # the simulator's mean, not the law's: it knows the area of facets, the noise, the neighbours
-            mean = simulate(x)[:, 0] - log_speckle_cumulants(method.looks)[0]
-            levels = levels + (mean - law_cumulants(method.law, x, classes.nodes_deg)[:, 0])[:, None]
-            return likelihood.residuals(levels, looks)
-
-        return of_likelihood
-    cells = ground.cells
-    _, patch = np.unique(cells.patch, return_inverse=True)
-    of_classes = ClassesObjective(
-        classes,
-        classes.shares(patch[cells.of_pixel], int(patch.max()) + 1),
-        classes.shares(cells.of_pixel, cells.count.size),
-        spread.between,
-        spread.within,
-    )
-
-    def of(x: NDArray[np.float64], looks: float) -> NDArray[np.float64]:
-        expected = expected_cumulants(simulate(x), method.looks, looks, of_classes.patch_variance, shifted(x))
-        return of_classes.residuals(expected)
-
-    return of
+    misfit = method.misfit.of(ground, classes, method, spread)
+    return lambda x, looks: misfit(x, looks, simulate(x))
 
 
 def refit(found: GroundLaw, ground: Ground) -> GroundLaw:
@@ -245,48 +155,7 @@ def refit(found: GroundLaw, ground: Ground) -> GroundLaw:
     fit = fit_law(
         residuals, method.bounds, method.looks, method.free_looks, start, prior=curve_prior(ground, found.method)
     )
-    if method.objective == "density":
-        fit = density_fit(ground, classes, method, fit.parameters)
     return GroundLaw(ground, found.method, classes, found.spread, fit)
-
-
-def density_fit(ground: Ground, classes: Classes, method: Method, parameters: ArrayLike) -> LawFit:
-    """How well one density of all pixels knows the law that was found by it.
-
-    Looks were taken for the sensor's and skewness for that of speckle alone. Texture moves both, and how well the law
-    is known must not hang on there being none: looks are as uncertain as their prior, skewness as in classes. The
-    simulated density has speckle of its own.
-
-    Parameters
-    ----------
-    ground : Ground
-        The pixels.
-    classes : Classes
-        One.
-    method : Method
-        Of objective ``density``.
-    parameters : array_like, shape (d,)
-        X.
-
-    Returns
-    -------
-    LawFit
-        Of this X and the sensor's looks.
-    """
-    x, looks = np.asarray(parameters, dtype=np.float64), method.looks
-    compared = replace(classes, effective=0.5 * classes.effective)
-    residuals = ground_residuals(ground, compared, method, _START_SPREAD)
-    sampling = np.sqrt(6.0 / compared.effective.sum())  # of a skewness, as the objective has it
-    weight = np.array([1.0, 1.0, sampling / np.hypot(sampling, SKEWNESS_SHAPE)])
-    fit = fit_law(
-        lambda at, effective: weight * residuals(at, effective),
-        method.bounds,
-        looks,
-        start=(x, looks),
-        prior=lambda _, effective: looks_residuals(effective, looks),
-        moves=False,
-    )
-    return replace(fit, parameters=x, looks=looks)
 
 
 def marginal_law(found: GroundLaw, looks: float) -> LawFit:
@@ -307,7 +176,7 @@ def marginal_law(found: GroundLaw, looks: float) -> LawFit:
     -------
     LawFit
     """
-    method = replace(found.method, objective="classes", classes=1, free_looks=False)
+    method = replace(found.method, misfit=BinMisfit, classes=1, free_looks=False)
     ground = found.ground
     classes = make_classes(ground.values_db, ground.incidence_deg, 1, ground.independent)
     residuals = ground_residuals(ground, classes, method, found.spread)
@@ -318,7 +187,6 @@ def marginal_law(found: GroundLaw, looks: float) -> LawFit:
 def fit_grounds(
     grounds: Mapping[str, Ground],
     methods: Mapping[str, Method],
-    forwards: Mapping[str, Forward] | None = None,
 ) -> dict[str, GroundLaw]:
     """Fit the laws of several materials, and the spread of patches that they share, in turn.
 
@@ -327,20 +195,13 @@ def fit_grounds(
     grounds : mapping
         Pixels by material.
     methods : mapping
-        How each is fitted. ``density`` is the paper's: one class, the sensor's looks, no priors.
-    forwards : mapping, optional
-        Surrogate of the simulator's class cumulants by material; the law and speckle themselves
-        where missing.
+        How each is fitted.
 
     Returns
     -------
     dict
         Law by material.
     """
-    methods = {
-        name: replace(m, classes=1, free_looks=False, priors=False) if m.objective == "density" else m
-        for name, m in methods.items()
-    }
     grounds = {name: _limited(ground, methods[name]) for name, ground in grounds.items()}
     classes = {
         name: make_classes(g.values_db, g.incidence_deg, methods[name].classes, g.independent)
@@ -351,10 +212,10 @@ def fit_grounds(
     for turn in range(_ROUNDS):
         for name, ground in grounds.items():
             method = methods[name]
-            if turn and method.objective != "classes":  # only the classes know of patches
+            if turn and not method.misfit.of_fields:  # only the classes know of patches
                 found[name] = replace(found[name], spread=spread[name])
                 continue
-            residuals = ground_residuals(ground, classes[name], method, spread[name], (forwards or {}).get(name))
+            residuals = ground_residuals(ground, classes[name], method, spread[name])
             last = found.get(name)
             start = (last.fit.parameters, last.fit.looks) if last else None
             fit = fit_law(

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radcal.calibration.law_fit import LawFit
-from radcal.radar.laws import Law
+from radcal.radar.laws import Law, seen_rad
 from radcal.radar.texture import log_speckle_cumulants
 
 __all__ = [
@@ -132,18 +132,12 @@ def law_gap_db(law: Law, first: LawFit, second: LawFit, incidence_deg: ArrayLike
     standard_errors : float
         The same in standard errors of its own.
     """
-    phi = _seen(incidence_deg)
+    phi = seen_rad(incidence_deg)
     difference = law(phi, first.parameters) - law(phi, second.parameters)
     difference = np.abs(difference - difference.mean())
     variance = _shape_variance(law, first, phi) + _shape_variance(law, second, phi)
     k = int(difference.argmax())
     return float(difference[k]), float(difference[k] / np.sqrt(max(variance[k], 1e-12)))
-
-
-def _seen(incidence_deg: ArrayLike) -> NDArray[np.float64]:
-    """Angles [rad] from the 5 % to the 95 % quantile of the incidence."""
-    low, high = np.quantile(np.asarray(incidence_deg, dtype=np.float64), [0.05, 0.95])
-    return np.radians(np.linspace(float(low), float(high), 91))
 
 
 def _shape_variance(law: Law, fit: LawFit, phi: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -183,7 +177,7 @@ def error_behind(law: Law, fit: LawFit, incidence_deg: ArrayLike, sensor: float)
     """
     angle = np.asarray(incidence_deg, dtype=np.float64)
     missing = float(log_speckle_cumulants(fit.looks)[1] - log_speckle_cumulants(sensor)[1])
-    phi = _seen(angle)
+    phi = seen_rad(angle)
     level = law(phi, fit.parameters)
     step = np.radians(0.01)
     slope = (law(phi + step, fit.parameters) - law(phi - step, fit.parameters)) / 0.02
@@ -234,7 +228,7 @@ def incidence_warnings(
     error, bent = error_behind(law, conditional, incidence_deg, sensor)
     spread = float(np.std(np.asarray(incidence_deg, dtype=np.float64)))
     few = np.log(sensor / conditional.looks) > np.sqrt(conditional.covariance[-1, -1])
-    few = few and _shape_variance(law, conditional, _seen(incidence_deg)).max() > 0.0  # no shape, nothing to bend
+    few = few and _shape_variance(law, conditional, seen_rad(incidence_deg)).max() > 0.0  # no shape, nothing to bend
     if few and bent > _BENT_DB and error <= min(_LIKELY_DEG, _MOST_OF_SPREAD * spread):
         lines.append(
             f"{name}: its pixels spread as those of {conditional.looks:.1f} looks, the sensor has {sensor:.3g}. "

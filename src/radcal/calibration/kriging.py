@@ -1,136 +1,36 @@
-"""Ordinary kriging of one output: length scales chosen by smt, and the model that they make, without smt."""
+"""Ordinary kriging of several outputs with one correlation: length scales at the maximum of their posterior."""
 
 from __future__ import annotations
 
-import contextlib
-import io
-import sys
-import warnings
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from functools import cache
-from importlib import import_module
-from importlib.util import find_spec, module_from_spec
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
-from scipy import linalg
-from scipy.linalg import solve_triangular
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import cho_factor, cho_solve
 
 from radcal.errors import SurrogateError
 
-__all__ = ["THETA0", "Kriging", "Trained", "fixed", "leave_one_out_q2", "smt_krg", "train_one", "with_noise"]
+__all__ = ["JITTER", "Kriging", "train"]
 
-# smt's default start (it takes one number for all dimensions)
-THETA0 = 1e-2
-_SMT_BOUNDS = (1e-6, 2e1)  # of length scales
-_NUGGETS = (1e-10, 10.0)  # between smt's own jitter and hardly anything but noise
-
-
-@cache
-def _krg_class() -> Any:
-    """Kriging class of smt, imported without smt's other surrogates.
-
-    The package itself imports every surrogate, and with one of them matplotlib, a third of the whole. While the
-    module of kriging is imported, an empty package stands in its place.
-    """
-    name = "smt.surrogate_models"
-    if name in sys.modules:
-        return import_module(name).KRG
-    spec = find_spec(name)
-    if spec is None:
-        raise ImportError(f"No module named {name!r}", name=name)
-    sys.modules[name] = module_from_spec(spec)
-    try:
-        return import_module(f"{name}.krg").KRG
-    finally:
-        del sys.modules[name]
-
-
-def smt_krg(options: Mapping[str, Any]) -> tuple[Any, list[Any]]:
-    """Return an smt KRG that keeps what its optimiser reports, and that list."""
-    statuses: list[Any] = []
-
-    class Watched(_krg_class()):  # type: ignore[misc]
-        def _create_optimizer(self) -> Any:
-            optimizer = super()._create_optimizer()
-            inner = optimizer._minimize
-
-            def watched(*args: Any, **kwargs: Any) -> Any:
-                result = inner(*args, **kwargs)
-                statuses.append(result)
-                return result
-
-            optimizer._minimize = watched
-            return optimizer
-
-    return Watched(print_global=False, **options), statuses
-
-
-@dataclass(frozen=True)
-class Trained:
-    """What a training found.
-
-    Attributes
-    ----------
-    theta : ndarray, shape (d,)
-        Inverse squared length scales, in standardised coordinates.
-    nugget : float
-        Noise variance over the process's.
-    q2 : float
-        Leave-one-out Q2.
-    status : str
-        How the optimiser ended.
-    process : float
-        Variance of the process, in the output's unit squared.
-    """
-
-    theta: NDArray[np.float64]
-    nugget: float
-    q2: float
-    status: str
-    process: float
-
-
-def leave_one_out_q2(parts: Mapping[str, Any], y: NDArray[np.float64]) -> float:
-    """Leave-one-out Q2 in closed form (Dubrule, "Cross validation of kriging", 1983).
-
-    Parameters
-    ----------
-    parts : mapping
-        ``C``, lower Cholesky factor of the correlation matrix R, shape (n, n); ``Q``, orthonormal basis of C^-1 F, with
-        F the trend's functions at the points, shape (n, 1); ``gamma``, R^-1 (y - F beta), shape (n, 1).
-    y : ndarray, shape (n, 1)
-        Standardised output.
-
-    Returns
-    -------
-    float
-        One minus the mean squared error of each point predicted from the others over the variance, no unit.
-    """
-    half = solve_triangular(parts["C"], np.eye(len(parts["C"])), lower=True)
-    # P = R^-1 - R^-1 F (F' R^-1 F)^-1 F' R^-1 with Ft = C^-1 F = Q G
-    inner = parts["Q"].T @ half
-    diagonal = (half**2).sum(axis=0) - (inner**2).sum(axis=0)
-    y = y.ravel()
-    error = parts["gamma"].ravel() / diagonal
-    return float(1.0 - (error**2).sum() / ((y - y.mean()) ** 2).sum())
+_LOG_SD = 1.0  # of the prior of a length scale, whose median is the width of the box
+_STARTS = (1.0, 0.3, 3.0)
+_SCALES = (0.02, 50.0)
+JITTER = 1e-10  # nugget without noise
+_MOST_NOISE = 10.0  # variances of the process
+_ROUNDS = 4  # of length scales and nugget in turn
 
 
 class Kriging:
-    """Ordinary kriging with squared exponential correlation of given length scales: mean and variance.
+    """Ordinary kriging with squared exponential correlation: one for all outputs, which have a constant each.
 
     Parameters
     ----------
-    x : ndarray, shape (n, d)
-        Points.
-    y : ndarray, shape (n,)
-        Output at the points.
-    theta : ndarray, shape (d,)
-        Inverse squared length scales, in standardised coordinates.
+    x : array_like, shape (k, d)
+        Distinct points of the unit box.
+    y : array_like, shape (k, n)
+        Outputs at the points.
+    scales : array_like, shape (d,)
+        Length scales, in widths of the box.
     nugget : float
-        Noise variance over the process's.
+        Variance of the noise over that of the process.
 
     Raises
     ------
@@ -139,155 +39,142 @@ class Kriging:
 
     Attributes
     ----------
-    q2, process : float
-        Leave-one-out Q2, and variance of the process in the output's unit squared.
-
-    Notes
-    -----
-    smt's model of the same length scales has the same numbers to the last bit (a test compares them). Importing smt
-    takes longer than a search, and nine tenths of its answer to a few points, which the search asks for tens of
-    thousands of times, is argument checking.
+    process : float
+        Variance of the process by restricted likelihood, pooled over the outputs; 0 for a single point.
 
     References
     ----------
-    Sacks et al., "Design and analysis of computer experiments" (1989), eqs. 7 and 9.
+    Sacks et al., "Design and analysis of computer experiments" (1989), eqs. 7 and 9; Santner, Williams and Notz, "The
+    Design and Analysis of Computer Experiments", 2nd edition (2018), section 3.3 (restricted likelihood).
     """
 
-    def __init__(
-        self, x: NDArray[np.float64], y: NDArray[np.float64], theta: NDArray[np.float64], nugget: float
-    ) -> None:
-        (self._x, self._offset, self._scale), (y, mean, sd) = _standardised(x, 100.0), _standardised(y[:, None], 0.0)
-        self._mean, self._sd, self._theta = float(mean[0]), float(sd[0]), theta
-        n = len(x)
-        first, second = np.triu_indices(n, 1)
-        distance = np.abs(self._x[first] - self._x[second]) ** 2.0
-        correlation = np.eye(n) * (1.0 + nugget)
-        correlation[first, second] = correlation[second, first] = np.exp(-np.sum(theta * distance, axis=1))
+    def __init__(self, x: ArrayLike, y: ArrayLike, scales: ArrayLike, nugget: float = JITTER) -> None:
+        self._x, self._y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+        self._scales = np.asarray(scales, dtype=np.float64)
+        matrix = self._correlation(self._x) + nugget * np.eye(len(self._x))
         try:
-            cholesky = linalg.cholesky(correlation, lower=True)
-        except (linalg.LinAlgError, ValueError) as error:
-            raise SurrogateError(f"kriging of {n} points is impossible ({error}).") from None
-        trend = solve_triangular(cholesky, np.ones((n, 1)), lower=True)
-        basis, factor = linalg.qr(trend, mode="economic")
-        whitened = solve_triangular(cholesky, y, lower=True)
-        beta = solve_triangular(factor, np.dot(basis.T, whitened))
-        residual = whitened - np.dot(trend, beta)
-        gamma = solve_triangular(cholesky.T, residual)
-        self._beta, self._gamma, self._cholesky = float(beta[0, 0]), gamma[:, 0], cholesky
-        self._ft, self._g = trend[:, 0], float(factor[0, 0])
-        self.process = float(((residual**2.0).sum(axis=0) / n * sd**2.0)[0])
-        self.q2 = leave_one_out_q2({"C": cholesky, "Q": basis, "gamma": gamma}, y)
+            self._factor = cho_factor(matrix, lower=True)
+        except (np.linalg.LinAlgError, ValueError) as error:
+            raise SurrogateError(f"kriging of {len(self._x)} points is impossible ({error}).") from None
+        self._ones = cho_solve(self._factor, np.ones(len(self._x)))
+        self._constant = self._ones @ self._y / self._ones.sum()
+        left = self._y - self._constant
+        self._weights = cho_solve(self._factor, left)
+        freedom = self._y.shape[1] * (len(self._x) - 1)
+        self.process = float((left * self._weights).sum() / freedom) if freedom else 0.0
 
     def _correlation(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        difference = ((points - self._offset) / self._scale)[:, None, :] - self._x
-        return np.asarray(np.exp(-(difference**2) @ self._theta))
+        away = (points[:, None] - self._x) / self._scales
+        return np.asarray(np.exp(-0.5 * (away**2).sum(axis=-1)))
 
     def mean(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Prediction at points, shape (m, d) to (m,)."""
-        return np.asarray(self._mean + self._sd * (self._beta + self._correlation(points) @ self._gamma))
+        """Prediction at points, shape (m, d) to (m, n)."""
+        return np.asarray(self._constant + self._correlation(points) @ self._weights)
 
     def variance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Variance of the prediction's error at points, shape (m, d) to (m,)."""
-        half = solve_triangular(self._cholesky, self._correlation(points).T, lower=True)
-        trend = (self._ft @ half - 1.0) / self._g
-        return np.asarray(np.maximum(self.process * (1.0 - (half**2).sum(axis=0) + trend**2), 0.0))
+        """Variance of the prediction's error at points, the same for all outputs, shape (m, d) to (m,)."""
+        near = self._correlation(points)
+        known = (near * cho_solve(self._factor, near.T).T).sum(axis=1)
+        trend = (1.0 - near @ self._ones) ** 2 / self._ones.sum()
+        return np.asarray(self.process * np.maximum(1.0 - known + trend, 0.0))
+
+    def leave_one_out(self) -> NDArray[np.float64]:
+        """Error of each point predicted from the others, at these length scales, shape (k, n).
+
+        References
+        ----------
+        Dubrule, "Cross validation of kriging in a unique neighborhood", Mathematical Geology 15 (1983).
+        """
+        inverse = cho_solve(self._factor, np.eye(len(self._x)))
+        projected = inverse - np.outer(self._ones, self._ones) / self._ones.sum()
+        return np.asarray(projected @ self._y / np.diag(projected)[:, None])
 
 
-def _standardised(
-    values: NDArray[np.float64], smallest: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Columns of mean 0 and sd 1, with mean and sd; columns of an sd up to so many machine epsilons keep theirs."""
-    values = np.ascontiguousarray(values)
-    mean, sd = np.mean(values, axis=0), values.std(axis=0, ddof=1)
-    sd[sd <= smallest * np.finfo(np.float64).eps] = 1.0
-    return (values - mean) / sd, mean, sd
+def train(
+    x: NDArray[np.float64], y: NDArray[np.float64], noise_variance: float | None = 0.0
+) -> tuple[NDArray[np.float64], float]:
+    """Length scales and nugget at the maximum of their posterior, from a few starts.
 
-
-def train_one(x: NDArray[np.float64], y: NDArray[np.float64], options: Mapping[str, Any]) -> Trained:
-    """Train one output by smt.
+    The prior of a length scale is log-normal, its median is the width of the box and its log standard deviation 1: a
+    few runs cannot tell a length scale, and their likelihood alone would often choose one so short that nothing is
+    learnt from a run about its neighbours. Constants and process variance are integrated out.
 
     Parameters
     ----------
-    x : ndarray, shape (n, d)
-        Points.
-    y : ndarray, shape (n,)
-        Output at the points.
-    options : mapping
-        Of ``smt.surrogate_models.KRG``.
+    x : ndarray, shape (k, d)
+        Distinct points of the unit box.
+    y : ndarray, shape (k, n)
+        Outputs at the points.
+    noise_variance : float or None
+        Variance of the outputs among runs of equal X; None where there is noise of unknown variance, which is then
+        estimated with the length scales.
 
     Returns
     -------
-    Trained
-        The length scales, and how the optimiser ended.
-
-    Raises
-    ------
-    SurrogateError
-        smt has no model.
+    scales : ndarray, shape (d,)
+        Length scales, in widths of the box.
+    nugget : float
+        Variance of the noise over that of the process.
     """
-    model, statuses = smt_krg(options)
-    model.set_training_values(x, y[:, None])
-    printed = io.StringIO()
-    with warnings.catch_warnings(), contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
-        warnings.simplefilter("ignore")
-        try:
-            model.train()
-        except Exception as error:
-            raise SurrogateError(f"smt could not train on {len(x)} points ({error}).") from None
-    theta = np.asarray(model.optimal_theta, dtype=np.float64).ravel()
-    if options.get("hyper_opt") == "NoOp":
-        status = "fixed"
-    elif "failed" in printed.getvalue() or not any(np.isfinite(s.fun) for s in statuses):
-        status = "failed"
-    else:
-        best = min(statuses, key=lambda s: float(np.asarray(s.fun).ravel()[0]))
-        # smt gives its optimiser few evaluations; stopping there, above the start, is its normal end
-        status = "converged" if best.success else "evaluations used up"
-        if not best.success and np.allclose(theta, options["theta0"]):
-            status = "failed"
-    nugget = float(np.ravel(model.optimal_noise)[0]) if options.get("eval_noise") else float(model.options["nugget"])
-    q2 = leave_one_out_q2(model.optimal_par, model.y_norma)
-    return Trained(theta, nugget, q2, status, float(np.ravel(model.optimal_par["sigma2"])[0]))
+    from scipy.optimize import minimize
+
+    d = x.shape[1]
+    if len(x) < 2:
+        return np.ones(d), JITTER
+    squares = (x[:, None] - x[None]) ** 2
+    limits = [tuple(np.log(_SCALES))] * d
+    free = noise_variance is None
+    if free:
+        limits.append((np.log(JITTER), np.log(_MOST_NOISE)))
+    nugget, scales = JITTER, np.ones(d)
+    for _ in range(_ROUNDS if noise_variance else 1):
+        if noise_variance:
+            process = Kriging(x, y, scales, nugget).process
+            nugget = float(np.clip(noise_variance / max(process, 1e-300), JITTER, _MOST_NOISE))
+        found = [
+            minimize(
+                _minus_log_posterior,
+                np.log([start] * d + [1e-2] * free),
+                args=(squares, y, nugget),
+                jac=True,
+                method="L-BFGS-B",
+                bounds=limits,
+            )
+            for start in _STARTS
+        ]
+        best = min(found, key=lambda result: float(result.fun)).x
+        scales = np.exp(best[:d])
+        nugget = float(np.exp(best[d])) if free else nugget
+    return np.asarray(scales), nugget
 
 
-def _taken(x: NDArray[np.float64], y: NDArray[np.float64], theta: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Length scales that smt takes for these: the same but for the last digit, others where they are out of bounds."""
-    if ((theta < _SMT_BOUNDS[0]) | (theta > _SMT_BOUNDS[1])).any():
-        return train_one(x, y, {"theta0": theta.tolist(), "hyper_opt": "NoOp"}).theta
-    return np.asarray(10.0 ** np.log10(theta))
-
-
-def fixed(x: NDArray[np.float64], y: NDArray[np.float64], theta: NDArray[np.float64], nugget: float) -> Kriging:
-    """Kriging model with length scales that a training found: the same in every job and process."""
-    return Kriging(x, y, _taken(x, y, theta), nugget)
-
-
-def with_noise(x: NDArray[np.float64], y: NDArray[np.float64], found: Trained, variance: float) -> Trained:
-    """Raise the nugget until it stands for a noise of this variance, and choose the length scales again with it."""
-    from scipy.optimize import brentq
-
-    def excess(nugget: float, process: float) -> float:
-        """Log of the noise that a nugget stands for, over the variance asked."""
-        return float(np.log(nugget * process / variance))
-
-    def raised(theta: NDArray[np.float64]) -> float:
-        def missed(log_nugget: float) -> float:
-            nugget = float(np.exp(log_nugget))
-            return excess(nugget, fixed(x, y, theta, nugget).process)
-
-        low, high = np.log([_NUGGETS[0], _NUGGETS[1]])
-        # nugget times process variance rises with the nugget, up to the variance of the runs
-        if excess(_NUGGETS[1], fixed(x, y, theta, _NUGGETS[1]).process) <= 0.0:
-            return _NUGGETS[1]
-        if excess(_NUGGETS[0], fixed(x, y, theta, _NUGGETS[0]).process) >= 0.0:
-            return _NUGGETS[0]
-        return float(np.exp(brentq(missed, low, high, xtol=1e-2)))
-
-    if found.nugget > 0.0 and excess(found.nugget, found.process) >= 0.0:
-        return found
-    theta = found.theta
-    with contextlib.suppress(SurrogateError):
-        theta = train_one(x, y, {"theta0": theta.tolist(), "nugget": raised(theta)}).theta
-    nugget, theta = raised(theta), _taken(x, y, theta)
-    model = Kriging(x, y, theta, nugget)
-    return replace(found, theta=theta, nugget=nugget, q2=model.q2, process=model.process)
+def _minus_log_posterior(
+    log: NDArray[np.float64], squares: NDArray[np.float64], y: NDArray[np.float64], nugget: float
+) -> tuple[float, NDArray[np.float64]]:
+    """Minus the log of restricted likelihood times prior, and its gradient by the logs of scales and free nugget."""
+    (k, n), d = y.shape, squares.shape[2]
+    inverse_squares = np.exp(-2.0 * log[:d])
+    correlation = np.exp(-0.5 * squares @ inverse_squares)
+    nugget = float(np.exp(log[d])) if len(log) > d else nugget
+    try:
+        factor = cho_factor(correlation + nugget * np.eye(k), lower=True)
+    except np.linalg.LinAlgError:
+        return 1e10, np.zeros_like(log)
+    inverse = cho_solve(factor, np.eye(k))
+    ones = inverse.sum(axis=0)
+    weights = (inverse - np.outer(ones, ones) / ones.sum()) @ y
+    rest = max(float((y * weights).sum()), 1e-300)
+    freedom = n * (k - 1)
+    log_determinant = 2.0 * np.log(np.diag(factor[0])).sum() + np.log(ones.sum())
+    value = 0.5 * (freedom * np.log(rest) + n * log_determinant)
+    slopes = [correlation * squares[:, :, j] * inverse_squares[j] for j in range(d)]
+    slopes += [nugget * np.eye(k)] * (len(log) - d)
+    gradient = np.array(
+        [
+            0.5 * (-freedom * (weights * (slope @ weights)).sum() / rest
+                   + n * ((inverse * slope).sum() - ones @ slope @ ones / ones.sum()))
+            for slope in slopes
+        ]
+    )  # fmt: skip
+    away = np.append(log[:d], np.zeros(len(log) - d)) / _LOG_SD
+    return value + 0.5 * float((away**2).sum()), gradient + away / _LOG_SD

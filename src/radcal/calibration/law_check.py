@@ -8,24 +8,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal import skewnormal
-from radcal.calibration.class_search import ClassSearch, class_searches
-from radcal.calibration.expected import LawForward, law_cumulants
-from radcal.calibration.grounds import GroundLaw, Method, density_fit, marginal_law, refit, true_angles
-from radcal.calibration.history import History, Run
+from radcal.calibration.expected import law_cumulants
+from radcal.calibration.grounds import GroundLaw, marginal_law, refit
+from radcal.calibration.history import History, Score
 from radcal.calibration.incidence_error import incidence_warnings
-from radcal.calibration.validation import HeldOut, cross_validate, held_out
+from radcal.calibration.misfit import true_angles
+from radcal.calibration.objectives import make_objectives
+from radcal.calibration.validation import CrossValidation, HeldOut, cross_validate, held_out
 from radcal.config import stages
-from radcal.measurement.classes import FEWEST, make_classes
+from radcal.config.objectives import DEFAULT
+from radcal.measurement.classes import FEWEST
 from radcal.measurement.ground import Blocks, Ground
-from radcal.measurement.patches import Spread, spreads
+from radcal.measurement.patches import spreads
 from radcal.measurement.target import Target, Targets
 from radcal.radar.texture import log_speckle_cumulants
 
 __all__ = ["LawCheck", "check_laws", "texture_note"]
 
 _IDENTIFIED = 2.0  # see GroundLaw.identified
-_ALONE = Spread(0.8, 0.4)  # until the materials have been looked at together
 
 
 @dataclass(frozen=True)
@@ -69,8 +69,8 @@ class LawCheck:
     sentences: list[str]
 
 
-def check_laws(case: stages.Archive, targets: Targets, history: History) -> dict[str, LawCheck]:
-    """Check the best run's law of every material.
+def check_laws(case: stages.Archive, targets: Targets, history: History, number: int = 0) -> dict[str, LawCheck]:
+    """Check the best run's law of every material on the ground of one pass.
 
     Parameters
     ----------
@@ -80,26 +80,30 @@ def check_laws(case: stages.Archive, targets: Targets, history: History) -> dict
         By calibrated material.
     history : History
         All scored runs.
+    number : int
+        Number of the pass, from 0; the uncertainty of the law is that of all passes.
 
     Returns
     -------
     dict
         By material.
     """
-    searches = class_searches(case, targets)
-    best = {name: history.best(name) for name in targets}
+    objectives = make_objectives(case, targets)
+    if targets.further:
+        case, targets = case.passes[number], targets.passes[number]
+    scores = {name: history.best(name).scores[name] for name in targets}
+    best = {name: objectives[name].in_pass(number, score) for name, score in scores.items()}
     laws = {
-        name: searches[name].law(run.parameters[name], run.looks[name], run.cumulants[name])
-        if name in searches
-        else _of_density(case, name, targets[name], run)
-        for name, run in best.items()
+        name: objectives[name].law_in(number, score)
+        for name, score in scores.items()
         # values of normalised images are no dB
         if case.laws[name].has_curve and case.target.normalisation != "image"
     }
-    if case.validation is not None and not searches:
+    binned = any(target.classes is not None for target in targets.values())
+    if case.validation is not None and not binned:
         found = spreads([law.cell_residuals() for law in laws.values()])
         laws = {name: replace(law, spread=spread) for (name, law), spread in zip(laws.items(), found, strict=True)}
-    return {name: _check(case, name, target, laws.get(name), best[name], searches) for name, target in targets.items()}
+    return {name: _check(case, name, target, laws.get(name), best[name]) for name, target in targets.items()}
 
 
 def texture_note(checks: Mapping[str, LawCheck]) -> str:
@@ -113,18 +117,6 @@ def texture_note(checks: Mapping[str, LawCheck]) -> str:
         f"The simulated speckle has {nominal:.3g} looks, some pixels spread as those of fewer ({each}): "
         "for densities and pictures gamma texture is multiplied onto their simulated pixels."
     )
-
-
-def _of_density(case: stages.Archive, name: str, target: Target, run: Run) -> GroundLaw:
-    """What one density says of the law of a run."""
-    looks = float(case.radar.looks)
-    method = Method(case.laws[name], case.materials[name].box, looks, "density", 1, free_looks=False, priors=False)
-    ground = target.ground
-    classes = make_classes(ground.values_db, ground.incidence_deg, 1, ground.independent)
-    fit = density_fit(ground, classes, method, run.parameters[name])
-    simulated = LawForward(method.law, classes.nodes_deg, looks)(fit.parameters)
-    correction = skewnormal.centred(run.dp[name])[:1] - simulated[:, 0]
-    return GroundLaw(ground, method, classes, _ALONE, fit, correction)
 
 
 def _start_db(case: stages.Archive, name: str, ground: Ground) -> NDArray[np.float64] | None:
@@ -152,81 +144,82 @@ def _held(case: stages.Archive, name: str, target: Target, law: GroundLaw) -> He
     return HeldOut.pooled([part for part in parts if part is not None])
 
 
-def _check(
-    case: stages.Archive,
-    name: str,
-    target: Target,
-    law: GroundLaw | None,
-    run: Run,
-    searches: Mapping[str, ClassSearch],
-) -> LawCheck:
-    nominal = float(case.radar.looks)
-    nothing = np.empty(0)
+def _check(case: stages.Archive, name: str, target: Target, law: GroundLaw | None, score: Score) -> LawCheck:
+    nominal, nothing, unknown = float(case.radar.looks), np.empty(0), float("nan")
+    level_db = float(target.values_db.mean())
     if law is None:
-        return LawCheck(
-            nominal, nominal, None, None, float(target.values_db.mean()), *(float("nan"),) * 3, *(nothing,) * 3, []
-        )
-    held = _held(case, name, target, law)
-    estimated = name in searches or case.validation is not None
-    identified = law.identified >= _IDENTIFIED
+        return LawCheck(score.looks, nominal, None, None, level_db, *(unknown,) * 3, *(nothing,) * 3, [])
+    held, binned = _held(case, name, target, law), target.classes is not None
     crossed = cross_validate(law, law.ground.block // Blocks.of(case.validation).parts)
-    sentences = []
-    why = "" if name in searches else " One density of all pixels cannot tell; objective: classes can tell more."
-    if not identified:
-        sentences.append(
-            f"{name}: the law is not identified: its change over the incidence seen is no larger than its own "
-            f"uncertainty.{why}"
-        )
-    elif name not in searches and crossed.no_better:
-        # three moments of all pixels do not say that level goes with incidence as the law has it: blocks do
-        identified = False
-        sentences.append(
-            f"{name}: the law is not identified: blocks of its own ground, each predicted from the others, are "
-            f"{crossed.rmse_law_patch_db:.2f} dB off, from a constant {crossed.rmse_constant_db:.2f} dB.{why}"
-        )
-    if held is not None and not held.rmse_law_patch_db < held.rmse_constant_db:
-        sentences.append(
-            f"{name}: its law is no better than a constant: means of {held.n_blocks} held-out blocks are "
-            f"{held.rmse_law_patch_db:.2f} dB off, from a constant {held.rmse_constant_db:.2f} dB."
-        )
-    if held is None and case.validation is not None:
-        sentences.append(
-            f"{name}: validation checks nothing: no held-out block holds 20 of its pixels "
-            f"(validation.rows is {case.validation.rows}, keep {case.validation.keep})."
-        )
-    classes = law.classes
+    identified = law.identified >= _IDENTIFIED
+    # three moments of all pixels do not say that level goes with incidence as the law has it: blocks do
+    worse = identified and not binned and crossed.no_better
+    sentences = _doubts(name, identified, crossed if worse else None, binned) + _held_sentences(case, name, held)
     centre = shown = error = nothing
-    if name in searches:
+    if binned:
         if sentence := crossed.sentence(name):
             sentences.append(sentence)
         if law.method.free_looks:
             local = target.looks if np.isfinite(target.looks) else nominal
             marginal = marginal_law(law, min(local, nominal))
-            sentences += incidence_warnings(
-                name, law.method.law, law.fit, marginal, law.ground.incidence_deg, law.method.looks
-            )
-        expected = np.asarray(run.cumulants[name])[:, 0] + (
-            log_speckle_cumulants(law.fit.looks)[0] - log_speckle_cumulants(nominal)[0]
-        )
-        centre = classes.nodes_deg.mean(axis=1)
-        nodes = true_angles(law.ground, law.method, classes.nodes_deg)
-        level, there = (
-            law_cumulants(law.method.law, law.fit.parameters, at)[:, 0] for at in (classes.nodes_deg, nodes)
-        )
-        # an error of the incidence is part of what is expected, and not of the law
-        shown = level + classes.cumulants[:, 0] - (expected + there - level)
-        error = np.sqrt(classes.cumulants[:, 1] / classes.effective)
+            incidence_deg = law.ground.incidence_deg
+            sentences += incidence_warnings(name, law.method.law, law.fit, marginal, incidence_deg, law.method.looks)
+        centre, shown, error = _levels_asked(law, score, nominal)
+    estimated = binned or case.validation is not None
     return LawCheck(
         looks=law.fit.looks,
         looks_nominal=nominal,
-        identified=bool(identified),
+        identified=bool(identified and not worse),
         held=held,
         constant_db=float(law.ground.values_db.mean()),
-        between_db=law.spread.between if estimated else float("nan"),
-        within_db=law.spread.within if estimated else float("nan"),
+        between_db=law.spread.between if estimated else unknown,
+        within_db=law.spread.within if estimated else unknown,
         incidence_error_deg=law.method.incidence_error_deg,
         class_deg=centre,
         class_db=shown,
         class_error_db=error,
         sentences=sentences,
     )
+
+
+def _doubts(name: str, identified: bool, crossed: CrossValidation | None, binned: bool) -> list[str]:
+    """Sentence on a law that is not identified, by its own uncertainty or by blocks of its own ground."""
+    why = "" if binned else f" One density of all pixels cannot tell; objective: {DEFAULT} can tell more."
+    if not identified:
+        return [
+            f"{name}: the law is not identified: its change over the incidence seen is no larger than its own "
+            f"uncertainty.{why}"
+        ]
+    if crossed is None:
+        return []
+    return [
+        f"{name}: the law is not identified: blocks of its own ground, each predicted from the others, are "
+        f"{crossed.rmse_law_patch_db:.2f} dB off, from a constant {crossed.rmse_constant_db:.2f} dB.{why}"
+    ]
+
+
+def _held_sentences(case: stages.Archive, name: str, held: HeldOut | None) -> list[str]:
+    """Sentence on held-out ground that a constant predicts as well, or that there is none."""
+    if held is None and case.validation is not None:
+        return [
+            f"{name}: validation checks nothing: no held-out block holds 20 of its pixels "
+            f"(validation.rows is {case.validation.rows}, keep {case.validation.keep})."
+        ]
+    if held is None or held.rmse_law_patch_db < held.rmse_constant_db:
+        return []
+    return [
+        f"{name}: its law is no better than a constant: means of {held.n_blocks} held-out blocks are "
+        f"{held.rmse_law_patch_db:.2f} dB off, from a constant {held.rmse_constant_db:.2f} dB."
+    ]
+
+
+def _levels_asked(law: GroundLaw, score: Score, nominal: float) -> tuple[NDArray[np.float64], ...]:
+    """Mean incidence [deg] of each bin, the level [dB] that its pixels ask of the law, and that level's error [dB]."""
+    classes, method = law.classes, law.method
+    speckle = log_speckle_cumulants(law.fit.looks)[0] - log_speckle_cumulants(nominal)[0]
+    expected = np.asarray(score.statistics)[:, 0] + speckle
+    nodes = true_angles(law.ground, method, classes.nodes_deg)
+    level, there = (law_cumulants(method.law, law.fit.parameters, at)[:, 0] for at in (classes.nodes_deg, nodes))
+    # an error of the incidence is part of what is expected, and not of the law
+    shown = level + classes.cumulants[:, 0] - (expected + there - level)
+    return classes.nodes_deg.mean(axis=1), shown, np.sqrt(classes.cumulants[:, 1] / classes.effective)

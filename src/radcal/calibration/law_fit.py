@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from radcal.calibration.bounded import distant, least_squares, sobol
 from radcal.calibration.priors import LOOKS_MOST, CurvePrior, looks_residuals
 
 __all__ = ["LOOKS", "LawFit", "Residuals", "fit_law", "prior_residuals"]
@@ -19,7 +21,8 @@ LOOKS = (0.3, LOOKS_MOST)
 """The least effective looks, and the most in terms of the sensor's."""
 _SCREENED = 256
 _STARTS = 5
-_TOLERANCE = {"ftol": 1e-6, "xtol": 1e-6, "gtol": 1e-6}  # residuals are in standard deviations
+_TOLERANCE = 1e-6  # residuals are in standard deviations
+_CALLS = 100
 _SAME_COST = 1e-3
 _KNOWN = 1e9  # inverse variance
 
@@ -99,8 +102,6 @@ def fit_law(
     -------
     LawFit
     """
-    from scipy.optimize import least_squares
-
     box = np.asarray(bounds, dtype=np.float64)
     assumed = sensor if fixed_looks is None else fixed_looks
     looks_box = np.log([[LOOKS[0], LOOKS[1] * sensor]]) if free_looks else np.empty((0, 2))
@@ -112,27 +113,26 @@ def fit_law(
         q = np.clip(low + unit * width, low, high)
         return q[:d], float(np.exp(q[d])) if free_looks else assumed
 
-    def function(unit: NDArray[np.float64]) -> NDArray[np.float64]:
-        parts = [residuals(*at(unit)), *([prior(*at(unit))] if prior is not None else [])]
-        return np.clip(np.concatenate(parts), -1e6, 1e6)
+    def each(units: NDArray[np.float64]) -> NDArray[np.float64]:
+        parts = [[residuals(*at(unit)), *([prior(*at(unit))] if prior is not None else [])] for unit in units]
+        return np.stack([np.concatenate(part) for part in parts])
 
     if start is not None:
         x, looks = start
         first = np.append(np.asarray(x, dtype=np.float64), [np.log(looks)] if free_looks else [])
-        starts = ((first - low) / width)[None]
+        starts = [(first - low) / width]
     else:
-        starts = _screen(function, len(low))
-    best = None
+        sample = sobol(len(low), _SCREENED, 0)
+        ranked = sample[np.argsort((each(sample) ** 2).sum(axis=1), kind="stable")]
+        starts = list(distant(ranked, _STARTS))
+    best: Any = None
     for unit in starts:
-        calls = 100 if moves else 1
-        inside = np.clip(unit, 1e-6, 1.0 - 1e-6)
-        found = least_squares(function, inside, bounds=(0.0, 1.0), max_nfev=calls, **_TOLERANCE)
+        found = least_squares(each, unit, np.zeros_like(low), np.ones_like(low), _TOLERANCE, _CALLS if moves else 1)
         agree = best is not None and abs(found.cost - best.cost) < _SAME_COST
         if best is None or found.cost < best.cost:
             best = found
         if agree:  # two starts that end at the same cost have found the minimum
             break
-    assert best is not None  # noqa: S101
     # a uniform law on the unit interval has the variance 1/12
     known = 12.0 * np.eye(len(low))
     priors = prior(*at(best.x)).size if prior is not None else 0
@@ -144,18 +144,3 @@ def fit_law(
     covariance[inside, inside] = np.linalg.inv(known + data.T @ data) * np.multiply.outer(width, width)
     information[inside, inside] = known / np.multiply.outer(width, width)
     return LawFit(*at(best.x), float(best.cost), covariance, information)
-
-
-def _screen(function: Callable[[NDArray[np.float64]], NDArray[np.float64]], dimension: int) -> NDArray[np.float64]:
-    """The best points of a Sobol sample, no two of them near."""
-    from scipy.stats import qmc  # a second to import
-
-    sample = qmc.Sobol(dimension, scramble=True, rng=np.random.default_rng(0)).random(_SCREENED)
-    cost = [float((function(unit) ** 2).sum()) for unit in sample]
-    chosen: list[NDArray[np.float64]] = []
-    for k in np.argsort(cost, kind="stable"):
-        if all(np.abs(sample[k] - other).max() > 0.2 for other in chosen):
-            chosen.append(sample[k])
-        if len(chosen) == _STARTS:
-            break
-    return np.array(chosen)

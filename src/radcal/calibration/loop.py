@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from radcal.calibration.class_search import class_searches
 from radcal.calibration.design import design_points
-from radcal.calibration.history import History, score
+from radcal.calibration.history import History
+from radcal.calibration.objectives import make_objectives
+from radcal.calibration.scoring import score, score_reference
 from radcal.calibration.steps import (
-    noise_seed,
     propose_all,
     reference_runs,
-    score_reference,
+    run_all_draws,
     train_all,
     verify,
 )
@@ -43,8 +43,8 @@ def calibrate(
     runner : Runner
         The simulator behind a run store; runs that are there are not made again.
     targets : mapping
-        Target by calibrated material; with classes of incidence
-        (:func:`radcal.calibration.class_search.class_targets`) it is the laws that are made to settle.
+        Target by calibrated material, by incidence-angle bin where the objective asks for it
+        (:func:`radcal.calibration.bin_target.bin_targets`).
     report : callable, optional
         Called with the history after the design and after every verified proposal.
     reference : Runner, optional
@@ -64,20 +64,23 @@ def calibrate(
     """
     simulation, scores = stages.Verify.of(case), stages.Scores.of(case)
     train, proposal = stages.Train.of(case), stages.Propose.of(case)
-    seed = noise_seed(simulation)
     others = case.start_with_another_law
     if others and reference is None:
         raise ValueError(f"materials {others} start with another law: expected a reference runner")
     runs = score_reference(scores, reference_runs(stages.ReferenceRun.of(case), reference or runner), targets)
-    searches = class_searches(scores, targets)
-    for k, parameters in enumerate(design_points(stages.DesignChunk.of(case))):
-        runs.append(score("design", k, runner.run(parameters, seed), parameters, targets, searches=searches))
-    history, surrogates, k = History(runs), None, 0
+    objectives = make_objectives(scores, targets)
+    for k, parameters in enumerate(design_points(stages.DesignChunk.of(case), case.design_size)):
+        runs.append(
+            score(
+                "design", k, run_all_draws(simulation, runner, parameters), parameters, targets, objectives, case.seed
+            )
+        )
+    history, k = History(runs), 0
     report(history)
-    while not (decision := decide(history, list(targets), case.stop)).ended:
-        surrogates = train_all(history, train, k, surrogates)
-        proposals = propose_all(surrogates, targets, history, proposal, k, case.stop)
-        history = History([*history.runs, verify(proposals, targets, runner, simulation, k)])
+    while not (decision := decide(history, list(targets), case.stop, case.objective)).ended:
+        trainings = train_all(history, train, objectives)
+        proposals = propose_all(trainings, objectives, history, proposal, k, case.stop)
+        history = History([*history.runs, verify(proposals, targets, runner, simulation, history, k)])
         report(history)
         k += 1
     return history, decision

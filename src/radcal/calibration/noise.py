@@ -2,30 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radcal import skewnormal
-
 __all__ = ["noise_sentence", "noise_variance"]
+
+Statistics = Callable[[NDArray[np.float64], NDArray[np.int64]], NDArray[np.float64]]
 
 _DRAWS = 60  # of the bootstrap: its variance is then known to 20 %
 _UNLIKELY = 6.635  # chi-squared of one degree of freedom that is exceeded once in a hundred
 
 
-def _learnt(values: NDArray[np.float64], penalised: bool) -> NDArray[np.float64]:
-    mean, sd, skewness = skewnormal.centred(skewnormal.fit(values, penalised).dp)
-    return np.array([mean, np.log(sd), skewness])
-
-
 def noise_variance(
     first: ArrayLike,
     again: ArrayLike,
+    statistics: Statistics,
     rng: np.random.Generator,
     effective: float | None = None,
-    penalised: bool = False,
 ) -> NDArray[np.float64]:
-    """Variance of a density's parameters among runs of equal X, from the same pixels of two of them.
+    """Variance of the statistics among runs of equal X, from the same pixels of two of them.
 
     The two runs' difference squared, halved, estimates it with a single degree of freedom, too
     few to build on. Their pixels are many: drawn again with replacement, the same in both runs,
@@ -38,23 +35,23 @@ def noise_variance(
     ----------
     first, again : array_like, shape (n,)
         The material's pixels in two runs [dB], in the same order.
+    statistics : callable
+        Values [dB] and, of the bootstrap, places of the pixels drawn, to statistics of shape (n, 3).
     rng : Generator
         Source of the draws.
     effective : float, optional
         Number of independent pixels that n stand for; n if missing.
-    penalised : bool
-        Whether densities are fitted by penalised likelihood.
 
     Returns
     -------
-    ndarray, shape (3,)
+    ndarray, shape (n, 3)
         Variance of mean [dB2], log standard deviation and skewness; exactly 0 for equal runs.
     """
     pair = [np.asarray(values, dtype=np.float64) for values in (first, again)]
     n = pair[0].size
 
     def difference(index: NDArray[np.int64]) -> NDArray[np.float64]:
-        return _learnt(pair[0][index], penalised) - _learnt(pair[1][index], penalised)
+        return statistics(pair[0], index) - statistics(pair[1], index)
 
     drawn = np.array([difference(rng.integers(n, size=n)) for _ in range(_DRAWS)])
     correlated = max(1.0, n / effective) if effective else 1.0
@@ -70,12 +67,12 @@ def noise_sentence(name: str, variance: ArrayLike) -> str:
     ----------
     name : str
         The material.
-    variance : array_like, shape (3,)
+    variance : array_like, shape (n, 3)
         As :func:`noise_variance` gave it.
     """
-    mean, log_sd, skewness = np.sqrt(np.asarray(variance, dtype=np.float64))
+    mean, log_sd, skewness = np.sqrt(np.asarray(variance, dtype=np.float64).mean(axis=0))
     return (
-        f"{name}: between runs of equal parameters the density's mean scatters by {mean:.2g} dB, its standard "
+        f"{name}: between runs of equal parameters the mean scatters by {mean:.2g} dB, its standard "
         f"deviation by {100.0 * log_sd:.2g} %, its skewness by {skewness:.2g} (one standard deviation, from the "
         "repeated reference run); the surrogate takes no less than that for noise."
     )

@@ -20,7 +20,7 @@ _SLOPE_DEG = (30.0, 45.0)
 _SLOPE = (0.2, 0.95)  # median [dB/deg], log standard deviation
 _LEAST_SLOPE = 0.02  # below, the logarithm goes on as its tangent: a flat or rising curve has a finite price
 _LEVEL_SD_DB = 10.0
-_X4 = (5.0, 1.0)  # median [1/rad2], log standard deviation
+_LEAST_SHARE = 0.02  # of the median: below, the same
 _RANGE_DB = 32.5  # on either side of the measured mean
 _RANGE_DEG = np.linspace(20.0, 70.0, 11)
 _RANGE_SD_DB = 1.0
@@ -64,9 +64,7 @@ class CurvePrior:
       means of terrain (soil, grass, crops, trees; L to X band) in Ulaby and Dobson, "Handbook of Radar
       Scattering Statistics for Terrain" (1989), fall by about 0.05 (trees) to 0.6 dB/deg (smooth soil).
     - level: normal about the measured mean, sd 10 dB.
-    - X4 (``mangia`` only): log-normal, median 5, log sd 1: the specular part dies out between some 10 and
-      45 degrees, as the quasi-specular lobe of surfaces with rms slopes of 0.1 to 0.5 does (Ulaby, Moore
-      and Fung, "Microwave Remote Sensing", vol. 2, section 12-4).
+    - parameters with a prior of their own (``Law.log_normal``): log-normal.
     - sigma0 between 20 and 70 degrees within 32.5 dB of the measured mean. From the noise of good sensors
       to the strongest natural surfaces it is -50 to +15 dB; taken about the measured mean, because an
       image's own level may be off.
@@ -79,23 +77,14 @@ class CurvePrior:
         Measured mean [dB].
     level_deg : float
         Mean local incidence of the measured pixels [deg].
-    x4 : int or None
-        Place of X4 among the parameters.
     """
 
     law: Law
     level_db: float
     level_deg: float
-    x4: int | None = None
-
-    @classmethod
-    def of(cls, law: Law, level_db: float, level_deg: float) -> CurvePrior:
-        """The priors that make sense for a law: X4 is mangia's alone."""
-        x4 = law.names.index("X4") if law.names == ("X1", "X2", "X3", "X4") else None
-        return cls(law, level_db, level_deg, x4)
 
     def residuals(self, parameters: ArrayLike) -> NDArray[np.float64]:
-        """Residuals at one X, shape (d,): slope, level, range at eleven angles, and X4 where there is one."""
+        """Residuals at one X, shape (d,): slope, level, range at eleven angles, and each parameter that has a prior."""
         x = np.asarray(parameters, dtype=np.float64)
         angles = np.radians([*_SLOPE_DEG, self.level_deg, *_RANGE_DEG])
         first, second, level, *curve = self.law(angles, x)
@@ -106,6 +95,9 @@ class CurvePrior:
             (level - self.level_db) / _LEVEL_SD_DB,
             *(outside / _RANGE_SD_DB),
         ]
-        if self.x4 is not None:
-            found.append(_log_normal(float(x[self.x4]), *_X4, 0.1))
+        places = {name: k for k, name in enumerate(self.law.names)}
+        found += [
+            _log_normal(float(x[places[name]]), median, log_sd, _LEAST_SHARE * median)
+            for name, (median, log_sd) in self.law.log_normal.items()
+        ]
         return np.array(found)

@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from radcal.calibration.steps import noise_seed, reference_parameters
 from radcal.config import stages
 from radcal.errors import ConfigError, StoreError
+from radcal.seeds import draw_seeds
 from radcal.simulators.runner import Runner
 from radcal.storage.disclosure import disclosed
 from radcal.storage.files import digest, first_difference
@@ -46,8 +46,8 @@ def reuse_runs(case: stages.Reuse, runner: Runner, earlier: str | Path) -> list[
         None of the runs is one that this case could have made.
     """
     store = RunStore(earlier)
-    seed = noise_seed(case)
-    reference = reference_parameters(case.materials)
+    seed, *more = draw_seeds(case)
+    reference = case.start_parameters
     taken: list[IndexedRun] = []
     unlike: Counter[str] = Counter()
     for path in sorted(Path(earlier).glob("[!.]*.h5")):
@@ -55,6 +55,8 @@ def reuse_runs(case: stages.Reuse, runner: Runner, earlier: str | Path) -> list[
             theirs = store.description(path.stem)
         except StoreError as error:
             unlike[str(error)] += 1
+            continue
+        if theirs.get("noise_seed") in more:  # taken with the first draw of its run
             continue
         parameters = {**reference, **_calibrated(case, theirs)}
         ours = runner.description(parameters, seed)
@@ -71,7 +73,9 @@ def reuse_runs(case: stages.Reuse, runner: Runner, earlier: str | Path) -> list[
             unlike["its record does not hold the pixels of every calibrated material"] += 1
             continue
         if parameters != reference:
-            taken.append(IndexedRun(path.stem, parameters))
+            keys = [digest(runner.description(parameters, draw)) for draw in more]
+            draws = tuple(key for key in keys if store.path(key).is_file() and runner.take(store, key))
+            taken.append(IndexedRun(path.stem, parameters, draws=draws))
     for reason, count in unlike.items():
         logger.info("%d runs of %s not taken: %s", count, earlier, reason)
     if not taken:

@@ -6,23 +6,21 @@ import logging
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from functools import partial
 from multiprocessing import get_context
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from radcal.calibration.class_search import ClassSearch, class_searches
-from radcal.calibration.class_surrogate import ClassRuns
-from radcal.calibration.history import History, Proposal, Run, score
-from radcal.calibration.infill import propose
-from radcal.calibration.noise import noise_variance
+from radcal.calibration.history import History, Proposal, Run, Score
+from radcal.calibration.objectives import OBJECTIVES, Comparison, make_objectives
+from radcal.calibration.scoring import score
+from radcal.calibration.search import Search
 from radcal.calibration.stopping import decide
-from radcal.calibration.surrogate import OUTPUTS, Surrogate
-from radcal.config import CommandSimulation, Material, Optimiser, SimulatorConfig, Stop, stages
+from radcal.calibration.surrogate import Surrogate, Training, train_surrogate
+from radcal.config import CommandSimulation, Material, SimulatorConfig, Stop, stages
 from radcal.running.jobs import die_with_parent
-from radcal.seeds import derived_rng, derived_seed, noise_seed
+from radcal.seeds import derived_seed, draw_seeds, noise_seed
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import Parameters, Record
 
@@ -36,23 +34,16 @@ __all__ = [
     "not_fresh",
     "progress_line",
     "propose_all",
-    "reference_parameters",
     "reference_runs",
     "repeatability",
-    "score_reference",
+    "run_all_draws",
     "train_all",
     "verify",
 ]
 
 logger = logging.getLogger(__name__)
 
-_Job = TypeVar("_Job")
 _Result = TypeVar("_Result")
-
-
-def reference_parameters(materials: Mapping[str, Material]) -> dict[str, list[float]]:
-    """Parameters of the reference run: every material at its start, for the laws of ``Case.at_start``."""
-    return {name: material.start_parameters for name, material in materials.items()}
 
 
 def reference_runs(case: stages.ReferenceRun, runner: Runner) -> list[Record]:
@@ -71,55 +62,20 @@ def reference_runs(case: stages.ReferenceRun, runner: Runner) -> list[Record]:
         One, with the whole image, or two: radcal's own simulator is deterministic, and of another
         it may be declared.
     """
-    parameters, seed = reference_parameters(case.materials), noise_seed(case)
-    records = [runner.run(parameters, seed, image=True)]
+    parameters, seed = case.start_parameters, noise_seed(case)
+    records = [run_all_draws(case, runner, parameters, image=True)]
     if isinstance(case.simulator, CommandSimulation) and case.simulator.deterministic is None:
-        records.append(runner.run(parameters, seed, repeat=True))
+        again = [one.run(parameters, seed, repeat=True) for one in (runner, *runner.further)]
+        records.append(replace(again[0], further=tuple(again[1:])))
     return records
 
 
-def score_reference(case: stages.Scores, records: Sequence[Record], targets: Targets) -> list[Run]:
-    """Score the reference run and its repetition, with how far their pixels differ.
-
-    Parameters
-    ----------
-    case : stages.Scores
-        Starting parameters, laws and seed.
-    records : sequence of Record
-        What :func:`reference_runs` gave.
-    targets : mapping
-        Target by calibrated material.
-
-    Returns
-    -------
-    list of Run
-        As many as records; ``rms_sampling`` is the first's, ``repeat_db`` [dB] that of all others,
-        ``repeat_variance`` that of those which differ from the first.
-    """
-    start, others = reference_parameters(case.materials), case.start_with_another_law
-    searches = class_searches(case, targets)
-    runs = [
-        score("reference", k, record, start, targets, other_law=others, searches=searches)
-        for k, record in enumerate(records)
-    ]
-    runs[0] = replace(runs[0], rms_sampling={name: target.rms_sampling for name, target in targets.items()})
-    for k, record in enumerate(records[1:], start=1):
-        difference = records[0].largest_difference_db(record)
-        runs[k] = replace(runs[k], repeat_db=difference)
-        if difference > 0:
-            runs[k] = replace(runs[k], repeat_variance=_repeat_variance(case, records[0], record, targets))
-    return runs
-
-
-def _repeat_variance(case: stages.Scores, first: Record, again: Record, targets: Targets) -> dict[str, list[float]]:
-    pair = [(record.pixels_db, targets.levels.simulated(record.pixels_db)) for record in (first, again)]
-    found = {}
-    for name, target in targets.items():
-        values = [targets.levels.apply(pixels_db[name][target.order], mapping) for pixels_db, mapping in pair]
-        rng = derived_rng(case.seed, "repeat", name)
-        variance = noise_variance(values[0], values[1], rng, target.effective, target.penalised)
-        found[name] = [float(v) for v in variance]
-    return found
+def run_all_draws(case: stages.Simulation, runner: Runner, parameters: Parameters, image: bool = False) -> Record:
+    """Record of a run in all passes, with its further draws of speckle; only the first draw holds the whole image."""
+    first, *others = draw_seeds(case)
+    record = runner.run(parameters, first, image=image)
+    further = tuple(run_all_draws(case, one, parameters, image) for one in runner.further)
+    return replace(record, draws=tuple(runner.run(parameters, seed) for seed in others), further=further)
 
 
 def repeatability(simulator: SimulatorConfig, differences_db: Sequence[float]) -> str:
@@ -184,44 +140,34 @@ def _noisy(history: History, simulator: SimulatorConfig) -> bool:
 
 def all_parameters(materials: Mapping[str, Material], calibrated: Parameters) -> dict[str, list[float]]:
     """Complete the calibrated materials' parameters with the fixed ones."""
-    return {**reference_parameters(materials), **{name: list(x) for name, x in calibrated.items()}}
+    return {
+        **{name: material.start_parameters for name, material in materials.items()},
+        **{name: list(x) for name, x in calibrated.items()},
+    }
 
 
-def _train(job: tuple[Surrogate, NDArray[np.float64] | None, bool]) -> Surrogate:
-    surrogate, start, retry = job
-    with threadpool_limits(1):
-        return surrogate.train(start, retry=retry)
-
-
-def _propose(job: tuple[Surrogate, NDArray[np.float64], Optimiser, int, NDArray[np.float64], float, int]) -> Proposal:
-    with threadpool_limits(1):
-        return propose(*job)
-
-
-def _propose_law(job: tuple[ClassSearch, ClassRuns, Optimiser, int, tuple[list[float], float]]) -> Proposal:
-    search, runs, config, seed, best = job
-    with threadpool_limits(1):
-        fit = search.propose(search.surrogate(runs.parameters, runs.cumulants), config, seed, [best])
-    return Proposal([float(v) for v in fit.parameters], "exploit", looks=fit.looks, predicted_cost=fit.cost)
-
-
-def _each(function: Callable[[_Job], _Result], jobs: Sequence[_Job], processes: int) -> list[_Result]:
-    """Apply a function to independent jobs; the result does not depend on the number of processes."""
-    if min(processes, len(jobs)) <= 1:
-        return [function(job) for job in jobs]
+def _each(work: Sequence[Callable[[], _Result]], processes: int) -> list[_Result]:
+    """Results of independent calls; they do not depend on the number of processes."""
+    if min(processes, len(work)) <= 1:
+        return [call() for call in work]
+    _WORK[:] = work  # forked processes see it: objectives hold functions, which cannot be sent
     with ProcessPoolExecutor(
-        min(processes, len(jobs)), mp_context=get_context("fork"), initializer=die_with_parent
+        min(processes, len(work)), mp_context=get_context("fork"), initializer=die_with_parent
     ) as pool:
-        return list(pool.map(function, jobs))
+        return list(pool.map(_call, range(len(work))))
+
+
+_WORK: list[Callable[[], Any]] = []
+
+
+def _call(number: int) -> Any:
+    with threadpool_limits(1):
+        return _WORK[number]()
 
 
 def train_all(
-    history: History,
-    case: stages.Train,
-    iteration: int,
-    previous: Mapping[str, Surrogate | ClassRuns] | None,
-    processes: int = 1,
-) -> dict[str, Surrogate | ClassRuns]:
+    history: History, case: stages.Train, objectives: Mapping[str, Comparison], processes: int = 1
+) -> dict[str, Training]:
     """Train the surrogates of all calibrated materials.
 
     Parameters
@@ -229,49 +175,34 @@ def train_all(
     history : History
         Runs so far.
     case : stages.Train
-        Bounds, and settings of the training.
-    iteration : int
-        Number of the iteration, from 0.
-    previous : mapping, optional
-        Surrogates of the last iteration, by material.
+        Settings of the training.
+    objectives : mapping
+        Objective by material.
     processes : int
         Materials trained at the same time.
 
     Returns
     -------
     dict
-        Surrogate by material; of classes of incidence, the runs that correct law and speckle.
+        Data and hyper-parameters by material.
     """
-    if history.of_classes:
-        return {name: history.class_training(name) for name in case.calibrated}
-    warm = case.surrogate.training == "warm" and previous is not None and iteration % case.surrogate.retrain_every
-    last = {name: item.theta for name, item in (previous or {}).items() if isinstance(item, Surrogate)}
-    jobs = [
-        (
-            Surrogate(
-                case.materials[name].box,
-                *history.training(name),
-                case.surrogate.outputs,
-                noisy=_noisy(history, case.simulator),
-                noise_variance=history.noise_variance(name),
-                integer=case.materials[name].integers,
-            ),
-            last.get(name) if warm else None,
-            case.surrogate.training == "warm",
+    noisy = _noisy(history, case.simulator)
+    work = [
+        partial(
+            train_surrogate, objective, *history.training(name), case.surrogate, history.noise_variance(name), noisy
         )
-        for name in case.calibrated
+        for name, objective in objectives.items()
     ]
-    trained = dict(zip(case.calibrated, _each(_train, jobs, processes), strict=True))
-    for name, surrogate in trained.items():
-        for output, q2, status in zip(OUTPUTS[surrogate.outputs], surrogate.q2, surrogate.status, strict=True):
-            level = logging.WARNING if q2 < 0 or status == "failed" else logging.INFO
-            logger.log(level, "%s, %s: leave-one-out Q2 %.4f, optimiser %s", name, output, q2, status)
-    return dict(trained)
+    trained = dict(zip(objectives, _each(work, processes), strict=True))
+    for name, training in trained.items():
+        level = logging.WARNING if "failed" in training.status else logging.INFO
+        logger.log(level, "%s: %s", name, training.sentence())
+    return trained
 
 
 def propose_all(
-    surrogates: Mapping[str, Surrogate | ClassRuns],
-    targets: Targets,
+    trainings: Mapping[str, Training],
+    objectives: Mapping[str, Comparison],
     history: History,
     case: stages.Propose,
     iteration: int,
@@ -282,12 +213,12 @@ def propose_all(
 
     Parameters
     ----------
-    surrogates, targets : mapping
+    trainings, objectives : mapping
         By material.
     history : History
         Runs so far.
     case : stages.Propose
-        Laws, bounds, seed, and settings of the search.
+        Seed, and settings of the search.
     iteration : int
         Number of the iteration.
     stop : Stop
@@ -300,51 +231,78 @@ def propose_all(
     dict
         Proposal by material.
     """
-    verdicts = decide(history, list(targets), stop).materials
-    best = {name: history.best(name) for name in targets}
-    going = [name for name in targets if verdicts[name].reason is None]
-    seeds = {name: derived_seed(case.seed, "propose", name, iteration) for name in going}
-    searches = class_searches(case, targets)
-    if searches:
-        law_jobs = [
-            (
-                searches[name],
-                surrogate,
-                case.optimiser,
-                seeds[name],
-                (best[name].parameters[name], best[name].looks[name]),
-            )
-            for name in going
-            if isinstance(surrogate := surrogates[name], ClassRuns)
-        ]
-        found = dict(zip(going, _each(_propose_law, law_jobs, processes), strict=True))
-    else:
-        jobs = [
-            (
-                surrogate,
-                targets[name].dp,
-                case.optimiser,
-                seeds[name],
-                surrogate.unit(best[name].parameters[name]),
-                best[name].rms[name],
-                history.failures(name),
-            )
-            for name in going
-            if isinstance(surrogate := surrogates[name], Surrogate)
-        ]
-        found = dict(zip(going, _each(_propose, jobs, processes), strict=True))
+    verdicts = decide(history, list(objectives), stop, case.objective).materials
+    going = [name for name in objectives if verdicts[name].reason is None]
+    best = {name: history.best(name).scores[name] for name in objectives}
+    work = [
+        partial(
+            Search(objectives[name], Surrogate(trainings[name], objectives[name])).propose,
+            case.optimiser,
+            derived_seed(case.seed, "propose", name, iteration),
+            best[name],
+            history.failures(name),
+        )
+        for name in going
+    ]
+    found = dict(zip(going, _each(work, processes), strict=True))
     for name, proposal in found.items():
         logger.info("%s: %s", name, proposal)
-    return {name: found.get(name) or Proposal(list(best[name].parameters[name]), "ended") for name in targets}
+    return {name: found.get(name) or Proposal(list(best[name].parameters), "ended") for name in objectives}
 
 
 def verify(
-    proposals: Mapping[str, Proposal], targets: Targets, runner: Runner, case: stages.Verify, iteration: int
+    proposals: Mapping[str, Proposal],
+    targets: Targets,
+    runner: Runner,
+    case: stages.Verify,
+    history: History,
+    iteration: int,
+    processes: int = 1,
 ) -> Run:
-    """Simulate the proposals in one run and score it."""
+    """Simulate the proposals in one run, score it, and ask the surrogate of all runs what it still promises.
+
+    Parameters
+    ----------
+    proposals : mapping
+        Proposal by material.
+    targets : Targets
+        By calibrated material.
+    runner : Runner
+        The simulator behind the run store.
+    case : stages.Verify
+        Laws, objective, seed and surrogate.
+    history : History
+        Runs so far.
+    iteration : int
+        Number of the iteration.
+    processes : int
+        Materials looked at at the same time.
+
+    Returns
+    -------
+    Run
+    """
+    objectives = make_objectives(case, targets)
     parameters = all_parameters(case.materials, {name: proposal.parameters for name, proposal in proposals.items()})
-    record = runner.run(parameters, noise_seed(case))
-    return score("infill", iteration, record, parameters, targets, proposals, searches=class_searches(case, targets))
+    record = run_all_draws(case, runner, parameters)
+    run = score("infill", iteration, record, parameters, targets, objectives, case.seed)
+    run = replace(run, proposals=dict(proposals))
+    ahead = [name for name, objective in objectives.items() if objective.looks_ahead]
+    if not ahead:
+        return run
+    history = History([*history.runs, run])
+    noisy = _noisy(history, case.simulator)
+
+    def outlook(name: str) -> Score:
+        variance = history.noise_variance(name)
+        training = train_surrogate(objectives[name], *history.training(name), case.surrogate, variance, noisy)
+        search = Search(objectives[name], Surrogate(training, objectives[name]))
+        seed = derived_seed(case.seed, "outlook", name, iteration)
+        gain, floor, moved_db = search.outlook(history.best(name).scores[name], seed)
+        return replace(run.scores[name], gain=gain, floor=floor, moved_db=moved_db)
+
+    found = dict(zip(ahead, _each([partial(outlook, name) for name in ahead], processes), strict=True))
+    return replace(run, scores={**run.scores, **found})
 
 
 def design_line(number: int, size: int, record: Record, targets: Targets) -> str:
@@ -373,23 +331,10 @@ def design_line(number: int, size: int, record: Record, targets: Targets) -> str
     return f"design run {number} of {size}: {record.seconds:.1f} s, {text}"
 
 
-def progress_line(history: History, materials: Sequence[str], stop: Stop) -> str:
-    """Runs used, best rms and tolerance in one line."""
+def progress_line(history: History, materials: Sequence[str], stop: Stop, objective: str) -> str:
+    """Runs used, and how the materials stand, in one line."""
     runs = history.count("design") + history.count("infill")
-    if history.of_classes:
-        verdicts = decide(history, materials, stop).materials
-        settled = sum(verdict.reason == "settled" for verdict in verdicts.values())
-        last = history.infill[-1]
-        worst = max(materials, key=lambda name: last.moved_db[name])
-        return (
-            f"run {runs:>3} (iteration {len(history.infill)}): {settled} of {len(materials)} laws meet the stop "
-            f"criterion, the last run would change that of {worst} by {last.moved_db[worst]:.2g} dB"
-        )
-    best = {name: history.best(name).rms[name] for name in materials}
-    if len(best) == 1:
-        text = f"best rms {next(iter(best.values())):.2e}"
-    else:
-        worst = max(best, key=lambda name: best[name])
-        within = sum(value <= stop.rms for value in best.values())
-        text = f"{within} of {len(best)} materials within tolerance, worst {worst} at rms {best[worst]:.2e}"
-    return f"run {runs:>3} (iteration {history.count('infill')}): {text}, tolerance {stop.rms:.1e}"
+    verdicts = decide(history, materials, stop, objective).materials
+    ended = [name for name in materials if verdicts[name].reason in ("rms", "settled")]
+    text = OBJECTIVES[objective].progress_line(history, materials, ended, stop)
+    return f"run {runs:>3} (iteration {history.count('infill')}): {text}"

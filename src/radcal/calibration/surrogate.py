@@ -1,109 +1,103 @@
-"""Kriging of a run's density parameters as functions of X."""
+"""Surrogate of the simulator: statistics of a run as baseline plus kriging of what the runs show besides."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radcal import skewnormal
-from radcal.calibration.class_surrogate import ClassRuns
-from radcal.calibration.kriging import THETA0, Kriging, Trained, fixed, train_one, with_noise
+from radcal.calibration.kriging import JITTER, Kriging, train
+from radcal.calibration.moments import STATISTICS, from_dp, to_dp
+from radcal.calibration.objectives import Comparison
+from radcal.calibration.smt_kriging import train_smt
+from radcal.config import SurrogateConfig
 from radcal.errors import SurrogateError
 from radcal.storage.layout import put, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
-__all__ = ["OUTPUTS", "Surrogate", "read_surrogates", "to_direct", "write_surrogates"]
+__all__ = ["Surrogate", "Training", "read_trainings", "train_surrogate", "write_trainings"]
 
-Outputs = Literal["centred", "direct"]
-OUTPUTS: dict[Outputs, tuple[str, str, str]] = {
-    "centred": ("mean", "log sd", "skewness"),
-    "direct": ("xi", "omega", "alpha"),
-}
-_SKEWNESS_LIMIT = 0.995
-_RETRIES: tuple[dict[str, Any], ...] = (
-    {"n_start": 20, "theta0": [1e-1]},
-    {"n_start": 10, "hyper_opt": "Cobyla"},
-    {"n_start": 10, "hyper_opt": "Cobyla", "nugget": 1e-10},
-)
+_JUDGED = 4  # runs from which on leave-one-out may drop the baseline
 
 
-class Surrogate:
-    """One kriging model per density parameter, on the unit box of X.
-
-    Parameters
-    ----------
-    bounds : array_like, shape (d, 2)
-        Box of X.
-    parameters : array_like, shape (n, d)
-        Training points.
-    dp : array_like, shape (n, 3)
-        Their densities: xi [dB], omega [dB], alpha.
-    outputs : {'centred', 'direct'}
-        (mean [dB], log sd, skewness) or (xi [dB], omega [dB], alpha).
-    noisy : bool
-        Whether equal parameters give unequal densities: a nugget is then estimated with the
-        length scales, and the surrogate smooths instead of interpolating.
-    noise_variance : array_like, shape (3,), optional
-        Variance of mean [dB2], log sd and skewness among runs of equal parameters, where it has been
-        measured. The nugget is then taken at least so large that nugget times process variance is
-        this: from few runs the likelihood alone cannot tell noise from a short length scale. Not
-        used for direct outputs.
-    integer : array_like of bool, shape (d,), optional
-        Which parameters are whole numbers, between bounds that are whole.
-
-    Raises
-    ------
-    SurrogateError
-        NaN in the training data, too few points, or no training succeeded.
+@dataclass(frozen=True)
+class Training:
+    """Data and hyper-parameters of a surrogate.
 
     Attributes
     ----------
-    theta : ndarray, shape (3, d)
-        Inverse squared length scales of each output, in smt's standardised coordinates.
-    nugget, q2 : ndarray, shape (3,)
-        Nugget (noise variance over the process's, as on the diagonal of the correlation
-        matrix; Rasmussen and Williams, "Gaussian Processes for Machine Learning", eq. 2.20)
-        and leave-one-out Q2 of each output.
-    status : list of str
-        How each output's optimiser ended.
-
-    Notes
-    -----
-    smt given three outputs at once trains one length scale for all and fails silently;
-    each output has its own model here, its optimiser's status and its leave-one-out Q2
-    are kept and a failed training is retried from elsewhere.
+    parameters : ndarray, shape (k, d)
+        Distinct X of the runs.
+    statistics : ndarray, shape (k, n, 3)
+        Mean [dB], log sd and skewness of each incidence-angle bin.
+    scales : ndarray, shape (3, d)
+        Length scales of each statistic, in widths of the box.
+    nugget : ndarray, shape (3,)
+        Variance of the noise over that of the process.
+    baseline : ndarray of bool, shape (3,)
+        Whether the baseline is part of each statistic's prediction.
+    q2 : ndarray, shape (3,)
+        Leave-one-out Q2 of each statistic: one minus the mean squared error over the variance; NaN for a single run.
+    status : tuple of str
+        Whether the training of each statistic failed, as smt's may, or trained it.
+    direct : bool
+        Whether (xi [dB], omega [dB], alpha) are learnt in place of the statistics.
     """
 
-    def __init__(
-        self,
-        bounds: ArrayLike,
-        parameters: ArrayLike,
-        dp: ArrayLike,
-        outputs: Outputs = "centred",
-        noisy: bool = False,
-        noise_variance: ArrayLike | None = None,
-        integer: ArrayLike | None = None,
-    ) -> None:
-        self.bounds = np.asarray(bounds, dtype=np.float64)
-        self.integer = np.zeros(len(self.bounds), bool) if integer is None else np.asarray(integer, dtype=np.bool_)
-        self.outputs: Outputs = outputs
-        self.noisy = noisy
-        known = noise_variance is not None and noisy and outputs == "centred"
-        self.noise_variance = np.asarray(noise_variance if known else [0.0] * 3, dtype=np.float64)
-        self.parameters = np.asarray(parameters, dtype=np.float64)
-        self.dp = np.asarray(dp, dtype=np.float64)
-        for name, array in (("parameters", self.parameters), ("densities", self.dp)):
-            if not np.isfinite(array).all():
-                raise SurrogateError(f"the surrogate's training {name} hold values that are not finite.")
-        if len(self.parameters) < 3:
-            raise SurrogateError(f"a surrogate needs at least 3 runs, found {len(self.parameters)}.")
-        self._values = self.dp if outputs == "direct" else _learnt(self.dp)
-        self._models: list[Kriging] = []
+    parameters: NDArray[np.float64]
+    statistics: NDArray[np.float64]
+    scales: NDArray[np.float64]
+    nugget: NDArray[np.float64]
+    baseline: NDArray[np.bool_]
+    q2: NDArray[np.float64]
+    status: tuple[str, ...]
+    direct: bool = False
+
+    def sentence(self) -> str:
+        """Leave-one-out Q2 of each statistic, and which of them the baseline does not help."""
+        found = ", ".join(f"{name} {q2:.3f}" for name, q2 in zip(STATISTICS, self.q2, strict=True))
+        alone = [name for name, kept in zip(STATISTICS, self.baseline, strict=True) if not kept]
+        failed = [name for name, status in zip(STATISTICS, self.status, strict=True) if status == "failed"]
+        notes = (("without baseline", alone), ("training failed", failed))
+        more = "".join(f"; {text}: {', '.join(names)}" for text, names in notes if names)
+        return f"leave-one-out Q2 of {len(self.parameters)} runs: {found}{more}"
+
+
+class Surrogate:
+    """Statistics of a run as functions of X: y(X) = baseline(X) + constant + Gaussian process.
+
+    What a simulator adds to law, speckle and noise (area of facets, neighbours, one sample of speckle) changes little
+    with X. The baseline is known without any run; kriging learns the rest of (mean, log sd, skewness), with one
+    correlation for all bins of a statistic.
+
+    Parameters
+    ----------
+    training : Training
+        Data and hyper-parameters.
+    objective : Comparison
+        Baseline, bounds and whole parameters.
+
+    References
+    ----------
+    Kennedy and O'Hagan, "Bayesian calibration of computer models", J. R. Statist. Soc. B 63 (2001): discrepancy as a
+    Gaussian process; Bandler et al., "Space mapping: the state of the art", IEEE Trans. Microwave Theory Tech. 52
+    (2004).
+    """
+
+    def __init__(self, training: Training, objective: Comparison) -> None:
+        self.training = training
+        self.bounds, self.integer = objective.material.box, objective.material.integer
+        self.parameters = training.parameters
+        self._baseline = objective.baseline if training.baseline.any() else None
+        self._shape = training.statistics.shape[1:]
+        learnt = _learnt(training.statistics, training.direct) - self._base(self.parameters)
+        unit = self.unit(self.parameters)
+        self._models = [
+            Kriging(unit, learnt[..., k], training.scales[k], float(training.nugget[k])) for k in range(len(STATISTICS))
+        ]
 
     def unit(self, parameters: ArrayLike) -> NDArray[np.float64]:
         """X to the unit box."""
@@ -121,157 +115,146 @@ class Surrogate:
         unit = np.asarray(unit, dtype=np.float64)
         return np.where(self.integer, self.unit(self.scaled(unit)), unit) if self.integer.any() else unit
 
-    def train(self, start: ArrayLike | None = None, retry: bool = True) -> Surrogate:
-        """Optimise the length scales.
-
-        Parameters
-        ----------
-        start : array_like, shape (3, d), optional
-            Length scales to start from, for a single local search; without them the
-            library's own multi-start is used.
-        retry : bool
-            Search again where the optimiser failed or Q2 is not positive; without it the
-            library's first word stands, unless it has none.
-
-        Returns
-        -------
-        Surrogate
-            Itself.
-
-        Raises
-        ------
-        SurrogateError
-            No attempt gave a finite likelihood.
-        """
-        x = self.unit(self.parameters)
-        noise = {"eval_noise": True, "hyper_opt": "Cobyla"} if self.noisy else {}  # smt has no other optimiser for it
-        trained = []
-        for k in range(3):
-            first: dict[str, Any] = {"theta0": [THETA0]}
-            if start is not None:
-                first = {"theta0": np.asarray(start, dtype=np.float64)[k].tolist(), "n_start": 1}
-            best: Trained | None = None
-            failure = SurrogateError("")
-            for attempt, options in enumerate((first, *_RETRIES)):
-                try:
-                    found = train_one(x, self._values[:, k], {"theta0": [THETA0], **options, **noise})
-                except SurrogateError as error:
-                    failure = error
-                    continue
-                if best is None or found.q2 > best.q2:
-                    best = found
-                # an output that two searches from many starts cannot predict is noise at these points:
-                # more searching does not help, more runs may
-                if not retry or (best.status != "failed" and (best.q2 > 0.0 or attempt > 0 or start is not None)):
-                    break
-            if best is None:
-                raise SurrogateError(f"kriging of {OUTPUTS[self.outputs][k]}: {failure}")
-            if self.noise_variance[k] > 0.0:
-                best = with_noise(x, self._values[:, k], best, float(self.noise_variance[k]))
-            trained.append(best)
-        # the models just trained are let go: rebuilt from their length scales they agree to the last
-        # bit with those that another job or process rebuilds
-        self.restore(
-            [t.theta for t in trained],
-            [t.nugget for t in trained],
-            [t.q2 for t in trained],
-            [t.status for t in trained],
-        )
-        return self
-
-    def restore(self, theta: ArrayLike, nugget: ArrayLike, q2: ArrayLike, status: Sequence[str]) -> Surrogate:
-        """Take what a training found, shapes (3, d), (3,), (3,), (3,); the models are rebuilt when first asked."""
-        self.theta = np.asarray(theta, dtype=np.float64)
-        self.nugget = np.asarray(nugget, dtype=np.float64)
-        self.q2 = np.asarray(q2, dtype=np.float64)
-        self.status = [str(s) for s in status]
-        self._models = []
-        return self
-
-    def models(self) -> list[Kriging]:
-        """Kriging models, one per output (rebuilt where only their length scales are known)."""
-        if not self._models:
-            x = self.unit(self.parameters)
-            self._models = [fixed(x, self._values[:, k], self.theta[k], float(self.nugget[k])) for k in range(3)]
-        return self._models
-
-    def __getstate__(self) -> dict[str, Any]:
-        # models are rebuilt rather than sent from process to process
-        return {**self.__dict__, "_models": []}
+    def _base(self, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Baseline of the statistics that have one, 0 of the others, shape (m, n, 3)."""
+        if self._baseline is None:
+            return np.zeros((len(parameters), *self._shape))
+        return np.stack([self._baseline(x) for x in parameters]) * self.training.baseline
 
     def predict(self, unit: ArrayLike) -> NDArray[np.float64]:
-        """Learnt outputs at points of the unit box, shape (n, d) to (n, 3)."""
+        """Statistics at points of the unit box, shape (m, d) to (m, n, 3)."""
         points = np.atleast_2d(np.asarray(unit, dtype=np.float64))
-        return np.column_stack([output.mean(points) for output in self.models()])
+        low, high = self.bounds.T
+        learnt = self._base(low + points * (high - low)) + np.stack([model.mean(points) for model in self._models], -1)
+        return _statistics(learnt, self.training.direct)
 
     def standard_error(self, unit: ArrayLike) -> NDArray[np.float64]:
-        """Kriging standard error of the outputs, shape (n, d) to (n, 3)."""
+        """Kriging standard error of the statistics, shape (m, d) to (m, n, 3); 0 where others are learnt."""
         points = np.atleast_2d(np.asarray(unit, dtype=np.float64))
-        return np.sqrt(np.column_stack([output.variance(points) for output in self.models()]))
-
-    def centred(self, values: ArrayLike) -> NDArray[np.float64]:
-        """Learnt outputs to (mean [dB], log sd, skewness), shape (..., 3)."""
-        values = np.asarray(values, dtype=np.float64)
-        if self.outputs == "centred":
-            return values
-        xi, omega, alpha = np.moveaxis(values, -1, 0)
-        return _learnt(np.stack([xi, np.maximum(omega, 1e-6), alpha], axis=-1))
+        if self.training.direct:
+            return np.zeros((len(points), *self._shape))
+        error = np.sqrt(np.stack([model.variance(points) for model in self._models], axis=-1))
+        return np.repeat(error[:, None], self._shape[0], axis=1)
 
 
-def to_direct(learnt: ArrayLike) -> NDArray[np.float64]:
-    """(mean [dB], log sd, skewness) to DP, a skewness out of reach drawn to the limit."""
-    mean, log_sd, skewness = np.moveaxis(np.asarray(learnt, dtype=np.float64), -1, 0)
-    skewness = np.clip(skewness, -_SKEWNESS_LIMIT, _SKEWNESS_LIMIT)
-    return skewnormal.direct(np.stack([mean, np.exp(np.clip(log_sd, -20.0, 20.0)), skewness], axis=-1))
+def _learnt(statistics: NDArray[np.float64], direct: bool) -> NDArray[np.float64]:
+    return to_dp(statistics) if direct else statistics
 
 
-def _learnt(dp: NDArray[np.float64]) -> NDArray[np.float64]:
-    """DP to (mean [dB], log sd, skewness)."""
-    mean, sd, skewness = np.moveaxis(skewnormal.centred(dp), -1, 0)
-    return np.stack([mean, np.log(sd), skewness], axis=-1)
+def _statistics(learnt: NDArray[np.float64], direct: bool) -> NDArray[np.float64]:
+    if not direct:
+        return learnt
+    xi, omega, alpha = np.moveaxis(learnt, -1, 0)
+    return from_dp(np.stack([xi, np.maximum(omega, 1e-6), alpha], axis=-1))
+
+
+def train_surrogate(
+    objective: Comparison,
+    parameters: NDArray[np.float64],
+    statistics: NDArray[np.float64],
+    config: SurrogateConfig,
+    noise_variance: NDArray[np.float64] | None = None,
+    noisy: bool = False,
+) -> Training:
+    """Choose length scales, and drop the baseline of a statistic that is predicted better without.
+
+    Parameters
+    ----------
+    objective : Comparison
+        Baseline and bounds.
+    parameters : ndarray, shape (k, d)
+        Distinct X of the runs.
+    statistics : ndarray, shape (k, n, 3)
+        Mean [dB], log sd and skewness of each incidence-angle bin.
+    config : SurrogateConfig
+        What is learnt, and how.
+    noise_variance : ndarray, shape (n, 3), optional
+        Variance of the statistics among runs of equal X, where it has been measured.
+    noisy : bool
+        Whether equal X give unequal runs.
+
+    Returns
+    -------
+    Training
+
+    Raises
+    ------
+    SurrogateError
+        Values that are not finite, or no model.
+    """
+    for name, array in (("parameters", parameters), ("statistics", statistics)):
+        if not np.isfinite(array).all():
+            raise SurrogateError(f"the surrogate's training {name} hold values that are not finite.")
+    low, high = objective.material.box.T
+    unit = (parameters - low) / (high - low)
+    direct = config.outputs == "direct"
+    values = _learnt(statistics, direct)
+    base = None
+    if config.baseline and not direct and objective.baseline is not None:
+        base = np.stack([objective.baseline(x) for x in parameters])
+    found = []
+    for k in range(len(STATISTICS)):
+        # what was measured is the scatter of the statistics
+        noise = None if noise_variance is None or direct else float(noise_variance[:, k].mean())
+        best = _train_one(unit, values[..., k], config, noise if noisy else 0.0)
+        if base is not None:
+            other = _train_one(unit, values[..., k] - base[..., k], config, noise if noisy else 0.0)
+            helps = len(unit) < _JUDGED or other.squares <= best.squares
+            best = _Trained(other.scales, other.nugget, other.squares, other.status, True) if helps else best
+        found.append(best)
+    with np.errstate(invalid="ignore"):
+        variation = ((values - values.mean(axis=0)) ** 2).sum(axis=(0, 1))
+        q2 = 1.0 - np.array([one.squares for one in found]) / np.where(variation > 0.0, variation, np.nan)
+    return Training(
+        parameters=parameters,
+        statistics=statistics,
+        scales=np.stack([one.scales for one in found]),
+        nugget=np.array([one.nugget for one in found]),
+        baseline=np.array([one.baseline for one in found]),
+        q2=q2,
+        status=tuple(one.status for one in found),
+        direct=direct,
+    )
 
 
 @dataclass(frozen=True)
-class _Kriging:
-    """Data and hyper-parameters of a :class:`Surrogate`, under the names of its arguments and attributes."""
+class _Trained:
+    """Hyper-parameters of one statistic, and its sum of squared leave-one-out errors."""
 
-    outputs: Outputs
-    status: tuple[str, ...]
-    bounds: NDArray[np.float64]
-    integer: NDArray[np.bool_]
-    parameters: NDArray[np.float64]
-    dp: NDArray[np.float64]
-    theta: NDArray[np.float64]
-    nugget: NDArray[np.float64]
-    q2: NDArray[np.float64]
+    scales: NDArray[np.float64]
+    nugget: float
+    squares: float
+    status: str
+    baseline: bool = False
 
-    @classmethod
-    def of(cls, surrogate: Surrogate) -> _Kriging:
-        return cls(**{item.name: getattr(surrogate, item.name) for item in fields(cls)})
 
-    def rebuilt(self) -> Surrogate:
-        surrogate = Surrogate(self.bounds, self.parameters, self.dp, self.outputs, integer=self.integer)
-        return surrogate.restore(self.theta, self.nugget, self.q2, self.status)
+def _train_one(
+    unit: NDArray[np.float64], values: NDArray[np.float64], config: SurrogateConfig, noise: float | None
+) -> _Trained:
+    if config.training == "smt":
+        scales, nugget, status = train_smt(unit, values[:, 0], noisy=noise != 0.0)
+        nugget = max(nugget, JITTER if noise != 0.0 else 0.0)
+    else:
+        (scales, nugget), status = train(unit, values, noise), "trained"
+    errors = Kriging(unit, values, scales, nugget).leave_one_out() if len(unit) > 1 else np.full(1, np.nan)
+    return _Trained(scales, nugget, float((errors**2).sum()), status)
 
 
 @dataclass(frozen=True)
 class _Stored:
-    """Content of a file: one mapping or the other, as the objective asks."""
+    """Content of a file of surrogates."""
 
-    densities: Mapping[str, _Kriging]
-    classes: Mapping[str, ClassRuns]
+    materials: Mapping[str, Training]
 
 
-def write_surrogates(path: str | Path, surrogates: Mapping[str, Surrogate | ClassRuns]) -> None:
-    """Store surrogates as data and hyper-parameters, atomically; of classes of incidence the data are all."""
-    densities = {name: _Kriging.of(one) for name, one in surrogates.items() if isinstance(one, Surrogate)}
-    classes = {name: one for name, one in surrogates.items() if isinstance(one, ClassRuns)}
+def write_trainings(path: str | Path, trainings: Mapping[str, Training]) -> None:
+    """Write surrogates as data and hyper-parameters to HDF5, atomically."""
     with write_hdf5(path, "surrogate") as file:
-        put(file, _Stored(densities, classes))
+        put(file, _Stored(trainings))
 
 
-def read_surrogates(path: str | Path) -> dict[str, Surrogate | ClassRuns]:
-    """Rebuild the surrogates that :func:`write_surrogates` stored.
+def read_trainings(path: str | Path) -> dict[str, Training]:
+    """Read what :func:`write_trainings` wrote.
 
     Raises
     ------
@@ -279,5 +262,4 @@ def read_surrogates(path: str | Path) -> dict[str, Surrogate | ClassRuns]:
         The file is missing, damaged, or of another version or case.
     """
     with read_hdf5(path, "surrogate") as file:
-        stored = take(file, _Stored)
-    return {**{name: one.rebuilt() for name, one in stored.densities.items()}, **stored.classes}
+        return dict(take(file, _Stored).materials)

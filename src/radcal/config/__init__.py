@@ -1,8 +1,9 @@
 """Typed configuration of a case; only this package interprets the configuration.
 
 A case is one YAML file. Each section has a model in a module of its own. Missing keys take the
-defaults of the models, and these defaults are the default case: ``config/config.yaml`` is written
-from them (``python -m radcal.config``). Unknown keys are refused. All models are frozen.
+defaults of the models, and these defaults are the default case, except that its ``radar.radiometry``
+is the paper's: ``config/config.yaml`` is written from them (``python -m radcal.config``). Unknown
+keys are refused. All models are frozen.
 """
 
 from radcal.config.case import Case
@@ -29,7 +30,7 @@ from radcal.config.stop import Stop
 from radcal.config.surrogate import SurrogateConfig
 from radcal.config.target import TargetConfig
 from radcal.config.validation import Validation
-from radcal.config.writing import default_yaml
+from radcal.config.writing import default_case, default_yaml
 
 __all__ = [
     "BuiltinScene",
@@ -61,6 +62,7 @@ __all__ = [
     "Validation",
     "case_from",
     "check_reuse",
+    "default_case",
     "default_yaml",
     "executable_path",
     "expand_path",

@@ -1,4 +1,4 @@
-"""Command that prints the files written from the models: the default case and the schema.
+"""Command that prints the default case or the JSON schema, both generated from the configuration models.
 
 python -m radcal.config > config/config.yaml              the default case
 python -m radcal.config schema > config/schema.json       the schema for editors

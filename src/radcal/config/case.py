@@ -1,4 +1,4 @@
-"""Model of a whole case: its sections, and the checks of one section against another."""
+"""Model of a whole case: all sections, and checks that compare keys of different sections."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from radcal.config.design import Design
 from radcal.config.limits import Seed
 from radcal.config.materials import DEFAULT_LAW, Material, check_parameters, default_materials
 from radcal.config.measurement import FileMeasurement, MeasurementConfig, Synthetic, SyntheticMeasurement
+from radcal.config.objectives import DEFAULT, OBJECTIVES, SINGLE, Objective, names
 from radcal.config.optimiser import Optimiser
 from radcal.config.part import Part
 from radcal.config.pydantic_errors import nearest
 from radcal.config.radar import Radar
 from radcal.config.registration import RegistrationConfig
 from radcal.config.scene import BuiltinScene, SceneConfig
-from radcal.config.sections import TAGS, CaseName, Objective
+from radcal.config.sections import FURTHER, TAGS, CaseName
 from radcal.config.simulator import BuiltinSimulation, CommandSimulation, SimulatorConfig
 from radcal.config.stop import Stop
 from radcal.config.surrogate import SurrogateConfig
@@ -29,40 +30,84 @@ from radcal.radar.laws import EXTERNAL, LAWS
 
 __all__ = ["Case"]
 
+_DRAWS_IN_BINS = 4
+
 
 def _with_fitting_stop(data: dict[str, Any]) -> dict[str, Any]:
-    """Case data, with ``stop.at_sampling_error`` set for an external program without a configured ``stop.rms``."""
+    """Case data; ``stop.at_sampling_error`` is true by default for an external program without ``stop.rms``."""
     stop, simulator = data.get("stop", {}), data.get("simulator")
-    # a section that is a model already has this default
+    # a section that is already a model contains this default
     if not isinstance(stop, dict) or "rms" in stop or "at_sampling_error" in stop:
         return data
     kind = simulator.get("kind") if isinstance(simulator, dict) else getattr(simulator, "kind", None)
     return {**data, "stop": {**stop, "at_sampling_error": True}} if kind == "command" else data
 
 
+def _with_fitting_draws(data: dict[str, Any]) -> dict[str, Any]:
+    """Case data; ``simulator.draws`` is 4 by default if the built-in simulator and incidence-angle bins are used."""
+    simulator, objective = data.get("simulator", {}), data.get("objective", DEFAULT)
+    traits = OBJECTIVES.get(objective) if isinstance(objective, str) else None
+    if not isinstance(simulator, dict) or "draws" in simulator or traits is None or not traits.bins:
+        return data
+    tag = TAGS["simulator"]
+    if simulator.get(tag, "builtin") != "builtin":
+        return data
+    return {**data, "simulator": {**simulator, tag: "builtin", "draws": _DRAWS_IN_BINS}}
+
+
+def _with_passes(data: dict[str, Any]) -> dict[str, Any]:
+    """Case data in which lists of ``radar`` and ``measurement`` are divided into the first and the further passes."""
+    for key in FURTHER.values():
+        if data.get(key) is not None:
+            raise ValueError(f"unknown key {key}: further passes are items of a list of radar and of measurement")
+    found = {name: value for name, value in data.items() if name not in FURTHER.values()}
+    counts = {name: len(data[name]) if isinstance(data.get(name), list) else 1 for name in FURTHER}
+    if counts["radar"] != counts["measurement"] or 0 in counts.values():
+        said = " and ".join(f"{name} of {count}" for name, count in counts.items())
+        raise ValueError(f"passes: found {said}, expected lists of equal length, with one item for each pass")
+    for name, further in FURTHER.items():
+        if isinstance(data.get(name), list):
+            found[name], *others = data[name]
+            if others:
+                found[further] = others
+    return found
+
+
 class Case(Part):
-    """Configuration of one calibration."""
+    """Configuration of one calibration.
+
+    ``radar`` and ``measurement`` may be lists of equal length, with one item for each pass. The fields of these names
+    hold those of the first pass, ``further_radar`` and ``further_measurement`` those of the others.
+    """
 
     case: CaseName = Field("dyke", description="name of the case and of its folder below results/")
-    replace: bool = Field(False, description="whether results of another scene or pass in that folder may be replaced")
-    seed: Seed = Field(1, description="seed of all random draws that have no seed of their own")
-    # factories: a section that is made here would have its validator built in every job
+    replace: bool = Field(
+        False,
+        description="whether radcal may replace a finished calibration of another scene or pass in the case's folder",
+    )
+    seed: Seed = Field(1, description="seed of all random draws for which no other key gives a seed")
+    # factories, because a section created here would make every job build the validator of the section
     scene: SceneConfig = Field(BuiltinScene(), description="source of elevation, materials and objects")
     radar: Radar = Field(default_factory=Radar)
     simulator: SimulatorConfig = Field(BuiltinSimulation(), description="radcal's own simulator or any other program")
     materials: dict[str, Material] = Field(
-        default_factory=default_materials, min_length=1, description="surface materials by name, and their laws"
+        default_factory=default_materials,
+        min_length=1,
+        description="surface materials by name, each with its backscatter law",
     )
     measurement: MeasurementConfig = Field(
         SyntheticMeasurement(), description="the measured image in a file, or a synthetic one"
     )
+    further_radar: list[Radar] | None = Field(None, description="radar of the second and later passes")
+    further_measurement: list[MeasurementConfig] | None = Field(None, description="their measured images")
     registration: RegistrationConfig = Field(default_factory=RegistrationConfig)
     objective: Objective = Field(
-        "classes",
-        description="classes, likelihood: the law, by incidence-angle bin (docs/right_law.md); density: the histogram",
+        DEFAULT,
+        description="classes, likelihood: match the law in incidence-angle bins (docs/right_law.md); density: match "
+        "the histogram",
     )
     target: TargetConfig = Field(default_factory=TargetConfig)
-    validation: Validation | None = Field(None, description="held-out ground, on which the laws are checked")
+    validation: Validation | None = Field(None, description="ground held out of the calibration to check the laws")
     design: Design = Field(default_factory=Design)
     surrogate: SurrogateConfig = Field(default_factory=SurrogateConfig)
     optimiser: Optimiser = Field(default_factory=Optimiser)
@@ -71,19 +116,23 @@ class Case(Part):
     @model_validator(mode="before")
     @classmethod
     def _fitting_defaults(cls, data: object) -> object:
-        """Case data; the default is ``objective: density`` for one bin, normalisation ``image`` or external laws."""
+        """Case data with default values that depend on other keys.
+
+        A missing ``objective`` becomes ``density`` if the case has one bin, normalisation ``image`` or a calibrated
+        external law.
+        """
         if not isinstance(data, dict):
             return data
-        data = _with_fitting_stop(data)
+        data = _with_fitting_stop(_with_passes(data))
         if "objective" in data:
-            return data
+            return _with_fitting_draws(data)
         target, materials = (data[key] if isinstance(data.get(key), dict) else {} for key in ("target", "materials"))
         alone = target.get("incidence_classes") in (1, "1") or target.get("normalisation") == "image"
         outside = any(
             isinstance(item, dict) and item.get("calibrate") and item.get("law") == EXTERNAL
             for item in materials.values()
         )
-        return {**data, "objective": "density"} if alone or outside else data
+        return _with_fitting_draws({**data, "objective": SINGLE} if alone or outside else data)
 
     @field_validator("scene", "simulator", "measurement", mode="before")
     @classmethod
@@ -93,6 +142,15 @@ class Case(Part):
             if tag not in value:
                 return {tag: getattr(cls.model_fields[info.field_name].default, tag), **value}
         return value
+
+    @field_validator("further_measurement", mode="before")
+    @classmethod
+    def _default_tags(cls, value: object) -> object:
+        tag = TAGS["measurement"]
+        default = getattr(cls.model_fields["measurement"].default, tag)
+        if not isinstance(value, list):
+            return value
+        return [{tag: default, **item} if isinstance(item, dict) and tag not in item else item for item in value]
 
     @field_validator("materials")
     @classmethod
@@ -106,16 +164,6 @@ class Case(Part):
     def _consistent(self) -> Self:
         if not self.calibrated:
             raise ValueError("materials: none is marked calibrate: true, expected at least one")
-        # default hidden parameters are for the default case only: elsewhere materials keep their start
-        if isinstance(self.measurement, SyntheticMeasurement) and self.measurement.synthetic.is_written:
-            for name, x in self.measurement.synthetic.parameters.items():
-                if name not in self.materials:
-                    raise ValueError(
-                        f"measurement.synthetic.parameters.{name}: no such material{nearest(name, self.materials)}"
-                    )
-                material = self.materials[name]
-                check_parameters(f"measurement.synthetic.parameters.{name}", x, material.unbound_law, material.law)
-                material.check_whole(f"measurement.synthetic.parameters.{name}", x)
         for name in self.target.reference_materials or []:
             if name not in self.materials:
                 raise ValueError(f"target.reference_materials: no material {name!r}{nearest(name, self.materials)}")
@@ -128,23 +176,57 @@ class Case(Part):
                 "target.normalisation is offset, expected at least one material with fixed parameters "
                 "(calibrate: false) to give the level, found none"
             )
-        if isinstance(self.measurement, SyntheticMeasurement):
-            self._check_truth(self.measurement.synthetic)
-        self._check_laws()
-        if isinstance(self.measurement, FileMeasurement):
-            self._check_pass(self.measurement)
+        for number, one in enumerate(self.passes, start=1):
+            try:
+                one._check_pass()
+            except ValueError as error:
+                if self.further_radar is None:
+                    raise
+                raise ValueError(f"pass {number}: {error}") from None
         self._check_objective()
+        if self.design.reuse is not None and self.further_radar:
+            raise ValueError(
+                f"design.reuse is {self.design.reuse!r} in a case of {len(self.passes)} passes, expected one pass: "
+                "a pass that is added to a case reuses the case's own runs without it"
+            )
         if self.design.reuse == self.case:
             raise ValueError(f"design.reuse is {self.case!r}, this case itself, expected an earlier one")
         self._check_whole_box()
+        if self.design_size == 0 and self.start_with_another_law and self.design.reuse is None:
+            raise ValueError(
+                f"design.size is 0 and materials.{self.start_with_another_law[0]}.start is of another law, so that no "
+                "run would train the surrogate, expected design.size of at least 1"
+            )
         if self.stop.max_runs < self.design_size:
             raise ValueError(
                 f"stop.max_runs is {self.stop.max_runs}, expected at least design.size ({self.design_size})"
             )
         return self
 
+    def _check_pass(self) -> None:
+        """Refuse settings of one pass that do not fit the laws or its measured image."""
+        measurement = self.measurement
+        # default hidden parameters are for the default case only: elsewhere materials keep their start
+        if isinstance(measurement, SyntheticMeasurement):
+            if measurement.synthetic.is_written:
+                self._check_hidden(measurement.synthetic)
+            self._check_truth(measurement.synthetic)
+        self._check_laws()
+        if isinstance(measurement, FileMeasurement):
+            self._check_image(measurement)
+
+    def _check_hidden(self, synthetic: Synthetic) -> None:
+        """Refuse hidden parameters of unknown materials, and those that do not fit their law."""
+        for name, x in synthetic.parameters.items():
+            key = f"measurement.synthetic.parameters.{name}"
+            if name not in self.materials:
+                raise ValueError(f"{key}: no such material{nearest(name, self.materials)}")
+            material = self.materials[name]
+            check_parameters(key, x, material.unbound_law, material.law)
+            material.check_whole(key, x)
+
     def _check_whole_box(self) -> None:
-        """Refuse bounds that hold too few combinations of whole numbers for the design and the reference run."""
+        """Refuse bounds that contain fewer combinations of whole numbers than design and reference run need."""
         materials = [self.materials[name] for name in self.calibrated]
         if not all(all(material.integers) for material in materials):
             return
@@ -156,33 +238,39 @@ class Case(Part):
             )
 
     def _check_objective(self) -> None:
-        """Refuse settings that the objective does not use, and settings with which the objective is impossible."""
-        if self.objective == "density" and self.target.incidence_classes not in (1, "auto"):
+        """Refuse settings that the objective does not use, and settings that contradict the objective."""
+        traits, target = OBJECTIVES[self.objective], self.target
+        if not traits.bins and target.incidence_classes not in (1, "auto"):
             raise ValueError(
-                f"target.incidence_classes is {self.target.incidence_classes}, which objective: density does not use, "
-                "expected objective: classes"
+                f"target.incidence_classes is {target.incidence_classes}, which objective: {self.objective} does not "
+                f"use, expected objective: {' or '.join(names(bins=True))}"
             )
-        if self.target.normalisation == "image" and self.validation is not None:
+        if target.normalisation == "image" and self.validation is not None:
             raise ValueError(
                 "validation is configured and target.normalisation is image, whose values are not in dB: errors of "
                 "block means would have no unit, expected normalisation none or offset"
             )
-        if self.objective != "density" and self.target.normalisation == "image":
+        if traits.bins and target.normalisation == "image":
             raise ValueError(
                 f"objective is {self.objective} and target.normalisation is image, whose values are not in dB: "
                 "looks and priors have no meaning there, expected normalisation none or offset"
             )
-        if self.objective != "density" or self.validation is not None:
-            key = "validation is configured" if self.objective == "density" else f"objective is {self.objective}"
+        if traits.bins and (self.surrogate.outputs, self.surrogate.training) != ("centred", "posterior"):
+            raise ValueError(
+                f"surrogate.outputs is {self.surrogate.outputs} and surrogate.training {self.surrogate.training}, "
+                f"which objective: {self.objective} does not use, expected centred and posterior"
+            )
+        if traits.curve or self.validation is not None:
+            key = f"objective is {self.objective}" if traits.curve else "validation is configured"
             for name in self.calibrated:
                 if self.materials[name].law == EXTERNAL:
                     raise ValueError(
                         f"{key} and materials.{name}.law is {EXTERNAL}, whose curve only the simulator knows, "
-                        "expected objective: density without validation"
+                        f"expected objective: {' or '.join(names(curve=False))}, without validation"
                     )
 
     def _check_truth(self, synthetic: Synthetic) -> None:
-        """Refuse a synthetic measurement without hidden parameters of the law that is calibrated."""
+        """Refuse a synthetic measurement for which a calibrated law has no hidden parameters."""
         for name, material in self.materials.items():
             key = f"measurement.synthetic.parameters.{name}"
             if name in synthetic.parameters and (synthetic.is_written or material.law == DEFAULT_LAW):
@@ -199,7 +287,7 @@ class Case(Part):
                 )
 
     def _check_laws(self) -> None:
-        """Refuse laws that the simulator cannot evaluate, and laws that need a missing key of ``radar``."""
+        """Refuse laws that the simulator cannot evaluate, and laws that need a missing ``radar.frequency_ghz``."""
         command = isinstance(self.simulator, CommandSimulation)
         for name, material in self.materials.items():
             if material.law == EXTERNAL and not command:
@@ -219,9 +307,9 @@ class Case(Part):
                         f"radar.frequency_ghz is missing: law {seen.law!r} of materials.{key} depends on it"
                     )
 
-    def _check_pass(self, measurement: FileMeasurement) -> None:
+    def _check_image(self, measurement: FileMeasurement) -> None:
         """Refuse an image whose declared radiometry, polarisation or band differs from that of ``radar``."""
-        if measurement.radiometry != self.radar.radiometry:
+        if measurement.radiometry not in (None, self.radar.radiometry):
             raise ValueError(
                 f"measurement.radiometry is {measurement.radiometry}, radar.radiometry is {self.radar.radiometry}: set "
                 "radar.radiometry to the measurement's, since the simulated image is made in it"

@@ -16,14 +16,14 @@ class Design(Section):
     """Runs made before any surrogate exists (design of experiments)."""
 
     sampler: Literal["monte_carlo", "latin_hypercube", "sobol"] = Field(
-        "sobol", description="method that draws the parameters: monte_carlo, latin_hypercube or sobol"
+        "sobol", description="method that samples the parameters: monte_carlo, latin_hypercube or sobol"
     )
-    size: Annotated[Integer, Field(ge=2, le=100_000)] | Literal["auto"] = Field(
+    size: Annotated[Integer, Field(ge=0, le=100_000)] | Literal["auto"] = Field(
         "auto",
-        description="number of runs, or auto (2, and 16 for objective: density); a larger design keeps the runs of a "
-        "smaller one",
+        description="number of runs; auto: 2, or at least 8 if radcal cannot predict the runs (such as law: external); "
+        "0: no design, which needs the fewest runs in all; a larger design keeps the runs of a smaller design",
     )
-    chunk: Annotated[Integer, Field(ge=1, le=1000)] = Field(4, description="number of runs in one workflow job")
+    chunk: Annotated[Integer, Field(ge=1, le=1000)] = Field(4, description="number of design runs in one workflow job")
     reuse: CaseName | None = Field(
-        None, description="name of an earlier case of the same scene and simulator, whose runs are reused"
+        None, description="name of an earlier case with the same scene and simulator; its runs are reused"
     )

@@ -1,4 +1,4 @@
-"""Search for the files, programs and earlier runs that a case names, with one error sentence where one is missing."""
+"""Search for the files, programs and earlier runs that a case names; each missing one raises a ConfigError."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ __all__ = ["check_reuse", "executable_path", "expand_path", "files_below", "inpu
 
 
 def expand_path(text: str, key: str, folder: bool = False) -> Path:
-    """Expand ``~`` and ``${VARIABLES}`` of a configured path.
+    """Expand ``~`` and ``${VARIABLES}`` in a configured path, and check that the file exists.
 
     Parameters
     ----------
     text : str
-        The path as written.
+        Path as written in the case file.
     key : str
-        The configuration key, for the message.
+        Configuration key, for the error message.
     folder : bool
-        Whether a folder is accepted as well.
+        Whether the path may also be a folder.
 
     Raises
     ------
     ConfigError
-        A variable is not set, or no such file exists.
+        An environment variable is not set, or the file is missing or not readable.
     """
     missing = [name for name in re.findall(r"\$\{(\w+)\}", text) if name not in os.environ]
     if missing:
@@ -63,12 +63,12 @@ def executable_path(word: str, key: str, environment: Mapping[str, str]) -> Path
     Parameters
     ----------
     word : str
-        ``{python}``, the interpreter that runs radcal; a path, with a slash; or a name on the
+        ``{python}`` for the interpreter that runs radcal; a path that contains a slash; or the name of a program on the
         PATH.
     key : str
-        The configuration key, for the message.
+        Configuration key, for the error message.
     environment : mapping
-        Configured environment variables.
+        Environment variables that the case configures for the program.
 
     Raises
     ------
@@ -93,17 +93,17 @@ def executable_path(word: str, key: str, environment: Mapping[str, str]) -> Path
 
 
 def files_below(path: Path) -> list[Path]:
-    """List of all files below a folder in sorted order, or of ``path`` alone where it is a file."""
+    """Sorted list of all files below a folder; the list contains only ``path`` if ``path`` is a file."""
     return sorted(item for item in path.rglob("*") if item.is_file()) if path.is_dir() else [path]
 
 
 def input_files(case: Case) -> dict[str, Path]:
-    """Existing files that the case reads, by configuration key.
+    """Paths of all input files of a case by configuration key, after a check that each file exists.
 
     Raises
     ------
     ConfigError
-        A file is missing.
+        An input file is missing or cannot be read.
     """
     files: dict[str, Path] = {}
     rasters: tuple[str, ...] = ()
@@ -117,27 +117,29 @@ def input_files(case: Case) -> dict[str, Path]:
         files["scene.names"] = expand_path(case.scene.names, "scene.names")
     if isinstance(case.scene, BuiltinScene | RasterScene) and case.scene.objects and case.scene.objects.path:
         files["scene.objects.path"] = expand_path(case.scene.objects.path, "scene.objects.path")
-    if isinstance(case.measurement, FileMeasurement):
-        files |= _raster_inputs(case.measurement, "path", "measurement.path")
+    for number, one in enumerate(case.passes, start=1):
+        if isinstance(one.measurement, FileMeasurement):
+            key = "measurement" if number == 1 else f"measurement.{number}"
+            files |= _raster_inputs(one.measurement, "path", f"{key}.path")
     if isinstance(case.simulator, CommandSimulation):
         files |= _simulator_files(case.simulator)
     return files
 
 
 def check_reuse(case: Case, results: str | Path) -> None:
-    """Refuse, before any job starts, a ``design.reuse`` that names a case without runs.
+    """Raise an error, before any job starts, if ``design.reuse`` names a case without runs.
 
     Parameters
     ----------
     case : Case
         The configuration.
     results : path
-        Folder of all cases' results.
+        Folder that contains the results folders of all cases.
 
     Raises
     ------
     ConfigError
-        There is no such case, or it has no runs.
+        The case that ``design.reuse`` names does not exist or has no runs.
     """
     name = case.design.reuse
     if name is None or any((Path(results) / name / "runs").glob("[!.]*.h5")):
@@ -148,12 +150,12 @@ def check_reuse(case: Case, results: str | Path) -> None:
 
 
 def vrt_folders(config: SlantRangeScene | RasterScene | FileMeasurement) -> tuple[Path, ...]:
-    """Folders in which sources of a VRT may lie, besides the folder of the VRT.
+    """Configured folders in which the source files of a VRT may lie, besides the folder of the VRT.
 
     Raises
     ------
     ConfigError
-        One of them is missing.
+        A configured folder is missing.
     """
     section = "measurement" if isinstance(config, FileMeasurement) else "scene"
     return tuple(
@@ -162,7 +164,7 @@ def vrt_folders(config: SlantRangeScene | RasterScene | FileMeasurement) -> tupl
 
 
 def _raster_inputs(config: SlantRangeScene | RasterScene | FileMeasurement, name: str, key: str) -> dict[str, Path]:
-    """Path of a file that may be a raster, with the other files that determine it."""
+    """Path of a file that may be a raster, and paths of the other files that GDAL reads with this raster."""
     path = expand_path(getattr(config, name), key)
     try:
         others = raster_files(path, vrt_folders(config))

@@ -1,6 +1,7 @@
 """Number types of the configuration with their allowed ranges, which docs/limits.md lists by key.
 
-A value outside its range is a mistake of the unit or of a digit, because no real acquisition, scene or computer has it.
+No real acquisition, scene or computer has a value outside these ranges. A value outside its range therefore has a
+wrong unit or a wrong digit.
 """
 
 from __future__ import annotations
@@ -27,12 +28,14 @@ __all__ = [
     "Timeout",
 ]
 
-ALL_PIXELS = 2**31 - 1  # value of "all": more pixels than any material has
-LONGEST_S = 30 * 86_400.0  # longest run, and longest sum of waits between its attempts: clusters grant no more
+ALL_PIXELS = 2**31 - 1  # number that stands for "all": more pixels than any material has
+LONGEST_S = (
+    30 * 86_400.0
+)  # longest run, and longest total wait between the attempts of a run; clusters grant no longer times
 
 
 def _not_bool(value: object) -> object:
-    """Refuse YAML's yes, no, on, off, true and false where a number is expected: Python would read them as 1 and 0."""
+    """Refuse YAML's yes, no, on, off, true and false as numbers, because Python would convert them to 1 and 0."""
     if isinstance(value, bool):
         raise PydanticCustomError("bool_as_number", "a number")
     return value

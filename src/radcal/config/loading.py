@@ -1,4 +1,4 @@
-"""Typed cases from files, from the command line and from plain data."""
+"""Functions that make a typed case from case files, command-line settings or plain data."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["case_from", "load"]
 
 
 def _parsed(overrides: Mapping[str, Any]) -> dict[str, Any]:
-    """Overrides in which sections given as text on the command line are parsed to data."""
+    """Overrides in which each section that is text, as the command line gives it, is converted to plain data."""
     from radcal.config.yaml_file import read_value
 
     parsed = dict(overrides)
@@ -32,7 +32,7 @@ def case_from(data: Mapping[str, Any], origin: str = "configuration") -> Case:
     Raises
     ------
     ConfigError
-        One sentence about the first problem found.
+        A key or value is wrong; the message names the first problem.
     """
     try:
         return Case.model_validate(dict(data))
@@ -46,17 +46,20 @@ def load(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None
     Parameters
     ----------
     files : sequence of path
-        YAML files; keys of later files override those of earlier ones.
+        YAML files; a key in a later file overrides the same key in an earlier file.
     overrides : mapping, optional
-        Settings of ``snakemake --config``, or Snakemake's merged configuration; nested
-        values may be text.
+        Settings of ``snakemake --config``, or the configuration that Snakemake has merged; sections may be text in
+        YAML or JSON.
 
     Raises
     ------
     ConfigError
-        A file is missing, empty or not YAML, a key is given twice, or a value is refused.
+        A file is missing, empty or not YAML, a key occurs twice, or a key or value is wrong.
     """
-    from radcal.config.yaml_file import merged, read_case_file  # imports PyYAML, which jobs do not need
+    from radcal.config.yaml_file import (
+        merged,
+        read_case_file,
+    )  # this module imports PyYAML, which workflow jobs do not need
 
     data: dict[str, Any] = {}
     for file in files:

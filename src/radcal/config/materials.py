@@ -1,4 +1,4 @@
-"""Section ``materials``: backscatter laws and their parameters, fixed or calibrated."""
+"""Section ``materials``: backscatter law of each material, with fixed or calibrated parameters."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Annotated, Any, Self
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from radcal.config.limits import Parameter, Real
-from radcal.config.pydantic_errors import nearest
+from radcal.config.pydantic_errors import nearest, shown
 from radcal.config.sections import Section
 from radcal.radar.laws import EXTERNAL, LAWS, Law, external_law
 
@@ -20,7 +20,7 @@ __all__ = ["DEFAULT_LAW", "Material", "Start", "check_parameters", "default_mate
 DEFAULT_LAW = "mangia"
 _LARGEST_WHOLE = 2.0**53
 _LARGEST = (
-    1000.0  # largest parameter: 1000 dB, a power of 10^100, is a mistake of the unit and exceeds single precision
+    1000.0  # largest parameter: 1000 dB is a power of 10^100, which exceeds single precision; the unit must be wrong
 )
 
 Knots = Annotated[list[Annotated[Real, Field(ge=0, le=90)]], Field(min_length=2)]
@@ -32,9 +32,9 @@ def _law_of(
     names: Sequence[str] | None = None,
     units: Sequence[str] | None = None,
 ) -> Law:
-    """Law that a material names, with its knots and the names and units of its parameters."""
+    """Law with a given name, with the knots of a tabulated law, or the parameter names and units of an external law."""
     if name not in LAWS and name != EXTERNAL:
-        raise ValueError(f"law is {name!r}, expected one of {[*sorted(LAWS), EXTERNAL]}")
+        raise ValueError(f"law is {shown(repr(name))}, expected one of {[*sorted(LAWS), EXTERNAL]}")
     if name != EXTERNAL and (names is not None or units is not None):
         raise ValueError(f"law {name!r} names its own parameters: names and units are for law: {EXTERNAL}")
     if name == EXTERNAL or "angles_deg" not in LAWS[name].needs:
@@ -51,7 +51,7 @@ def _law_of(
 
 
 def _check_names(names: Sequence[str], units: Sequence[str] | None) -> None:
-    """Refuse names of an external law's parameters that are not identifiers or are given twice."""
+    """Refuse parameter names of an external law that are not identifiers or occur twice."""
     for name in names:
         if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
             raise ValueError(f"names: {name!r} is not a letter followed by letters, digits and _")
@@ -62,30 +62,30 @@ def _check_names(names: Sequence[str], units: Sequence[str] | None) -> None:
 
 
 def _takes(law: Law, name: str) -> str:
-    """Number and names of the parameters that a law takes, in words."""
-    # names of an external law are part of the case, and may themselves be wrong
+    """Words for an error message: the number of parameters of a law, and their names for an external law."""
+    # the case file gives the names of an external law, so that these names may be the error
     named = "" if law.has_curve else f" (names: {', '.join(law.names) or 'none'})"
     return f"law {name!r} takes {len(law.names)}{named}"
 
 
 def check_parameters(key: str, values: Sequence[float], law: Law, name: str) -> None:
-    """Refuse a wrong number of parameters, and values outside the law's limits.
+    """Raise an error if the number of parameters is wrong or a value lies outside the limits of the law.
 
     Parameters
     ----------
     key : str
-        Name of the parameters in the message.
+        Configuration key of the parameters, for the error message.
     values : sequence of float, shape (d,)
-        Parameters, each in its law's unit.
+        Parameters, each in the unit that the law defines.
     law : Law
-        The law with names and limits of its parameters.
+        Law that defines the names and limits of the parameters.
     name : str
         Name of the law.
 
     Raises
     ------
     ValueError
-        The number of values is not that of the law's parameters, or a value lies outside the law's limits.
+        The law has another number of parameters, or a value lies outside the limits of the law.
     """
     if len(values) != len(law.names):
         raise ValueError(f"{key} has {len(values)} numbers, {_takes(law, name)}")
@@ -98,11 +98,11 @@ def check_parameters(key: str, values: Sequence[float], law: Law, name: str) -> 
 
 
 class Start(Section):
-    """Start with another law than the one that is calibrated; the reference run is made with it."""
+    """Law and parameters of a material in the reference run, if this law differs from the calibrated law."""
 
-    law: str = Field(description="law of the reference run")
+    law: str = Field(description="law of the material in the reference run")
     angles_deg: Knots | None = Field(None, description="knots of a tabulated law [deg]")
-    parameters: list[Parameter] = Field(description="its parameters")
+    parameters: list[Parameter] = Field(description="parameters of this law")
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -113,11 +113,11 @@ class Start(Section):
 
 
 class Material(Section):
-    """Surface material: its law, and either fixed parameters or bounds within which to calibrate them."""
+    """Surface material: a backscatter law with either fixed parameters or bounds for calibrated parameters."""
 
-    calibrate: bool = Field(False, description="whether the parameters of this material's law are calibrated")
+    calibrate: bool = Field(False, description="whether radcal calibrates the law parameters of this material")
     law: str = Field(DEFAULT_LAW, description="backscatter law (docs/laws.md)")
-    angles_deg: Knots | None = Field(None, description="incidence angles of a tabulated law's knots [deg]")
+    angles_deg: Knots | None = Field(None, description="incidence angles of the knots of a tabulated law [deg]")
     names: list[str] | None = Field(None, description="names of the parameters (law: external)")
     units: list[str] | None = Field(None, description="units of the parameters (law: external)")
     integer: (
@@ -126,9 +126,13 @@ class Material(Section):
             Discriminator(lambda value: "a list" if isinstance(value, list) else "yes or no"),
         ]
         | None
-    ) = Field(None, description="names of the parameters that are whole numbers, or true for all (law: external)")
+    ) = Field(
+        None, description="names of the parameters that are integers, or true if all are integers (law: external)"
+    )
     parameters: list[Parameter] | None = Field(None, description="fixed parameters (calibrate: false)")
-    bounds: list[tuple[Parameter, Parameter]] | None = Field(None, description="[lower, upper] of each parameter")
+    bounds: list[tuple[Parameter, Parameter]] | None = Field(
+        None, description="[lower, upper] bound of each calibrated parameter"
+    )
     start: (
         Annotated[
             Annotated[list[Parameter], Tag("a list")] | Annotated[Start, Tag("a law")],
@@ -137,7 +141,7 @@ class Material(Section):
         | None
     ) = Field(
         None,
-        description="parameters of the reference run, or {law, parameters}; the middle of the bounds if missing",
+        description="parameters in the reference run, or {law, parameters}; by default the middle of the bounds",
     )  # fmt: skip
 
     @model_validator(mode="after")
@@ -182,7 +186,7 @@ class Material(Section):
         return self
 
     def _check_integers(self) -> None:
-        """Refuse ``integer`` for laws that are not external, and names in ``integer`` that the law does not have."""
+        """Refuse ``integer`` if the law is not external, and a name in ``integer`` that is no parameter of the law."""
         if self.integer and self.law != EXTERNAL:
             raise ValueError(f"integer is for parameters of law: {EXTERNAL}, law is {self.law!r}")
         for name in self.integer if isinstance(self.integer, list) else ():
@@ -190,19 +194,19 @@ class Material(Section):
                 raise ValueError(f"integer: no parameter {name!r}{nearest(name, self.parameter_names)}")
 
     def check_whole(self, key: str, values: Sequence[float]) -> None:
-        """Refuse fractions as values of integer parameters.
+        """Raise an error if the value of an integer parameter is not a whole number.
 
         Parameters
         ----------
         key : str
-            Name of the parameters in the message.
+            Configuration key of the parameters, for the error message.
         values : sequence of float, shape (d,)
             Value of each parameter.
 
         Raises
         ------
         ValueError
-            A value is not whole, or too large for a double to tell it from its neighbours.
+            The value of an integer parameter is not whole, or exceeds 2^53, above which a double skips whole numbers.
         """
         for name, whole, x in zip(self.parameter_names, self.integers, values, strict=True):
             if whole and (x != round(x) or abs(x) > _LARGEST_WHOLE):
@@ -212,17 +216,17 @@ class Material(Section):
 
     @property
     def integers(self) -> tuple[bool, ...]:
-        """Whether each parameter is a whole number."""
+        """Tuple that states for each parameter whether it is an integer parameter."""
         listed = self.integer if isinstance(self.integer, list) else self.parameter_names if self.integer else ()
         return tuple(name in listed for name in self.parameter_names)
 
     def handed(self, values: Sequence[float]) -> dict[str, float | int]:
-        """Parameters by name as an external program receives them: integers without a decimal point.
+        """Parameters by name, as passed to an external program: integer parameters have no decimal point.
 
         Parameters
         ----------
         values : sequence of float, shape (d,)
-            X.
+            Law parameters X.
 
         Raises
         ------
@@ -235,7 +239,7 @@ class Material(Section):
 
     @property
     def unbound_law(self) -> Law:
-        """Law with names and units of its parameters, without the carrier frequency and polarisation of the pass."""
+        """Law with the names and units of its parameters, before frequency and polarisation of the pass are set."""
         return _law_of(self.law, self.angles_deg, self.names, self.units)
 
     @property
@@ -245,17 +249,17 @@ class Material(Section):
 
     @property
     def parameter_units(self) -> tuple[str, ...]:
-        """Unit of each parameter, empty where it has none."""
+        """Unit of each parameter; the unit is empty for a parameter without unit."""
         return self.unbound_law.units
 
     @property
     def box(self) -> list[tuple[float, float]]:
-        """Bounds of each parameter; the bounds of the law where no bounds are configured."""
+        """Configured bounds of each parameter; the default bounds of the law if no bounds are configured."""
         return list(self.bounds if self.bounds is not None else self.unbound_law.bounds or ())
 
     @property
     def start_parameters(self) -> list[float]:
-        """Parameters of the reference run, for the law that ``start`` names, or else for the law of the material."""
+        """Parameters in the reference run: those of the law that ``start`` names, else those of the calibrated law."""
         if not self.calibrate:
             return list(self.parameters or [])
         if isinstance(self.start, Start):
@@ -267,7 +271,7 @@ class Material(Section):
 
     @property
     def starts_with_another_law(self) -> bool:
-        """Whether the reference run is made with another law than the one that is calibrated."""
+        """Whether the law in the reference run differs from the calibrated law."""
         return (
             self.calibrate
             and isinstance(self.start, Start)
@@ -276,10 +280,10 @@ class Material(Section):
 
     @property
     def at_start(self) -> Material:
-        """Material for the reference run, with the law that ``start`` names, or else with its own law."""
+        """Material for the reference run, with the law in ``start`` if ``start`` names a law, else with its own law."""
         if not (self.starts_with_another_law and isinstance(self.start, Start)):
             return self
-        # not validated again: the bounds belong to the calibrated law, and a reference run does not use them
+        # not validated again, because the reference run does not use the bounds, which belong to the calibrated law
         start = {"law": self.start.law, "angles_deg": self.start.angles_deg, "start": list(self.start.parameters)}
         return self.model_copy(update={**start, "bounds": None, "names": None, "units": None, "integer": None})
 
@@ -289,7 +293,7 @@ _SYNTHETIC_MATERIALS: dict[str, dict[str, Any]] = {
         "calibrate": True,
         "law": "mangia",
         "bounds": [[0, 50], [0, 50], [0, 50], [0, 50]],
-        # bare soil of Oh et al. 1992 (docs/laws.md), raised by 30 dB to the level of this case's other laws
+        # bare soil of Oh et al. 1992 (docs/laws.md), plus 30 dB to reach the level of the other laws of this case
         "start": [0.0, 13.07, 12.17, 0.09],
     },
     "water": {"parameters": [2.0, 3.0, 22.0, 6.0]},
@@ -307,6 +311,6 @@ def default_materials() -> dict[str, Material]:
     Returns
     -------
     dict
-        Name to material: the dyke is calibrated, six others have fixed parameters.
+        Materials by name: the material dyke is calibrated, six further materials have fixed parameters.
     """
     return {name: Material.model_validate(value) for name, value in _SYNTHETIC_MATERIALS.items()}

@@ -1,16 +1,28 @@
-"""Section ``measurement``: measured image from a file, or a synthetic one."""
+"""Section ``measurement``: measured image in a file, or synthetic measured image."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
-from pydantic import Field
+from pydantic import Field, ValidationInfo, field_validator
+from pydantic_core import PydanticCustomError
 
 from radcal.config.limits import Count, Decibels, Parameter, Real, Seed
+from radcal.config.pydantic_errors import MISSING
 from radcal.config.radar import Radiometry
 from radcal.config.sections import Section
 
-__all__ = ["FileMeasurement", "MeasurementConfig", "Synthetic", "SyntheticMeasurement"]
+__all__ = [
+    "RADIOMETRY_EXPECTED",
+    "SICD_ENDINGS",
+    "FileMeasurement",
+    "MeasurementConfig",
+    "Synthetic",
+    "SyntheticMeasurement",
+]
+
+SICD_ENDINGS = (".nitf", ".ntf", ".sicd")  # endings of files that may give the radiometry
+RADIOMETRY_EXPECTED = f"expected {', '.join(get_args(Radiometry)[:-1])} or {get_args(Radiometry)[-1]}"
 _SOURCE = "synthetic or file; each has keys of its own"
 
 
@@ -19,48 +31,67 @@ class Synthetic(Section):
 
     parameters: dict[str, list[Parameter]] = Field(
         default_factory=lambda: {"dyke": [6.1, 14.2, 21.5, 3.3]},
-        description="hidden parameters by material; other materials keep the parameters of section materials",
+        description="hidden law parameters by material; a material not listed uses its parameters in section materials",
     )
 
     @property
     def is_written(self) -> bool:
-        """Whether the hidden parameters are configured explicitly instead of taken from the default."""
+        """Whether the case configures the hidden parameters explicitly instead of using the default."""
         return "parameters" in self.model_fields_set
 
-    seed: Seed = Field(2, description="seed of the measurement's speckle, noise and warp")
-    offset_db: Decibels = Field(0.0, description="level offset of the measurement [dB]")
-    warp_px: Annotated[Real, Field(ge=0, le=50)] = Field(2.0, description="rms misregistration [pixels]")
+    seed: Seed = Field(2, description="seed of speckle, noise and warp of the synthetic measurement")
+    offset_db: Decibels = Field(0.0, description="offset added to the level of the synthetic measurement [dB]")
+    warp_px: Annotated[Real, Field(ge=0, le=50)] = Field(
+        2.0, description="rms displacement between synthetic measurement and simulated image [pixels]"
+    )
 
 
 class SyntheticMeasurement(Section):
-    """Measurement made by the simulator from hidden parameters."""
+    """Measured image that the simulator makes from hidden parameters."""
 
     source: Literal["synthetic"] = Field("synthetic", description=_SOURCE)
     synthetic: Synthetic = Field(Synthetic(), description="hidden parameters, speckle, level and misregistration")
 
 
 class FileMeasurement(Section):
-    """Measured image in a file, on the scene's image grid."""
+    """File with a measured image."""
 
     source: Literal["file"] = Field("file", description=_SOURCE)
     path: str = Field(
-        description="SICD, GeoTIFF or other raster, npy, npz, mat, HDF5; ${RADCAL_DATA} and the like are expanded"
+        description="SICD, GeoTIFF or other raster, npy, npz, mat, HDF5; ${NAME} stands for an environment variable"
     )
-    scale: Literal["db", "power", "amplitude", "complex"] = Field(description="scale of the file's numbers")
-    band: Count | None = Field(None, description="band of a raster, from 1; needed where it has several")
+    scale: Literal["db", "power", "amplitude", "complex"] = Field(description="scale of the numbers in the file")
+    band: Count | None = Field(
+        None, description="number of the raster band, from 1; required if the raster has several bands"
+    )
     dataset: str | None = Field(
-        None, description="name of the array in npz, mat or HDF5; needed where they hold several"
+        None, description="name of the array in an npz, mat or HDF5 file; required if the file has several arrays"
     )
     polarisation: Literal["HH", "HV", "VH", "VV"] | None = Field(
-        None, description="transmitted and received polarisation; checked against radar.polarisation"
+        None, description="transmitted and received polarisation; must equal radar.polarisation"
     )
     carrier_band: str | None = Field(
-        None, description="label of the carrier's frequency band; checked against radar.band"
+        None, description="name of the frequency band of the carrier; must equal radar.band"
     )
     vrt_folders: list[str] | None = Field(
-        None, description="folders in which sources of a VRT may lie, besides the VRT's own"
+        None, description="further folders in which the source files of a VRT may lie, besides its own folder"
     )
-    radiometry: Radiometry = Field("sigma0_local", description="quantity of its pixels, the same as radar.radiometry")
+    radiometry: Radiometry | None = Field(
+        None,
+        validate_default=True,
+        description="quantity that a pixel contains; must equal radar.radiometry; required unless the file has it",
+    )
+
+    @field_validator("radiometry")
+    @classmethod
+    def _asked_for(cls, radiometry: Radiometry | None, info: ValidationInfo) -> Radiometry | None:
+        path = info.data.get("path")  # missing where it is itself wrong
+        # a name that ends with a variable is known when the file is read, which checks it, too
+        if radiometry is None and path and not path.lower().endswith((*SICD_ENDINGS, "}")):
+            raise PydanticCustomError(
+                MISSING, "{path} does not say it, {expected}", {"path": path, "expected": RADIOMETRY_EXPECTED}
+            )
+        return radiometry
 
 
 MeasurementConfig = Annotated[SyntheticMeasurement | FileMeasurement, Field(discriminator="source")]

@@ -1,4 +1,4 @@
-"""Section ``optimiser``: the search on the surrogate."""
+"""Section ``optimiser``: search for the next parameters on the surrogate."""
 
 from __future__ import annotations
 
@@ -13,17 +13,19 @@ __all__ = ["Optimiser"]
 
 
 class Optimiser(Section):
-    """NSGA-II on the surrogate, and a least-squares fit from its best point."""
+    """Settings of NSGA-II on the surrogate, and of the least-squares fit that starts from NSGA-II's best point."""
 
     objective: Literal["theta", "rms"] = Field(
         "theta",
-        description="quantity that NSGA-II minimises: theta (differences in the density's parameters) or rms (which "
-        "saturates)",
+        description="what NSGA-II minimises: theta (squared residuals) or rms (with objective: density, the rms "
+        "difference, which is flat far from its minimum)",
     )
-    # Platypus sorts in pure Python, with time growing as evaluations times population; the polish and
-    # the multi-start search make up for a small population
-    population: Annotated[Integer, Field(ge=4, le=10_000)] = Field(40, description="solutions in a generation")
+    # Platypus sorts in pure Python: its time grows in proportion to evaluations times population. The least-squares
+    # fit and the multi-start search compensate for a small population.
+    population: Annotated[Integer, Field(ge=4, le=10_000)] = Field(
+        40, description="number of solutions in a generation"
+    )
     evaluations: Annotated[Integer, Field(ge=1, le=10_000_000)] = Field(
         1600, description="number of evaluations of the surrogate"
     )
-    polish: bool = Field(True, description="whether a least-squares fit in theta follows from NSGA-II's best point")
+    polish: bool = Field(True, description="whether a least-squares fit on the surrogate refines NSGA-II's best point")

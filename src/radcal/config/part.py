@@ -1,4 +1,4 @@
-"""Sections of the configuration (of a whole case or of one stage), as plain data, and values derived from them."""
+"""Base class of all models with several sections: export as plain data, and values derived from the sections."""
 
 from __future__ import annotations
 
@@ -8,15 +8,17 @@ from typing import Any, Protocol, Self, TypeVar
 from radcal.config.design import Design
 from radcal.config.materials import Material
 from radcal.config.radar import Radar
-from radcal.config.sections import Objective, Section
+from radcal.config.sections import FURTHER, Section
+from radcal.config.surrogate import SurrogateConfig
 from radcal.config.target import TargetConfig
-from radcal.radar.laws import Law, law_for
+from radcal.radar.laws import EXTERNAL, Law, law_for
 from radcal.storage.disclosure import Undisclosed
 
 __all__ = ["Part"]
 
-# with incidence-angle bins the law is found without runs, so that two are enough
-_DESIGN_SIZE: Mapping[Objective, int] = {"classes": 2, "likelihood": 2, "density": 16}
+# The baseline predicts most of how a run depends on X. Two runs are enough to estimate its error.
+_DESIGN_SIZE = 2
+_DESIGN_SIZE_WITHOUT_BASELINE = 8
 
 
 class _Materials(Protocol):
@@ -31,32 +33,48 @@ class _Pass(_Materials, Protocol):
     def radar(self) -> Radar: ...
 
 
+class _Passes(Protocol):
+    @property
+    def radar(self) -> Radar: ...
+
+    @property
+    def further_radar(self) -> list[Radar] | None: ...
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None) -> Self: ...
+
+
 class _Levels(_Materials, Protocol):
     @property
     def target(self) -> TargetConfig: ...
 
 
-class _Design(Protocol):
-    @property
-    def objective(self) -> Objective: ...
-
+class _Design(_Levels, Protocol):
     @property
     def design(self) -> Design: ...
 
+    @property
+    def surrogate(self) -> SurrogateConfig: ...
+
+    @property
+    def has_baseline(self) -> bool: ...
+
 
 _OfMaterials = TypeVar("_OfMaterials", bound=_Materials)
+_OfPasses = TypeVar("_OfPasses", bound=_Passes)
 
 
 class Part(Section):
-    """Some sections of the configuration, or all of them.
+    """Base class of models that contain some sections of the configuration, or all of them.
 
-    The type of ``self`` of each property names the sections that the property is derived from, so that mypy rejects
-    the property of a model that lacks one of them.
+    Each property annotates ``self`` with the sections that it is derived from. mypy therefore rejects the use of a
+    property on a model that lacks one of these sections.
     """
 
     def sections(self, *names: str) -> dict[str, Any]:
-        """Sections with the given names as plain data, for the ``params`` of a rule."""
+        """Named sections as plain data, for the ``params`` of a Snakemake rule."""
         sections = self.model_dump(mode="json", include=set(names))
+        # a case of one pass has no such key: jobs and results are the same as before a case could have several
+        sections = {name: data for name, data in sections.items() if data is not None or name not in FURTHER.values()}
         if environment := sections.get("simulator", {}).get("environment"):
             sections["simulator"]["environment"] = Undisclosed(environment)
         return sections
@@ -67,20 +85,25 @@ class Part(Section):
         return [name for name, material in self.materials.items() if material.calibrate]
 
     @property
+    def start_parameters(self: _Materials) -> dict[str, list[float]]:
+        """Law parameters of each material in the reference run, which uses the laws of ``at_start``."""
+        return {name: material.start_parameters for name, material in self.materials.items()}
+
+    @property
     def start_with_another_law(self: _Materials) -> list[str]:
-        """Names of the calibrated materials that have another law in the reference run."""
+        """Names of the calibrated materials whose law in the reference run differs from the calibrated law."""
         return [name for name, material in self.materials.items() if material.starts_with_another_law]
 
     @property
     def at_start(self: _OfMaterials) -> _OfMaterials:
-        """Copy for the reference run, in which each material has the law of its starting parameters."""
+        """Copy of the model for the reference run; each material has the law of its starting parameters."""
         return self.model_copy(
             update={"materials": {name: material.at_start for name, material in self.materials.items()}}
         )
 
     @property
     def laws(self: _Pass) -> dict[str, Law]:
-        """Law of each material for this pass; all but external laws can be evaluated."""
+        """Law of each material at the frequency and polarisation of the pass; radcal cannot evaluate external laws."""
         return {
             name: law_for(
                 material.law,
@@ -94,13 +117,34 @@ class Part(Section):
         }
 
     @property
+    def passes(self: _OfPasses) -> list[_OfPasses]:
+        """Copies for each pass alone, the first one first."""
+        fields = [(name, FURTHER[name]) for name in FURTHER if hasattr(self, FURTHER[name])]
+        alone = self.model_copy(update={further: None for _, further in fields})
+        count = len(self.further_radar or ())
+        others = [{name: getattr(self, further)[k] for name, further in fields} for k in range(count)]
+        return [alone, *(alone.model_copy(update=update) for update in others)]
+
+    @property
     def reference_materials(self: _Levels) -> list[str]:
-        """Names of the materials with fixed laws from which the level of the measured image is estimated."""
+        """Names of the materials with fixed parameters, from which radcal estimates the level of the measured image."""
         if self.target.reference_materials is not None:
             return list(self.target.reference_materials)
         return [name for name, material in self.materials.items() if not material.calibrate]
 
     @property
+    def has_baseline(self: _Design) -> bool:
+        """Whether the surrogates start from a prediction by law, speckle and noise for every calibrated material."""
+        curves = all(material.law != EXTERNAL for material in self.materials.values() if material.calibrate)
+        learnt = self.surrogate.baseline and self.surrogate.outputs == "centred"
+        return curves and learnt and self.target.normalisation != "image"
+
+    @property
     def design_size(self: _Design) -> int:
-        """Number of runs of the design."""
-        return _DESIGN_SIZE[self.objective] if self.design.size == "auto" else self.design.size
+        """Number of runs of the design, with ``auto`` resolved."""
+        if self.design.size != "auto":
+            return self.design.size
+        if self.has_baseline:
+            return _DESIGN_SIZE
+        most = max(len(material.box) for material in self.materials.values() if material.calibrate)
+        return max(_DESIGN_SIZE_WITHOUT_BASELINE, 2 * most)

@@ -1,4 +1,4 @@
-"""Error sentences about wrong keys and values, made from pydantic's validation errors."""
+"""Conversion of pydantic's validation errors to error messages of one sentence about a wrong key or value."""
 
 from __future__ import annotations
 
@@ -10,25 +10,27 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from pydantic import BaseModel, ValidationError
 
-from radcal.config.sections import TAGS
+from radcal.config.sections import FURTHER, TAGS
 
-__all__ = ["nearest", "sentence", "shown"]
+__all__ = ["MISSING", "nearest", "sentence", "shown"]
+
+MISSING = "missing_because"  # type of the error of a key that is needed for a reason that the message gives
 
 
 def shown(text: str, most: int = 60) -> str:
-    """Text for quotation in a sentence: cut to ``most`` characters, with control characters escaped."""
+    """Text that a message can quote: cut to ``most`` characters, with control characters escaped."""
     safe = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text[:most])
     return safe if len(text) <= most else f"{safe[: most - 3]}..."
 
 
 def nearest(key: str, known: Iterable[str]) -> str:
-    """Hint in brackets for an unknown key: the nearest known key, or all known keys."""
+    """Hint in brackets for an unknown key: the most similar known key, or a list of all known keys."""
     found = difflib.get_close_matches(key, list(known), n=1, cutoff=0.5)
     return f" (did you mean {found[0]!r}?)" if found else f" (known: {', '.join(known)})"
 
 
 def _models_in(annotation: object) -> list[type[BaseModel]]:
-    """Configuration models in a type annotation."""
+    """Configuration models that a type annotation contains."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     if isinstance(annotation, types.UnionType) or typing.get_origin(annotation) is not None:
@@ -41,10 +43,13 @@ def _tags(model: type[BaseModel]) -> list[object]:
 
 
 def _known_keys(location: Sequence[int | str], root: type[BaseModel]) -> list[str]:
-    """Keys that are allowed in the section that contains the key of an error."""
+    """Allowed keys of the section in which pydantic found an error."""
     models = [root]
+    for section, further in FURTHER.items():
+        if location[0] == further:
+            location = [section, *location[2:]]
     for part in location[:-1]:
-        if len(models) > 1:  # in a union, this part of the location is the tag and not a key
+        if len(models) > 1:  # in a union, this part of the location is the tag of the section's kind, not a key
             models = [model for model in models if part in _tags(model)]
         else:
             field = models[0].model_fields.get(str(part))
@@ -52,16 +57,22 @@ def _known_keys(location: Sequence[int | str], root: type[BaseModel]) -> list[st
     return sorted({name for model in models for name in model.model_fields})
 
 
-_ALTERNATIVES = ("a list", "a law", "one level", "a table", "yes or no")  # alternatives in pydantic's unions
+_ALTERNATIVES = (
+    "a list",
+    "a law",
+    "one level",
+    "a table",
+    "yes or no",
+)  # names that pydantic inserts for the alternatives of a union
 
 
 def _of_kind(match: re.Match[str]) -> str:
-    """Name, in the words of YAML, of the Python type that pydantic expects."""
+    """YAML's name of the Python type that pydantic expects."""
     return {"dictionary": "keys and values", "tuple": "a list"}[match[1]]
 
 
 def sentence(error: ValidationError, origin: str, root: type[BaseModel]) -> str:
-    """Sentence on the first problem of a validation error.
+    """Error message of one sentence about the first problem in a validation error.
 
     Parameters
     ----------
@@ -70,9 +81,9 @@ def sentence(error: ValidationError, origin: str, root: type[BaseModel]) -> str:
     origin : str
         Source of the data, such as the name of a case file.
     root : type of model
-        Model of the data; a misspelt key is compared with its keys.
+        Model of the data. For an unknown key, the message suggests the most similar key of the model.
     """
-    # a misspelt key that is required is both unknown and missing: the key as written is named first
+    # A misspelt required key gives two errors, an unknown key and a missing key: the unknown key comes first.
     details = sorted(error.errors(), key=lambda detail: detail["type"] != "extra_forbidden")
     first = details[0]
     key = _key(first["loc"])
@@ -84,10 +95,12 @@ def sentence(error: ValidationError, origin: str, root: type[BaseModel]) -> str:
             text = f"unknown key {key}{nearest(str(last), _known_keys(first['loc'], root))}"
         case "missing":
             text = f"{key} is missing"
+        case _ if first["type"] == MISSING:
+            text = f"{key} is missing: {first['msg']}"
         case "value_error":
             text = f"{key}: {first['msg'].removeprefix('Value error, ')}"
         case "union_tag_invalid" | "union_tag_not_found":
-            tag = TAGS[key]
+            tag = TAGS[key.partition(".")[0]]
             text = f"{key}.{tag} is {_shown(found, tag)}, expected {first.get('ctx', {}).get('expected_tags', '')}"
         case "int_parsing_size":
             text = f"{key} is {shown(repr(found))}, expected an integer of fewer digits"
@@ -96,17 +109,22 @@ def sentence(error: ValidationError, origin: str, root: type[BaseModel]) -> str:
             message = re.sub(r"^\w+ should have ", "", message)
             message = re.sub("^a valid (dictionary|tuple).*", _of_kind, message)
             text = f"{key} is {shown(repr(found))}, expected {message}"
-    # several alternatives of one key that do not fit count as one problem
+    # the errors of all alternatives of one key count as one problem
     others = {_key(detail["loc"]) for detail in details[1:]} - {key}
     more = f" (and {len(others)} more)" if others else ""
     return f"{origin}: {shown(text, 600)}{more}."
 
 
 def _key(place: Sequence[int | str]) -> str:
-    """Dotted key of an error, without the tags that pydantic inserts."""
+    """Key of an error in dotted form, without the tags and alternatives that pydantic inserts."""
     location = list(place)
-    if location and location[0] in TAGS and len(location) > 1:
-        location.pop(1)
+    tagged = 1
+    for section, further in FURTHER.items():
+        if location and location[0] == further:  # passes are counted from 1
+            location[:2] = [section, *(int(part) + 2 for part in location[1:2])]
+            tagged = 2
+    if location and location[0] in TAGS and len(location) > tagged:
+        location.pop(tagged)
     location = [part for part in location if part not in _ALTERNATIVES and "[" not in str(part)]
     return ".".join(str(part) for part in location) or "the configuration"
 

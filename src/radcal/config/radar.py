@@ -13,23 +13,27 @@ from radcal.radar.bands import within_band
 
 __all__ = ["Radar", "Radiometry"]
 
-Radiometry = Literal["sigma0_local", "sigma0_ref", "beta0", "gamma0"]
+Radiometry = Literal["sigma0_ref", "sigma0_local", "beta0", "gamma0", "gamma0_rtc"]
 
-_COARSEST = 1000.0  # pixels in a resolution cell: the sampled impulse response becomes that much longer
+_COARSEST = (
+    1000.0  # largest number of pixels per resolution cell, which determines the length of the sampled impulse response
+)
 
 
 class Radar(Section):
-    """One acquisition (pass): track, sensor and image grid."""
+    """Acquisition (pass): track, sensor and image grid."""
 
     altitude_m: Altitude = Field(4000.0, description="height of the track above the scene's mean elevation [m]")
     depression_deg: Annotated[Real, Field(gt=5, lt=85)] = Field(
-        45.0, description="depression angle towards the scene's centre [deg]"
+        45.0, description="depression angle towards the centre of the scene [deg]"
     )
     look_side: Literal["right", "left"] = Field(
-        "right", description="the track heads north: right looks east, left looks west"
+        "right", description="side to which the radar looks: right (east) or left (west); the track heads north"
     )
-    band: str = Field("X", description="label of the carrier's frequency band")
-    frequency_ghz: Frequency | None = Field(None, description="carrier frequency [GHz], for laws that depend on it")
+    band: str = Field("X", description="name of the frequency band of the carrier, such as X")
+    frequency_ghz: Frequency | None = Field(
+        None, description="carrier frequency [GHz]; required by laws that depend on frequency"
+    )
     polarisation: Literal["HH", "HV", "VH", "VV"] = Field("HH", description="transmitted and received polarisation")
     range_resolution_m: Length = Field(2.0, description="-3 dB width of the response in slant range [m]")
     azimuth_resolution_m: Length = Field(3.5, description="-3 dB width of the response in azimuth [m]")
@@ -37,8 +41,7 @@ class Radar(Section):
     azimuth_spacing_m: Length = Field(2.5, description="pixel spacing in azimuth [m]")
     looks: Annotated[Integer, Field(ge=1, le=64)] = Field(
         4,
-        description="independent looks averaged in power; for an external simulator, the number that masks and "
-        "warnings assume",
+        description="number of independent looks averaged in power; for an external simulator, the number in its image",
     )
     nesz_db: Annotated[
         Annotated[Decibels, Tag("one level")]
@@ -47,10 +50,12 @@ class Radar(Section):
     ] = Field(
         -20.0,
         description="noise-equivalent sigma0 [dB], or a table of [incidence on flat ground in degrees, dB]; for an "
-        "external simulator without noise, a level far below the image",
+        "external simulator without noise, set a level far below the image",
     )
     radiometry: Radiometry = Field(
-        "sigma0_local", description="quantity of a pixel: sigma0_local (no area term), sigma0_ref, beta0 or gamma0"
+        "sigma0_ref",
+        description="quantity of a pixel: sigma0_ref (level ground), sigma0_local (no area term), beta0, gamma0, or "
+        "gamma0_rtc (terrain-flattened)",
     )
 
     @field_validator("nesz_db", mode="after")

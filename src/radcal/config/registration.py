@@ -1,4 +1,4 @@
-"""Section ``registration``: registration of the measured image onto the simulated one."""
+"""Section ``registration``: registration of the measured image onto the simulated image."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ __all__ = ["RegistrationConfig"]
 
 
 class RegistrationConfig(Section):
-    """Registration of the measured image onto the simulated one."""
+    """Method and limits of the registration of the measured image onto the simulated image."""
 
     method: Literal["gefolki", "ilk", "none"] = Field(
-        "gefolki", description="gefolki, ilk (scikit-image), or none: use the image unregistered"
+        "gefolki", description="gefolki, ilk (iterative Lucas-Kanade of scikit-image) or none (no registration)"
     )
     global_shift: bool = Field(
-        False, description="whether one shift of the whole image is found first, by phase correlation"
+        False, description="whether phase correlation first estimates one shift of the whole image"
     )
     max_displacement_px: Annotated[Real, Field(gt=0, le=1000)] = Field(
-        20.0, description="largest displacement; a registration that moves the image further is not used [pixels]"
+        20.0, description="largest plausible displacement [pixels]; if exceeded, the image is used unregistered"
     )

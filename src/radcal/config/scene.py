@@ -11,16 +11,16 @@ from radcal.config.sections import Section
 from radcal.scene.objects import check_curve
 
 __all__ = ["BuiltinScene", "GeneratedObjects", "RasterScene", "SceneConfig", "SceneObjects", "SlantRangeScene"]
-_SOURCE = "builtin, slant_range or raster; each has keys of its own"
+_SOURCE = "source of the scene: builtin, slant_range or raster; each source has its own keys"
 
 
 class GeneratedObjects(Section):
-    """Generated objects, scattered evenly over the ground."""
+    """Numbers of the objects that radcal generates at random places, evenly over the scene."""
 
     trees: Annotated[Integer, Field(ge=0, le=10_000_000)] = Field(0, description="number of trees")
     cars: Annotated[Integer, Field(ge=0, le=10_000_000)] = Field(0, description="number of cars")
     buildings: Annotated[Integer, Field(ge=0, le=10_000_000)] = Field(0, description="number of buildings")
-    seed: Seed = Field(1, description="seed of the objects' places and sizes")
+    seed: Seed = Field(1, description="seed of the positions and sizes of the objects")
 
     @model_validator(mode="after")
     def _some(self) -> Self:
@@ -30,17 +30,17 @@ class GeneratedObjects(Section):
 
 
 class SceneObjects(Section):
-    """Objects in the scene, from a table or generated."""
+    """Objects in the scene, either listed in a table or generated."""
 
     path: str | None = Field(None, description="table of objects: .csv, .gpkg or .h5")
-    layer: str | None = Field(None, description="layer of a GeoPackage; needed where it has several")
+    layer: str | None = Field(None, description="layer of a GeoPackage; required if the file has several layers")
     aspect: dict[str, list[tuple[Annotated[Real, Field(ge=-180, le=360)], Decibels]]] = Field(
         default_factory=dict,
-        description="name of a curve -> pairs of [aspect in degrees, cross-section in dBsm]; the table's column aspect "
-        "names a curve",
+        description="curves of cross-section by name, as pairs of [aspect in degrees, cross-section in dBsm]; the "
+        "column aspect of the table contains these names",
     )
     generate: GeneratedObjects | None = Field(
-        None, description="generated trees, cars and buildings in place of a table"
+        None, description="numbers of trees, cars and buildings to generate, instead of path"
     )
 
     @model_validator(mode="after")
@@ -60,19 +60,23 @@ class SceneObjects(Section):
 
 
 class BuiltinScene(Section):
-    """Four square kilometres of real SRTM terrain with seven materials and a dyke."""
+    """Four square kilometres of SRTM terrain with seven materials, of which one is the dyke."""
 
     source: Literal["builtin"] = Field("builtin", description=_SOURCE)
-    seed: Seed = Field(1, description="seed of the layout of the agricultural fields and of the terrain's fine relief")
-    objects: SceneObjects | None = Field(None, description="objects on the ground")
+    seed: Seed = Field(
+        1, description="seed of the layout of the agricultural fields and of the fine relief of the terrain"
+    )
+    objects: SceneObjects | None = Field(
+        None, description="objects on the ground, such as buildings and trees (docs/objects.md)"
+    )
 
 
 class SlantRangeScene(Section):
-    """A label raster in slant range over flat ground: rows are range, columns are azimuth."""
+    """Raster of material ids in slant range over flat ground: its rows are slant range, its columns azimuth."""
 
     source: Literal["slant_range"] = Field("slant_range", description=_SOURCE)
-    labels: str = Field(description="GeoTIFF of material ids, 0 = no material")
-    names: str = Field(description="JSON file: material id -> name")
+    labels: str = Field(description="GeoTIFF of material ids; 0 means no material")
+    names: str = Field(description="JSON file that maps each material id to a material name")
     near_incidence_deg: Annotated[Real, Field(gt=0, lt=90)] = Field(
         description="local incidence angle at the first row [deg]"
     )
@@ -81,7 +85,7 @@ class SlantRangeScene(Section):
     )
 
     vrt_folders: list[str] | None = Field(
-        None, description="folders in which sources of a VRT may lie, besides the VRT's own"
+        None, description="further folders in which the source files of a VRT may lie, besides its own folder"
     )
 
     @model_validator(mode="after")
@@ -95,34 +99,39 @@ class SlantRangeScene(Section):
 
 
 class RasterScene(Section):
-    """Elevation and materials from georeferenced rasters, resampled to one grid."""
+    """Georeferenced rasters of elevation and materials, which radcal resamples to one grid."""
 
     source: Literal["raster"] = Field("raster", description=_SOURCE)
     elevation: str = Field(description="GeoTIFF or other raster of heights [m]")
-    materials: str = Field(description="raster of material ids in any CRS, 0 = no material")
-    names: str = Field(description="JSON file: material id -> name")
+    materials: str = Field(description="raster of material ids in any CRS; 0 means no material")
+    names: str = Field(description="JSON file that maps each material id to a material name")
     crs: str | None = Field(
         None,
-        description="projected CRS of the scene, such as EPSG:32631; if missing, the elevation's where that is in "
-        "metres, else UTM",
+        description="projected CRS of the scene, such as EPSG:32631; by default the CRS of the elevation if "
+        "its unit is the metre, else UTM",
     )
-    cell_m: Length | None = Field(None, description="cell size [m]; the elevation's own if missing")
+    cell_m: Length | None = Field(
+        None, description="cell size of the scene [m]; by default the cell size of the elevation"
+    )
     bounds: tuple[Coordinate, Coordinate, Coordinate, Coordinate] | None = Field(
         None,
-        description="[west, south, east, north] in the scene's CRS [m]; the ground that both rasters cover if missing",
+        description="[west, south, east, north] in the CRS of the scene [m]; by default the overlap of both rasters",
     )
     vertical_datum: str | None = Field(
         None,
-        description="vertical datum of the heights, such as EGM96; needed where the elevation's CRS does not name it",
+        description="vertical datum of the heights, such as EGM96; required if the CRS of the elevation names none",
     )
     elevation_error_m: Annotated[Real, Field(ge=0, le=100)] = Field(
         0.0,
-        description="standard error of a height against its neighbours [m], from which that of the incidence follows",
+        description="standard error of a height against its neighbours [m], from which that of the incidence follows; "
+        "the rounding error of heights in whole metres is added",
     )
     vrt_folders: list[str] | None = Field(
-        None, description="folders in which sources of a VRT may lie, besides the VRT's own"
+        None, description="further folders in which the source files of a VRT may lie, besides its own folder"
     )
-    objects: SceneObjects | None = Field(None, description="objects on the ground")
+    objects: SceneObjects | None = Field(
+        None, description="objects on the ground, such as buildings and trees (docs/objects.md)"
+    )
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:

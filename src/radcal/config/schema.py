@@ -1,8 +1,8 @@
-"""JSON schema of a case, with which editors complete, explain and check its keys.
+"""JSON schema of a case, with which editors complete, explain and check the keys of a case file.
 
-The schema is written in draft 7 of JSON Schema, the one that the YAML language server of editors reads. It differs from
-radcal's own checks in two points: it refuses numbers written as text, which radcal accepts, and it does not check one
-key against another.
+The schema follows draft 7 of JSON Schema, the version that the YAML language server of editors supports. The schema
+differs from radcal's own checks in two points. It refuses numbers in quotes, which radcal accepts. It does not check
+the value of one key against the value of another key.
 """
 
 from __future__ import annotations
@@ -11,11 +11,12 @@ import json
 from typing import Any
 
 from radcal.config.case import Case
+from radcal.config.sections import FURTHER
 
 __all__ = ["schema_json"]
 
 _DRAFT = "http://json-schema.org/draft-07/schema#"
-# keywords that pydantic writes (limits of numbers with a validator; lists of a later draft) -> those of draft 7
+# keywords that pydantic writes (limits of numbers with a validator; lists of a later draft) -> keywords of draft 7
 _WORDS = {
     "ge": "minimum",
     "gt": "exclusiveMinimum",
@@ -31,7 +32,7 @@ def schema_json() -> str:
     Returns
     -------
     str
-        A JSON schema of draft 7, written from the models.
+        JSON schema of draft 7, generated from the configuration models.
 
     References
     ----------
@@ -39,13 +40,22 @@ def schema_json() -> str:
     (draft-handrews-json-schema-validation-01), 2018.
     """
     schema = Case.model_json_schema()
-    for section in schema["properties"].values():
+    sections = schema["properties"]
+    for section in sections.values():
         _require_tag(section, schema["$defs"])
+    for name, further in FURTHER.items():  # one pass, or a list with an item for each
+        del sections[further]
+        one = {word: value for word, value in sections[name].items() if word not in ("default", "description")}
+        about = sections[name].get("description", "the acquisition: track, sensor and image grid")
+        sections[name] = {
+            "description": f"{about}; of several passes a list with one for each",
+            "anyOf": [one, {"type": "array", "items": one, "minItems": 1}],
+        }
     return json.dumps({"$schema": _DRAFT, **_plain(schema)}, indent=1, ensure_ascii=False) + "\n"
 
 
 def _require_tag(section: dict[str, Any], models: dict[str, dict[str, Any]]) -> None:
-    """Require the key that chooses a section's kind, except for the default kind."""
+    """Make the key that chooses a section's kind mandatory for every kind except the default one."""
     if (union := section.pop("discriminator", None)) is None:
         return
     tag = union["propertyName"]
@@ -55,7 +65,7 @@ def _require_tag(section: dict[str, Any], models: dict[str, dict[str, Any]]) -> 
 
 
 def _plain(part: Any) -> Any:
-    """Part of the schema in keywords of draft 7, without generated titles and without defaults of whole sections."""
+    """Part of the schema with the keywords of draft 7, without pydantic's titles and without defaults of sections."""
     if isinstance(part, list):
         return [_plain(item) for item in part]
     if not isinstance(part, dict):

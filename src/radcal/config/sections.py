@@ -1,18 +1,21 @@
-"""Base class of the configuration's sections, type of a case's name, and keys that choose a section's kind."""
+"""Base class of all sections of the configuration, type of a case name, and keys that choose the kind of a section."""
 
 from __future__ import annotations
 
 import re
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict
 
-__all__ = ["TAGS", "CaseName", "Objective", "Section"]
+__all__ = ["FURTHER", "TAGS", "CaseName", "Section"]
 
 _LONGEST_NAME = 100  # file systems allow names of 255 bytes, and files named after a case have longer names
 
-# sections of several kinds, and the key that chooses the kind
+# sections that exist in several kinds, and the key that chooses the kind
 TAGS = {"scene": "source", "simulator": "kind", "measurement": "source"}
+
+# sections of which each pass has one, and the fields that hold those of the second and later passes
+FURTHER = {"radar": "further_radar", "measurement": "further_measurement"}
 
 
 def _case_name(value: str) -> str:
@@ -23,12 +26,11 @@ def _case_name(value: str) -> str:
     return value
 
 
-Objective = Literal["classes", "density", "likelihood"]
 CaseName = Annotated[str, AfterValidator(_case_name)]
 
 
 class Section(BaseModel):
-    """A frozen section of the configuration that refuses unknown keys."""
+    """Section of the configuration, which cannot be changed after its creation; an unknown key is an error."""
 
-    # a validator is built where it is used first: a job has use for those of its stage alone
+    # pydantic builds a validator at its first use, because a job needs only the validators of its own stage
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)

@@ -1,4 +1,4 @@
-"""Section ``simulator``: radcal's own simulator, or any other program."""
+"""Section ``simulator``: radcal's built-in simulator, or an external program."""
 
 from __future__ import annotations
 
@@ -12,42 +12,50 @@ from radcal.config.sections import Section
 
 __all__ = ["BuiltinSimulation", "CommandSimulation", "InputFile", "Output", "RawType", "SimulatorConfig", "Template"]
 
-_KIND = "builtin (radcal's own) or command (any other program)"
-_SEED_BITS = 31  # width of an external program's seeds: a C int
+_KIND = "kind of simulator: builtin (part of radcal) or command (an external program)"
+_SEED_BITS = 31  # number of bits of an external program's seeds: a C int stores them
 _ONLY_MASKS = frozenset({"looks", "nesz_db", "range_resolution_m", "azimuth_resolution_m"})
 
 
+_DRAWS = "number of speckle draws per run, whose statistics are averaged"
+Draws = Annotated[Integer, Field(ge=1, le=64)]
+
+
 class BuiltinSimulation(Section):
-    """radcal's own simulator."""
+    """Settings of radcal's built-in simulator."""
 
     kind: Literal["builtin"] = Field("builtin", description=_KIND)
-    keep_images: bool = Field(False, description="whether every run record keeps the whole image")
+    keep_images: bool = Field(
+        False,
+        description="whether each run record contains the whole image, besides the pixels of the calibrated materials",
+    )
+    draws: Draws = Field(1, description=_DRAWS + "; by default 4 if the objective uses incidence-angle bins")
 
     @property
     def longest_run_s(self) -> float:
-        """Upper limit of a run's duration [s], far above the usual one."""
-        return 900.0
+        """Upper limit of the duration of a run [s], far above the usual duration."""
+        return 900.0 * self.draws
 
     @property
     def seed_width(self) -> int:
-        """Number of bits of a run's seed."""
+        """Number of bits of the noise seed of a run."""
         return 63
 
     @property
     def not_told(self) -> frozenset[str]:
-        """Keys of ``radar`` that change neither geometry nor a run."""
+        """Keys of ``radar`` that change neither geometry nor runs: none, because this simulator receives all keys."""
         return frozenset()
 
 
 def _braced(value: object) -> object:
-    """Text of a placeholder, where YAML has read an unquoted {input} in a list as a mapping."""
+    """Text of a placeholder; YAML converts an unquoted {input} in a list to a mapping, which this function reverses."""
     if isinstance(value, dict) and len(value) == 1 and next(iter(value.values())) is None:
         return "{" + str(next(iter(value))) + "}"
     return value
 
 
 def _inside(value: str) -> str:
-    """Refuse file names that lead out of a run's folder, and reserved file names."""
+    """Refuse a file name that leads out of the run's folder, and a reserved file name."""
     path = Path(value)
     if not path.parts or path.is_absolute() or ".." in path.parts:
         raise ValueError(f"is {value!r}, expected the name of a file in the run's own folder")
@@ -57,14 +65,14 @@ def _inside(value: str) -> str:
 
 
 def _listed(value: object) -> object:
-    """Refuse a command given as one text, as for a shell, instead of a list of words."""
+    """Refuse a command that is one text, as a shell expects it, instead of a list of words."""
     if isinstance(value, str):
         raise ValueError(f"is {value!r}, expected a list of program and arguments: no shell splits it")
     return value
 
 
 def _without_null(value: str) -> str:
-    """Refuse text with a null character, which no program can receive."""
+    """Refuse a text with a null character, because no program can receive this character."""
     if "\0" in value:
         raise ValueError(f"is {value!r}, expected text without a null character")
     return value
@@ -78,7 +86,7 @@ def _environment(value: dict[str, str]) -> dict[str, str]:
 
 
 def _number_as_text(value: object) -> object:
-    """Text of a number, since YAML reads OMP_NUM_THREADS: 1 as a number."""
+    """Text of a number; YAML converts the value in OMP_NUM_THREADS: 1 to a number, but a variable must be text."""
     return str(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
@@ -93,23 +101,23 @@ FileName = Annotated[str, AfterValidator(_inside)]
 
 
 class InputFile(Section):
-    """File with parameters, seed and settings of a run, written for the program."""
+    """File in which radcal gives the program the parameters, the seed and the settings of a run."""
 
     file: FileName = Field("input.json", description="name of the file in the run's folder")
     format: Literal["json", "toml"] = Field("json", description="format of the file")
     radar: bool = Field(
-        True, description="whether section radar is written into it; a change of looks or nesz_db is then a new run"
+        True, description="whether the file contains section radar; a change of looks or nesz_db then needs new runs"
     )
 
 
 class Template(Section):
-    """The program's own input file, with markers in the places of parameters."""
+    """Template of an input file in the program's own format, with a marker in place of each parameter."""
 
-    template: str = Field(description="path of the file with the markers")
-    file: FileName = Field(description="name of the filled file in the run's folder")
+    template: str = Field(description="path of the template")
+    file: FileName = Field(description="name of the input file that radcal writes into the run's folder")
     delimiter: Annotated[str, Field(pattern=r"^[^\sA-Za-z0-9_.:-]$")] = Field(
         "@",
-        description="character on both sides of a marker, as in @dyke.X1@; it may stand nowhere else in the template",
+        description="character on both sides of a marker, as in @dyke.X1@; the template may contain it only there",
     )
 
 
@@ -119,28 +127,32 @@ RawType = Literal[
 
 
 class Output(Section):
-    """File with the image that the program writes."""
+    """File in which the program writes the image."""
 
-    file: FileName = Field(description="name of the file in the run's folder; a folder in the name is created")
-    scale: Literal["db", "power", "amplitude", "complex"] = Field(description="scale of the file's numbers")
+    file: FileName = Field(description="name of the file in the run's folder; radcal creates a subfolder in the name")
+    scale: Literal["db", "power", "amplitude", "complex"] = Field(description="scale of the numbers in the file")
     format: Literal["npy", "npz", "mat", "hdf5", "raster", "raw"] | None = Field(
-        None, description="format of the file; by its ending if missing"
+        None, description="format of the file; by default derived from the file's ending"
     )
-    band: Count | None = Field(None, description="band of a raster, from 1; needed where it has several")
+    band: Count | None = Field(
+        None, description="number of the raster band, from 1; required if the raster has several bands"
+    )
     dataset: str | None = Field(
-        None, description="name of the array in npz, mat or HDF5; needed where they hold several"
+        None, description="name of the array in an npz, mat or HDF5 file; required if the file has several arrays"
     )
-    dtype: RawType | None = Field(None, description="type of a raw file's numbers, which stand row by row")
-    byte_order: Literal["little", "big"] | None = Field(None, description="byte order of a raw file; little if missing")
+    dtype: RawType | None = Field(None, description="type of the numbers in a raw file, which are stored row by row")
+    byte_order: Literal["little", "big"] | None = Field(None, description="byte order of a raw file; little by default")
     shape: tuple[Count, Count] | None = Field(
-        None, description="[rows, columns] of a raw file as written; those of the simulated image if missing"
+        None, description="[rows, columns] of a raw file; by default the size of the simulated image"
     )
     header_bytes: Annotated[Integer, Field(ge=0, le=10**12)] | None = Field(
-        None, description="number of bytes before a raw file's numbers"
+        None, description="number of header bytes before the numbers in a raw file"
     )
-    transpose: bool = Field(False, description="whether the file's rows are columns of the image (azimuth)")
-    flip_rows: bool = Field(False, description="whether the last row is the nearest in slant range (after transpose)")
-    flip_columns: bool = Field(False, description="whether columns run against the flight (after transpose)")
+    transpose: bool = Field(False, description="whether the rows of the file are columns of the image (azimuth)")
+    flip_rows: bool = Field(False, description="whether the last row, after transpose, has the smallest slant range")
+    flip_columns: bool = Field(
+        False, description="whether the columns, after transpose, run against the flight direction"
+    )
 
     @model_validator(mode="after")
     def _raw(self) -> Self:
@@ -154,55 +166,70 @@ class Output(Section):
 
 
 class CommandSimulation(Section):
-    """External program, called once for each run in a folder of its own."""
+    """Settings of an external program, which radcal starts once for each run, in a separate folder for each run."""
 
     kind: Literal["command"] = Field("command", description=_KIND)
     command: Words = Field(
-        description="program and arguments; no shell reads them. {input}, {output}, {folder}, {geometry}, {python}, "
-        "{noise_seed} and {material.parameter} are filled in"
+        description="program and arguments, without a shell; radcal replaces {input}, {output}, {folder}, {geometry}, "
+        "{python}, {noise_seed} and {material.parameter}"
     )
     output: Output = Field(description="file with the image that the program writes")
-    name: str | None = Field(None, description="name of the simulator; the program's file name if missing")
-    version: str | None = Field(None, description="version of the simulator, where version_command is not given")
-    version_command: Words | None = Field(None, description="program and arguments that print the version")
-    input: InputFile | None = Field(None, description="file with all parameters, written for the program")
+    name: str | None = Field(None, description="name of the simulator; by default the file name of the program")
+    version: str | None = Field(None, description="version of the simulator; not allowed together with version_command")
+    version_command: Words | None = Field(
+        None, description="command that prints the version: list of program and arguments"
+    )
+    input: InputFile | None = Field(None, description="file in which radcal gives the program all parameters")
     templates: list[Template] = Field(
-        default_factory=list, description="input files of the program's own, in which radcal fills in parameters"
+        default_factory=list,
+        description="templates of input files in the program's own format, into which radcal writes the parameters",
     )
-    files: list[str] = Field(default_factory=list, description="files copied into each run's folder")
-    links: list[str] = Field(default_factory=list, description="files or folders linked into each run's folder")
+    files: list[str] = Field(default_factory=list, description="files that radcal copies into the folder of each run")
+    links: list[str] = Field(
+        default_factory=list,
+        description="files or folders to which radcal makes symbolic links in the folder of each run",
+    )
     environment: Annotated[dict[str, Variable], AfterValidator(_environment)] = Field(
-        default_factory=dict, description="environment variables of the program, in addition to those of radcal"
+        default_factory=dict,
+        description="environment variables for the program, in addition to the variables of the radcal process",
     )
-    timeout_s: Timeout = Field(3600.0, description="a run that takes longer is killed [s]")
+    timeout_s: Timeout = Field(3600.0, description="largest duration of a run [s]; radcal kills a longer run")
     retries: Annotated[Integer, Field(ge=0, le=20)] = Field(
-        0, description="number of times that a failed run is tried again"
+        0, description="number of times that radcal tries a failed run again"
     )
-    retry_wait_s: RetryWait = Field(1.0, description="wait before the first retry [s]; doubles each time")
+    retry_wait_s: RetryWait = Field(
+        1.0, description="wait before the first retry [s]; the wait doubles before each further retry"
+    )
     accept_exit_codes: Annotated[list[Annotated[Integer, Field(ge=-64, le=255)]], Field(min_length=1)] = Field(
         default_factory=lambda: [0],
-        description="exit codes with which the output is complete; -11 stands for signal 11",
+        description="exit codes after which radcal reads the output; -11 stands for signal 11",
     )
     deterministic: bool | None = Field(
-        None, description="whether equal parameters and seed give equal images; tested by a second run if missing"
+        None, description="whether equal parameters and seed give equal images; by default tested by a second run"
     )
     seed_bits: Annotated[Integer, Field(ge=8, le=63)] | None = Field(
         None,
-        description="width of noise_seed in bits; if missing, that of the case's earlier runs, or 31 (a C int) without "
-        "any",
+        description="number of bits of noise_seed; by default the same as in earlier runs of the case, or 31 (a C int) "
+        "without earlier runs",
     )
     seedless: bool = Field(
         False,
-        description="whether the program takes no seed; it then need not receive one, and no rms with fresh speckle is "
-        "given",
+        description="whether the program uses no seed; noise_seed is then optional, and the rms with fresh speckle is "
+        "not reported",
     )
-    keep_images: bool = Field(False, description="whether every run record keeps the whole image")
-    keep_folders: bool = Field(False, description="whether the folders of successful runs are kept, too")
+    draws: Draws = Field(1, description=_DRAWS)
+    keep_images: bool = Field(
+        False,
+        description="whether each run record contains the whole image, besides the pixels of the calibrated materials",
+    )
+    keep_folders: bool = Field(
+        False, description="whether the folders of successful runs are kept; folders of failed runs are always kept"
+    )
 
     @property
     def longest_run_s(self) -> float:
-        """Upper limit of a run's duration with all its retries [s]."""
-        return self.timeout_s * (self.retries + 1) + self._waits_s
+        """Upper limit of the duration of a run with all its retries, waits and speckle draws [s]."""
+        return (self.timeout_s * (self.retries + 1) + self._waits_s) * self.draws
 
     @property
     def _waits_s(self) -> float:
@@ -219,12 +246,12 @@ class CommandSimulation(Section):
 
     @property
     def seed_width(self) -> int:
-        """Number of bits of a run's seed."""
+        """Number of bits of the noise seed of a run."""
         return _SEED_BITS if self.seed_bits is None else self.seed_bits
 
     @property
     def not_told(self) -> frozenset[str]:
-        """Keys of ``radar`` that change neither geometry nor a run, because only masks and checks read them."""
+        """Keys of ``radar`` that the program does not receive, so that they change masks and checks but no run."""
         return frozenset() if self.input is not None and self.input.radar else _ONLY_MASKS
 
     @model_validator(mode="after")
@@ -244,7 +271,7 @@ class CommandSimulation(Section):
                 raise ValueError(f"{key} and {taken[Path(name)]} are both {name!r} in the run's folder")
             taken[Path(name)] = key
         for path, key in taken.items():
-            # a link leads out of the run's folder, where runs would write into one another's files
+            # a file below a link would lie outside the run's folder, where several runs would overwrite it
             for above in path.parents:
                 if above in taken:
                     raise ValueError(

@@ -1,9 +1,8 @@
-"""Sections of the configuration that each stage reads: one frozen model for each rule of the workflow.
+"""Sections of the configuration that each workflow rule reads: one model for each rule.
 
 The ``params`` of a rule are the fields of its model (:meth:`Stage.params`). The rule's script restores the model from
-them and passes it to functions of the library, whose arguments have the model as their type. Therefore mypy rejects
-access to a section that the model lacks, and a job runs again when a section of its model has changed
-(``docs/reruns.md``).
+``params`` and passes it to library functions, whose type annotations name the model. mypy therefore rejects access to
+a section that the model lacks. A job runs again when a section of its model has changed (``docs/reruns.md``).
 """
 
 from __future__ import annotations
@@ -16,12 +15,13 @@ from radcal.config.design import Design
 from radcal.config.limits import Seed
 from radcal.config.materials import Material
 from radcal.config.measurement import MeasurementConfig
+from radcal.config.objectives import Objective
 from radcal.config.optimiser import Optimiser
 from radcal.config.part import Part
 from radcal.config.radar import Radar
 from radcal.config.registration import RegistrationConfig
 from radcal.config.scene import SceneConfig
-from radcal.config.sections import CaseName, Objective
+from radcal.config.sections import CaseName
 from radcal.config.simulator import SimulatorConfig
 from radcal.config.stop import Stop
 from radcal.config.surrogate import SurrogateConfig
@@ -53,34 +53,34 @@ __all__ = [
 
 
 class Stage(Part):
-    """Sections of the configuration that a stage reads."""
+    """Base class of the models; its fields are the sections of the configuration that one rule reads."""
 
     @classmethod
     def of(cls, case: Case) -> Self:
-        """Model with the stage's sections of a whole case."""
+        """Model filled with the sections of a whole case that this stage reads."""
         return cls.model_validate({name: getattr(case, name) for name in cls.model_fields})
 
     @classmethod
     def params(cls, case: Case) -> dict[str, Any]:
-        """Stage's sections of a whole case as plain data, from which ``model_validate`` restores the model."""
+        """Sections of a whole case that this stage reads, as plain data for ``model_validate``."""
         return case.sections(*cls.model_fields)
 
 
 class Scene(Stage):
-    """Sections for the scene and the names of its materials."""
+    """Sections that rule ``scene`` reads: the scene, and the materials, of which only the names are used."""
 
     scene: SceneConfig
     materials: dict[str, Material]
 
 
 class Geometry(Stage):
-    """Section for the geometry: the pass."""
+    """Section that rule ``geometry`` reads: the pass."""
 
     radar: Radar
 
 
 class Simulator(Stage):
-    """Sections for the simulator: its settings, and the materials and the pass that it receives."""
+    """Sections that rule ``simulator`` reads: simulator settings, materials and pass."""
 
     radar: Radar
     simulator: SimulatorConfig
@@ -88,90 +88,101 @@ class Simulator(Stage):
 
 
 class Measurement(Simulator):
-    """Sections for the measured image, which is checked against pass, materials and target."""
+    """Sections that rule ``measurement`` reads to simulate or read the measured image, and to check this image."""
 
     measurement: MeasurementConfig
     target: TargetConfig
 
 
-class Scores(Stage):
-    """Sections for the scores of the runs: laws and pass; the objective comes from the file of targets."""
+class Laws(Stage):
+    """Sections that define the laws of the runs: seed, pass and materials."""
 
     seed: Seed
     radar: Radar
     materials: dict[str, Material]
 
 
-class Simulation(Simulator, Scores):
-    """Sections that determine the numbers of a run."""
+class Scores(Laws):
+    """Sections that rule ``scores`` reads to score the runs: laws, in all passes, and objective."""
+
+    objective: Objective
+    further_radar: list[Radar] | None = None
+
+
+class Simulation(Simulator, Laws):
+    """Sections that determine the pixel values of a run."""
 
 
 class Reuse(Simulation):
-    """Sections for the reuse of an earlier case's runs."""
+    """Sections that rule ``reuse`` reads to find reusable runs of an earlier case."""
 
 
 class ReferenceRun(Simulation):
-    """Sections for the reference run."""
+    """Sections that rule ``reference_run`` reads."""
 
 
 class Registration(Stage):
-    """Sections for the registration, with the materials that the record of the reference run must hold."""
+    """Sections that rule ``registration`` reads; the reference run's record must contain the materials' pixels."""
 
     materials: dict[str, Material]
     registration: RegistrationConfig
 
 
-class Target(Simulation):
-    """Sections for the targets: pixels, levels and incidence-angle bins."""
+class Target(Simulation, Scores):
+    """Sections that rule ``target`` reads to derive the targets of the materials."""
 
-    objective: Objective
     target: TargetConfig
     validation: Validation | None
 
 
 class DesignSize(Stage):
-    """Sections for the number of runs and of chunks of the design."""
+    """Sections that determine the number of runs of the design."""
 
-    objective: Objective
+    materials: dict[str, Material]
+    target: TargetConfig
+    design: Design
+    surrogate: SurrogateConfig
+
+
+class DesignChunk(Simulation):
+    """Sections that rule ``design_chunk`` reads; the rule gets the number of runs as a separate parameter."""
+
     design: Design
 
 
-class DesignChunk(Simulation, DesignSize):
-    """Sections for the runs of the design."""
-
-
-class Train(Stage):
-    """Sections for the training of surrogates; section ``simulator`` tells whether runs are deterministic."""
+class Train(Scores):
+    """Sections that rule ``train`` reads; section ``simulator`` states whether runs are deterministic."""
 
     simulator: SimulatorConfig
-    materials: dict[str, Material]
     surrogate: SurrogateConfig
 
 
 class Propose(Scores):
-    """Sections for the search for the next parameters."""
+    """Sections that rule ``propose`` reads to search for the next parameters X."""
 
     optimiser: Optimiser
 
 
-class Verify(Simulation):
-    """Sections for the run of the proposals and its score."""
+class Verify(Simulation, Train):
+    """Sections that rule ``verify`` reads to run and score the proposals, and to predict a possible improvement."""
 
 
 class StopSettings(Stage):
-    """Section for the stop criteria."""
+    """Section that rule ``stop_settings`` reads: the stop criteria."""
 
     stop: Stop
 
 
 class FinalRuns(Simulation):
-    """Sections for the final runs, with the calibrated laws of all materials together."""
+    """Sections that rule ``final_runs`` reads to run the calibrated laws of all materials together."""
+
+    further_radar: list[Radar] | None = None
 
 
 class Archive(Stage):
-    """Sections for the archive: all but ``replace`` and ``stop``; the stop criteria come from a file."""
+    """Sections that rule ``archive`` reads: all but ``replace`` and ``stop``; a file gives the stop criteria."""
 
-    # in the order of the whole case, in which the archive records them
+    # in the same order as in class Case, because the archive records the sections in this order
     case: CaseName
     seed: Seed
     scene: SceneConfig
@@ -179,6 +190,8 @@ class Archive(Stage):
     simulator: SimulatorConfig
     materials: dict[str, Material]
     measurement: MeasurementConfig
+    further_radar: list[Radar] | None = None
+    further_measurement: list[MeasurementConfig] | None = None
     registration: RegistrationConfig
     objective: Objective
     target: TargetConfig
@@ -206,4 +219,4 @@ STAGES: Mapping[str, type[Stage]] = {
     "final_runs": FinalRuns,
     "archive": Archive,
 }
-"""Model of each rule, by the rule's name."""
+"""Model of each rule by the name of the rule."""

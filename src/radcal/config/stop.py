@@ -1,4 +1,4 @@
-"""Section ``stop``: criteria that end the loop."""
+"""Section ``stop``: criteria that end the calibration loop."""
 
 from __future__ import annotations
 
@@ -13,20 +13,22 @@ __all__ = ["Stop"]
 
 
 class Stop(Section):
-    """Criteria that end the loop; a change of them repeats no finished run."""
+    """Criteria that end the calibration loop; after a change of these criteria, no finished run is repeated."""
 
     rms: Annotated[Real, Field(gt=0, le=100)] = Field(
-        1.0e-5, description="tolerance on the rms difference of the densities [1/dB]; for objective: density"
+        1.0e-5, description="tolerance of the rms difference between the densities [1/dB]; only for objective: density"
     )
-    max_runs: Count = Field(200, description="largest number of design and infill runs together")
-    stagnation_runs: Count = Field(20, description="number of infill runs without a better one after which to stop")
+    max_runs: Count = Field(200, description="largest total number of design and infill runs")
+    stagnation_runs: Count = Field(
+        20, description="the search ends after this number of infill runs without improvement"
+    )
     law_db: Annotated[Real, Field(gt=0, le=200)] = Field(
         0.05,
-        description="change of a law over the incidence seen below which the stop criterion is met [dB]; not for "
-        "objective: density",
+        description="the search ends if the best predicted law and the best law found differ by less than this [dB]; "
+        "not for objective: density",
     )
     at_sampling_error: bool = Field(
         False,
-        description="whether an rms below a third of the sampling error ends the search, too, after 5 runs without a "
-        "better one; true by default for simulator.kind: command without stop.rms",
+        description="whether the search also ends at an rms below a third of the sampling error, after 5 runs without "
+        "improvement; default true for simulator.kind: command if stop.rms is not set",
     )

@@ -1,26 +1,46 @@
-"""Section ``surrogate``: outputs and training of the kriging (objective: density)."""
+"""Section ``surrogate``: outputs and training of the kriging models."""
 
 from __future__ import annotations
 
-from typing import Literal
+import warnings
+from typing import Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from radcal.config.limits import Count
 from radcal.config.sections import Section
 
 __all__ = ["SurrogateConfig"]
 
 
 class SurrogateConfig(Section):
-    """Outputs and training of the kriging."""
+    """Outputs and training of the kriging models."""
 
     outputs: Literal["centred", "direct"] = Field(
-        "centred", description="outputs of the kriging: centred (mean, log sd, skewness) or direct (xi, omega, alpha)"
+        "centred",
+        description="outputs of the kriging: centred (mean, log sd, skewness) or direct (xi, omega, alpha; only for "
+        "objective: density)",
     )
-    training: Literal["warm", "smt"] = Field(
-        "warm",
-        description="warm: start from the last optimum, and from several points every retrain_every iterations; "
-        "smt: the library's defaults",
+    training: Literal["posterior", "smt"] = Field(
+        "posterior",
+        description="estimate of the length scales: posterior (likelihood times a weak prior) or smt (defaults of the "
+        "library smt; only for objective: density)",
     )
-    retrain_every: Count = Field(5, description="iterations between trainings from several points (warm)")
+    baseline: bool = Field(
+        True,
+        description="whether law, speckle and noise predict each run; kriging then models only the prediction error",
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _earlier_keys(cls, data: Any) -> Any:
+        """Data without the obsolete settings ``retrain_every`` and ``training: warm``, after a warning about both."""
+        if not isinstance(data, dict) or ("retrain_every" not in data and data.get("training") != "warm"):
+            return data
+        warnings.warn(
+            "surrogate.training: warm and surrogate.retrain_every have no effect any more: length scales are found "
+            "from all runs in every iteration (training: posterior)",
+            FutureWarning,
+            stacklevel=2,
+        )
+        kept = {key: value for key, value in data.items() if key != "retrain_every"}
+        return {**kept, "training": "posterior"} if kept.get("training") == "warm" else kept

@@ -1,4 +1,4 @@
-"""Section ``validation``: held-out ground."""
+"""Section ``validation``: ground that is held out of the calibration."""
 
 from __future__ import annotations
 
@@ -13,14 +13,20 @@ __all__ = ["Validation"]
 
 
 class Validation(Section):
-    """Ground that is held out of the target and then predicted by the laws found."""
+    """Blocks of the image that are held out of the target; the calibrated laws then predict their levels."""
 
-    rows: Count = Field(20, description="image rows of a block, which is calibrated on or held out as a whole")
-    columns: Count | None = Field(None, description="image columns of a block; all columns of the image if missing")
-    means: Count = Field(10, description="image rows of a part of a block, whose mean level is predicted")
+    rows: Count = Field(
+        20, description="number of image rows in a block; a block is calibrated on or held out as a whole"
+    )
+    columns: Count | None = Field(
+        None, description="number of image columns in a block; by default all columns of the image"
+    )
+    means: Count = Field(
+        10, description="number of image rows in a part of a block; the mean level of each part is predicted"
+    )
     keep: Literal["even", "odd", "both"] = Field(
         "even",
-        description="blocks that are calibrated on: even, odd or both (all, and each half is predicted from the other)",
+        description="blocks used for the calibration: even, odd, or both (all; each half then predicts the other half)",
     )
 
     @model_validator(mode="after")

@@ -1,27 +1,34 @@
-"""The default case as commented YAML."""
+"""Writer of the default case as YAML with comments."""
 
 from __future__ import annotations
 
 from pydantic import BaseModel
 
 from radcal.config.case import Case
+from radcal.config.radar import Radar
 
-__all__ = ["default_yaml"]
+__all__ = ["default_case", "default_yaml"]
 
 _HEADER = """\
 # yaml-language-server: $schema=schema.json
-# The default case. Every key below is a default: a case of your own needs only the keys that differ.
+# The default case. Every key below but radar.radiometry (default: sigma0_ref) is a default: a case of your own needs
+# only the keys that differ.
 # Written by: python -m radcal.config > config/config.yaml
 """
 
 
+def default_case() -> Case:
+    """Default case: the defaults of all keys, and the paper's radiometry, without an area term."""
+    return Case(radar=Radar(radiometry="sigma0_local"))
+
+
 def default_yaml() -> str:
     """Default case as commented YAML, the text of ``config/config.yaml``."""
-    return _HEADER + "\n" + "\n".join(_lines(Case())) + "\n"
+    return _HEADER + "\n" + "\n".join(_lines(default_case())) + "\n"
 
 
 def _lines(section: BaseModel, indent: str = "") -> list[str]:
-    """Lines of YAML, one per key with its description; nested sections are indented."""
+    """Lines of YAML for a section: one line per key, with the key's description; nested sections are indented."""
     lines = []
     for name, field in type(section).model_fields.items():
         value = getattr(section, name)
@@ -41,7 +48,7 @@ def _lines(section: BaseModel, indent: str = "") -> list[str]:
 
 
 def _inline(value: object) -> str:
-    """YAML of a plain value on one line; 1e-05 is written as 1.0e-05, since YAML 1.1 reads 1e-05 as text."""
+    """YAML of a plain value on one line; 1e-05 becomes 1.0e-05, because YAML 1.1 interprets 1e-05 as text."""
     if isinstance(value, dict):
         return "{" + ", ".join(f"{key}: {_inline(item)}" for key, item in value.items()) + "}"
     if isinstance(value, list | tuple):

@@ -1,6 +1,6 @@
-"""YAML text of case files and command-line values: one document, no duplicate keys, no unbounded aliases.
+"""Reader of YAML in case files and command-line settings; duplicate keys and too many aliases are refused.
 
-This module does not interpret the keys; the models of :mod:`radcal.config` do.
+This module returns plain data; the models of :mod:`radcal.config` check keys and values.
 """
 
 from __future__ import annotations
@@ -19,15 +19,17 @@ from radcal.errors import ConfigError
 
 __all__ = ["check_words", "merged", "read_case_file", "read_value", "setting"]
 
-_LARGEST_BYTES = 200_000  # largest case file: about twenty times the longest that radcal ships
-_LARGEST_VALUES = 200_000  # with every alias written out: a file of the largest size without aliases holds fewer
-# numbers that YAML 1.1 reads as octal, or in base 60 as hours and minutes
+_LARGEST_BYTES = 200_000  # size limit of a case file: about twenty times the size of radcal's longest case file
+_LARGEST_VALUES = (
+    200_000  # limit after every alias is expanded; a case file without aliases cannot contain as many values
+)
+# texts that YAML 1.1 converts as octal numbers, or as numbers in base 60 (hours and minutes)
 _OTHER_BASE = re.compile(r"[-+]?(0[0-7_]+|[0-9_]+(:[0-9_.]+)+)")
 _MERGE = "tag:yaml.org,2002:merge"
 
 
 class _Fault(Exception):
-    """Fault of a YAML text, with its line number from 1."""
+    """Fault in a YAML text, with the number of the faulty line, counted from 1."""
 
     def __init__(self, text: str, line: int | None = None) -> None:
         super().__init__(text)
@@ -35,7 +37,7 @@ class _Fault(Exception):
 
 
 class _Loader(yaml.SafeLoader):
-    """PyYAML's safe loader, which names the line of a value that it cannot convert."""
+    """PyYAML's safe loader with an error message that names the line of a value that cannot be converted."""
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
         try:
@@ -53,7 +55,7 @@ class _Loader(yaml.SafeLoader):
 
 
 def read_case_file(path: str | Path) -> dict[str, Any]:
-    """Keys and values of a case file.
+    """Read the keys and values of a case file.
 
     Parameters
     ----------
@@ -63,13 +65,13 @@ def read_case_file(path: str | Path) -> dict[str, Any]:
     Returns
     -------
     dict
-        Plain data; aliases and merge keys (``<<``) are followed.
+        Plain data in which aliases and merge keys (``<<``) are expanded.
 
     Raises
     ------
     ConfigError
-        The file cannot be read, is not YAML in UTF-8, is not made of keys and values, or holds a key
-        twice, an anchor that contains itself, or aliases that stand for more than 200,000 values.
+        The file cannot be read, is not YAML in UTF-8 or does not consist of keys and values. Or the file contains a key
+        twice, an anchor that contains itself, or aliases that expand to more than 200,000 values.
 
     References
     ----------
@@ -88,19 +90,19 @@ def read_case_file(path: str | Path) -> dict[str, Any]:
 
 
 def read_value(text: str, origin: str) -> Any:
-    """Value of a setting on the command line, in JSON or YAML on one line.
+    """Convert the value of a command-line setting, which is one line of JSON or YAML.
 
     Parameters
     ----------
     text : str
         The value as typed.
     origin : str
-        The option and the key, for messages.
+        Name of the option and of the key, for error messages.
 
     Raises
     ------
     ConfigError
-        The text is neither, or gives a key twice.
+        The text is neither JSON nor YAML, or contains a key twice.
     """
     try:
         return _parsed(text)
@@ -109,14 +111,14 @@ def read_value(text: str, origin: str) -> Any:
 
 
 def setting(word: str, origin: str) -> dict[str, Any]:
-    """Nested data that one ``section.key=value`` stands for.
+    """Convert a setting ``section.key=value`` to nested data.
 
     Parameters
     ----------
     word : str
-        Setting such as ``stop.rms=1e-6``; names between the dots may contain blanks.
+        Setting such as ``stop.rms=1e-6``; the names between the dots may contain blanks.
     origin : str
-        The option, for messages.
+        Name of the option, for error messages.
 
     Raises
     ------
@@ -143,19 +145,19 @@ def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def check_words(words: Sequence[str], origin: str = "--config") -> None:
-    """Refuse settings of the command line that give one key twice; otherwise the last one would be used silently.
+    """Refuse command-line settings that give a key twice, because the last value would silently replace the first.
 
     Parameters
     ----------
     words : sequence of str
-        Settings as typed, each ``key=value``.
+        Settings as typed on the command line, each ``key=value``.
     origin : str
-        The option, for messages.
+        Name of the option, for error messages.
 
     Raises
     ------
     ConfigError
-        A key is given twice, or a value is neither JSON nor YAML.
+        A key occurs twice, or a value is neither JSON nor YAML.
     """
     given: set[str] = set()
     for word in words:
@@ -175,7 +177,7 @@ def _leaves(data: Mapping[Any, Any], above: str = "") -> Iterator[str]:
 
 
 def _content(path: Path) -> bytes:
-    """Bytes of a regular file; a pipe or a device is refused, since reading it might never end."""
+    """Bytes of a regular file; a pipe or a device is refused, because reading a pipe or device might never end."""
     try:
         found = path.stat()
         if stat.S_ISDIR(found.st_mode):
@@ -203,7 +205,7 @@ def _text(content: bytes) -> str:
 
 
 def _parsed(text: str) -> Any:
-    """Value of a YAML text."""
+    """Convert a YAML text to plain data."""
     try:
         loader = _Loader(text)
     except yaml.reader.ReaderError as error:
@@ -225,7 +227,7 @@ def _parsed(text: str) -> Any:
 
 
 def _problem(error: yaml.MarkedYAMLError) -> str:
-    """Words for an error of PyYAML, with advice for the usual mistakes."""
+    """Error message for an error of PyYAML, with advice on frequent mistakes."""
     problem = shown(" ".join(str(error.problem).split()), 200)
     if "'\\t'" in problem:
         return "a tab, expected blanks: YAML takes no tabs before a key"
@@ -237,8 +239,8 @@ def _problem(error: yaml.MarkedYAMLError) -> str:
 
 
 def _check(loader: yaml.SafeLoader, root: yaml.Node) -> None:
-    """Refuse duplicate keys, anchors that contain themselves, and aliases that stand for too many values."""
-    weights: dict[int, int] = {}  # number of values in a node with aliases written out
+    """Refuse duplicate keys, anchors that contain themselves, and aliases that expand to too many values."""
+    weights: dict[int, int] = {}  # number of values in each node after its aliases are expanded
     entered: set[int] = set()
 
     def weigh(node: yaml.Node, key: str) -> int:
@@ -262,7 +264,7 @@ def _check(loader: yaml.SafeLoader, root: yaml.Node) -> None:
 
 
 def _names(loader: yaml.SafeLoader, node: yaml.MappingNode, above: str) -> list[str]:
-    """Dotted names of a section's keys; a duplicate is refused."""
+    """Names of a section's keys in dotted form; a duplicate key is refused."""
     lines: dict[Any, int] = {}
     names = []
     for key_node, _ in node.value:

@@ -1,1 +1,1 @@
-"""Measured image, read or synthetic: checks against the scene, registration, targets."""
+"""Measured image: checks against the scene, registration, and the statistics that a calibration must reproduce."""

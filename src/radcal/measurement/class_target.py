@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,46 +20,44 @@ class ClassTarget:
     Attributes
     ----------
     classes : Classes
-        Bins of the target's pixels with their measured statistics. ``effective`` is half of the number of independent
-        pixels, because measured statistics are compared with simulated ones, which have a sampling error too.
+        Bins of the target's pixels with their measured statistics. ``effective`` is the number of independent
+        pixels over 1 + 1/K, because measured statistics are compared with simulated ones, which have the sampling error
+        of K draws of speckle.
     spread : Spread
         Between-field and within-field standard deviation, pooled over the materials [dB].
-    objective : {'classes', 'likelihood'}
-        Objective that is minimised.
-    looks : float
-        Number of looks of the simulated speckle, which is that of the sensor.
+    draws : int
+        Number K of draws of speckle in each run.
     free_looks : bool
         Whether the effective number of looks of the material is estimated with the law.
     priors : bool
         Whether weak priors on the curve and on the number of looks enter the objective.
     incidence_error_deg : float
         Standard error of the local incidence [deg].
-    noise_db : float
-        Mean noise-equivalent backscatter that the simulator adds at these pixels [dB]; -inf where no noise is known.
     first : ndarray, shape (d,)
-        X of the law that is fitted to the target without simulator runs, with a model of law and speckle.
+        X of the law that is fitted to the target without simulator runs, with a model of law and speckle; empty for a
+        law without a curve.
     first_looks : float
         Effective number of looks of that fit.
     """
 
     classes: Classes
     spread: Spread
-    objective: Literal["classes", "likelihood"]
-    looks: float
+    draws: int
     free_looks: bool
     priors: bool
     incidence_error_deg: float
-    noise_db: float
     first: NDArray[np.float64]
     first_looks: float
 
-    def cumulants(self, values_db: NDArray[np.float64]) -> NDArray[np.float64]:
+    def cumulants(self, values_db: NDArray[np.float64], pixels: NDArray[np.int64] | None = None) -> NDArray[np.float64]:
         """Cumulants of the target's pixels in a run, by incidence-angle bin.
 
         Parameters
         ----------
         values_db : ndarray, shape (pixels,)
             Values of the target's pixels in the run [dB]; far outliers are limited in the same way as measured ones.
+        pixels : ndarray of int, optional
+            Places of some of the pixels, in place of all.
 
         Returns
         -------
@@ -68,4 +65,6 @@ class ClassTarget:
             Mean [dB], variance [dB^2] and third central moment [dB^3] in each of the n bins.
         """
         member = self.classes.member
+        if pixels is not None:
+            values_db, member = values_db[pixels], member[pixels]
         return class_cumulants(winsorised(values_db, member), member, self.classes.size)

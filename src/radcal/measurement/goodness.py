@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import fft
 
 from radcal import skewnormal
 from radcal.errors import FitError
@@ -127,6 +126,8 @@ def effective_sample_size(image_db: NDArray[np.float32], inside: NDArray[np.int6
     Bayley and Hammersley, "The effective number of independent observations in an
     autocorrelated time series", J. R. Statist. Soc. Suppl. 8 (1946).
     """
+    from scipy import fft  # every process of the workflow imports this module, and few call it
+
     shape = image_db.shape
     size = tuple(fft.next_fast_len(n + _REACH_PX + 1, real=True) for n in shape)
 

@@ -10,9 +10,18 @@ from numpy.typing import NDArray
 from radcal.config import Radar
 from radcal.errors import MeasurementError
 
-__all__ = ["Looks", "check_looks", "estimate_looks", "local_looks", "looks_of_log_variance"]
+__all__ = [
+    "SIDE",
+    "Looks",
+    "check_looks",
+    "estimate_looks",
+    "independent_steps",
+    "local_looks",
+    "looks_of_log_variance",
+    "most_frequent_variance",
+]
 
-_SIDE = 8  # number of independent pixels on a side of a window
+SIDE = 8  # number of independent pixels on a side of a window
 _INDEPENDENT = 1.5  # resolution widths between pixels that are assumed to be independent
 _WINDOWS = 20  # fewer say nothing
 _BANDWIDTH = 0.5  # kernel width of the density of log variances, in standard errors of one window
@@ -91,12 +100,12 @@ def estimate_looks(image_db: NDArray[np.float32], material: NDArray[np.uint8], r
     polarimetric synthetic aperture radar imagery", IEEE TGRS 47 (2009): the mode of many
     windows' estimates.
     """
-    variances = _window_variances(image_db, material, *_steps(radar))
+    variances = _window_variances(image_db, material, *independent_steps(radar))
     if variances.size < _WINDOWS:
         return None
     rng = np.random.default_rng(0)  # seed of the bootstrap only: the estimate itself is not random
-    mode = _mode(variances)
-    again = [_mode(rng.choice(variances, variances.size)) for _ in range(_DRAWS)]
+    mode = most_frequent_variance(variances)
+    again = [most_frequent_variance(rng.choice(variances, variances.size)) for _ in range(_DRAWS)]
     low, high = np.percentile(again, [2.5, 97.5])
     return Looks(
         looks_of_log_variance(mode),
@@ -130,7 +139,7 @@ def local_looks(image_db: NDArray[np.float32], pixels: NDArray[np.int64], radar:
     """
     values = np.full(image_db.shape, np.nan)
     values.flat[pixels] = image_db.flat[pixels]
-    down, across = _steps(radar)
+    down, across = independent_steps(radar)
     pairs = np.concatenate(
         [(values[down:] - values[:-down]).ravel(), (values[:, across:] - values[:, :-across]).ravel()]
     )
@@ -139,7 +148,7 @@ def local_looks(image_db: NDArray[np.float32], pixels: NDArray[np.int64], radar:
     return looks_of_log_variance(semivariance) if semivariance > 0.0 else float("nan")
 
 
-def _steps(radar: Radar) -> tuple[int, int]:
+def independent_steps(radar: Radar) -> tuple[int, int]:
     """Numbers of rows and of columns between independent pixels."""
     return (
         max(1, int(np.ceil(_INDEPENDENT * radar.range_resolution_m / radar.range_spacing_m))),
@@ -151,30 +160,30 @@ def _window_variances(
     image_db: NDArray[np.float32], material: NDArray[np.uint8], down: int, across: int
 ) -> NDArray[np.float64]:
     """Variance about a fitted plane in every window of one material [dB^2]."""
-    rows, columns = (n // (_SIDE * step) for n, step in zip(image_db.shape, (down, across), strict=True))
+    rows, columns = (n // (SIDE * step) for n, step in zip(image_db.shape, (down, across), strict=True))
 
     def windows(values: NDArray[np.generic]) -> NDArray[np.generic]:
         """Values of the independent pixels in each window, shape (windows, pixels)."""
-        cut = values[: rows * _SIDE * down, : columns * _SIDE * across][::down, ::across]
-        parts = cut.reshape(rows, _SIDE, columns, _SIDE)
-        return parts.transpose(0, 2, 1, 3).reshape(rows * columns, _SIDE**2)
+        cut = values[: rows * SIDE * down, : columns * SIDE * across][::down, ::across]
+        parts = cut.reshape(rows, SIDE, columns, SIDE)
+        return parts.transpose(0, 2, 1, 3).reshape(rows * columns, SIDE**2)
 
     labels = windows(material)
     values = np.asarray(windows(image_db), dtype=np.float64)
     whole = (labels[:, :1] != 0).ravel() & np.all(labels == labels[:, :1], axis=1) & np.isfinite(values).all(axis=1)
-    y, x = np.indices((_SIDE, _SIDE)).reshape(2, -1) - (_SIDE - 1) / 2.0
+    y, x = np.indices((SIDE, SIDE)).reshape(2, -1) - (SIDE - 1) / 2.0
     plane = np.stack([np.ones_like(x), x, y], axis=1)
     plane /= np.sqrt((plane**2).sum(axis=0))  # orthogonal already
     values = values[whole] - values[whole].mean(axis=1, keepdims=True)
     left = values - (values @ plane) @ plane.T
-    return np.asarray((left**2).sum(axis=1) / (_SIDE**2 - 3))
+    return np.asarray((left**2).sum(axis=1) / (SIDE**2 - 3))
 
 
-def _mode(variances: NDArray[np.float64]) -> float:
+def most_frequent_variance(variances: NDArray[np.float64]) -> float:
     """Variance at which the density of the logarithms of the variances is largest."""
     logs = np.log(np.maximum(variances, 1e-12))
     # for normal values; log variances of log-gamma values scatter a little more
-    width = _BANDWIDTH * np.sqrt(2.0 / (_SIDE**2 - 3))
+    width = _BANDWIDTH * np.sqrt(2.0 / (SIDE**2 - 3))
     grid = np.arange(logs.min() - width, logs.max() + width, width / 10.0)
     counts, _ = np.histogram(logs, np.append(grid, grid[-1] + width / 10.0) - width / 20.0)
     reach = np.arange(-40, 41) / 10.0
@@ -182,7 +191,7 @@ def _mode(variances: NDArray[np.float64]) -> float:
     return float(np.exp(grid[int(np.argmax(density))]))
 
 
-def check_looks(found: Looks, looks: int, scale: str, source: str) -> str:
+def check_looks(found: Looks, looks: int, scale: str, source: str, filtered: bool = False) -> str:
     """Refuse an image whose estimated looks contradict ``radar.looks``, and describe the estimate in a sentence.
 
     Amplitude read as power halves every dB value, which quarters the variance of speckle, and power read as amplitude
@@ -199,6 +208,8 @@ def check_looks(found: Looks, looks: int, scale: str, source: str) -> str:
         Configured scale of the file's numbers.
     source : str
         Name of the image.
+    filtered : bool
+        Whether the autocorrelation of the speckle shows a speckle filter.
 
     Returns
     -------
@@ -213,6 +224,12 @@ def check_looks(found: Looks, looks: int, scale: str, source: str) -> str:
     seen = f"the speckle of {source} is that of {found.looks:.3g} looks in its most homogeneous areas"
     said = f"{seen} (95 %: {found.low:.3g} to {found.high:.3g}); radar.looks is {looks}"
     variance = _log_variance(found.looks)
+    if found.looks > _TOO_MANY * looks and filtered:
+        raise MeasurementError(
+            f"measurement.path: {source} is speckle-filtered: {said}, and its speckle is correlated over a larger area "
+            "than the resolutions say; use the image before filtering, or set radar.looks: "
+            f"{min(64, round(found.looks))} (docs/measured_images.md says what is then lost)."
+        )
     if found.looks > _TOO_MANY * looks:
         as_amplitude = looks_of_log_variance(4.0 * variance)
         if scale == "db":

@@ -48,12 +48,6 @@ def write_measurement(path: str | Path, measurement: Measurement) -> None:
 
 
 def read_measurement(path: str | Path) -> Measurement:
-    """Read a measurement that :func:`write_measurement` wrote.
-
-    Raises
-    ------
-    StoreError
-        The file is missing, damaged, or of another version or case.
-    """
+    """Read a measurement that :func:`write_measurement` wrote; errors are those of :func:`.read_hdf5`."""
     with read_hdf5(path, "measurement") as file:
         return take(file, Measurement)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config import FileMeasurement, vrt_folders
+from radcal.config.measurement import SICD_ENDINGS
 from radcal.errors import MeasurementError
 from radcal.measurement.sicd import is_sicd, read_sicd
 from radcal.reading.arrays import raster_band, read_array
@@ -25,7 +26,6 @@ Places = Callable[[Any], tuple[NDArray[np.float64], NDArray[np.float64]]]
 # a target of 1,000 pixels loses one at most; a sector of random bytes in a float32 image of 10^6 pixels leaves half of
 # that, and speckle of power whose mean is 29 or more, taken for dB, has this share beyond 200: exp(-200 / 29) = 0.001
 _IMPOSSIBLE_SHARE = 1e-3
-_SICD_ENDINGS = (".nitf", ".ntf", ".sicd")
 
 
 @dataclass(frozen=True)
@@ -44,6 +44,8 @@ class ReadImage:
         Transmitted and received polarisation, such as "VV", where the file gives it.
     frequency_hz : float or None
         Carrier frequency [Hz], where the file gives it.
+    radiometry : str or None
+        Radiometry of the image, where the file gives it.
     """
 
     image_db: NDArray[np.float32]
@@ -51,6 +53,7 @@ class ReadImage:
     notes: tuple[str, ...] = ()
     polarisation: str | None = None
     frequency_hz: float | None = None
+    radiometry: str | None = None
 
 
 def read_image(path: Path, config: FileMeasurement, shape: tuple[int, int] | None = None) -> ReadImage:
@@ -70,11 +73,17 @@ def read_image(path: Path, config: FileMeasurement, shape: tuple[int, int] | Non
     MeasurementError
         The file cannot be read, holds something else, or its numbers contradict the scale.
     """
-    if path.suffix.lower() in _SICD_ENDINGS and is_sicd(path):
+    if path.suffix.lower() in SICD_ENDINGS and is_sicd(path):
         sicd = read_sicd(path, config, _file(path, config, shape))
         # complex pixels are already power, at the level that the file gives them
         read = image_of(sicd.power, path, config.model_copy(update={"scale": "power"}), shape)
-        return replace(read, notes=sicd.notes, polarisation=sicd.polarisation, frequency_hz=sicd.frequency_hz)
+        return replace(
+            read,
+            notes=sicd.notes,
+            polarisation=sicd.polarisation,
+            frequency_hz=sicd.frequency_hz,
+            radiometry=sicd.radiometry,
+        )
     return image_of(read_array(_file(path, config, shape)), path, config, shape)
 
 

@@ -271,12 +271,6 @@ def write_registered(path: str | Path, registered: Registered) -> None:
 
 
 def read_registered(path: str | Path) -> Registered:
-    """Read a registered image that :func:`write_registered` wrote.
-
-    Raises
-    ------
-    StoreError
-        The file is missing, damaged, or of another version or case.
-    """
+    """Read a registered image that :func:`write_registered` wrote; errors are those of :func:`.read_hdf5`."""
     with read_hdf5(path, "registered") as file:
         return take(file, Registered)

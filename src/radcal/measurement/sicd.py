@@ -42,12 +42,15 @@ class SicdImage:
         Transmitted and received polarisation, such as "VV", where the file gives both.
     frequency_hz : float or None
         Centre of the processed band [Hz], where the file gives it.
+    radiometry : str or None
+        ``sigma0_ref``, sigma0 for level ground; None for relative power.
     """
 
     power: NDArray[np.float64]
     notes: tuple[str, ...]
     polarisation: str | None
     frequency_hz: float | None
+    radiometry: str | None
 
 
 def is_sicd(path: Path) -> bool:
@@ -142,7 +145,9 @@ def _read(path: Path, checked: ImageFile) -> SicdImage:
         notes += (f"{path.name}: its polarisation is unknown, it is taken for radar.polarisation.",)
     if frequency_hz is None:
         notes += (f"{path.name}: its carrier frequency is unknown, it is taken for one of radar.band.",)
-    return SicdImage(np.ascontiguousarray(power), notes, polarisation, frequency_hz)
+    # the clutter cell of all three polynomials is level ground at the height of the scene centre point
+    radiometry = "sigma0_ref" if factor is not None else None
+    return SicdImage(np.ascontiguousarray(power), notes, polarisation, frequency_hz, radiometry)
 
 
 def _check_header(file: BinaryIO) -> None:
@@ -254,7 +259,7 @@ def _level(xml: Any, name: str) -> tuple[NDArray[np.float64] | None, tuple[str, 
         if bad:
             raise ValueError(f"its {polynomial} is not positive in {bad} of {factor.size} pixels")
         if angle is None:
-            return factor, (f"{name}: {quantity} by its {polynomial}, for level ground.",)
+            return factor, (f"{name}: {quantity} by its {polynomial}, for level ground (radiometry sigma0_ref).",)
         degrees = _needed(xml, f"SCPCOA/{angle}")
         cosine = float(np.cos(np.radians(degrees)))
         if not 0 < cosine <= 1:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 
@@ -10,7 +11,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from radcal import skewnormal
-from radcal.config import FileMeasurement, Radar, Synthetic, expand_path, stages, vrt_folders
+from radcal.config import FileMeasurement, Radar, Synthetic, TargetConfig, expand_path, stages, vrt_folders
+from radcal.config.measurement import RADIOMETRY_EXPECTED
 from radcal.errors import FitError, MeasurementError
 from radcal.measurement.displacement import invert, warp
 from radcal.measurement.georeference import (
@@ -22,6 +24,7 @@ from radcal.measurement.georeference import (
 from radcal.measurement.looks import check_looks, estimate_looks
 from radcal.measurement.model import Measurement
 from radcal.measurement.pixels import IN_THE_NOISE, eligible_pixels, noise_limited
+from radcal.measurement.point_spread import estimate_point_spread, is_filtered, point_spread_note
 from radcal.measurement.readers import ReadImage, image_of, read_image
 from radcal.radar.bands import LETTER_BANDS_GHZ, letter_band, within_band
 from radcal.radar.geometry import Geometry
@@ -36,7 +39,11 @@ _WARP_SIGMA_PX = 60.0  # smoothing of a synthetic displacement field
 
 
 def make_measurement(
-    case: stages.Measurement, geometry: Geometry, simulator: Simulator, scene: Scene | None = None
+    case: stages.Measurement,
+    geometry: Geometry,
+    simulator: Simulator,
+    scene: Scene | None = None,
+    partly: bool = False,
 ) -> Measurement:
     """Read or make the measurement and check that every calibrated material can be fitted.
 
@@ -51,11 +58,13 @@ def make_measurement(
     scene : Scene, optional
         Scene on a map, by which a georeferenced image is resampled; without it every image is assumed to be in slant
         range.
+    partly : bool
+        Whether it is enough that one of the calibrated materials can be fitted; for further passes.
 
     Raises
     ------
     MeasurementError
-        The file cannot be read, has another size, scale, polarisation or band, or leaves a
+        The file cannot be read, has another size, scale, radiometry, polarisation or band, or leaves a
         material without enough pixels above the noise.
     """
     if isinstance(case.measurement, FileMeasurement):
@@ -66,13 +75,29 @@ def make_measurement(
     if case.target.normalisation == "none":  # otherwise the level of the noise follows from the reference run
         noise_db = noise_floor_db(case.radar, geometry.flat_incidence_deg)
         flags[IN_THE_NOISE] = noise_limited(measurement.image_db, noise_db, case.target.snr_db)
-    for name in case.calibrated:
-        pixels = eligible_pixels(name, geometry, measurement, case.target, flags=flags).pixels
-        try:
-            skewnormal.fit(measurement.image_db.ravel()[pixels])
-        except FitError as error:
-            raise MeasurementError(f"materials.{name} in {measurement.source}: {error}") from None
+    refused = [_refusal(name, measurement, geometry, case.target, flags) for name in case.calibrated]
+    errors = [error for error in refused if error is not None]
+    if errors and not (partly and len(errors) < len(refused)):
+        raise errors[0]
     return measurement
+
+
+def _refusal(
+    name: str,
+    measurement: Measurement,
+    geometry: Geometry,
+    config: TargetConfig,
+    flags: Mapping[str, NDArray[np.bool_]],
+) -> MeasurementError | None:
+    """Error of a material that cannot be fitted."""
+    try:
+        pixels = eligible_pixels(name, geometry, measurement, config, flags=flags).pixels
+        skewnormal.fit(measurement.image_db.ravel()[pixels])
+    except MeasurementError as error:
+        return error
+    except FitError as error:
+        return MeasurementError(f"materials.{name} in {measurement.source}: {error}")
+    return None
 
 
 def smooth_warp(shape: tuple[int, int], rms_px: float, rng: np.random.Generator) -> NDArray[np.float64]:
@@ -132,18 +157,41 @@ def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene:
     else:
         read = read_image(path, config, geometry.shape)
     _check_pass(read, radar, path)
+    _check_radiometry(read.radiometry, config.radiometry, radar, path)
     notes = [f"{path.name}: {read.counts}.", *read.notes]
     looks = estimate_looks(read.image_db, geometry.material, radar)
+    spread = estimate_point_spread(read.image_db, geometry.material, radar)
     if looks is not None:
-        notes.append(check_looks(looks, radar.looks, config.scale, path.name))
+        notes.append(check_looks(looks, radar.looks, config.scale, path.name, is_filtered(spread, looks, radar)))
     elif config.scale == "complex" and radar.looks != 1:
         notes.append(f"{path.name}: complex pixels have a single look, radar.looks is {radar.looks}.")
+    if spread is not None and (note := point_spread_note(spread, looks, radar, path.name)) is not None:
+        notes.append(note)
     if read.frequency_hz is not None and within_band(radar.band, read.frequency_hz) is None:
         notes.append(
             f"{path.name}: its carrier of {read.frequency_hz / 1e9:.4g} GHz is not compared with radar.band = "
             f"{radar.band}, which is none of {', '.join(LETTER_BANDS_GHZ)}."
         )
     return Measurement(read.image_db, path.name, notes=tuple(notes))
+
+
+def _check_radiometry(of_file: str | None, configured: str | None, radar: Radar, path: Path) -> None:
+    """Refuse an image whose radiometry is unknown, or another one than configured."""
+    if of_file is None and configured is None:
+        raise MeasurementError(
+            f"measurement.radiometry is missing: {path} does not say it (SICD does with a polynomial of sigma0, beta0 "
+            f"or gamma0), {RADIOMETRY_EXPECTED}."
+        )
+    if of_file is not None and configured not in (None, of_file):
+        raise MeasurementError(
+            f"measurement.radiometry is {configured}, {path} is read as {of_file}: leave the key out, and set "
+            f"radar.radiometry: {of_file}."
+        )
+    if of_file is not None and of_file != radar.radiometry:
+        raise MeasurementError(
+            f"measurement.path: the radiometry of {path} is {of_file}, radar.radiometry is {radar.radiometry}: set it "
+            "to the image's, since the simulated image is made in it."
+        )
 
 
 def _check_pass(read: ReadImage, radar: Radar, path: Path) -> None:

@@ -22,13 +22,14 @@ __all__ = ["CELL_PX", "Data", "Lattice", "Posterior", "Prior"]
 
 CELL_PX = 8
 _SPACING_PX = 24.0
-_MOST_CONTROLS = 64  # control points along the longer side, a bound on the cost of factorisations
-_ORDER = 3  # bands of the prior's precision: no more than the splines' overlap has, and thus without extra cost
+_MOST_CONTROLS = 64  # along the longer side: limits the cost of the factorisations
+_ORDER = 3  # power of the Laplacian in the prior's precision, whose band is then as wide as that of the data
 _DRAWS = 64
 _RATIO = 1.5  # ratio between neighbours of the grid of priors
-# steps on that grid along its ridge: data fix best the field's power at high frequencies, spread / length^2
+# Steps on that grid. The data determine the amplitude of high frequencies, spread / length^2, better than either
+# spread or length, so that the evidence has a ridge along (2, 1).
 _WAYS = ((0, 0), (1, 0), (-1, 0), (1, 1), (-1, -1), (2, 1), (-2, -1))
-_SPREADS_PX = (0.03, 100.0)
+_SPREADS_PX = (0.03, 100.0)  # smallest and largest standard deviation
 _SHORTEST = 0.7  # correlation length, in spacings of the control points
 _LONGEST = 2.0  # correlation length, in sides of the image
 
@@ -220,7 +221,7 @@ class Data:
 
         here = _nearest(near, lows, highs)
         while True:
-            # among equals the present one is the first
+            # of equal values max returns the first, which is the present place, so that the climb ends
             there = max(((here[0] + a, here[1] + b) for a, b in _WAYS), key=evidence)
             if there == here:
                 return best or self.given(near)
@@ -264,7 +265,7 @@ class Posterior:
         return np.asarray(self._unordered(self.mean[None])[0])
 
     def standard_error_px(self) -> NDArray[np.float64]:
-        """Standard error of the displacement's length [pixels], shape (rows, columns), from 64 random fields."""
+        """Standard error of the displacement's length [pixels], shape (rows, columns), from 64 posterior draws."""
         normal = np.random.default_rng(0).standard_normal((self.mean.size, _DRAWS))
         draws, _ = dtbtrs(self.factor, normal, uplo="U")
         return self.lattice.length(self._unordered(np.asarray(draws).T))

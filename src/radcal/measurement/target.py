@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from radcal.measurement.class_target import ClassTarget
 from radcal.measurement.goodness import Goodness
 from radcal.measurement.ground import Ground
 from radcal.measurement.levels import Levels
+from radcal.measurement.one_incidence import LEAST_SPAN_DEG, seen_at_one_incidence
 from radcal.storage.layout import put, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
@@ -64,6 +65,8 @@ class Target:
         Connected area of the material (patch), and part of a block of the image, of each pixel.
     kept_out : Ground or None
         Held-out pixels, to which no law is fitted; None without validation.
+    noise_db : float
+        Mean noise-equivalent backscatter that the simulator adds at these pixels [dB]; -inf where no noise is known.
     classes : ClassTarget or None
         Statistics of the pixels by incidence-angle bin; None where the objective uses no bins.
     """
@@ -86,6 +89,7 @@ class Target:
     patch: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     block: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     kept_out: Ground | None = None
+    noise_db: float = float("-inf")
     classes: ClassTarget | None = None
 
     @property
@@ -98,6 +102,12 @@ class Target:
             block=self.block,
             independent=self.effective / self.pixels.size,
         )
+
+    @property
+    def level_only(self) -> bool:
+        """Whether the material is seen at one incidence, so that its level can be known, but not its law."""
+        error_deg = self.classes.incidence_error_deg if self.classes is not None else 0.0
+        return seen_at_one_incidence(self.incidence_deg, error_deg)
 
     @property
     def cp(self) -> NDArray[np.float64]:
@@ -138,14 +148,26 @@ class Targets(dict[str, Target]):
         Level normalisation of both images; none if missing.
     looks : float
         Equivalent number of looks of the measured image's homogeneous areas; NaN where not known.
+    further : sequence of Targets
+        Those of the second and later passes, which may lack a material.
     """
 
     def __init__(
-        self, targets: Mapping[str, Target], levels: Levels | None = None, looks: float = float("nan")
+        self,
+        targets: Mapping[str, Target],
+        levels: Levels | None = None,
+        looks: float = float("nan"),
+        further: Sequence[Targets] = (),
     ) -> None:
         super().__init__(targets)
+        self.further = tuple(further)
         self.levels = levels or Levels()
         self.looks = looks
+
+    @property
+    def passes(self) -> tuple[Targets, ...]:
+        """Targets of all passes, these first."""
+        return (self, *self.further)
 
     def textured(self, name: str) -> bool:
         """Whether a material has far fewer looks than the image's homogeneous areas, and hence texture."""
@@ -168,8 +190,14 @@ class Targets(dict[str, Target]):
         return [*lines, *self.warnings()]
 
     def warnings(self) -> list[str]:
-        """Sentences on materials that a skew normal, or the law of a surface, does not describe."""
+        """Warnings on materials whose values do not follow a skew normal, or for which no law can be determined."""
         lines = []
+        if level_only := {name: target.incidence_deg for name, target in self.items() if target.level_only}:
+            seen = (f"{name} ({np.min(deg):.2f} to {np.max(deg):.2f} deg)" for name, deg in level_only.items())
+            lines.append(
+                f"level only, seen at one incidence (a range below {LEAST_SPAN_DEG:g} deg without the incidence's "
+                f"error), from which no law can be known: {', '.join(seen)}."
+            )
         for name, target in self.items():
             if target.goodness.ad_p <= _UNLIKELY:
                 lines.append(
@@ -195,19 +223,16 @@ class _Stored:
 
 
 def write_targets(path: str | Path, targets: Targets) -> None:
-    """Write the targets of all materials and the levels to HDF5, atomically."""
+    """Write the targets of all materials, and the brightness level of both images, to HDF5, atomically."""
     with write_hdf5(path, "target") as file:
         put(file, _Stored(targets, targets.levels, targets.looks))
 
 
-def read_targets(path: str | Path) -> Targets:
-    """Read the targets that :func:`write_targets` wrote.
-
-    Raises
-    ------
-    StoreError
-        The file is missing, damaged, or of another version or case.
-    """
-    with read_hdf5(path, "target") as file:
-        stored = take(file, _Stored)
-    return Targets(stored.materials, stored.levels, stored.looks)
+def read_targets(*paths: str | Path) -> Targets:
+    """Read the targets that :func:`write_targets` wrote, from one file for each pass; errors: :func:`.read_hdf5`."""
+    found = []
+    for path in paths:
+        with read_hdf5(path, "target") as file:
+            found.append(take(file, _Stored))
+    further = [Targets(stored.materials, stored.levels, stored.looks) for stored in found[1:]]
+    return Targets(found[0].materials, found[0].levels, found[0].looks, further)

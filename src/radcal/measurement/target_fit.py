@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radcal import skewnormal
-from radcal.config import Radar, TargetConfig, Validation, stages
+from radcal.config import BuiltinSimulation, Radar, TargetConfig, Validation, stages
 from radcal.errors import MeasurementError
 from radcal.measurement.goodness import effective_sample_size, goodness_of_fit
 from radcal.measurement.ground import Blocks, Ground
@@ -167,7 +168,11 @@ def _ground(
 
 
 def make_targets(
-    case: stages.Target, geometry: Geometry, registered: Registered, reference_db: NDArray[np.float32]
+    case: stages.Target,
+    geometry: Geometry,
+    registered: Registered,
+    reference_db: NDArray[np.float32],
+    partly: bool = False,
 ) -> Targets:
     """Targets of all calibrated materials, with the levels.
 
@@ -181,6 +186,8 @@ def make_targets(
         Registered measured image.
     reference_db : ndarray, shape (rows, columns)
         Image of the reference run [dB].
+    partly : bool
+        Whether materials with too few pixels are left out, as long as one has enough; for further passes.
 
     Raises
     ------
@@ -197,9 +204,10 @@ def make_targets(
     looks = estimate_looks(measurement.image_db, geometry.material, case.radar)
     if config.leave_out_point_targets:
         flags["point targets"] = point_targets(measurement.image_db, geometry.material, case.radar)
-    return Targets(
-        {
-            name: make_target(
+    targets: dict[str, Target] = {}
+    for number, name in enumerate(case.calibrated, start=1):
+        try:
+            targets[name] = make_target(
                 name,
                 geometry,
                 measurement,
@@ -211,8 +219,18 @@ def make_targets(
                 radar=case.radar,
                 validation=case.validation,
             )
-            for name in case.calibrated
-        },
+        except MeasurementError:
+            if not partly or (number == len(case.calibrated) and not targets):
+                raise
+    if isinstance(case.simulator, BuiltinSimulation):
+        simulated_db = noise_floor_db(case.radar, geometry.flat_incidence_deg)
+        rows = {name: target.pixels // geometry.shape[1] for name, target in targets.items()}
+        targets = {
+            name: replace(target, noise_db=float(10.0 * np.log10(np.mean(10.0 ** (simulated_db[rows[name]] / 10.0)))))
+            for name, target in targets.items()
+        }
+    return Targets(
+        targets,
         levels,
         looks.looks if looks is not None else float("nan"),
     )

@@ -1,4 +1,4 @@
-"""Letters of radar frequency bands."""
+"""Radar frequency bands by their letters."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ def _bare(label: str) -> str:
 
 
 def same_label(first: str, second: str) -> bool:
-    """Whether two labels name the same frequency band, as "X", "x" and "X-band" do."""
+    """Whether two labels name the same frequency band, for example "X" and "x-band"."""
     return _bare(first) == _bare(second)
 
 
 def letter_band(frequency_hz: float) -> str | None:
-    """Letter of the band that holds a frequency.
+    """Letter of the frequency band that contains a frequency.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def within_band(label: str, frequency_hz: float) -> bool | None:
     Returns
     -------
     bool or None
-        Whether the frequency lies in the band; None where the label is not a known letter.
+        Whether the frequency lies in the band; None if the label is not the name of a known band.
     """
     for known, (low, high) in LETTER_BANDS_GHZ.items():
         if same_label(label, known):

@@ -1,23 +1,25 @@
-"""Compilation by numba, with a cache folder on disk whose name holds a hash of all sources of the compiled functions.
+"""Compilation by numba, with a cache folder that is named after a hash of all source files of compiled functions.
 
-numba loads a function's machine code from its cache as long as the function's own source file is unchanged, even if
-compiled functions or constants of other source files that the function uses have changed. The cache folder is therefore
-named after a hash of all source files with compiled functions or with constants that compiled functions use. Every
-module with compiled functions imports ``njit`` from this module, and :func:`sources` finds the modules by this import.
+numba loads a function's machine code from its cache as long as the function's own source file is unchanged. It does not
+notice changes in other source files whose compiled functions or constants the function uses. The cache folder is
+therefore named after a hash of all source files with compiled functions or with constants that compiled functions use.
+Every module with compiled functions imports ``njit`` from this module, and :func:`sources` finds these modules by this
+import.
 """
 
 from __future__ import annotations
 
 import ast
 import contextlib
+import fcntl
 import hashlib
 import os
 import shutil
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import llvmlite
 import numba
@@ -29,6 +31,7 @@ __all__ = ["cache_folder", "njit", "prange", "sources"]
 _config: Any = numba.config  # the names of numba.config are defined only at import, so that mypy does not know them
 _PACKAGE = Path(__file__).resolve().parents[1]
 _KEPT, _IN_USE_S = 8, 24 * 3600.0  # number of folders of other hashes that are kept, besides those of the last day
+_PATIENCE_S = 60.0  # how long a process waits for another one that compiles the same function
 
 
 def sources(package: Path) -> list[Path]:
@@ -42,37 +45,49 @@ def sources(package: Path) -> list[Path]:
     Returns
     -------
     list of Path
-        Modules that import this one, and modules from which compiled functions, or constants of these modules, take
-        values.
+        Modules that import ``radcal.radar.compiled``, and modules whose functions or constants these modules use,
+        directly or indirectly, in decorated functions or global variables.
     """
-    waiting = [path for path in package.rglob("*.py") if b"radcal.radar.compiled" in path.read_bytes()]
-    found = set(waiting)
-    while waiting:
-        for name in _taken(ast.parse(waiting.pop().read_bytes())):
-            path = package.parent.joinpath(*name.split(".")).with_suffix(".py")
-            if path not in found and path.is_file():
-                found.add(path)
-                waiting.append(path)
-    return sorted(found)
+    waiting = {path for path in package.rglob("*.py") if b"radcal.radar.compiled" in path.read_bytes()}
+    trees: dict[Path, ast.Module] = {}
+    used: set[str] = set()
+    known = -1
+    while waiting or len(used) > known:  # until a round finds neither a module nor a name
+        known = len(used)
+        trees |= {path: ast.parse(path.read_bytes()) for path in waiting}
+        used |= {name for path in waiting for name in _used(trees[path])}
+        imports = [one for tree in trees.values() for one in _imports(tree) if one[2] in used]
+        used |= {name for _, name, _ in imports}
+        dotted = {module for module, _, _ in imports} | {f"{module}.{name}" for module, name, _ in imports}
+        places = (package.parent.joinpath(*name.split(".")) for name in dotted)
+        files = {file for place in places for file in (place.with_suffix(".py"), place / "__init__.py")}
+        waiting = {file for file in files - trees.keys() if file.is_file()}
+    return sorted(trees)
 
 
-def _taken(tree: ast.Module) -> set[str]:
-    """Names of radcal's modules from which a module's decorated functions or global variables use something."""
+def _used(tree: ast.Module) -> set[str]:
+    """Identifiers, also of attributes, in a module's decorated functions and in what sets its global variables."""
     makers = [node for node in tree.body if isinstance(node, ast.Assign | ast.AnnAssign)]
     compiled = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef) and node.decorator_list]
-    used = {node.id for part in (*makers, *compiled) for node in ast.walk(part) if isinstance(node, ast.Name)}
-    taken: set[str] = set()
+    nodes = [node for part in (*makers, *compiled) for node in ast.walk(part)]
+    names = {node.id for node in nodes if isinstance(node, ast.Name)}
+    return names | {node.attr for node in nodes if isinstance(node, ast.Attribute)}
+
+
+def _imports(tree: ast.Module) -> Iterator[tuple[str, str, str]]:
+    """Imports of a module from radcal: imported module, name of the object in it, and name under which it is used."""
     for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] == "radcal":
-            names = {alias.name for alias in node.names if (alias.asname or alias.name) in used}
-            taken |= {node.module, *(f"{node.module}.{name}" for name in names)} if names else set()
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "radcal":
+            yield from ((str(node.module), alias.name, alias.asname or alias.name) for alias in node.names)
         elif isinstance(node, ast.Import):
-            taken |= {alias.name for alias in node.names if (alias.asname or alias.name).split(".")[0] in used}
-    return taken
+            for alias in node.names:
+                module, _, name = alias.name.rpartition(".")
+                if module.split(".")[0] == "radcal":
+                    yield module, name, alias.asname or "radcal"
 
 
 def cache_folder(package: Path = _PACKAGE) -> str | None:
-    """Cache folder for the machine code of a package's present source files; created where it is missing.
+    """Path of the cache folder for the machine code of a package's current source files; created if it is missing.
 
     Parameters
     ----------
@@ -82,11 +97,11 @@ def cache_folder(package: Path = _PACKAGE) -> str | None:
     Returns
     -------
     str or None
-        ``radcal-<hash>`` below the first of these that may be written: ``NUMBA_CACHE_DIR`` where it is set, the
-        package's own ``__pycache__``, the user's cache (``XDG_CACHE_HOME``, else ``~/.cache``); None if none is
-        writable. The hash is that of the sources, the versions of numba and llvmlite, and the processor, so that nodes
-        of a cluster with a common home share a folder only if they run the same code. Folders of other hashes are
-        removed, except for the eight used last and those used within a day.
+        ``radcal-<hash>`` in the first writable folder of: ``NUMBA_CACHE_DIR`` if it is set, the package's own
+        ``__pycache__``, ``radcal`` in the user's cache (``XDG_CACHE_HOME``, else ``~/.cache``). None if none of them is
+        writable. The hash covers the source files, the versions of numba and llvmlite, and the processor. Nodes of a
+        cluster with a common home directory therefore share a folder only if they run the same machine code. Folders of
+        other hashes are removed, except the eight used most recently and those used within the last day.
     """
     total = hashlib.sha256(f"{numba.__version__} {llvmlite.__version__} {binding.get_host_cpu_name()}".encode())
     total.update(binding.get_host_cpu_features().flatten().encode())
@@ -107,7 +122,7 @@ def cache_folder(package: Path = _PACKAGE) -> str | None:
 
 
 def _remove_others(folder: Path) -> None:
-    """Remove the other cache folders beside ``folder``, except for the eight used last and those used within a day."""
+    """Remove all cache folders beside ``folder``, except the eight used most recently and those used within a day."""
     used = {}
     for path in folder.parent.glob("radcal-" + "[0-9a-f]" * 20):
         with contextlib.suppress(OSError):  # removed meanwhile
@@ -125,23 +140,49 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
 def njit(**options: Any) -> Callable[[_Function], _Function]:
-    """Decorator ``numba.njit`` that keeps the machine code in the folder of :func:`cache_folder`.
+    """Decorator ``numba.njit`` that stores the machine code in the folder of :func:`cache_folder`.
 
-    Where no such folder is writable, every process compiles the functions again.
+    Of several processes that need a function at the same time, one compiles it, and the others wait and load its
+    machine code. Where no such folder is writable, every process compiles the functions again.
 
     Parameters
     ----------
     **options
-        Of ``numba.njit``.
+        Options of ``numba.njit``.
     """
 
     def compiled(function: _Function) -> _Function:
         # read when a function is decorated; reset so that other users of numba in this process are not affected
         theirs, _config.CACHE_DIR = _config.CACHE_DIR, _FOLDER or ""
         try:
-            dispatcher: _Function = numba.njit(cache=_FOLDER is not None, **options)(function)
-            return dispatcher
+            dispatcher: Any = numba.njit(cache=_FOLDER is not None, **options)(function)
         finally:
             _config.CACHE_DIR = theirs
+        if _FOLDER is not None:
+            lock = Path(_FOLDER, f"{function.__module__}.{function.__qualname__}.lock")
+            compile_or_load = dispatcher.compile
+
+            def one_at_a_time(signature: Any) -> Any:
+                with _locked(lock):
+                    return compile_or_load(signature)
+
+            dispatcher.compile = one_at_a_time
+        return cast("_Function", dispatcher)
 
     return compiled
+
+
+@contextlib.contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    """Lock on a file; where there are no locks, or after a minute, without it, because no result depends on it."""
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(OSError):
+            file = stack.enter_context(path.open("wb"))
+            until = time.monotonic() + _PATIENCE_S
+            while time.monotonic() < until:
+                try:
+                    fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    break
+                except (BlockingIOError, PermissionError):  # another process holds it
+                    time.sleep(0.05)
+        yield

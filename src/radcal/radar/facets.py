@@ -1,7 +1,7 @@
-"""Distribution of facets over the pixels that they reach in slant range and azimuth.
+"""Distribution of each facet over the pixels that the facet reaches in slant range and azimuth.
 
-Neighbouring facets share their edges, so that together they fill every pixel of smooth ground evenly: no power is lost
-or counted twice, and the image of flat ground shows no pattern of the facets.
+Neighbouring facets share their edges and together fill every pixel of smooth ground evenly. Therefore no power is lost
+or counted twice, and the image of flat ground shows no pattern of facets.
 """
 
 from __future__ import annotations
@@ -20,12 +20,15 @@ __all__ = [
     "cells_of",
     "count_facets",
     "fill_facets",
+    "flatten_terrain",
     "order_facets",
     "shade",
 ]
 
 ANGLES_PER_RADIAN = 65535.0 / (np.pi / 2.0)
 VISIBLE, LAID_OVER, OBJECT = 1, 2, 4  # bits of the variable that holds a facet's state
+# cosine of the incidence (89.4 degrees) below which an illuminated area does not decrease; beyond, it is in shadow
+_LEAST_COSINE = 0.01
 _BLOCK = 16  # number of columns that one thread processes at a time
 
 
@@ -33,9 +36,9 @@ _BLOCK = 16  # number of columns that one thread processes at a time
 def count_facets(
     near: Any, far: Any, state: Any, per_column: Any, rows: Any, columns: Any, counts: Any, layover: Any, shadow: Any
 ) -> None:
-    """Number of the visible facets that reach each pixel, and masks of layover and shadow.
+    """Number of visible facets that reach each pixel, and masks of the pixels in layover and in shadow.
 
-    ``near`` and ``far`` are the nearest and furthest image row (a fractional number) of each facet, shape (lines,
+    ``near`` and ``far`` are the nearest and furthest image row of each facet, as fractional numbers, shape (lines,
     facets). ``per_column`` is the number of azimuth lines per image column.
     """
     lines, facets = near.shape
@@ -63,9 +66,9 @@ def count_facets(
 
 @njit()
 def shade(line: Any, near: Any, far: Any, per_column: Any, shadow: Any) -> None:
-    """Mark as shadow the pixels that the hidden part of a partly visible facet covers.
+    """Add the pixels that hidden parts of partly visible facets reach to the mask ``shadow``.
 
-    The arrays ``line``, ``near`` and ``far`` hold for each such facet its azimuth line, and the nearest and furthest
+    For each partly visible facet, ``line`` is its azimuth line, and ``near`` and ``far`` are the nearest and furthest
     image row of its hidden part.
     """
     rows, columns = shadow.shape
@@ -84,12 +87,12 @@ def fill_facets(
     columns: Any, start: Any, by_area: Any, objects: Any, out_material: Any, out_angle: Any, out_weight: Any,
     place: Any,
 ) -> None:  # fmt: skip
-    """Material, incidence angle and weight of each visible facet's part in each pixel, in the order of the pixels.
+    """Material, incidence angle and weight of the part of each visible facet in each pixel, sorted by pixel.
 
-    The weight of a part is its area [m2]. For the radiometry ``sigma0_local``, the weight is instead the part's extent
-    in slant range [image rows] times its width in azimuth [lines]. The weight of a part of an object, whose material id
-    is ``objects``, is its area for every radiometry. ``place`` holds for each part the azimuth line of its facet and
-    the facet's index along the line.
+    The weight of a part of the ground is its area [m2]. For the radiometry ``sigma0_local``, the weight is instead the
+    part's extent in slant range [image rows] times its width in azimuth [lines]. The weight of a part of an object,
+    whose material id is ``objects``, is its share of the radar cross-section [m2] for every radiometry. ``place``
+    receives, for each part, the azimuth line of its facet and the facet's index along the line.
     """
     lines, facets = near.shape
     for block in prange((columns + _BLOCK - 1) // _BLOCK):
@@ -132,8 +135,9 @@ def order_facets(
 ) -> None:  # fmt: skip
     """Sort each pixel's facets by material, scale their weights, and average their incidence and position.
 
-    The weights of the ground's facets are multiplied by ``of_ground``, and those of objects' facets (material id
-    ``objects``) by ``of_objects``; both factors have the shape (rows,). The averages leave objects' facets out.
+    The weights of the ground's facets are multiplied by ``of_ground``, and the weights of objects' facets (material id
+    ``objects``) by ``of_objects``; both factors have the shape (rows,). The averages include objects' facets only in
+    pixels without ground, which have no mean incidence.
     """
     pixels = start.size - 1
     rows = pixels // columns
@@ -185,8 +189,27 @@ def order_facets(
 
 
 @njit(parallel=True)
+def flatten_terrain(start: Any, material: Any, angle: Any, weight: Any, objects: Any) -> None:
+    """Divide each pixel's weights by the ground that the radar illuminates in it, instead of that on level ground.
+
+    The weights are areas over any reference area that the facets of a pixel share. The illuminated area is the sum of
+    the areas of the ground's facets across the direction to the radar, area times cosine of the local incidence, so
+    that the weights of a pixel with one facet become 1 / cosine (Small 2011, equation for the area of gamma0). A pixel
+    without ground keeps its weights.
+    """
+    for pixel in prange(start.size - 1):
+        total = 0.0
+        for i in range(start[pixel], start[pixel + 1]):
+            if material[i] != objects:
+                total += weight[i] * max(np.cos(angle[i] / ANGLES_PER_RADIAN), _LEAST_COSINE)
+        if total > 0.0:
+            for i in range(start[pixel], start[pixel + 1]):
+                weight[i] = weight[i] / total
+
+
+@njit(parallel=True)
 def cells_of(start: Any, cell_start: Any, material: Any, cell_material: Any, facet_start: Any) -> None:
-    """Material and first facet of every cell, which is the contribution of one material to one pixel."""
+    """Material and first facet of every cell; a cell is the contribution of one material to one pixel."""
     for pixel in prange(start.size - 1):
         cell = cell_start[pixel] - 1
         for i in range(start[pixel], start[pixel + 1]):

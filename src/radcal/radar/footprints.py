@@ -1,9 +1,9 @@
-"""Objects among the facets of the terrain: boxes that stand on the ground, and point scatterers at their slant range.
+"""Objects among the facets of the terrain: boxes that stand on the ground, and point scatterers.
 
-The roof of a box is level. Its elevation is the object's height plus the mean elevation of the ground in the box's
-footprint. A box has facets on its roof and on the walls that face the radar; walls parallel to the line of sight are
-seen edge-on, and walls at the back are hidden. Double bounce between box and ground is not modelled, but the radar
-cross-section that is given for an object may include it.
+The roof of a box is level. The roof's elevation is the object's height plus the mean elevation of the ground in the
+box's footprint. A box has facets on its roof and on the walls that face the radar. It has none on the other walls:
+walls parallel to the line of sight are seen edge-on, and walls at the back are hidden. Double bounce between box and
+ground is not modelled, but the configured cross-section of an object may include double bounce.
 """
 
 from __future__ import annotations
@@ -42,19 +42,20 @@ class Boxes:
     Attributes
     ----------
     place : ndarray of float64, shape (n, 2)
-        Centre, in lines and facets from the scene's near corner.
+        Centre of the footprint, in lines and facets from the near end of the first line.
     axis : ndarray of float64, shape (n, 2)
-        Unit vector of the heading.
+        Unit vector along the heading, in lines and facets.
     half : ndarray of float64, shape (n, 2)
-        Half of length and width, in lines.
+        Half the length and half the width of the footprint, in units of a line's width.
     reach : ndarray of float64, shape (n, 2)
-        Half of the sides of the upright rectangle around the footprint, in lines and facets.
+        Half the extent of the footprint, in lines along axis 0 and in facets along axis 1.
     top_m : ndarray of float64, shape (n,)
         Elevation of the roof [m].
     rcs_m2 : ndarray of float64, shape (n,)
         Cross-section towards the radar [m2].
     extent : ndarray of float64, shape (n,)
-        Slant extent of all its facets, hidden or not, summed over lines; filled line by line [m].
+        Extent in slant range of the box's facets, visible or hidden, summed over facets and lines [m]. The sum grows
+        with each block of lines that is computed.
     """
 
     place: NDArray[np.float64]
@@ -73,15 +74,15 @@ class Spots:
     Attributes
     ----------
     place : ndarray of float64, shape (n, 2)
-        Position, in lines and facets from the scene's near corner.
+        Position, in lines and facets from the near end of the first line.
     height_m : ndarray of float64, shape (n,)
         Height above the ground [m].
     rcs_m2 : ndarray of float64, shape (n,)
         Cross-section towards the radar [m2].
     number : ndarray of uint32, shape (n,)
-        Index of the entry in the scene's objects.
+        Index of the object in the scene's list of objects.
     slant_m : ndarray of float64, shape (n,)
-        Slant range; NaN where hidden. Filled line by line [m].
+        Slant range [m]; NaN for a hidden point, and until the point's line is computed.
     """
 
     place: NDArray[np.float64]
@@ -99,10 +100,10 @@ def _holds(line: Any, facet: Any, place: Any, axis: Any, half: Any) -> Any:
     return abs(along) <= half[0] and abs(beside) <= half[1]
 
 
-@njit(parallel=True)
+@njit()
 def _covers(place: Any, axis: Any, half: Any, reach: Any, shape: Any, found: Any) -> None:
     """Mask of the objects whose footprint holds the middle of at least one facet, written to ``found``."""
-    for i in prange(place.shape[0]):
+    for i in range(place.shape[0]):
         found[i] = False
         low, high = max(0, int(place[i, 0] - reach[i, 0])), min(shape[0], int(place[i, 0] + reach[i, 0]) + 1)
         left, right = max(0, int(place[i, 1] - reach[i, 1])), min(shape[1], int(place[i, 1] + reach[i, 1]) + 1)
@@ -122,10 +123,10 @@ def _between(grid: Any, row: Any, column: Any) -> Any:
     return (1.0 - p) * upper + p * ((1.0 - q) * grid[r + 1, c] + q * grid[r + 1, c + 1])
 
 
-@njit(parallel=True)
+@njit()
 def _mean_ground(elevation: Any, k: Any, place: Any, axis: Any, half: Any, mean: Any) -> None:
     """Mean elevation of the ground in each footprint, written to ``mean``."""
-    for i in prange(place.shape[0]):
+    for i in range(place.shape[0]):
         total = 0.0
         for m in range(_SAMPLES):
             for n in range(_SAMPLES):
@@ -140,22 +141,22 @@ def _mean_ground(elevation: Any, k: Any, place: Any, axis: Any, half: Any, mean:
 def to_boxes_and_spots(
     objects: Objects, elevation: NDArray[np.float64], look_side: str, k: int, step: float
 ) -> tuple[Boxes, Spots]:
-    """Division of the scene's objects into boxes and point scatterers, in the lines and facets of a pass.
+    """Division of the scene's objects into boxes and point scatterers, with positions in lines and facets of a pass.
 
-    An object becomes a point scatterer if it has no footprint, or if its footprint holds the middle of no facet.
+    An object becomes a point scatterer if it has no footprint, or if its footprint contains the middle of no facet.
 
     Parameters
     ----------
     objects : Objects
         Objects of the scene.
     elevation : ndarray, shape (ny, nx)
-        Elevation of the cells, nearest to the radar first along axis 1 [m].
+        Elevation of the cells [m]; along axis 1, the cell nearest to the radar comes first.
     look_side : str
-        ``right`` looks east, ``left`` west.
+        ``right`` if the radar looks east, ``left`` if it looks west.
     k : int
-        Lines, and facets, in a cell.
+        Number of lines in a cell, and of facets in a cell along a line.
     step : float
-        Size of a line, and of a facet [m].
+        Width of a line, and of a facet along a line [m].
     """
     ny, nx = elevation.shape
     right = look_side == "right"
@@ -186,14 +187,16 @@ def to_boxes_and_spots(
 
 @dataclass(frozen=True)
 class Raised:
-    """Boxes on a block of azimuth lines of the refined elevation model; the arrays have the shape (lines, facets).
+    """Index and roof elevation of the box that covers each facet, for some consecutive azimuth lines.
+
+    The arrays have the shape (lines, facets).
 
     Attributes
     ----------
     owner : ndarray of int32
-        Number of the box that stands on a facet, -1 where none does.
+        Index of the box that stands on a facet; -1 if no box does.
     roof_m : ndarray of float64
-        Elevation of the box's roof, or of the ground where no box stands [m].
+        Elevation of the box's roof, or of the ground where no box stands or the ground is higher [m].
     """
 
     owner: NDArray[np.int32]
@@ -212,17 +215,17 @@ class Seen:
     Attributes
     ----------
     near_m, far_m : ndarray of float64
-        Nearest and furthest slant range of the facets [m], of the visible part where there is one.
+        Nearest and furthest slant range of each facet's visible part, or of the whole facet if it is hidden [m].
     share : ndarray of float32
-        Visible share of a facet of the ground, 0 to 1; for a facet of a box, 1 where any part is visible.
+        Visible share of a facet of the ground, 0 to 1. For a facet of a box, 1 if any part is visible, else 0.
     half : ndarray of uint8
-        Number of the visible half of a facet, where nothing of the other half is visible; else 0.
+        ``NEAR_HALF`` or ``FAR_HALF`` if the visible part of a facet lies in this half alone; else 0.
     hidden_m : ndarray of float64, shape (2, lines, facets)
-        Nearest and furthest slant range of the hidden part of a partly visible facet, else 0 [m].
+        Nearest and furthest slant range of the hidden part of a partly visible facet [m]; 0 for other facets.
     horizon : ndarray of float64
-        Largest tangent of the angle from nadir of everything nearer to the radar.
+        For each facet, the largest tangent of the angle from nadir of all places nearer to the radar on its line.
     extent_m : ndarray of float64
-        Slant extent of a facet of a box if nothing hid it [m].
+        Extent in slant range of a whole facet of a box, including its hidden part [m].
     """
 
     near_m: NDArray[np.float64]
@@ -235,7 +238,7 @@ class Seen:
 
     @classmethod
     def room(cls, near_m: NDArray[np.float64], far_m: NDArray[np.float64]) -> Seen:
-        """Arrays of a block of facets for :func:`stand` to fill, with the slant ranges of ground without boxes."""
+        """Arrays that :func:`stand` fills for a block of facets, with the slant ranges of the ground without boxes."""
         shape = near_m.shape
         return cls(
             near_m, far_m, np.zeros(shape, np.float32), np.zeros(shape, np.uint8), np.zeros((2, *shape)),
@@ -245,7 +248,7 @@ class Seen:
 
 @njit()
 def _raise(chosen: Any, place: Any, axis: Any, half: Any, reach: Any, top: Any, first: Any, owner: Any) -> None:
-    """Index of the highest box on each facet, written to ``owner``; among equally high boxes, that of the first."""
+    """Index of the highest box on each facet, written to ``owner``; of several equally high boxes, the lowest index."""
     lines, facets = owner.shape
     for i in chosen:
         low, high = int(np.floor(place[i, 0] - reach[i, 0])) - first, int(place[i, 0] + reach[i, 0]) + 1 - first
@@ -258,7 +261,7 @@ def _raise(chosen: Any, place: Any, axis: Any, half: Any, reach: Any, top: Any, 
 
 
 def raise_boxes(boxes: Boxes, ground_m: NDArray[np.float64], first: int) -> Raised:
-    """Boxes on the block of lines that begins with line ``first`` and has the ground elevation ``ground_m``."""
+    """Boxes on a block of lines whose first line is ``first`` and whose ground has the elevation ``ground_m``."""
     owner = np.full(ground_m.shape, -1, dtype=np.int32)
     low, high = boxes.place[:, 0] - boxes.reach[:, 0], boxes.place[:, 0] + boxes.reach[:, 0]
     chosen = np.flatnonzero((high >= first) & (low <= first + len(ground_m)))
@@ -275,7 +278,7 @@ def stand(
     owner: Any, roof: Any, at_edges: Any, edges: Any, middles: Any, track: Any, near: Any, far: Any, share: Any,
     half: Any, hidden: Any, horizon: Any, extent: Any,
 ) -> None:  # fmt: skip
-    """Visibility of the facets of a block of lines, written to the arrays of :class:`Seen`.
+    """Compute the visible part of each facet of a block of lines, and write it to the arrays of :class:`Seen`.
 
     Parameters
     ----------
@@ -351,17 +354,17 @@ def add_up(owner: Any, extent: Any, total: Any) -> None:
                 total[owner[line, f]] += extent[line, f]
 
 
-@njit(parallel=True)
+@njit()
 def locate(
     place: Any, height: Any, ground: Any, first: Any, last: Any, horizon: Any, edges: Any, track: Any, step: Any,
     slant: Any,
 ) -> None:  # fmt: skip
-    """Slant range of the visible point scatterers from line ``first`` to before ``last``; a hidden one keeps NaN.
+    """Slant range of visible point scatterers on the lines ``first`` to ``last - 1``; for hidden points it stays NaN.
 
-    ``ground`` is the elevation of the ground on these lines and on one more line on either side [m].
+    ``ground`` is the elevation of the ground on these lines and on one more line on each side [m].
     """
     facets = horizon.shape[1]
-    for i in prange(place.shape[0]):
+    for i in range(place.shape[0]):
         if place[i, 0] < first or place[i, 0] >= last:
             continue
         line, f = int(place[i, 0]) - first, min(max(int(place[i, 1]), 0), facets - 1)
@@ -376,9 +379,10 @@ def locate(
 def share_out(near: Any, far: Any, state: Any, area: Any, owner: Any, rcs: Any, extent: Any) -> None:
     """Radar cross-section of each facet of a box [m2], written to ``area``.
 
-    The cross-section of a box is divided among its facets in proportion to slant extent, so that the box is evenly
-    bright in slant range. The share of hidden facets, and of hidden parts of facets, is lost. ``owner`` shares its
-    memory with ``area`` and holds the index of each facet's box.
+    The cross-section of a box is divided among its facets in proportion to their extent in slant range, so that the box
+    is evenly bright in slant range. Hidden facets and hidden parts of facets return no echo: their share of the
+    cross-section is lost. ``owner`` is the index of each facet's box; it uses the same memory as ``area``, which
+    replaces it.
     """
     for line in prange(near.shape[0]):
         for f in range(near.shape[1]):

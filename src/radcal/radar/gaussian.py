@@ -1,9 +1,9 @@
-"""Counter-based circular Gaussian random numbers, which depend only on seed and pixel, not on the order of calls.
+"""Counter-based circular Gaussian random numbers, which do not depend on the order of calls.
 
-The generator Philox4x32-10 turns seed, place (index of the pixel) and stream (number of the material, or that of
-thermal noise) into uniform random bits; the Box-Muller transform turns these bits into complex Gaussian numbers.
-Logarithm, sine and cosine are written out as the single-precision approximations of the Cephes library (Moshier 1992).
-Compilers can therefore work on many numbers at once, and every processor gives the same bits.
+The generator Philox4x32-10 computes uniform random bits from the seed, the place (index of the pixel), the stream
+(material id, or 256 for thermal noise) and the look. The Box-Muller transform turns these bits into complex Gaussian
+numbers. Logarithm, sine and cosine are not library calls, but the single-precision approximations of the Cephes library
+(Moshier 1992). The compiler can therefore vectorise the loops, and every processor gives the same bits.
 
 References
 ----------
@@ -62,19 +62,19 @@ def gaussian_row(n: Any, place: Any, stream: Any, look: Any, seed: Any, words: A
     Parameters
     ----------
     n : int
-        Number of places; the arrays are at least that long.
+        Number of places; every array has at least ``n`` columns.
     place : ndarray of uint32
-        Flat image index.
+        Flat image index of each place.
     stream : ndarray of uint32
-        Stream of random numbers: material id for speckle, 256 for thermal noise.
+        Stream of random numbers at each place: material id for speckle, 256 for thermal noise.
     look : uint32
-        Which look.
+        Index of the look.
     seed : (uint32, uint32)
         Noise seed of the run.
     words : ndarray of uint32, shape (2, m)
         Work space.
     real, imaginary : ndarray of float32
-        Filled.
+        Real and imaginary parts of the random numbers, written by the function.
     """
     for i in range(n):
         a, b, _, _ = philox(place[i], stream[i], look, np.uint32(0), seed[0], seed[1])
@@ -125,7 +125,7 @@ def circular_gaussian(seed: int, look: int, stream: int, shape: tuple[int, int])
     seed : int
         Noise seed of the run, below 2**63.
     look : int
-        Which look.
+        Index of the look.
     stream : int
         Material id for speckle, 256 for thermal noise.
     shape : (int, int)
@@ -153,5 +153,5 @@ def circular_gaussian(seed: int, look: int, stream: int, shape: tuple[int, int])
 
 
 def seed_words(seed: int) -> tuple[np.uint32, np.uint32]:
-    """Two 32-bit words of a seed below 2**64."""
+    """Lower and upper 32 bits of a seed below 2**64."""
     return np.uint32(seed & 0xFFFFFFFF), np.uint32(seed >> 32)

@@ -1,6 +1,6 @@
-"""Acquisition geometry, the part of a pass's image that does not depend on backscatter laws, and its HDF5 file.
+"""Acquisition geometry (the part of a simulated image that does not depend on backscatter laws), and its HDF5 file.
 
-Image coordinates: axis 0 is slant range (row 0 nearest), axis 1 is azimuth.
+In all images, axis 0 is slant range, with the nearest row first, and axis 1 is azimuth.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ __all__ = ["Geometry", "Points", "read_geometry", "write_geometry"]
 
 @dataclass(frozen=True)
 class Points:
-    """Visible point scatterers of a pass, in ascending rows.
+    """Visible point scatterers of a pass, sorted by image row.
 
     Attributes
     ----------
     row, column : ndarray of float64, shape (n,)
         Position in the image [pixels]; pixel centres are at whole numbers.
     amplitude : ndarray of float32, shape (n,)
-        Square root of the cross-section over the reference area of the configured radiometry.
+        Square root of the ratio of cross-section to the reference area of a pixel in the configured radiometry.
     number : ndarray of uint32, shape (n,)
-        Index of the entry in the scene's objects, which determines the point's phase.
+        Index of the point in the scene's list of objects; it determines the phase of the point's echo.
     """
 
     row: NDArray[np.float64]
@@ -53,7 +53,7 @@ class Points:
 
 @dataclass(frozen=True)
 class Geometry:
-    """Facets of the scene in the image of one pass.
+    """Facets of the scene, assigned to the pixels of one pass's image.
 
     A *cell* is the contribution of one material to one pixel. Cells are sorted by pixel, and within a pixel by
     material; the facets of a cell are consecutive.
@@ -67,38 +67,39 @@ class Geometry:
     cell_start : ndarray of int32, shape (pixels + 1,)
         First cell of each pixel, by flat image index.
     cell_material : ndarray of uint8, shape (cells,)
-        Material id; objects have the id after the last material's, and a sigma0 of 1.
+        Material id of each cell. Objects have the id after the last material's, and a sigma0 of 1.
     facet_start : ndarray of int32, shape (cells + 1,)
-        First facet of each cell. A facet belongs to every pixel that it reaches.
+        First facet of each cell. A facet is listed in every pixel that it reaches.
     facet_incidence : ndarray of uint16, shape (facets,)
         Local incidence angle in units of 90 degrees / 65535.
     facet_weight : ndarray of float32, shape (facets,)
         Weight of the facet's sigma0 in the sum over facets that gives the pixel's value. For ``sigma0_local`` the
         weight is the share of the pixel's slant range that the facet covers; the weights of a pixel add up to 1, to
-        more in layover, and to less beside shadow. For other radiometries it is the facet's area in the pixel over the
-        pixel's reference area. For an object's facet it is the facet's part of the object's cross-section over the
-        reference area.
+        more in layover, and to less beside shadow. For other radiometries the weight is the ratio of the facet's area
+        in the pixel to the pixel's reference area. For an object's facet the weight is the ratio of the facet's part of
+        the object's cross-section to the pixel's reference area.
     material : ndarray of uint8, shape ``shape``
-        Material id where all visible facets of a pixel share one, else 0; also 0 near objects.
+        Material id of a pixel if all its visible facets have this material, else 0. Pixels with a part of a box, or in
+        the main lobe of a point scatterer, have the id 0, too.
     incidence_deg : ndarray of float32, shape ``shape``
-        Mean local incidence of the pixel's visible ground [deg], NaN where there is none.
+        Mean local incidence angle over the pixel's visible ground [deg]; NaN for a pixel without visible ground.
     layover : ndarray of bool, shape ``shape``
-        Whether the pixel holds facets of separate places in layover, between which slant range decreases by more than
-        a pixel.
+        Whether the pixel contains a facet in layover: another visible facet is further away along ground range, but
+        nearer in slant range by more than a pixel, or the reverse.
     shadow : ndarray of bool, shape ``shape``
-        Whether at least one of the pixel's facets is in shadow or faces away from the radar.
+        Whether at least a part of the pixel's ground is in shadow or faces away from the radar.
     flat_incidence_deg : ndarray of float64, shape (rows,)
         Incidence on flat ground at each row's slant range [deg].
     ground : ndarray of float32, shape (2, rows, columns)
-        Mean row and column of the pixel's visible facets in the scene's grid, cell centres at
-        whole numbers; NaN where there is none, and in a slant-range scene.
+        Mean row and column, in the scene's grid, of the pixel's visible facets; cell centres are at whole numbers. NaN
+        for a pixel without visible facets, and in a slant-range scene.
     point_row, point_column : ndarray of float64, shape (points,)
-        Position of the visible point scatterers in the image [pixels], in ascending rows; pixel centres are at
-        whole numbers.
+        Position of the visible point scatterers in the image [pixels], sorted by row; pixel centres are at whole
+        numbers.
     point_amplitude : ndarray of float32, shape (points,)
-        Square root of the cross-section over the pixel's reference area.
+        Square root of the ratio of cross-section to the pixel's reference area.
     point_number : ndarray of uint32, shape (points,)
-        Index of the entry in the scene's objects.
+        Index of the point in the scene's list of objects.
     """
 
     shape: tuple[int, int]
@@ -126,19 +127,19 @@ class Geometry:
 
     @property
     def visible(self) -> NDArray[np.bool_]:
-        """Pixels that hold an echo of the scene, shape ``shape``."""
+        """Mask of the pixels that at least one visible facet reaches, shape ``shape``."""
         return np.asarray(np.diff(self.cell_start).reshape(self.shape) > 0)
 
     def pixels(self, name: str, margin_px: int | NDArray[np.int64] = 0) -> NDArray[np.int64]:
-        """Flat indices of the visible pixels that hold one material only.
+        """Flat indices of the visible pixels that contain the given material alone.
 
         Parameters
         ----------
         name : str
-            Material.
+            Name of the material.
         margin_px : int or ndarray of int, shape ``shape``
-            Distance in rows or columns [pixels]. Pixels at most this far from the image's border, or from a pixel that
-            is mixed, invisible or of another material, are masked.
+            Width of the margin [pixels], counted in rows or columns. Pixels within this distance of the image's border,
+            or of a pixel that is mixed, invisible or of another material, are left out.
 
         Returns
         -------
@@ -157,7 +158,7 @@ class Geometry:
 def write_geometry(
     path: str | Path, geometry: Geometry, radar: Radar | None = None, immaterial: Iterable[str] = ()
 ) -> None:
-    """Write a geometry to HDF5, atomically.
+    """Write a geometry to an HDF5 file, atomically.
 
     Parameters
     ----------
@@ -166,16 +167,16 @@ def write_geometry(
     geometry : Geometry
         Geometry to write.
     radar : Radar, optional
-        Pass, which is recorded in the file.
+        Pass, whose description is stored in the file.
     immaterial : iterable of str, optional
-        Keys of the pass that affect neither the geometry nor any run. The file stays the same where only their values
-        differ.
+        Keys of the pass that affect neither the geometry nor any run. The file stays the same if only the values of
+        these keys have changed.
 
     Raises
     ------
     ConfigError
-        A finished calibration in the same folder is of another pass. A geometry of the same pass by another version of
-        the simulator is replaced.
+        The folder of the file holds the results of a finished calibration that used another geometry. There is no error
+        if the other geometry is of the same pass and of another version of the simulator: its file is replaced.
     """
     described = None
     if radar is not None:
@@ -192,7 +193,7 @@ def write_geometry(
 
 
 def _outdated(path: str | Path, described: str | None) -> bool:
-    """Whether a file holds the geometry of the same pass, made by another version of the simulator."""
+    """Whether a file contains the geometry of the pass ``described``, computed by another version of the simulator."""
     try:
         with read_hdf5(path, "geometry") as file:
             return bool(file.attrs.get("pass") == described and file.attrs.get("simulator") != SIMULATOR_VERSION)
@@ -201,7 +202,7 @@ def _outdated(path: str | Path, described: str | None) -> bool:
 
 
 def _recorded_pass(path: Path, ours: str, immaterial: Container[str]) -> str:
-    """Recorded description of the pass, if it differs from ``ours`` in immaterial keys only; else ``ours``."""
+    """Description of the pass in an existing file, if only immaterial keys differ from ``ours``; else ``ours``."""
 
     def material(text: str) -> dict[str, Any]:
         return {key: value for key, value in json.loads(text).items() if key not in immaterial}
@@ -215,12 +216,6 @@ def _recorded_pass(path: Path, ours: str, immaterial: Container[str]) -> str:
 
 
 def read_geometry(path: str | Path) -> Geometry:
-    """Read a geometry that :func:`write_geometry` wrote.
-
-    Raises
-    ------
-    StoreError
-        The file is missing, damaged, or of another version or case.
-    """
+    """Read a geometry that :func:`write_geometry` wrote; errors are those of :func:`.read_hdf5`."""
     with read_hdf5(path, "geometry") as file:
         return take(file, Geometry)

@@ -27,7 +27,7 @@ _PATCH = 64  # side of the tiles that are computed again where a law has changed
 def _touched(
     tiles: Any, rows: Any, columns: Any, reach: Any, start: Any, material: Any, changed: Any, found: Any
 ) -> None:  # fmt: skip
-    """Mask of the tiles whose image depends on a material whose law or parameters have changed."""
+    """Mask of the tiles whose image depends on a material with a changed law or changed parameters."""
     for t in prange(tiles.shape[0]):
         top, left = max(0, tiles[t, 0] - reach[0]), max(0, tiles[t, 1] - reach[1])
         bottom, right = min(rows, tiles[t, 2] + reach[0]), min(columns, tiles[t, 3] + reach[1])
@@ -45,7 +45,7 @@ def _amplitude_row(
     row: Any, left: Any, right: Any, columns: Any, start: Any, material: Any, power: Any, noise: Any, look: Any,
     seed: Any, work: Any, words: Any, parts: Any, out: Any,
 ) -> None:  # fmt: skip
-    """Complex amplitudes of a stretch of a row before the band limit, real and imaginary parts interleaved."""
+    """Complex amplitudes of a section of an image row before the band limit; real and imaginary parts alternate."""
     place, stream = work[0], work[1]
     base = row * columns
     n = right - left
@@ -75,7 +75,7 @@ def _amplitude_row(
 
 @njit()
 def _limit_rows(source: Any, first: Any, taps: Any, out: Any) -> None:
-    """Row filtered in slant range: sum of the rows of ``source`` from row ``first`` on, weighted by ``taps``."""
+    """One row filtered in slant range: the sum of rows of ``source``, from row ``first`` on, weighted by ``taps``."""
     reach = taps.size // 2
     n = out.size
     middle, tap = source[first + reach], taps[reach]
@@ -98,9 +98,9 @@ def _limit_rows(source: Any, first: Any, taps: Any, out: Any) -> None:
 
 @njit()
 def _limit_line(line: Any, taps: Any, out: Any) -> None:
-    """Filter with symmetric taps along a line of interleaved complex numbers.
+    """Filter a line of complex numbers with symmetric taps; real and imaginary parts alternate.
 
-    At either end, ``line`` is longer than ``out`` by the reach of the taps.
+    ``line`` extends beyond both ends of ``out`` by the number of taps on one side of the middle tap.
     """
     reach = taps.size // 2
     n = out.size
@@ -123,7 +123,7 @@ def _limit_line(line: Any, taps: Any, out: Any) -> None:
 
 @njit()
 def _raise(line: Any, first: Any, gain: Any, reach: Any) -> None:
-    """Multiply the columns near the image's border by ``gain``, in a line of interleaved complex numbers."""
+    """Multiply the columns near the image's border by ``gain`` in a line of alternating real and imaginary parts."""
     n = line.size // 2
     for i in range(n):
         if first + i < reach or first + i >= gain.size - reach:
@@ -139,7 +139,7 @@ def _add(spots: Any, line: Any) -> None:
 
 @njit()
 def _detect(field: Any, first: Any, power: Any) -> None:
-    """Power of a line of interleaved complex numbers: stored for the first look, added for each later look."""
+    """Write the power of a line of complex numbers to ``power`` for the first look, and add it for later looks."""
     for i in range(power.size):
         value = field[2 * i] * field[2 * i] + field[2 * i + 1] * field[2 * i + 1]
         power[i] = value if first else power[i] + value
@@ -152,11 +152,11 @@ def _form(
     point_rows: Any, point_columns: Any, point_values: Any, fine_down: Any, fine_across: Any, intensity: Any,
     field: Any,
 ) -> None:  # fmt: skip
-    """Image of the given tiles: mean power of the looks in ``intensity``, or one complex look in ``field``.
+    """Image of the given tiles: the looks' mean power, written to ``intensity``, or a complex look, to ``field``.
 
-    The random amplitudes are computed first, and then filtered in slant range and in azimuth (the band limit). The
-    amplitudes of neighbouring tiles within the reach of the filters are computed again for each tile, and every sum has
-    a fixed order. A pixel therefore depends neither on the choice of tiles nor on the number of threads.
+    For each tile, random amplitudes are computed and then filtered in slant range and in azimuth (the band limit). The
+    amplitudes outside a tile that its filters need are computed again for this tile, and every sum has a fixed order.
+    The value of a pixel therefore depends neither on the choice of tiles nor on the number of threads.
     """
     reach_down, reach_across = down.size // 2, across.size // 2
     for t in prange(tiles.shape[0]):
@@ -201,14 +201,14 @@ def _form(
 
 
 def _tiles(shape: tuple[int, int], side: int) -> NDArray[np.int64]:
-    """Tiles of an image: first row and column, and the row and column after the last; shape (tiles, 4)."""
+    """First row and column of each tile of an image, and the row and column after its last; shape (tiles, 4)."""
     tops, lefts = (np.arange(0, n, side) for n in shape)
     corners = np.stack(np.meshgrid(tops, lefts, indexing="ij"), axis=-1).reshape(-1, 2)
     return np.hstack([corners, np.minimum(corners + side, shape)])
 
 
 def _runs(tiles: NDArray[np.int64], longest: int) -> NDArray[np.int64]:
-    """Wider tiles, each joined from neighbouring tiles in a row, at most ``longest`` columns wide."""
+    """Wider tiles, at most ``longest`` columns wide, made by joining tiles that are neighbours in azimuth."""
     runs: list[list[int]] = []
     for top, left, bottom, right in tiles.tolist():
         if runs and runs[-1][0] == top and runs[-1][3] == left and right - runs[-1][1] <= longest:
@@ -219,21 +219,22 @@ def _runs(tiles: NDArray[np.int64], longest: int) -> NDArray[np.int64]:
 
 
 class ImageFormation:
-    """Complex looks and multilooked intensity of a reflectivity, with common random numbers.
+    """Computation of complex looks and multilooked intensity from a reflectivity, with common random numbers.
 
     Each look is h * (sum over materials of sqrt(P_m) u_m + sqrt(nesz) v + sum over points of a_p d_p), where * is the
-    convolution. P_m is the expected power of material m. u_m and v are white circular Gaussian noise: u_m has one
-    number for each pixel and material, v (thermal noise) one for each pixel. The impulse response h has unit energy
-    within the image, also along the image's border, beyond which nothing is simulated. Thermal noise is added before
-    detection and passes through the same band limit as the echo. d_p is an impulse at the position of point scatterer
-    p, and a_p is the amplitude of p, which is the same in every look. The powers of the looks are averaged.
+    convolution. P_m is the expected power of material m, and nesz is the noise power. u_m and v are white circular
+    Gaussian noise: u_m has one number for each pixel and material, and v (thermal noise) has one number for each pixel.
+    h is the impulse response, of unit energy. Beyond the image's border nothing is simulated; near the border, speckle
+    and noise are scaled so that their mean power is the same as elsewhere. Thermal noise is added before detection and
+    passes through the same band limit as the echo. d_p is an impulse at the position of point scatterer p, and a_p is
+    the complex amplitude of p, which is the same in every look. The intensity is the mean power of the looks.
 
     Parameters
     ----------
     radar : Radar
-        Resolutions, spacings, looks, noise-equivalent sigma0.
+        Pass with its resolutions, pixel spacings and number of looks.
     shape : (int, int)
-        Image size, slant range by azimuth.
+        Number of slant-range rows and of azimuth columns.
     noise_db : float or ndarray, shape (rows,)
         Noise floor of each row [dB].
     points : Points, optional
@@ -269,7 +270,7 @@ class ImageFormation:
         self, reflectivity: Reflectivity, noise_seed: int, before: NDArray[np.float32] | None = None,
         tiles: NDArray[np.int64] | None = None,
     ) -> NDArray[np.float32]:  # fmt: skip
-        """Mean power of the looks.
+        """Multilooked intensity, the mean power of the looks.
 
         Parameters
         ----------
@@ -278,12 +279,12 @@ class ImageFormation:
         noise_seed : int
             Seed of speckle and thermal noise.
         before, tiles : ndarray, optional
-            Image of the same seed, and its tiles (:meth:`touched`) that are computed again, in place.
+            Earlier image of the same seed, and those of its tiles (:meth:`touched`) to be computed again, in place.
 
         Returns
         -------
         ndarray of float32, shape (rows, columns)
-            [linear power]
+            Intensity [linear power].
         """
         image = np.empty(self._shape, dtype=np.float32) if before is None else before
         self._run(reflectivity, noise_seed, 0, self._looks, self._tiles if tiles is None else tiles, image, None)
@@ -296,7 +297,7 @@ class ImageFormation:
         return field.view(np.complex64)
 
     def touched(self, reflectivity: Reflectivity, changed: NDArray[np.bool_]) -> NDArray[np.int64]:
-        """Tiles that depend on the materials of which ``changed`` (bool by material id) is true, shape (tiles, 4)."""
+        """Tiles whose image depends on a changed material, shape (tiles, 4); ``changed`` is a mask of material ids."""
         patches = _tiles(self._shape, _PATCH)
         found = np.empty(len(patches), dtype=np.bool_)
         reach = np.array([len(self._down) // 2, len(self._across) // 2])
@@ -324,5 +325,5 @@ class ImageFormation:
 
 
 def decibels(power: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Power in dB; zero power gives the dB of the smallest positive number."""
+    """Power in dB; zero power is replaced by the smallest normal number of single precision."""
     return np.asarray(10.0 * np.log10(np.maximum(power, np.finfo(np.float32).tiny)), dtype=np.float32)

@@ -27,8 +27,7 @@ def local_incidence_cosine(
     along, across : ndarray, shape (ny, nx)
         Slope of the surface along azimuth, and along ground range away from the track [m/m].
     to_radar : (ndarray, ndarray), each broadcastable to (ny, nx)
-        Components of the unit vector to the radar along ground range and up
-        (zero Doppler: none along azimuth).
+        Ground-range and vertical components of the unit vector to the radar; its azimuth component is 0 (zero Doppler).
 
     Returns
     -------
@@ -51,15 +50,16 @@ class Lines:
     Attributes
     ----------
     near_m, far_m : ndarray of float32
-        Nearest and furthest slant range of the visible part of each facet, less a base [m].
+        Nearest and furthest slant range of the visible part of each facet, relative to a base slant range [m].
     incidence : ndarray of uint16
         Local incidence angle in units of 90 degrees / 65535.
     area : ndarray of float32
-        Area of the visible part of the facet [m2].
+        Area of the visible part of the facet [m2]; for an object's facet, its part of the object's cross-section [m2].
     state : ndarray of uint8
-        Flags: visible, in layover, part of an object.
+        Bit flags of each facet: visible, in layover, part of an object.
     hidden : list of (ndarray, ndarray, ndarray)
-        Line, nearest and furthest slant range (less the base [m]) of hidden parts; one entry for each block of lines.
+        Line, nearest and furthest slant range (relative to the base [m]) of the hidden parts of partly visible facets;
+        one entry of the list for each block of lines.
     """
 
     near_m: NDArray[np.float32]
@@ -86,7 +86,7 @@ class Lines:
 def _refined(
     block: NDArray[np.float64], rows: NDArray[np.float64], columns: NDArray[np.float64], cell_m: float
 ) -> NDArray[np.float64]:
-    """Elevation between cell centres: by a cubic spline, but bilinear at steep walls, where a spline oscillates."""
+    """Elevation between cell centres, by cubic splines, or bilinear at steep walls, where splines oscillate."""
     at = np.meshgrid(rows, columns, indexing="ij")
     fine = map_coordinates(block, at, order=3, mode="nearest")
     # a wall has a slope above 3 between the neighbours of a cell, which are two cells apart
@@ -101,7 +101,7 @@ def fill_lines(
     elevation: NDArray[np.float64], first: int, last: int, k: int, step: float, edges: NDArray[np.float64],
     track: float, base: float, spacing_m: float, lines: Lines, standing: tuple[Boxes, Spots] | None,
 ) -> tuple[float, float]:  # fmt: skip
-    """Compute the facets of a block of rows, and store them in ``lines``.
+    """Compute the facets of a block of the scene's rows, and store them in ``lines``.
 
     Parameters
     ----------
@@ -118,18 +118,19 @@ def fill_lines(
     track : float
         Height of the track, in the datum of the elevation [m].
     base : float
-        Slant range that is subtracted from those stored [m].
+        Slant range [m] that is subtracted from all slant ranges in ``lines``.
     spacing_m : float
         Slant-range pixel spacing of the image [m].
     lines : Lines
         Facets of all lines; those of the block are overwritten.
     standing : (Boxes, Spots) or None
-        Objects of the scene; their extents and slant ranges are updated.
+        Boxes and point scatterers of the scene; the extents of the boxes and the slant ranges of the points are
+        updated.
 
     Returns
     -------
     (float, float)
-        Nearest and furthest slant range [m] between which every line of the block has ground.
+        Nearest and furthest slant range [m] of the interval in which every line of the block has ground.
     """
     ny, nx = elevation.shape
     # beyond the scene's border the elevation is extrapolated by odd reflection; slopes need one more line on each side
@@ -137,7 +138,8 @@ def fill_lines(
     beyond = ((_HALO - first + low, _HALO - high + last), (_HALO, _HALO))
     block = np.pad(elevation[low:high], beyond, mode="reflect", reflect_type="odd")
     if k == 1:
-        fine = block[_HALO - 1 : _HALO + last - first + 1, _HALO:-_HALO]
+        # contiguous as refined ground is, so that compiled functions see one type of array
+        fine = np.ascontiguousarray(block[_HALO - 1 : _HALO + last - first + 1, _HALO:-_HALO])
     else:
         rows = (np.arange(-1, (last - first) * k + 1) + 0.5) / k - 0.5 + _HALO
         columns = (np.arange(nx * k) + 0.5) / k - 0.5 + _HALO

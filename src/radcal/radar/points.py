@@ -21,21 +21,20 @@ _PHASE = 257  # stream of the points' phases; materials are 1 to 255, thermal no
 
 
 def fine_taps(resolution_m: float, spacing_m: float) -> NDArray[np.float32]:
-    """Impulse response sampled several times in each pixel.
+    """Impulse response, sampled at ``FINENESS`` positions in each pixel.
 
     Parameters
     ----------
     resolution_m : float
-        -3 dB width after weighting [m].
+        -3 dB width of the impulse response after weighting [m].
     spacing_m : float
         Pixel spacing [m].
 
     Returns
     -------
     ndarray of float32, shape (2 m + 1,)
-        Taps in steps of 1 / ``FINENESS`` pixels, the middle one at the peak. Wherever a point
-        lies, the squares of the taps at the pixels sum to 1: its power is that of clutter
-        with the same cross-section.
+        Taps in steps of 1 / ``FINENESS`` pixels; the middle tap is the peak. For a point at any position, the squares
+        of its taps at the pixel centres sum to 1, so that a point has the power of clutter with the same cross-section.
     """
     return np.asarray(impulse_response(resolution_m, spacing_m / FINENESS) * np.sqrt(FINENESS), dtype=np.float32)
 
@@ -50,10 +49,10 @@ def _phases(number: Any, k0: Any, k1: Any, amplitude: Any, out: Any) -> None:
 
 
 def phased(points: Points, noise_seed: int) -> NDArray[np.float32]:
-    """Real and imaginary part of the points' amplitudes, shape (n, 2).
+    """Real and imaginary parts of the points' amplitudes, with random phases; shape (n, 2).
 
-    The phase of a point is drawn at random, uniformly distributed, from the noise seed and the object's number. The
-    phase is the same in every look, so that the echo of a point does not fluctuate.
+    The phase of a point is a uniformly distributed random number, computed from the noise seed and the object's number.
+    The phase is the same in every look, so that the echo of a point does not fluctuate between looks.
     """
     out = np.empty((points.row.size, 2), dtype=np.float32)
     _phases(points.number, *seed_words(noise_seed), points.amplitude, out)
@@ -78,11 +77,11 @@ def add_points(rows: Any, columns: Any, values: Any, down: Any, across: Any, top
     Parameters
     ----------
     rows, columns : ndarray of float64, shape (n,)
-        Places in the whole image, in ascending rows.
+        Positions of the points in the whole image [pixels], sorted by row.
     values : ndarray of float32, shape (n, 2)
-        Complex amplitudes.
+        Real and imaginary parts of the points' amplitudes.
     down, across : ndarray of float32
-        Impulse response from :func:`fine_taps`.
+        Impulse response in slant range and in azimuth, from :func:`fine_taps`.
     top, left : int
         First row and column of the part.
     out : ndarray of float32, shape (height, 2 width)
@@ -104,7 +103,7 @@ def add_points(rows: Any, columns: Any, values: Any, down: Any, across: Any, top
 
 
 def not_pure(points: Points, radar: Radar, material: NDArray[np.uint8]) -> None:
-    """Set the material of the pixels in the main lobe of a point to 0 (mixed), in place.
+    """Set the material id of all pixels in the main lobe of a point scatterer to 0 (mixed), in place.
 
     Beyond the main lobe, the response of a point is below the sidelobe level of -35 dB.
     """

@@ -1,4 +1,4 @@
-"""Projection of a scene into the image of one pass, which gives the geometry."""
+"""Computation of the geometry: projection of a scene into the image of one pass."""
 
 from __future__ import annotations
 
@@ -9,7 +9,15 @@ from numpy.typing import NDArray
 
 from radcal.config import Radar
 from radcal.errors import SceneError
-from radcal.radar.facets import ANGLES_PER_RADIAN, cells_of, count_facets, fill_facets, order_facets, shade
+from radcal.radar.facets import (
+    ANGLES_PER_RADIAN,
+    cells_of,
+    count_facets,
+    fill_facets,
+    flatten_terrain,
+    order_facets,
+    shade,
+)
 from radcal.radar.footprints import Boxes, Spots, share_out, to_boxes_and_spots
 from radcal.radar.geometry import Geometry, Points
 from radcal.radar.lines import Lines, fill_lines
@@ -26,14 +34,15 @@ _CELLS_AT_ONCE = 256  # number of the scene's rows in a block; smaller blocks ne
 
 
 def make_geometry(scene: Scene, radar: Radar) -> Geometry:
-    """Geometry of a scene in one pass.
+    """Geometry of the image of a scene in one pass.
 
     Raises
     ------
     ConfigError
-        The image would be too large for any machine.
+        The image would have too many facets or pixels.
     SceneError
-        The terrain reaches the height of the track, or nothing is visible.
+        The terrain reaches the height of the track, the track passes over the scene, the image would have fewer than 8
+        rows or columns or too many parts of facets, or no part of the scene is visible.
     """
     if scene.elevation_m is None:
         return _slant_range_geometry(scene, radar)
@@ -144,7 +153,7 @@ def _pixels(
     scene: Scene, radar: Radar, material: NDArray[np.uint8], lines: Lines, k: int, step: float, near: float,
     base: float, shape: tuple[int, int], points: Points,
 ) -> Geometry:  # fmt: skip
-    """Geometry from the facets, each of which belongs to all pixels that it reaches."""
+    """Geometry of the image from the facets of all lines; a facet belongs to every pixel that it reaches."""
     rows, columns = shape
     per_column = radar.azimuth_spacing_m / step  # number of lines per image column
     near_row, far_row, layover, shadow, counts = _counted(lines, radar, near - base, per_column, shape)
@@ -162,8 +171,7 @@ def _pixels(
         near_row, far_row, lines.state, lines.incidence, lines.area, material, k, per_column, rows, columns, start,
         not local, objects, facet_material, incidence, weight, place,
     )  # fmt: skip
-    middles = np.arange(0.5, rows, dtype=np.float64)
-    flat = _flat_incidence_deg(radar, near + middles * radar.range_spacing_m)
+    flat = _flat_incidence_deg(radar, near + np.arange(0.5, rows) * radar.range_spacing_m)
     per_area = _per_area(radar, flat).astype(np.float32)
     cells = np.empty(rows * columns, dtype=np.uint16)
     pure = np.zeros(rows * columns, dtype=np.uint8)
@@ -175,6 +183,8 @@ def _pixels(
         start, columns, facet_material, incidence, weight, place, of_ground, per_area, objects, cells, pure,
         mean_incidence, ground,
     )  # fmt: skip
+    if radar.radiometry == "gamma0_rtc":
+        flatten_terrain(start, facet_material, incidence, weight, objects)
     cell_start, cell_material, facet_start = _cells(cells, start, facet_material)
     # refined lines and facets converted to the scene's cells, with east to the right for either look side
     ground = (ground + np.float32(0.5)) / np.float32(k) - np.float32(0.5)
@@ -239,7 +249,7 @@ def _counted(
 
 
 def _rows(slant_m: NDArray[np.float32], near_m: float, spacing_m: float) -> NDArray[np.float32]:
-    """Slant ranges [m] as fractional rows of the image, counted from the near edge of the first row."""
+    """Slant ranges [m] converted to fractional rows of the image, counted from the near edge of the first row."""
     return ((slant_m - near_m) / spacing_m).astype(np.float32)
 
 
@@ -264,6 +274,6 @@ def _flat_incidence_deg(radar: Radar, slant_m: NDArray[np.float64]) -> NDArray[n
 
 
 def _per_area(radar: Radar, flat_incidence_deg: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Inverse of a pixel's reference area in the radiometry [1/m2]; ``sigma0_local`` takes the area of sigma0."""
+    """Inverse of a pixel's reference area in the radiometry [1/m2]; ``sigma0_local`` uses the area of sigma0."""
     area = radar.range_spacing_m * radar.azimuth_spacing_m / np.sin(np.radians(flat_incidence_deg))
     return np.asarray(of_sigma0(radar.radiometry, flat_incidence_deg) / area)

@@ -16,9 +16,9 @@ def of_sigma0(radiometry: str, incidence_deg: ArrayLike) -> NDArray[np.float64]:
     Parameters
     ----------
     radiometry : str
-        ``sigma0_local`` and ``sigma0_ref`` (1), ``beta0`` (1 / sin) or ``gamma0`` (1 / cos).
+        ``sigma0_local`` and ``sigma0_ref`` (1), ``beta0`` (1 / sin), ``gamma0`` or ``gamma0_rtc`` (1 / cos).
     incidence_deg : array_like
-        Incidence on flat ground at the pixel's slant range, within 0 and 90 [deg].
+        Incidence on flat ground at the pixel's slant range, between 0 and 90 [deg].
 
     Returns
     -------
@@ -26,35 +26,34 @@ def of_sigma0(radiometry: str, incidence_deg: ArrayLike) -> NDArray[np.float64]:
 
     References
     ----------
-    Raney, Freeman, Hawkins and Bamler, "A plea for radar brightness", IGARSS (1994): the same
-    echo over the pixel's area on flat ground (sigma0), in the slant plane (beta0), and across the
-    direction to the radar (gamma0).
+    Raney, Freeman, Hawkins and Bamler, "A plea for radar brightness", IGARSS (1994): the echo divided by the pixel's
+    area on flat ground (sigma0), in the slant plane (beta0), or across the direction to the radar (gamma0).
     """
     incidence = np.radians(np.asarray(incidence_deg, dtype=np.float64))
     match radiometry:
         case "beta0":
             return np.asarray(1.0 / np.sin(incidence))
-        case "gamma0":
+        case "gamma0" | "gamma0_rtc":  # terrain flattening does not change level ground
             return np.asarray(1.0 / np.cos(incidence))
         case _:
             return np.ones_like(incidence)
 
 
 def noise_floor_db(radar: Radar, incidence_deg: ArrayLike) -> NDArray[np.float64]:
-    """Noise floor: level of an image without any echo.
+    """Noise floor: level of an image that contains thermal noise alone.
 
     Parameters
     ----------
     radar : Radar
-        ``nesz_db``, one number or a table over incidence on flat ground, and ``radiometry``.
+        Pass with the keys ``nesz_db`` (a number, or a table over the incidence on flat ground) and ``radiometry``.
     incidence_deg : array_like
         Incidence on flat ground [deg].
 
     Returns
     -------
     ndarray of the shape of ``incidence_deg``
-        Noise-equivalent sigma0 in the image's radiometry [dB]; linear in dB between the rows of a table, and constant
-        beyond its ends.
+        Noise level in the image's radiometry [dB]. A table is interpolated linearly in dB between its rows, and is
+        constant beyond its ends.
     """
     incidence = np.asarray(incidence_deg, dtype=np.float64)
     if isinstance(radar.nesz_db, float):

@@ -1,4 +1,4 @@
-"""Expected power by pixel and material: backscatter laws evaluated on the facets of a geometry."""
+"""Expected power of each material in each pixel: backscatter laws evaluated on the facets of a geometry."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from radcal.errors import ConfigError
 from radcal.radar.compiled import njit, prange
 from radcal.radar.geometry import Geometry
 from radcal.radar.laws import Law
@@ -16,11 +17,13 @@ from radcal.radar.laws import Law
 __all__ = ["Reflectivity", "law_tables", "reflectivity", "uniform"]
 
 _LEVELS = 65536  # steps of the incidence angle between 0 and 90 degrees
+_GRAZING = _LEVELS * 85 // 90
+_BRIGHTEST_DB = 380.0  # single precision ends at 385 dB
 
 
 @dataclass(frozen=True)
 class Reflectivity:
-    """Expected power by pixel and material.
+    """Expected power of each material in each pixel.
 
     A *cell* is the contribution of one material to one pixel.
 
@@ -31,9 +34,9 @@ class Reflectivity:
     start : ndarray of int32, shape (pixels + 1,)
         First cell of each pixel.
     material : ndarray of uint8, shape (cells,)
-        Material id.
+        Material id of each cell.
     power : ndarray of float32, shape (cells,)
-        Expected power in the configured radiometry, without noise or resolution [linear].
+        Expected power of each cell in the configured radiometry [linear], before thermal noise and impulse response.
     """
 
     shape: tuple[int, int]
@@ -70,20 +73,33 @@ def law_tables(
     names : tuple of str
         Materials; id k is ``names[k - 1]``.
     laws, parameters : mapping
-        Backscatter law and its parameters by material; a material without a law is dark.
+        Backscatter law of each material, and the parameters of the law. A material without a law has a sigma0 of 0.
 
     Returns
     -------
     ndarray of float32, shape (materials + 2, 65536)
         sigma0 [linear power] at incidence i / 65535 times 90 degrees; row 0 is no material, the
         last is 1 for objects, whose weights hold their cross-section.
+
+    Raises
+    ------
+    ConfigError
+        A material is so bright that its power exceeds single precision.
     """
     phi = np.linspace(0.0, np.pi / 2.0, _LEVELS)
     tables = np.zeros((len(names) + 2, _LEVELS), dtype=np.float32)
     tables[-1] = 1.0
     for k, name in enumerate(names, start=1):
         if name in laws:
-            tables[k] = 10.0 ** (laws[name](phi, parameters[name]) / 10.0)
+            sigma0_db = laws[name](phi, parameters[name])
+            # a few laws grow without limit towards 90 degrees, which no facet reaches
+            brightest = float(np.max(sigma0_db[:_GRAZING]))
+            if brightest > _BRIGHTEST_DB:
+                raise ConfigError(
+                    f"materials.{name}: parameters {np.asarray(parameters[name]).tolist()} give a sigma0 of "
+                    f"{brightest:.4g} dB, expected at most {_BRIGHTEST_DB:g} dB."
+                )
+            tables[k] = 10.0 ** (sigma0_db / 10.0)
     return tables
 
 
@@ -115,8 +131,8 @@ def reflectivity(
     tables : ndarray, shape (materials + 2, 65536)
         Laws from :func:`law_tables`.
     before, changed : optional
-        Reflectivity with earlier laws, and the materials (bool by id, shape (materials + 2,)) whose law has changed
-        since: only their cells are computed again, in place.
+        Reflectivity with earlier laws, and mask of the material ids whose law has changed since then, shape (materials
+        + 2,). Only the cells of these materials are computed again, in place.
 
     Returns
     -------

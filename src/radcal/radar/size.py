@@ -1,4 +1,4 @@
-"""Numbers of facets and pixels of a pass over a scene, known before the geometry of the pass is computed."""
+"""Numbers of facets and pixels of a pass over a scene, estimated before the geometry of the pass is computed."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class ImageSize:
     facets : int
         Number of facets of the scene.
     pixels : int
-        Number of pixels of the image, on level ground.
+        Number of pixels of the image if the ground were level.
     """
 
     facets: int
@@ -31,7 +31,7 @@ class ImageSize:
 
 
 def refinement(cell_m: float, radar: Radar) -> int:
-    """Number of facets along a cell's side, such that no facet is larger than a pixel on level ground.
+    """Number of facets along each side of a cell, so that no facet is larger than a pixel on level ground.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def refinement(cell_m: float, radar: Radar) -> int:
 
 
 def image_size(scene: SceneSize, radar: Radar) -> ImageSize:
-    """Facets and pixels of a scene in one pass.
+    """Numbers of facets and pixels of a scene in one pass.
 
     Parameters
     ----------
@@ -57,8 +57,9 @@ def image_size(scene: SceneSize, radar: Radar) -> ImageSize:
     Returns
     -------
     ImageSize
-        Size for level ground far from the track, where a ground distance d is d cos(depression) in slant range. The
-        image itself has fewer pixels, because it ends where not every azimuth line has ground.
+        Numbers for level ground far from the track, where a ground distance d corresponds to d cos(depression) in slant
+        range. The simulated image has fewer pixels, because it covers only the slant ranges at which every azimuth line
+        has ground.
     """
     if scene.cell_m is None:
         return ImageSize(scene.cells, scene.cells)
@@ -68,7 +69,7 @@ def image_size(scene: SceneSize, radar: Radar) -> ImageSize:
 
 
 def check_size(scene: SceneSize, radar: Radar) -> None:
-    """Refuse pixels so small that the image of the scene does not fit into any memory.
+    """Raise an error if the pixels are so small that the image of the scene would exceed any computer's memory.
 
     Parameters
     ----------

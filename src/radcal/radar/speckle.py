@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["WIDTH_FACTOR", "border_gain", "impulse_response", "log_speckle_sd_db", "taylor_weights"]
+__all__ = [
+    "WIDTH_FACTOR",
+    "border_gain",
+    "impulse_response",
+    "log_speckle_sd_db",
+    "speckle_correlation",
+    "taylor_weights",
+]
 
 _NBAR, _SIDELOBE_DB = 4, 35
 # -3 dB width of the Taylor-weighted impulse response times its bandwidth, by linear interpolation of its power on
@@ -21,7 +28,7 @@ def taylor_weights(frequency: NDArray[np.float64]) -> NDArray[np.float64]:
     Parameters
     ----------
     frequency : ndarray
-        Frequency over bandwidth, within -0.5 and 0.5.
+        Frequency divided by the bandwidth, between -0.5 and 0.5.
 
     Returns
     -------
@@ -30,8 +37,8 @@ def taylor_weights(frequency: NDArray[np.float64]) -> NDArray[np.float64]:
 
     Notes
     -----
-    ``scipy.signal.windows.taylor`` has the same numbers (a test compares them); importing
-    scipy.signal would take longer than a small run.
+    ``scipy.signal.windows.taylor`` gives the same weights (a test compares them). It is not used here, because the
+    import of scipy.signal takes longer than a small run.
 
     References
     ----------
@@ -62,14 +69,15 @@ def impulse_response(resolution_m: float, spacing_m: float) -> NDArray[np.float6
     Parameters
     ----------
     resolution_m : float
-        -3 dB width after weighting [m].
+        -3 dB width of the impulse response after weighting [m].
     spacing_m : float
         Pixel spacing [m].
 
     Returns
     -------
     ndarray, shape (2 m + 1,)
-        Real taps of unit energy, so that white noise keeps its mean power.
+        Real filter taps whose squares sum to 1, so that filtered white noise has the mean power of the unfiltered
+        noise.
     """
     bandwidth = WIDTH_FACTOR / resolution_m
     m = int(np.ceil(_REACH * resolution_m / spacing_m))
@@ -77,8 +85,33 @@ def impulse_response(resolution_m: float, spacing_m: float) -> NDArray[np.float6
     return np.asarray(taps / np.sqrt((taps**2).sum()))
 
 
+def speckle_correlation(distance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Autocorrelation of the power of speckle along one direction of an image.
+
+    Parameters
+    ----------
+    distance : ndarray
+        Distance over the -3 dB width of the impulse response.
+
+    Returns
+    -------
+    ndarray of the same shape
+        Squared autocorrelation of the impulse response, which is the same for any number of looks: 1 at distance 0,
+        0.18 at 1, below 0.002 from 1.8 on.
+
+    References
+    ----------
+    Goodman, "Speckle Phenomena in Optics" (2007), section 4.4.
+    """
+    n = 256
+    frequency = (np.arange(n) + 0.5) / n - 0.5
+    power = taylor_weights(frequency) ** 2
+    amplitude = np.cos(2.0 * np.pi * WIDTH_FACTOR * np.multiply.outer(distance, frequency)) @ power / power.sum()
+    return np.asarray(amplitude**2)
+
+
 def border_gain(taps: NDArray[np.floating], n: int) -> NDArray[np.float32]:
-    """Gain of the amplitudes near the image's border, which gives even ground the same mean power up to the border.
+    """Gain of the amplitudes near the image's border, so that even ground has the same mean power up to the border.
 
     Parameters
     ----------
@@ -90,9 +123,9 @@ def border_gain(taps: NDArray[np.floating], n: int) -> NDArray[np.float32]:
     Returns
     -------
     ndarray of float32, shape (n,)
-        Inverse square root of the energy of the taps inside the image (1 where all are inside), so that white noise
-        that begins at the border keeps its mean power. Without the gain, the outermost pixel has 0.85 of the power
-        (-0.7 dB) for an impulse response of 1.5 pixels.
+        For each pixel, the inverse square root of the energy of those taps that lie inside the image; 1 if all taps do.
+        Filtered white noise that begins at the border then has the same mean power up to the border. Without the gain,
+        the outermost pixel has 0.85 of this power (-0.7 dB) if the impulse response is 1.5 pixels wide.
     """
     reach = len(taps) // 2
     total = np.concatenate([[0.0], np.cumsum(np.asarray(taps, dtype=np.float64) ** 2)])
@@ -103,9 +136,9 @@ def border_gain(taps: NDArray[np.floating], n: int) -> NDArray[np.float32]:
 
 
 def log_speckle_sd_db(looks: float) -> float:
-    """Standard deviation of the log of multilook speckle [dB].
+    """Standard deviation of multilook speckle in dB.
 
-    10 / ln 10 sqrt(trigamma(L)) for gamma-distributed intensity of shape L (Oliver and
+    The standard deviation is 10 / ln 10 sqrt(trigamma(L)) for a gamma-distributed intensity of shape L (Oliver and
     Quegan, "Understanding Synthetic Aperture Radar Images", section 4.3).
     """
     from scipy.special import polygamma

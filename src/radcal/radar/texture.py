@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["log_speckle_cumulants", "texture_db", "texture_order"]
+__all__ = ["equal_texture", "log_speckle_cumulants", "texture_db", "texture_order"]
 
 _DB = 10.0 / np.log(10.0)
 
@@ -18,7 +18,7 @@ def log_speckle_cumulants(looks: ArrayLike) -> NDArray[np.float64]:
     .. math:: K [\psi(L) - \ln L], \quad K^2 \psi'(L), \quad K^3 \psi''(L), \qquad K = 10 / \ln 10
 
     The cumulants of independent factors of the intensity add in dB. If the number of looks of an area changes, the
-    area's cumulants therefore change by the difference between the cumulants of the two speckles.
+    area's cumulants therefore change by the difference between the cumulants of the new and of the old speckle.
 
     Parameters
     ----------
@@ -65,12 +65,12 @@ def texture_order(looks: float, effective: float) -> float:
     looks : float
         Looks L of the speckle.
     effective : float
-        Effective looks L', from the log-variance.
+        Effective looks L', defined by the log-variance.
 
     Returns
     -------
     float
-        Order of the gamma texture; infinite where no texture is needed (``effective`` not below ``looks``).
+        Order of the gamma texture; infinite if ``effective`` is at least ``looks``, because no texture is needed then.
 
     References
     ----------
@@ -87,21 +87,51 @@ def texture_order(looks: float, effective: float) -> float:
     return float(brentq(lambda x: polygamma(1, x) - wanted, 0.3 / (1.0 + wanted), 2.0 + 2.0 / wanted, rtol=1e-12))
 
 
+def equal_texture(looks: float, effective: float, others: float) -> float:
+    r"""Effective looks in an image of other looks, with the texture that an image of L looks shows.
+
+    The variances of speckle and texture add in dB: :math:`\psi'(L_2') = \psi'(L_2) + \psi'(L') - \psi'(L)`. Where L' is
+    above L, so that no texture explains it, the ratio of effective to nominal looks is kept.
+
+    Parameters
+    ----------
+    looks, effective : float
+        Looks L of the speckle in one image and the effective looks L' of an area.
+    others : float
+        Looks :math:`L_2` of the speckle in another image.
+
+    Returns
+    -------
+    float
+        Effective looks of the area there, at least 0.01.
+    """
+    if others == looks:
+        return effective
+    if effective >= looks:
+        return effective * others / looks
+    from scipy.optimize import brentq
+    from scipy.special import polygamma
+
+    wanted = float(polygamma(1, others) + polygamma(1, effective) - polygamma(1, looks))
+    low = 0.01
+    return float(brentq(lambda x: polygamma(1, x) - wanted, low, others)) if polygamma(1, low) > wanted else low
+
+
 def texture_db(uniform: ArrayLike, order: float) -> NDArray[np.float64]:
     """Gamma texture of unit mean, in dB.
 
     Parameters
     ----------
     uniform : array_like
-        Numbers between 0 and 1, one a pixel; with the same numbers for every order the texture is a smooth function of
-        the order (common random numbers).
+        Random numbers between 0 and 1, one for each pixel. If every order uses the same random numbers (common random
+        numbers), the texture is a smooth function of the order.
     order : float
-        Order of the gamma law; infinite for none.
+        Order of the gamma distribution; infinite for no texture.
 
     Returns
     -------
     ndarray
-        Texture in dB, to be added to backscatter.
+        Texture [dB], to be added to the backscatter in dB.
     """
     u = np.asarray(uniform, dtype=np.float64)
     if not np.isfinite(order):

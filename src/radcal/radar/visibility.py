@@ -1,7 +1,7 @@
 """Visible parts of facets (shadow), and facets that overlap in slant range (layover).
 
-The ground is straight between the middles of neighbouring facets. A ray from the radar is given by the tangent of its
-angle from nadir.
+The ground is assumed to be straight between the middles of neighbouring facets. A ray from the radar is described by
+the tangent of its angle from nadir.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ def seen_from(near: Any, near_down: Any, far: Any, far_down: Any, horizon: Any) 
     Parameters
     ----------
     near, far : float
-        Ground range of its ends [m].
+        Ground range of the near and of the far end [m].
     near_down, far_down : float
-        Depth of the ends below the radar [m].
+        Depth of the near and of the far end below the radar [m].
     horizon : float
-        Largest tangent of the angle from nadir of everything nearer to the radar.
+        Largest tangent of the angle from nadir of all places nearer to the radar on the same line.
 
     Returns
     -------
     float
-        Fraction of the way from the near to the far end; 1 where the piece is hidden or faces away.
+        Fraction of the way from the near to the far end; 1 if the piece is hidden or faces away from the radar.
     """
     first, last = near / near_down, far / far_down
     if last <= horizon or last <= first:
@@ -50,8 +50,8 @@ def part_seen(
 ) -> tuple[Any, Any]:
     """Visible interval of a facet that bends in its middle, as two fractions of the facet's length.
 
-    The interval is empty where the first fraction exceeds the second. Along one half of the facet the angle from nadir
-    is monotonic, so that the visible part of the half is one interval.
+    The interval is empty if the first fraction exceeds the second. The angle from nadir is monotonic along each half of
+    the facet, so that each half has at most one visible interval.
     """
     first = seen_from(near, near_down, middle, middle_down, horizon)
     second = seen_from(middle, middle_down, far, far_down, max(horizon, middle / middle_down))
@@ -62,7 +62,7 @@ def part_seen(
 def slant_extent(
     start: Any, end: Any, near: Any, near_down: Any, middle: Any, middle_down: Any, far: Any, far_down: Any
 ) -> tuple[Any, Any]:
-    """Smallest and largest slant range [m] between two fractions of the length of a facet that bends in its middle."""
+    """Smallest and largest slant range [m] of the part of a bent facet between the fractions ``start`` and ``end``."""
     low, high = np.inf, -np.inf
     for at in (start, min(max(0.5, start), end), end):
         if at < 0.5:
@@ -81,18 +81,18 @@ def laid_over(slant_m: NDArray[np.float64], visible: NDArray[np.bool_], apart_m:
     Parameters
     ----------
     slant_m : ndarray, shape (ny, nx)
-        Slant range; axis 1 is ground range, nearest first [m].
+        Slant range of each facet [m]; axis 1 is ground range, nearest first.
     visible : ndarray of bool, shape (ny, nx)
         Facets that return an echo; the others are ignored.
     apart_m : float
-        Amount by which slant range must decrease between the facets [m].
+        Decrease of slant range along ground range above which two facets are in layover [m].
 
     Returns
     -------
     ndarray of bool, shape (ny, nx)
-        True where a visible facet at larger ground range has a smaller slant range, or one at smaller ground range a
-        larger slant range: the active and the passive part of a layover (Schreier, "SAR
-        Geocoding: Data and Systems" (1993), chapter 6).
+        True for a visible facet if another visible facet has a larger ground range but a smaller slant range, or a
+        smaller ground range but a larger slant range. These are the two parts, active and passive, of a layover
+        (Schreier, "SAR Geocoding: Data and Systems" (1993), chapter 6).
     """
     nearer = np.where(visible, slant_m, -np.inf)
     further = np.where(visible, slant_m, np.inf)

@@ -1,1 +1,1 @@
-"""Arrays, rasters and images from files that other programs wrote: checked before they are loaded, converted to dB."""
+"""Readers of files from other programs (arrays, rasters, images), with checks of the files and conversion to dB."""

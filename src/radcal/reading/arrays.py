@@ -1,4 +1,4 @@
-"""Readers of arrays, one for each file format; the header is checked before memory is allocated for the numbers."""
+"""Readers of arrays, one for each file format; each reader checks the file header before it allocates memory."""
 
 from __future__ import annotations
 
@@ -17,25 +17,27 @@ from radcal.reading.rasters import check_blocks, open_raster
 
 __all__ = ["is_raster", "raster_band", "read_array"]
 
-_HDF5_SPARE_BYTES = 64 << 20  # factor by which a chunk may be larger than its dataset
-_HDF5_FILTERS = frozenset(range(1, 7))  # HDF5's own filters: deflate, shuffle, Fletcher-32, szip, n-bit, scale
-_LZF = 32000  # h5py's own
+_HDF5_SPARE_BYTES = 64 << 20  # number of bytes by which a chunk may be larger than its dataset
+_HDF5_FILTERS = frozenset(
+    range(1, 7)
+)  # filters of the HDF5 library: deflate, shuffle, Fletcher-32, szip, n-bit, scale-offset
+_LZF = 32000  # number of h5py's filter LZF
 
 
 def read_array(file: ImageFile, kind: str | None = None) -> Values:
-    """Numbers of a file without conversion; no-data values become NaN where the format marks them.
+    """Read the numbers of a file without conversion to dB; no-data values that the format marks become NaN.
 
     Parameters
     ----------
     file : ImageFile
-        File, with the configured dataset or band.
+        File with its configured options, such as dataset and band.
     kind : {'npy', 'npz', 'mat', 'hdf5', 'raster'}, optional
-        Format of the file; by its ending if missing.
+        Format of the file; by default derived from the file's ending.
 
     Raises
     ------
     RadcalError
-        The file cannot be read or does not hold the dataset or band (class of the file's error).
+        The file cannot be read, or lacks the dataset or band. The class of the exception is ``file.error``.
     """
     reader, called = _READERS[kind or _ENDINGS.get(file.path.suffix.lower(), "raster")]
     with reading(file, called):
@@ -43,32 +45,32 @@ def read_array(file: ImageFile, kind: str | None = None) -> Values:
 
 
 def is_raster(path: Path) -> bool:
-    """Whether a file is read as a raster, which the ending of its name decides."""
+    """Whether a file is read as a raster; the ending of the file name decides this."""
     return path.suffix.lower() not in _ENDINGS
 
 
 def raster_band(raster: Any, file: ImageFile, window: Any = None) -> Values:
-    """Numbers of one band of an open raster.
+    """Read the numbers of one band of an open raster.
 
     Parameters
     ----------
     raster : rasterio.DatasetReader
-        An open raster.
+        Open raster.
     file : ImageFile
-        Which band.
+        File of the raster, with the configured band.
     window : rasterio.windows.Window, optional
-        Part of the raster to read.
+        Part of the raster that is read; by default the whole raster.
 
     Returns
     -------
     ndarray, shape (rows, columns)
-        Numbers of the band (float64 or complex128), NaN where the file masks them. A scale and an offset of the band
-        (GDAL's raster data model) are applied.
+        Numbers of the band (float64 or complex128); pixels that the file masks are NaN. If the band has a scale and an
+        offset (GDAL's raster data model), both are applied.
 
     Raises
     ------
     RadcalError
-        There is no such band, there are several to choose from, or the values are not numbers.
+        The raster lacks the configured band, has several bands and none is configured, or has no usable numbers.
     """
     band = file.options.band
     if file.options.dataset is not None:
@@ -101,7 +103,7 @@ def _raster(file: ImageFile) -> Values:
 
 
 def _chosen(names: list[str], file: ImageFile) -> str:
-    """Name of the dataset to read."""
+    """Name of the configured array, or of the only array in a file."""
     listed, chosen = ", ".join(names) or "no array", file.options.dataset
     if chosen is None:
         if len(names) == 1:
@@ -122,7 +124,7 @@ def _npy(file: ImageFile) -> Values:
 
 
 def _numpy_header(content: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[Any]]:
-    """Shape and type of a numpy array in an open file."""
+    """Shape and type of a numpy array, from the header in an open file."""
     read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
     version = np.lib.format.read_magic(content)
     if version not in read:
@@ -132,7 +134,7 @@ def _numpy_header(content: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[Any]]:
 
 
 def _check_magic(file: ImageFile, *starts: bytes) -> None:
-    """Refuse a file that numpy would read as a pickle."""
+    """Refuse a file without the magic bytes of its format at the beginning, because numpy would read it as a pickle."""
     with file.path.open("rb") as content:
         if not content.read(6).startswith(starts):
             raise ValueError("it does not begin as one does")
@@ -149,7 +151,7 @@ def _npz(file: ImageFile) -> Values:
 
 
 def _hdf5(file: ImageFile, transposed: bool = False) -> Values:
-    """Numbers of a dataset in an HDF5 file, with reversed axes if ``transposed`` is true."""
+    """Read the numbers of a dataset in an HDF5 file, with reversed axes if ``transposed`` is true."""
     import h5py
 
     with h5py.File(file.path, "r") as content:
@@ -166,7 +168,7 @@ def _hdf5(file: ImageFile, transposed: bool = False) -> Values:
 
 
 def _check_storage(data: Any, file: ImageFile) -> None:
-    """Refuse an HDF5 dataset with chunks or filters for which a small dataset would need much memory."""
+    """Refuse an HDF5 dataset whose chunks or filters could make a small dataset need much memory."""
     chunk = data.dtype.itemsize * int(np.prod(data.chunks, dtype=np.int64)) if data.chunks else 0
     if chunk > data.nbytes + _HDF5_SPARE_BYTES:
         raise file.refused(
@@ -185,22 +187,24 @@ def _check_storage(data: Any, file: ImageFile) -> None:
 def _mat(file: ImageFile) -> Values:
     from scipy.io import loadmat, whosmat
 
+    _check_survival(lambda: whosmat(file.path))
     try:
         found = {name: shape for name, shape, kind in whosmat(file.path) if kind in _MATLAB_NUMBERS}
     except NotImplementedError:  # version 7.3 is HDF5, with reversed axes
         return _hdf5(file, transposed=True)
     name = _chosen(list(found), file)
-    # the header does not tell whether its numbers are complex
+    # the header does not state whether the numbers are complex
     check_header(file, found[name], np.dtype(np.complex128 if file.options.scale == "complex" else np.float64))
-    if not _survived(lambda: loadmat(file.path, variable_names=[name])):
-        raise ValueError("it is damaged: reading it crashes")
+    _check_survival(lambda: loadmat(file.path, variable_names=[name]))
     return np.asarray(loadmat(file.path, variable_names=[name])[name])
 
 
-def _survived(act: Callable[[], object]) -> bool:
-    """Whether a call, tried in a forked process, ends by itself: a damaged MATLAB file can crash scipy's reader."""
+def _check_survival(act: Callable[[], object]) -> None:
+    """Refuse a damaged file that crashes its reader, as MATLAB files can scipy's; a forked process tries the call."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # Python's warning about threads: the child calls the reader and nothing else
+        warnings.simplefilter(
+            "ignore"
+        )  # Python warns about a fork with threads, which is safe here: the child only calls the reader
         child = os.fork()
     if child == 0:
         faulthandler.disable()
@@ -208,7 +212,8 @@ def _survived(act: Callable[[], object]) -> bool:
             act()
         finally:
             os._exit(0)  # an error of Python's is raised again by the call in this process
-    return os.WIFEXITED(os.waitpid(child, 0)[1])
+    if os.WIFSIGNALED(os.waitpid(child, 0)[1]):
+        raise ValueError("it is damaged: reading it crashes")
 
 
 _MATLAB_NUMBERS = ("double", "single", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)))

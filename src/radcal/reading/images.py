@@ -1,7 +1,7 @@
-"""Conversion of arrays from files to images in dB, for measured and for simulated images.
+"""Conversion of arrays from files to images in dB, for measured and simulated images.
 
-The packages for measurements and for simulators share this code without importing each other. The only difference is
-the section of the configuration that error messages name.
+The packages for measurements and for simulators share this module, so that neither package imports the other. For both
+packages the conversion is the same; only the configuration keys in error messages differ.
 """
 
 from __future__ import annotations
@@ -30,27 +30,27 @@ __all__ = [
 ]
 
 Values = NDArray[Any]
-_NEGATIVE_SHARE = 0.01  # share of negative pixels in a power image: noise subtraction leaves a few
+_NEGATIVE_SHARE = 0.01  # largest share of negative pixels in a power image; noise subtraction can leave a few
 LARGEST_DB = 200.0
-"""Largest backscatter in size [dB]; values further from 0 dB show a wrong scale or a damaged file."""
+"""Largest absolute value of plausible backscatter [dB]; a larger value indicates a wrong scale or a damaged file."""
 
 
 class Options(Protocol):
-    """Options of an image file in the configuration."""
+    """Options of an image file that the configuration contains."""
 
     @property
     def scale(self) -> str:
-        """Scale of the numbers: db, power, amplitude or complex."""
+        """Scale of the numbers in the file: db, power, amplitude or complex."""
         ...
 
     @property
     def band(self) -> int | None:
-        """Band of a raster, from 1."""
+        """Number of the raster band, from 1; None if not configured."""
         ...
 
     @property
     def dataset(self) -> str | None:
-        """Name of the array in an npz, mat or HDF5 file."""
+        """Name of the array in an npz, mat or HDF5 file; None if not configured."""
         ...
 
 
@@ -61,21 +61,22 @@ class ImageFile:
     Attributes
     ----------
     path : Path
-        The file.
+        Path of the file.
     options : Options
-        Scale, and dataset or band.
+        Configured scale, band and dataset.
     section, key : str
-        Section of the configuration with the options, and its key of the path.
+        Section of the configuration that contains the options, and the key in this section that contains the path.
     error : type of RadcalError
-        Class of the error that is raised.
+        Class of the exceptions that reading the file raises.
     shape : (int, int) or None
-        Size that the image in the file must have; None for any size.
+        Rows and columns that the image in the file must have; None if any size is allowed.
     resized, turned : str
-        Advice in messages on an image of another size, and on one with rows and columns exchanged.
+        Advice in the error messages about an image of wrong size, and about an image with exchanged rows and columns.
     impossible_share : float
-        Share of the finite pixels up to which impossible values are masked rather than refused.
+        Largest share of impossible values among the finite pixels. Up to this share impossible values are masked;
+        beyond this share the image is refused.
     folders : tuple of Path
-        Folders in which the sources of a VRT may lie, besides its own.
+        Folders in which the source files of a VRT may lie, besides the folder of the VRT.
     """
 
     path: Path
@@ -90,30 +91,30 @@ class ImageFile:
     folders: tuple[Path, ...] = ()
 
     def refused(self, text: str) -> RadcalError:
-        """Error about the content of the file; ``text`` follows the configuration key in the sentence."""
+        """Exception about the content of the file; the message consists of the configuration key and ``text``."""
         return self.error(f"{self.section}.{self.key}: {text}")
 
     def asked(self, key: str, text: str) -> RadcalError:
-        """Error about an option that does not fit the file."""
+        """Exception about an option ``key`` that does not match the file; ``text`` starts with the option's value."""
         return self.error(f"{self.section}.{key} is {text}")
 
 
 @dataclass(frozen=True)
 class Counts:
-    """Number of pixels of an image, and numbers of its pixels without a usable value, by reason.
+    """Numbers of pixels of an image: all pixels, and pixels without a usable value by reason.
 
     Attributes
     ----------
     pixels : int
-        All.
+        Number of all pixels.
     no_data : int
-        Number of pixels that are NaN, infinite, or masked by the file.
+        Number of pixels that are NaN, infinite, or marked as no data in the file.
     zero : int
         Number of pixels with zero power.
     negative : int
         Number of pixels with negative power, which subtraction of noise can leave.
     impossible : int
-        Number of pixels further than :data:`LARGEST_DB` from 0 dB.
+        Number of pixels whose absolute value in dB exceeds :data:`LARGEST_DB`.
     """
 
     pixels: int
@@ -138,20 +139,20 @@ def to_db(values: Values, file: ImageFile) -> tuple[NDArray[np.float32], Counts]
     values : ndarray, shape (rows, columns)
         Numbers in dB, linear power, linear amplitude, or complex amplitude.
     file : ImageFile
-        File with the scale, and words for messages.
+        File with the declared scale and the configuration keys for error messages.
 
     Returns
     -------
     image_db : ndarray of float32, shape (rows, columns)
-        10 log10 of the power [dB], NaN where it is not positive and finite, or impossible.
+        10 log10 of the power [dB]; NaN if the power is not positive, not finite or impossible.
     counts : Counts
-        Numbers of NaN pixels by reason.
+        Numbers of all pixels and of NaN pixels by reason.
 
     Raises
     ------
     RadcalError
-        The array is not an image, has no finite number or no positive power, is real where complex numbers are
-        declared, or has too many negative numbers (power, amplitude) or impossible levels.
+        The array is not an image, has no finite number or no positive power, or its type contradicts the declared
+        scale. Or too many numbers are negative (power, amplitude) or impossible.
     """
     scale, path = file.options.scale, file.path
     check_header(file, values.shape, values.dtype)
@@ -189,8 +190,8 @@ def to_db(values: Values, file: ImageFile) -> tuple[NDArray[np.float32], Counts]
 
 
 def _without_impossible(image: NDArray[np.float32], file: ImageFile) -> int:
-    """Mask impossible backscatter and return the number of pixels masked; refuse the image if there are many."""
-    wrong = np.abs(image) > LARGEST_DB  # comparisons with NaN are false
+    """Mask impossible values and return their number; refuse the image if their share is too large."""
+    wrong = np.abs(image) > LARGEST_DB  # false for NaN
     count, known = int(np.count_nonzero(wrong)), int(np.count_nonzero(np.isfinite(image)))
     if count > file.impossible_share * known:
         extreme = image[wrong][np.argmax(np.abs(image[wrong]))]
@@ -204,21 +205,21 @@ def _without_impossible(image: NDArray[np.float32], file: ImageFile) -> int:
 
 
 def check_header(file: ImageFile, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
-    """Check the shape and type of an array from the file's header, before memory is allocated for the array.
+    """Check the shape and type that a file's header gives for an array, before memory is allocated for the array.
 
     Parameters
     ----------
     file : ImageFile
-        File with the declared scale and the size that the image must have.
+        File with the declared scale and the required size of the image.
     shape : tuple of int
         Shape of the array in the file.
     dtype : dtype
-        Type of its numbers; complex numbers may be pairs ``real``, ``imag``, as MATLAB writes them.
+        Type of the numbers; pairs ``real``, ``imag``, as MATLAB writes them, count as complex numbers.
 
     Raises
     ------
     RadcalError
-        The array is not an image, has another size or too many pixels, or its type does not fit the scale.
+        The array is not two-dimensional, has the wrong size or too many pixels, or its type contradicts the scale.
     """
     path, scale = file.path, file.options.scale
     if len(shape) != 2:
@@ -241,14 +242,14 @@ def check_header(file: ImageFile, shape: tuple[int, ...], dtype: np.dtype[Any]) 
 
 @contextmanager
 def reading(file: ImageFile, called: str) -> Iterator[None]:
-    """Context that limits the memory for reading a file, and turns exceptions of libraries into ``file.error``.
+    """Context that limits the memory for reading a file, and converts exceptions of libraries to ``file.error``.
 
     Parameters
     ----------
     file : ImageFile
-        The file.
+        File that the ``with`` block reads.
     called : str
-        Kind of file in messages, such as "a raster".
+        Name of the file's format in error messages, such as "a raster".
     """
     pixels = LARGEST_VALUES if file.shape is None else file.shape[0] * file.shape[1]
     try:
@@ -261,6 +262,6 @@ def reading(file: ImageFile, called: str) -> Iterator[None]:
             f"{file.path} cannot be read as {called} (it takes far more memory than {pixels:,} pixels do)."
         ) from None
     except Exception as error:  # the libraries' exceptions for damaged files have no common base class
-        # rasterio's own text is only "see the previous exception"
+        # rasterio's message is only "see the previous exception", so that the cause is quoted instead
         reason = " ".join(str(error.__cause__ or error).split())
         raise file.refused(f"{file.path} cannot be read as {called} ({reason}).") from None

@@ -1,4 +1,4 @@
-"""Checks of untrusted files before they are read: links to other files, memory, changes during the read."""
+"""Protection against untrusted files: links to other files, excessive memory, changes while a file is read."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ import h5py
 
 __all__ = ["LARGEST_VALUES", "bounded_memory", "elsewhere", "parse_xml", "unchanged"]
 
-LARGEST_VALUES = 100_000_000  # largest part of a raster that is read where no expected size is known
+LARGEST_VALUES = 100_000_000  # largest number of values read from a file if the expected size is unknown
 _PAGES = Path("/proc/self/statm")
-_SPARE_BYTES = 1 << 30  # memory for libraries and their buffers
+_SPARE_BYTES = 1 << 30  # additional memory for libraries and their buffers
 
 
 @contextlib.contextmanager
 def bounded_memory(values: int) -> Iterator[None]:
-    """Limit of the memory that a read may take, since a compressed file can expand a thousandfold.
+    """Context that limits the memory for reading a file, because a compressed file can expand a thousandfold.
 
     Parameters
     ----------
     values : int
-        Numbers that the file is expected to hold; each may take 64 bytes (four copies of complex numbers), and
-        2^30 bytes come on top.
+        Expected number of values in the file. The limit is 64 bytes per value (four copies of a complex number), plus
+        2^30 bytes.
 
     Raises
     ------
     MemoryError
-        The block needs more memory. On other systems than Linux there is no limit.
+        The ``with`` block needs more memory. A limit is only set on Linux.
     """
     try:
         used = int(_PAGES.read_text(encoding="ascii").split()[0]) * os.sysconf("SC_PAGE_SIZE")
@@ -49,12 +49,12 @@ def bounded_memory(values: int) -> Iterator[None]:
 
 @contextlib.contextmanager
 def unchanged(path: Path) -> Iterator[None]:
-    """Context that refuses a file if it changes while it is read.
+    """Context that raises an error if a file changes while the ``with`` block reads it.
 
     Raises
     ------
     ValueError
-        Size or time stamp changed in the block.
+        Size, time stamp or inode of the file changed during the ``with`` block.
     """
     before = path.stat()
     yield
@@ -64,12 +64,12 @@ def unchanged(path: Path) -> Iterator[None]:
 
 
 def parse_xml(text: bytes) -> Any:
-    """Root of an XML document, parsed without entities, document types or external references.
+    """Root element of an XML document; entities, document types and external references are refused or ignored.
 
     Parameters
     ----------
     text : bytes
-        The document.
+        Bytes of the XML document.
 
     Returns
     -------
@@ -78,7 +78,7 @@ def parse_xml(text: bytes) -> Any:
     Raises
     ------
     ValueError
-        The text is not XML, or it declares a document type, without which there are no entities.
+        The text is not XML, or declares a document type, which could define entities.
     """
     from lxml import etree
 
@@ -95,18 +95,18 @@ def parse_xml(text: bytes) -> Any:
 
 
 def elsewhere(file: h5py.File) -> str | None:
-    """Words for a message on the first external link or external storage of an HDF5 file; None if it has neither.
+    """Text that names the first part of an HDF5 file that refers to another file; None if no part does so.
 
     Parameters
     ----------
     file : h5py.File
-        Open.
+        Open HDF5 file.
 
     Returns
     -------
     str or None
-        Words on the first external link, external storage or virtual dataset; None where the file holds all data
-        itself.
+        Text for an error message about the first external link, external storage or virtual dataset; None if the file
+        contains all its data.
     """
     found: list[str] = []
 

@@ -1,7 +1,7 @@
-"""Rasters opened by an explicit list of GDAL drivers, after every file that they refer to has been checked.
+"""Opening of rasters with an explicit list of GDAL drivers, after a check of every file that a raster refers to.
 
-By default GDAL picks a driver by content: a ``.tif`` that holds XML is opened as a mosaic (VRT) or a map service
-(WMS), which can read any file of the machine or send network requests.
+By default GDAL chooses a driver from the content of a file. GDAL opens a ``.tif`` file that contains XML as a mosaic
+(VRT) or a map service (WMS). Such a file can make GDAL read any file of the machine or send network requests.
 """
 
 from __future__ import annotations
@@ -32,12 +32,15 @@ DRIVERS = (
     "PNG",
     "JPEG",
 )
-"""GDAL's drivers whose files hold all numbers themselves, or in a file that is named after them."""
+"""GDAL drivers for formats that store all numbers in the raster file, or in a file with a name derived from it."""
 
-_HEAD_BYTES = 65536  # more bytes than GDAL reads to choose a file's driver
-_MARKS = (b"<VRTDataset", b"<GDALTileIndexDataset")  # texts by which GDAL recognises a mosaic, anywhere in these bytes
+_HEAD_BYTES = 65536  # number of first bytes that are checked; GDAL reads fewer bytes to choose a driver
+_MARKS = (
+    b"<VRTDataset",
+    b"<GDALTileIndexDataset",
+)  # texts by which GDAL recognises a mosaic, anywhere in the first bytes
 _LARGEST_XML = 50_000_000  # bytes
-# elements of a mosaic made by gdalbuildvrt and gdal_translate; only SourceFilename names a file
+# XML elements that gdalbuildvrt and gdal_translate write into a mosaic; only SourceFilename names a file
 _ELEMENTS = frozenset(
     """
     VRTDataset SRS GeoTransform Metadata MDI VRTRasterBand NoDataValue ColorInterp Description UnitType Offset Scale
@@ -53,25 +56,25 @@ _NETWORK_OFF = {
     "GDAL_VRT_RAWRASTERBAND_ALLOWED_SOURCE": "SIBLING_OR_CHILD_OF_VRT_PATH",
 }
 
-_open = [0]  # number of open rasters: GDAL has one list of drivers for the whole process
+_open = [0]  # number of open rasters; needed because GDAL has one list of drivers for the whole process
 
 
 class RasterRefused(ValueError):
-    """Refusal of a raster; its text is the reason, which error messages quote after the raster's name."""
+    """Refusal of a raster; the text of the exception is the reason, which error messages quote after the file name."""
 
 
 @contextmanager
 def open_raster(path: Path, folders: Sequence[Path] = (), **settings: str) -> Iterator[Any]:
-    """Open a raster; rasterio's warning about a missing georeference is suppressed.
+    """Context with an open raster; rasterio's warning about a missing georeference is suppressed.
 
     Parameters
     ----------
     path : path
-        A raster of one of :data:`DRIVERS`; a VRT only if its name ends with ``.vrt``.
+        Raster in a format of :data:`DRIVERS`, or a VRT whose name ends with ``.vrt``.
     folders : sequence of path
-        Folders in which the sources of a VRT may lie, besides its own.
+        Folders in which the source files of a VRT may lie, besides the folder of the VRT.
     **settings : str
-        GDAL's configuration options.
+        Configuration options of GDAL.
 
     Yields
     ------
@@ -80,9 +83,9 @@ def open_raster(path: Path, folders: Sequence[Path] = (), **settings: str) -> It
     Raises
     ------
     RasterRefused
-        A file other than the named one would be read.
+        The raster would make GDAL read a file that is not allowed.
     rasterio.errors.RasterioError
-        The file is not a raster of these drivers.
+        No driver of :data:`DRIVERS` can open the file.
     """
     from rasterio.errors import NotGeoreferencedWarning
     from rasterio.io import DatasetReader
@@ -102,12 +105,12 @@ def open_raster(path: Path, folders: Sequence[Path] = (), **settings: str) -> It
 
 
 def check_blocks(raster: Any) -> None:
-    """Refuse a raster with blocks larger than any image, because a block is always unpacked as a whole.
+    """Raise an error if a raster has too large blocks, because GDAL always decompresses a whole block.
 
     Parameters
     ----------
     raster : rasterio.DatasetReader
-        Open.
+        Open raster.
 
     Raises
     ------
@@ -120,14 +123,14 @@ def check_blocks(raster: Any) -> None:
 
 
 def raster_files(path: Path, folders: Sequence[Path] = ()) -> list[Path]:
-    """Other files that determine a raster: sources of a VRT, headers, world files, metadata.
+    """Further files that GDAL reads with a raster: source files of a VRT, headers, world files, metadata.
 
     Parameters
     ----------
     path : path
-        Any file.
+        Path of a raster or of any other file.
     folders : sequence of path
-        Folders as for :func:`open_raster`.
+        Folders in which the source files of a VRT may lie, besides the folder of the VRT.
 
     Raises
     ------
@@ -143,7 +146,7 @@ def _is_vrt(path: Path) -> bool:
 
 
 def _beside(path: Path) -> list[Path]:
-    """Files that GDAL reads together with a raster, because of their names."""
+    """Existing files that GDAL reads with a raster because their names derive from the raster's name."""
     kind = path.suffix[1:]
     endings = (".hdr", ".prj", ".wld", *([f".{kind[0]}{kind[-1]}w", f".{kind}w"] if kind else []))
     names = [path.with_suffix(ending) for ending in endings]
@@ -153,7 +156,7 @@ def _beside(path: Path) -> list[Path]:
 
 @contextmanager
 def _drivers_only(settings: dict[str, str]) -> Iterator[None]:
-    """Context in which GDAL has only the allowed drivers, also for other files that a raster makes GDAL open."""
+    """Context in which GDAL has only the allowed drivers, also for further files that a raster makes GDAL open."""
     import rasterio
     from rasterio import _env
 
@@ -163,18 +166,18 @@ def _drivers_only(settings: dict[str, str]) -> Iterator[None]:
     try:
         with rasterio.Env(**_NETWORK_OFF, **settings, GDAL_SKIP=",".join(sorted(others))):
             if others:
-                # GDAL drops skipped drivers only when it registers them, which rasterio makes it do once
+                # GDAL applies GDAL_SKIP only when it registers its drivers, which rasterio triggers only once
                 _env._have_registered_drivers = False
                 _env.GDALEnv().start()
             yield
     finally:
         _open[0] -= 1
         if not _open[0]:
-            _env._have_registered_drivers = False  # later users of GDAL have all drivers again
+            _env._have_registered_drivers = False  # later calls of GDAL register all drivers again
 
 
 def _check(path: Path) -> None:
-    """Refuse a raster that makes GDAL read other files, by its own content or by that of a file beside it."""
+    """Refuse a raster if its content, or a metadata file beside it, would make GDAL read further files."""
     if not _is_vrt(path):
         head = _head(path)
         if _looks_like_xml(head) or any(mark in head for mark in _MARKS):
@@ -198,7 +201,7 @@ def _head(path: Path) -> bytes:
 
 
 def _parsed(path: Path) -> Any:
-    """Root element of an XML file."""
+    """Root element of an XML file; a faulty file raises RasterRefused."""
     try:
         if path.stat().st_size > _LARGEST_XML:
             raise ValueError(f"it has {path.stat().st_size} bytes, expected at most {_LARGEST_XML}")
@@ -222,18 +225,18 @@ def _check_hdf5(path: Path) -> None:
 
 
 def _check_metadata(root: Any, name: str) -> None:
-    """Refuse metadata that name another file for GDAL to read."""
+    """Refuse raster metadata that name another file, because GDAL would read that file."""
     for element in root.iter("MDI"):
         if str(element.get("key", "")).upper() in ("OVERVIEW_FILE", "MASK_FILE"):
             raise RasterRefused(f"{name} names another file as {element.get('key')}")
 
 
 def _sources(path: Path, folders: Sequence[Path]) -> list[Path]:
-    """Source files of a VRT."""
+    """Paths of the source files of a VRT, after a check of the VRT and of each source file."""
     root = _parsed(path)
     for element in root.iter():
         if not isinstance(element.tag, str):
-            continue  # a comment
+            continue  # an XML comment
         kind = f"{element.tag} {element.get('subClass', '')}".strip()
         if kind not in _ELEMENTS:
             raise RasterRefused(f"{path.name} has {kind}, expected a mosaic as gdalbuildvrt makes it")

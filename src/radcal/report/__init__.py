@@ -1,1 +1,1 @@
-"""Archive, table of runs, summary, figures and HTML report."""
+"""Results of a calibration: archive, table of runs, summary, figures and HTML report."""

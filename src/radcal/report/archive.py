@@ -1,6 +1,6 @@
-"""Archive of all results of a calibration, ``calibration.h5``, with a layout that follows from the types below.
+"""Archive of all results of a calibration, ``calibration.h5``; the classes of this module define its layout.
 
-``python -m radcal.report.archive`` writes the layout as the table in ``docs/records.md``.
+``python -m radcal.report.archive`` prints the table of this layout that ``docs/records.md`` contains.
 """
 
 from __future__ import annotations
@@ -26,6 +26,8 @@ __all__ = [
     "LevelSummary",
     "MaterialResult",
     "ObjectPlaces",
+    "PassLaw",
+    "PassSummary",
     "RegistrationSummary",
     "Runs",
     "SceneView",
@@ -45,7 +47,7 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Runs:
-    """All n runs in their order: reference, reused, design, infill."""
+    """All n runs of a calibration, in the order reference, reused, design, infill."""
 
     kind: Annotated[NDArray[np.str_], About("kind of each run: reference, reused, design or infill", shape="n")]
     index: Annotated[Integers, About("number of the run within its kind", shape="n")]
@@ -55,7 +57,7 @@ class Runs:
 
 @dataclass(frozen=True)
 class LawParameters:
-    """Parameters of a law, with the conditions for its evaluation."""
+    """Parameters of a law, with the conditions (polarisation, frequency, knots) that its evaluation needs."""
 
     values: Annotated[Doubles, Main()]
     law: Annotated[str, About("name of the law")]
@@ -66,7 +68,7 @@ class LawParameters:
     units: Annotated[tuple[str, ...] | None, About("units of the parameters of an external law")] = None
 
     def curve(self) -> Law:
-        """Function of incidence and parameters that evaluates the law under its conditions.
+        """Law as a function of incidence angle and parameters, with its conditions bound to it.
 
         Raises
         ------
@@ -85,7 +87,7 @@ class LawParameters:
 
 @dataclass(frozen=True)
 class HeldOutBlocks:
-    """Prediction errors on held-out blocks (:class:`radcal.calibration.validation.HeldOut`)."""
+    """Errors of the predictions for held-out blocks (:class:`radcal.calibration.validation.HeldOut`)."""
 
     rmse_law_db: Annotated[float, About("rms error of the law's prediction of the means of held-out blocks", "dB")]
     rmse_law_patch_db: Annotated[
@@ -130,8 +132,22 @@ class Check:
 
 
 @dataclass(frozen=True)
+class Fidelity:
+    """Predictions of the surrogate for each infill run, and the results of this run; NaN if not predicted."""
+
+    predicted_cost: Annotated[Doubles, About("cost that the surrogate predicted", shape="m")]
+    verified_cost: Annotated[Doubles, About("cost of the run", shape="m")]
+    predicted: Annotated[
+        Doubles, About("predicted mean, log sd and skewness of each incidence-angle bin", _UNIT, "m, b, 3")
+    ]
+    error: Annotated[Doubles, About("kriging standard deviations of these", _UNIT, "m, b, 3")]
+    verified: Annotated[Doubles, About("the same statistics of the run", _UNIT, "m, b, 3")]
+    q2: Annotated[Doubles, About("leave-one-out Q2 of the surrogate, by statistic", shape="m, 3")]
+
+
+@dataclass(frozen=True)
 class MaterialResult:
-    """Target and results of one calibrated material, with d parameters, n runs, m infill runs and p pixels."""
+    """Target and results of one calibrated material: d parameters, n runs, m infill runs, p pixels of the target."""
 
     law: Annotated[str, About("name of the calibrated law")]
     parameter_names: Annotated[tuple[str, ...], Attribute(), About("names of its d parameters")]
@@ -192,11 +208,12 @@ class MaterialResult:
     run_looks: Annotated[
         Doubles | None, About("effective number of looks at which each run fits the target best", shape="n")
     ] = None
+    fidelity: Annotated[Fidelity | None, About("predictions of the surrogate and the runs that verified them")] = None
 
 
 @dataclass(frozen=True)
 class Images:
-    """Whole images, with rows along slant range and columns along azimuth; None where an image was not recorded."""
+    """Whole images, with rows along slant range and columns along azimuth; None for an image that is not archived."""
 
     measured_db: Annotated[
         Floats | None, About("measured image after subtraction of its assumed level", "dB", "rows, columns")
@@ -211,7 +228,7 @@ class Images:
 
 @dataclass(frozen=True)
 class ObjectPlaces:
-    """Centres of the scene's objects; where there are many, those of every n-th object."""
+    """Centres of the scene's objects; if the scene has many objects, those of every n-th object."""
 
     places_m: Annotated[Floats, Main()]
     count: Annotated[int, About("number of objects in the scene")]
@@ -219,7 +236,7 @@ class ObjectPlaces:
 
 @dataclass(frozen=True)
 class SceneView:
-    """Scene at the resolution of the figures; row 0 is in the south."""
+    """Scene, reduced to the resolution of the figures; row 0 is in the south."""
 
     step: Annotated[int, About("step between the cells of the scene that are archived, in rows and columns")]
     cell_m: Annotated[float, About("width of a cell of the scene", "m")]
@@ -232,7 +249,7 @@ class SceneView:
 
 @dataclass(frozen=True)
 class RegistrationSummary:
-    """Registration of the measured image; the arrays are None where it was not applied."""
+    """Outcome of the registration of the measured image; the arrays are None if no displacement was applied."""
 
     method: Annotated[str, About("method: gefolki, ilk or none")]
     applied: Annotated[bool, About("displacement applied to the measured image")]
@@ -252,7 +269,7 @@ class RegistrationSummary:
 
 @dataclass(frozen=True)
 class LevelSummary:
-    """Level of the measured image relative to the simulated (:class:`radcal.measurement.levels.Levels`)."""
+    """Level of the measured image relative to the simulated image (:class:`radcal.measurement.levels.Levels`)."""
 
     normalisation: Annotated[str, About("normalisation: none, offset or image")]
     offset_db: Annotated[float, About("level of the measured image above the simulated; NaN if unknown", "dB")]
@@ -264,12 +281,46 @@ class LevelSummary:
 
 
 @dataclass(frozen=True)
+class PassLaw:
+    """Law of a material over the incidence of one pass (:class:`radcal.calibration.passes.PassLaw`)."""
+
+    low_deg: Annotated[float, About("5 % quantile of the local incidence of the target's pixels", "deg")]
+    high_deg: Annotated[float, About("95 % quantile of the local incidence of the target's pixels", "deg")]
+    rms: Annotated[float, About("rms difference of the best run's density from the target's in this pass", _DENSITY)]
+    sd_first_db: Annotated[
+        float, About("largest standard deviation of the law there, from the first pass alone; NaN if unknown", "dB")
+    ]
+    sd_all_db: Annotated[float, About("the same from all passes", "dB")]
+    pixels: Annotated[int, About("number of the target's pixels")]
+    difference_db: Annotated[
+        float | None, About("largest difference from the hidden law of a synthetic measurement", "dB")
+    ] = None
+
+
+@dataclass(frozen=True)
+class PassSummary:
+    """One pass of a case of several."""
+
+    depression_deg: Annotated[float, About("depression angle", "deg")]
+    look_side: Annotated[str, About("look side")]
+    polarisation: Annotated[str, About("transmitted and received polarisation")]
+    looks: Annotated[int, About("number of looks of the simulation")]
+    measurement: Annotated[str, About("source of the measured image")]
+    registration: Annotated[str, About("outcome of the registration in words")]
+    levels: Annotated[str, About("level of the measured image and its consequences in words")]
+    notes: Annotated[tuple[str, ...], Attribute(), About("remarks on the measurement and on missing materials")]
+    keys: Annotated[NDArray[np.str_], About("hash of each run in this pass", shape="n")]
+    final_runs: Annotated[int, About("final runs that were not simulated before")]
+    materials: Annotated[Mapping[str, PassLaw], About("laws over the incidence of this pass")]
+
+
+@dataclass(frozen=True)
 class Archive:
     """Results of a calibration at its end."""
 
     case: Annotated[str, About("name of the case")]
     config: Annotated[str, About("configuration (JSON)")]
-    objective: Annotated[str, About("objective: density, classes or likelihood")]
+    objective: Annotated[str, About("objective of the configuration")]
     reason: Annotated[str, About("reason for the end, or running")]
     converged: Annotated[bool, About("every material is within the tolerance or meets its stop criterion")]
     tolerance: Annotated[float, About("density rms up to which a material is within the tolerance", _DENSITY)]
@@ -295,6 +346,9 @@ class Archive:
         Mapping[str, MaterialResult],
         About("calibrated materials: d parameters, p pixels, m infill runs, c incidence-angle bins, b held-out blocks"),
     ]
+    passes: Annotated[
+        Mapping[str, PassSummary] | None, About("passes by their number; absent in a case of one pass")
+    ] = None
     images: Annotated[Images, About("whole images; rows: slant range, columns: azimuth")] = field(
         default_factory=Images
     )
@@ -322,7 +376,7 @@ def read_archive(path: str | Path, images: bool = True) -> Archive:
     path : path
         Path of the file.
     images : bool
-        Whether the whole images are read too; otherwise they are None.
+        Whether the whole images are read, too; otherwise the fields of ``Archive.images`` are None.
 
     Returns
     -------
@@ -332,7 +386,8 @@ def read_archive(path: str | Path, images: bool = True) -> Archive:
     Raises
     ------
     DamagedError
-        The file is damaged, of another version or of another case; it was set aside.
+        The file is damaged, has another version of the format, or belongs to another case; it was renamed to
+        ``*.damaged``.
     StoreError
         The file is missing or cannot be read.
     """

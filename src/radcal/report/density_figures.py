@@ -1,4 +1,4 @@
-"""Figures of backscatter densities: target, design, before and after calibration."""
+"""Figures of backscatter densities: those of the target, of design runs, and before and after calibration."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def _reach(dp: Array) -> tuple[float, float]:
 
 
 class _Densities:
-    """Axis of backscatter with the target in its middle; other densities may lie partly outside the axis."""
+    """Axes for the target density and other densities, with limits near the target, which may cut off the others."""
 
     def __init__(self, axes: Axes, material: MaterialResult) -> None:
         self._axes = axes
@@ -88,7 +88,7 @@ class _Densities:
         self._axes.set_ylim(0.0, 1.06 * max(self._tops))
 
     def remark(self) -> str:
-        """Sentence on densities that lie outside the axis."""
+        """Sentence on the number of densities that lie outside the axes or are higher than the axes."""
         parts = []
         if self.outside:
             parts.append(f"{self.outside} lie outside the axis" if self.outside > 1 else "one lies outside the axis")
@@ -100,7 +100,7 @@ class _Densities:
 
 
 def histogram(case: Archive, name: str) -> tuple[Canvas, str, str]:
-    """Figure of the measured pixels' histogram, the target density, and densities of some design runs."""
+    """Figure of the histogram of the measured pixels, the target density, and the densities of some design runs."""
     material = case.materials[name]
     canvas = new_canvas(6.2, 4.2)
     axes = canvas.subplots()
@@ -188,7 +188,7 @@ def overview(case: Archive) -> tuple[Canvas, str, str]:
 
 
 def quality(case: Archive, name: str) -> tuple[Canvas, str, str]:
-    """Quantile figure of the measured pixels against the skew normal fitted to them."""
+    """Quantile-quantile figure of the measured pixels and the skew-normal density fitted to them."""
     material = case.materials[name]
     from scipy.special import betaincinv
 

@@ -1,8 +1,8 @@
 """Shared parts of all figures: colours, fonts, canvases, names.
 
-Colours have the same meaning in all figures (Okabe and Ito's palette, with different line styles, too):
-target and measurement black and grey, start orange dashed, calibrated blue, hidden truth
-green dotted, tolerance vermilion.
+Each colour of the palette (by Okabe and Ito) and each line style has the same meaning in all figures: black and grey
+for target and measurement, dashed orange for the start, blue for the calibrated law, dotted green for the hidden true
+law, vermilion for the tolerance.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ STYLE: Any = {
 
 
 def shortened(name: str, width: int) -> str:
-    """Name cut to a number of characters."""
+    """Name cut to at most ``width`` characters."""
     return name if len(name) <= width else f"{name[: width - 1].rstrip()}\N{HORIZONTAL ELLIPSIS}"
 
 
@@ -74,7 +74,7 @@ def titled(name: str, text: str = "") -> str:
 
 
 def slugs(names: Iterable[str]) -> Iterator[str]:
-    """Short file names of plain characters, a different one for each name."""
+    """File names for the given names: short, in plain characters, and all different."""
     used: set[str] = set()
     for name in names:
         stem = re.sub(r"[^A-Za-z0-9_-]+", "_", name)[:80]
@@ -91,7 +91,7 @@ def short(value: float) -> str:
 
 
 def new_canvas(width: float, height: float, layout: Literal["constrained", "compressed"] = "constrained") -> Canvas:
-    """Empty figure of a size in inches."""
+    """Empty figure of the given width and height [inches]."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure as Canvas
 

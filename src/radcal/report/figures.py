@@ -1,4 +1,4 @@
-"""Figures of a calibration, drawn from ``calibration.h5`` alone, each as PNG and PDF."""
+"""Figures of a calibration, drawn from the data in ``calibration.h5`` alone; each is a PNG and a PDF file."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from radcal.report.archive import Archive
 from radcal.report.density_figures import densities, histogram, overview, quality
 from radcal.report.drawing import STYLE, slugs
+from radcal.report.fidelity_figures import fidelity
 from radcal.report.held_out_figures import held_out
 from radcal.report.law_figures import cost, law
 from radcal.report.map_figures import images, registration, residual
@@ -26,18 +27,18 @@ _DPI = 150
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure on disk.
+    """Files and texts of a figure.
 
     Attributes
     ----------
     name : str
         File name without its ending.
     title, caption, alt : str
-        Texts for a page: heading, explanation, and description for readers who cannot see the figure.
+        Texts for the report: heading, explanation, and description for readers who cannot see the figure.
     png, pdf : Path
         The files.
     material : str or None
-        Material of the figure, None for the whole case.
+        Material that the figure shows; None for a figure of the whole case.
     """
 
     name: str
@@ -55,14 +56,14 @@ def write_figures(archive: Archive, folder: str | Path) -> list[Figure]:
     Parameters
     ----------
     archive : Archive
-        A calibration.
+        Results of a calibration.
     folder : path
         Folder of the files, created if missing. Each file is written atomically.
 
     Returns
     -------
     list of Figure
-        Figures of the whole case first, then those of each material.
+        Figures of the whole case, followed by the figures of each material.
     """
     import matplotlib as mpl
 
@@ -90,6 +91,7 @@ def write_figures(archive: Archive, folder: str | Path) -> list[Figure]:
             ("law", "The law found", law),
             ("held_out", "Held-out ground", held_out),
             ("cost", "Cost of each run", cost),
+            ("fidelity", "Predicted and verified", fidelity),
             ("histogram", "Measured pixels and the design", histogram),
             ("quality", "Fit of a skew normal to the pixels", quality),
         )

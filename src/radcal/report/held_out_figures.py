@@ -18,7 +18,7 @@ _BAND = 1.645  # 90 % of a normal distribution lie within so many standard devia
 
 
 def held_out(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
-    """Figure of the held-out blocks' means against their predictions; None where nothing was held out."""
+    """Figure of the held-out blocks' means against their predictions; None if no ground was held out."""
     from matplotlib.ticker import MaxNLocator
 
     check = case.materials[name].check

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from radcal import skewnormal
+from radcal.config.objectives import OBJECTIVES
 from radcal.report.archive import Archive, MaterialResult
 from radcal.report.figures import Figure
 from radcal.report.reasons import REASONS
@@ -27,7 +28,7 @@ _TIMES = "\N{NARROW NO-BREAK SPACE}\N{MULTIPLICATION SIGN}\N{NARROW NO-BREAK SPA
 
 
 def _number(value: float | None, digits: int = 3) -> str:
-    """Text of a number with significant digits, as a power of ten for very large and small ones."""
+    """Text of a number with ``digits`` significant digits; very large or small numbers get a power of ten."""
     if value is None or not math.isfinite(value):
         return "\N{EN DASH}"
     if value == 0:
@@ -48,7 +49,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _span(values: Iterable[float]) -> str:
-    """Text of a range; one number where both ends have the same text."""
+    """Text of the range of some values; a single number if both ends have the same text."""
     found = sorted(values)
     return " to ".join(dict.fromkeys((_number(found[0], 2), _number(found[-1], 2))))
 
@@ -64,13 +65,13 @@ def _theta(values: Mapping[str, float]) -> dict[str, float]:
 
 
 def _bound(value: float, low: float, high: float) -> str:
-    """Text on the bound that a value has reached, empty where it has reached none."""
+    """Bound that a value has reached, ``lower`` or ``upper``; empty if it has reached neither."""
     margin = _AT_BOUND * (high - low)
     return "lower" if value - low <= margin else "upper" if high - value <= margin else ""
 
 
 def _material(name: str, summary: Mapping[str, Any], result: MaterialResult) -> dict[str, Any]:
-    """Data of one material for the page."""
+    """Data of one material for the template of the page."""
     low, high = np.percentile(result.incidence_deg, [5.0, 95.0])
     start = result.start.values.tolist()
     hidden = summary.get("hidden", {})
@@ -119,7 +120,7 @@ def _material(name: str, summary: Mapping[str, Any], result: MaterialResult) -> 
 
 
 def _who(found: Sequence[Mapping[str, Any]], total: int) -> str:
-    """Names of materials, or their number where there are many."""
+    """Names of up to four materials, else their number."""
     return _listed([m["name"] for m in found]) if len(found) <= 4 else f"{len(found)} of {total} materials"
 
 
@@ -134,7 +135,7 @@ def _belief(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) 
         return f"law{'s' if len(found) > 1 else ''}{whose}"
 
     no = f"{laws(lost)} {'are' if len(lost) > 1 else 'is'} not identified"
-    if summary["objective"] == "density":
+    if not OBJECTIVES[summary["objective"]].bins:
         matched = "What was matched is the histogram, not the law"
         text = f"{matched}: the {no}." if lost else f"{matched}."
     elif lost:
@@ -152,7 +153,7 @@ def _verdict(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]])
 
 
 def _ending(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) -> str:
-    """Sentence on the end of the search."""
+    """Sentence that says how the search ended, and after how many runs."""
     tolerance = f"the tolerance of {_number(summary['tolerance'], 2)} 1/{summary['levels']['unit']}"
     count = summary["runs"]["design"] + summary["runs"]["infill"]
     runs = "one run" if count == 1 else f"{count} runs"
@@ -161,7 +162,7 @@ def _ending(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) 
     missed = [m for m in materials if not m["within"]]
     reasons = _listed(list(dict.fromkeys(m["reason"] for m in missed))) if missed else summary["stop_reason"]
     who = _who(missed, len(materials)) if missed else "none"
-    if summary["objective"] != "density":
+    if OBJECTIVES[summary["objective"]].bins:
         whose = (
             f"the law of {materials[0]['name']}" if len(materials) == 1 else f"the laws of {len(materials)} materials"
         )
@@ -204,7 +205,7 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) 
     page : path
         The file.
     archive : Archive
-        A calibration.
+        Results of a calibration.
     figures : sequence of Figure
         Figures from :func:`radcal.report.figures.write_figures`; their PNG files are
         embedded, so that the page is one file that opens offline.
@@ -225,6 +226,7 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) 
     config = json.loads(archive.config)
     text = environment.get_template("report.html.j2").render(
         summary=summary,
+        objective=OBJECTIVES[archive.objective],
         verdict=_verdict(summary, materials),
         materials=materials,
         within=[m for m in materials if m["within"]],

@@ -1,4 +1,4 @@
-"""Figures of the law found, and of the cost of each run."""
+"""Figures of the calibrated law, and of each run's misfit to the target (its cost)."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.config.objectives import OBJECTIVES
 from radcal.radar.laws import Law
 from radcal.report.archive import Archive, MaterialResult
 from radcal.report.drawing import (
@@ -24,7 +25,6 @@ from radcal.report.drawing import (
     short,
     titled,
 )
-from radcal.report.summary import law_difference_db
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,7 +37,7 @@ _ANGLES_DEG = np.linspace(0.0, 90.0, 361)
 
 
 def _runs(axes: Axes, case: Archive, material: MaterialResult, shown: Array) -> None:
-    """Draw every run's value by kind of run, and the best value so far."""
+    """Draw one value for each run, marked by the kind of run, and the smallest value up to each run."""
     runs = np.arange(shown.size)
     counted = np.isfinite(material.parameters.values).all(axis=1)  # a run of another law is never the best
     best = np.minimum.accumulate(shown[counted])
@@ -70,20 +70,20 @@ def _number_runs(axes: Axes, number: int) -> None:
 
 
 def cost(case: Archive, name: str) -> tuple[Canvas, str, str]:
-    """Figure of the cost of each run."""
+    """Figure of each run's misfit to the target (its cost)."""
     costs = case.materials[name].cost
     return _density_cost(case, name) if costs is None else _law_cost(case, name, costs)
 
 
 def _law_cost(case: Archive, name: str, costs: Array) -> tuple[Canvas, str, str]:
-    """Draw the misfit of the incidence-angle bins, and the rms of the densities for the same runs."""
+    """Draw each run's misfit of the incidence-angle bins, and its rms difference of the densities."""
     material = case.materials[name]
     canvas = new_canvas(6.2, 6.2)
     upper, lower = canvas.subplots(2, 1, sharex=True)
     squares = np.maximum(2.0 * costs, 1e-3)
     _runs(upper, case, material, squares)
-    numbers = 3 * material.check.class_deg.size
-    if case.objective == "classes":
+    numbers = OBJECTIVES[case.objective].values * material.check.class_deg.size
+    if numbers:
         upper.axhline(numbers, label="a right law", **SAMPLING)
     upper.set_ylabel("squared residuals")
     upper.set_title(titled(name, f"best misfit {short(squares[material.best])} in run {material.best}"))
@@ -103,7 +103,7 @@ def _law_cost(case: Archive, name: str, costs: Array) -> tuple[Canvas, str, str]
         "Above: sum of the squared residuals of the incidence-angle bins, in standard deviations, at the effective "
         "looks that suit each run best. "
     )
-    if case.objective == "classes":
+    if numbers:
         caption += f"For a right law it is about {numbers}, the number of values compared (dotted). "
     caption += (
         "Below: root mean square difference of the simulated and the target density, which the search does not "
@@ -113,12 +113,12 @@ def _law_cost(case: Archive, name: str, costs: Array) -> tuple[Canvas, str, str]
     return (
         canvas,
         caption,
-        f"Misfit of each run of {name} on logarithmic axes: classes, density.",
+        f"Misfit of each run of {name} on logarithmic axes: incidence-angle bins, density.",
     )
 
 
 def _density_cost(case: Archive, name: str) -> tuple[Canvas, str, str]:
-    """Draw the rms of the densities of each run."""
+    """Draw the rms difference between each run's density and the target density."""
     material = case.materials[name]
     canvas = new_canvas(6.2, 4.8)
     axes = canvas.subplots()
@@ -159,7 +159,7 @@ def _density_cost(case: Archive, name: str) -> tuple[Canvas, str, str]:
 
 
 def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
-    """Figure of backscatter against incidence for start, law found and hidden law; None for external laws."""
+    """Figure of the starting, calibrated and hidden law over the incidence angle; None for external laws."""
     material = case.materials[name]
     if not material.parameters.curve().has_curve:
         return None
@@ -201,7 +201,7 @@ def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
 
 
 def _curves(axes: Axes, material: MaterialResult, seen: Array) -> None:
-    """Draw the starting, found and true laws, with thick lines at the angles seen [deg], and the bins' levels."""
+    """Draw starting, calibrated and true law, with thick lines at the image's angles [deg], and the bins' levels."""
     parameters, start, check = material.parameters, material.start, material.check
     # where the first run has no X of the calibrated law, the start has another law
     begun = f"start ({start.law})" if np.isnan(parameters.values[0]).any() else "start"
@@ -227,9 +227,9 @@ def _curves(axes: Axes, material: MaterialResult, seen: Array) -> None:
 
 
 def _truth(axes: Axes, material: MaterialResult, hidden: Array, incidence_deg: Array, seen: Array) -> float:
-    """Draw the found law minus the true one, and return the largest difference over the incidence in the image [dB]."""
+    """Draw the calibrated minus the true law, and return their largest difference over the image's angles [dB]."""
     curve, found = material.parameters.curve(), material.parameters.values[material.best]
-    difference = law_difference_db(curve, found, hidden, incidence_deg)
+    difference = curve.largest_difference_db(found, hidden, incidence_deg)
     for angles, width in ((_ANGLES_DEG, 1.0), (seen, 3.2)):
         gap = curve(np.radians(angles), found) - curve(np.radians(angles), hidden)
         axes.plot(angles, gap, **FOUND | {"linewidth": width})
@@ -241,7 +241,7 @@ def _truth(axes: Axes, material: MaterialResult, hidden: Array, incidence_deg: A
 
 
 def _pixels(axes: Axes, incidence_deg: Array) -> None:
-    """Histogram of the incidence of the pixels, with the axis of the angles."""
+    """Draw a histogram of the pixels' incidence, and label the axis of the angles."""
     axes.hist(incidence_deg, bins=np.arange(0.0, 90.5, 1.0).tolist(), color=MUTED)
     axes.set_ylabel("pixels")
     axes.set_xlabel("local incidence [deg]")

@@ -13,7 +13,7 @@ _SHARE = 0.05  # share of a material's pixels outside the law's angles above whi
 
 
 def law_notes(case: stages.Archive, geometry: Geometry, parameters: Mapping[str, Sequence[float]]) -> list[str]:
-    """Sentences about laws that are extrapolated.
+    """Sentences about laws that are used outside their valid angles or the parameters of their data.
 
     Parameters
     ----------
@@ -22,7 +22,7 @@ def law_notes(case: stages.Archive, geometry: Geometry, parameters: Mapping[str,
     geometry : Geometry
         Geometry with the incidence of every material's visible pixels.
     parameters : mapping
-        Every material's parameters in the final runs.
+        Parameters of each material's law in the final runs.
 
     Returns
     -------

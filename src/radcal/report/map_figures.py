@@ -24,7 +24,7 @@ _LARGEST = 1600  # pixels per side of an image shown; larger ones are averaged
 
 
 def _power(image_db: NDArray[Any]) -> tuple[Array, NDArray[np.bool_]]:
-    """Linear power with 0 for missing pixels, and mask of the valid ones."""
+    """Linear power, 0 for missing pixels, and mask of the pixels with a value."""
     valid = np.isfinite(image_db)
     return np.where(valid, 10.0 ** (np.where(valid, image_db, 0.0).astype(np.float64) / 10.0), 0.0), valid
 
@@ -56,7 +56,7 @@ def _shown(image_db: NDArray[Any]) -> NDArray[Any]:
 
 
 def panels_for(shape: tuple[int, ...], n: int, below: float = 0.0) -> tuple[Canvas, list[Axes], bool, Aspect]:
-    """Panels side by side, or one below the other for a wide image; very long images are stretched."""
+    """Figure with n empty panels, side by side or, for wide images, stacked; very long images are stretched."""
     ratio = shape[0] / shape[1]
     aspect: Aspect = "equal" if 0.2 <= ratio <= 2.5 else "auto"
     ratio = float(np.clip(ratio, 0.2, 2.5))
@@ -126,7 +126,7 @@ def images(case: Archive) -> tuple[Canvas, str, str] | None:
 
 
 def registration(case: Archive) -> tuple[Canvas, str, str] | None:
-    """Figure of the measured image before and after registration, and the displacement."""
+    """Figure of the measured image before and after registration, and of the displacement."""
     before, moved_px = case.registration.unregistered_db, case.registration.displacement_px
     simulated, after = case.images.reference_db, case.images.measured_db
     if before is None or moved_px is None or simulated is None or after is None:
@@ -167,7 +167,7 @@ def registration(case: Archive) -> tuple[Canvas, str, str] | None:
 
 
 def _levelled(image_db: NDArray[Any]) -> Array:
-    """Image averaged over 5 x 5 pixels, with zero median, in units of half the range of the middle 68 %."""
+    """Image averaged over 5 x 5 pixels, with zero median, in units of half the width of the middle 68 %."""
     from scipy.ndimage import uniform_filter
 
     power, valid = _power(image_db)
@@ -215,7 +215,7 @@ def residual(case: Archive) -> tuple[Canvas, str, str] | None:
 
 
 def _smoothed(pixels: NDArray[Any], incidence_deg: NDArray[Any] | None) -> NDArray[Any]:
-    """Mean difference [dB] over a boxcar; NaN where too few pixels of the boxcar were compared."""
+    """Moving average of a difference [dB]; NaN where too few pixels of the window have a value."""
     from scipy.ndimage import uniform_filter
 
     # where no material is visible the simulation holds only noise and was not compared
@@ -272,7 +272,7 @@ def _numbered_legend(canvas: Canvas, colours: Sequence[str], labels: Sequence[st
 
 
 def _middle(inside: NDArray[np.bool_], taken: Sequence[tuple[int, int]] = ()) -> tuple[int, int]:
-    """Row and column of a point well inside a region and away from points already taken."""
+    """Row and column of a point far inside a region and far from the points in ``taken``."""
     from scipy.ndimage import distance_transform_cdt
 
     k = max(1, max(inside.shape) // 400)

@@ -1,4 +1,4 @@
-"""Words for the reasons why a calibration ended."""
+"""Texts for the reasons why a calibration ended."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ __all__ = ["REASONS", "Words"]
 
 @dataclass(frozen=True)
 class Words:
-    """Words for one reason in the different places of the report.
+    """Texts for one reason, each for another place in the report.
 
     Attributes
     ----------
     clause : str
-        Clause that follows "Stopped after 30 runs with dyke outside the tolerance: ".
+        Clause that ends a sentence such as "Stopped after 30 runs with dyke outside the tolerance: ...".
     cell : str
         Entry in the table of materials.
     label : str
         Label after the rms of a material in a figure.
     met : bool
-        Whether the reason is that the tolerance or the stop criterion was met.
+        Whether the calibration ended because the tolerance or the stop criterion was met.
     """
 
     clause: str
@@ -38,4 +38,4 @@ REASONS: Mapping[str, Words] = {
     "max_runs": Words("maximum number of runs", "maximum of runs", "out of runs"),
     "running": Words("not finished", "not finished", "unfinished"),
 }
-"""Words for each :data:`radcal.calibration.stopping.Reason`, and for a calibration that has not ended (running)."""
+"""Texts for each :data:`radcal.calibration.stopping.Reason`, and for ``running``, a calibration that has not ended."""

@@ -13,23 +13,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.calibration.conclusion import Conclusion
-from radcal.calibration.history import History
+from radcal.calibration.history import History, Run
 from radcal.calibration.law_check import LawCheck
+from radcal.calibration.passes import pass_laws
 from radcal.config import Material, Radar, Stop, stages
+from radcal.config.sections import FURTHER
 from radcal.measurement.levels import Levels
 from radcal.measurement.registration import Registered
 from radcal.measurement.target import Targets
 from radcal.radar.geometry import Geometry
-from radcal.radar.laws import EXTERNAL
+from radcal.radar.laws import EXTERNAL, Law, seen_rad
 from radcal.report.archive import (
     Archive,
     Check,
+    Fidelity,
     HeldOutBlocks,
     Images,
     LawParameters,
     LevelSummary,
     MaterialResult,
     ObjectPlaces,
+    PassLaw,
+    PassSummary,
     RegistrationSummary,
     Runs,
     SceneView,
@@ -37,6 +42,7 @@ from radcal.report.archive import (
 from radcal.report.law_notes import law_notes
 from radcal.scene.model import Scene
 from radcal.storage.disclosure import disclosed
+from radcal.storage.runs import Record
 
 __all__ = ["gather"]
 
@@ -55,25 +61,31 @@ def gather(
     registered: Registered,
     targets: Targets,
     conclusion: Conclusion,
+    passes: Sequence[Registered] = (),
+    final: Sequence[Record] = (),
 ) -> Archive:
     """Collect the results of a calibration.
 
     Parameters
     ----------
     case, stop : stages.Archive, Stop
-        Configuration.
+        Configuration of the case, and its stop settings.
     history : History
         Reference run, design runs and verified proposals.
     scene : Scene
-        Scene.
+        Scene of the case.
     geometry : Geometry
         Geometry of the pass.
     registered : Registered
         Registered measured image.
     targets : Targets
-        Targets with which the runs are compared.
+        Targets of the calibrated materials.
     conclusion : Conclusion
-        Decision, checks of the laws, and final runs.
+        Decision on the end of the search, checks of the laws, and final runs.
+    passes : sequence of Registered
+        Registered measured images of all passes.
+    final : sequence of Record
+        Final runs of all passes, two for each.
 
     Returns
     -------
@@ -84,7 +96,7 @@ def gather(
     measurement, decision = registered.measurement, conclusion.decision
     return Archive(
         case=case.case,
-        config=json.dumps(disclosed({**case.sections(*case.__dict__), "stop": stop.model_dump(mode="json")})),
+        config=json.dumps(disclosed(_as_written(case, stop))),
         objective=case.objective,
         reason=decision.reason or "running",
         converged=decision.converged,
@@ -93,7 +105,7 @@ def gather(
         looks=case.radar.looks,
         measured_looks=targets.looks,
         measurement=measurement.source,
-        notes=(*measurement.notes, *conclusion.notes),
+        notes=(*measurement.notes, *conclusion.notes, *_pass_note(targets)),
         law_notes=tuple(law_notes(case, geometry, parameters)),
         sentences=tuple(decision.materials[name].sentence for name in targets),
         simulator=json.dumps(conclusion.simulator),
@@ -108,6 +120,7 @@ def gather(
         materials={
             name: _material(name, case, history, targets, conclusion, measurement.hidden.get(name)) for name in targets
         },
+        passes=_passes(case, history, targets, passes, final) if targets.further else None,
         images=Images(
             # figures compare whole images in dB, after subtraction of the assumed level
             measured_db=measurement.image_db - np.float32(_level_db(targets.levels)),
@@ -119,14 +132,89 @@ def gather(
     )
 
 
+def _pass_note(targets: Targets) -> list[str]:
+    """Remark on what is shown of several passes."""
+    if not targets.further:
+        return []
+    count = len(targets.passes)
+    return [
+        f"The laws are those of {count} passes together; densities, images, pixels and checks on held-out ground are "
+        "shown of pass 1. The field effects of a material are taken as independent from pass to pass."
+    ]
+
+
+def _as_written(case: stages.Archive, stop: Stop) -> dict[str, Any]:
+    """Configuration, with lists of the passes as in a case file."""
+    data = {**case.sections(*case.__dict__), "stop": stop.model_dump(mode="json")}
+    for section, further in FURTHER.items():
+        if further in data:
+            data[section] = [data[section], *data.pop(further)]
+    return data
+
+
+def _passes(
+    case: stages.Archive,
+    history: History,
+    targets: Targets,
+    images: Sequence[Registered],
+    final: Sequence[Record],
+) -> dict[str, PassSummary]:
+    """Passes of a case of several, by their number from 1."""
+    laws = pass_laws(case, targets, history)
+    found = {}
+    known = {key for run in history.runs for key in (run.key, *run.further_keys)}
+    for k, (one, registered, target) in enumerate(zip(case.passes, images, targets.passes, strict=True)):
+        keys = [run.further_keys[k - 1] if k else run.key for run in history.runs]
+        missing = [name for name in targets if name not in target]
+        notes = [f"{name}: too few pixels in this pass, which says nothing of it." for name in missing]
+        new = {record.key for record in final[2 * k : 2 * k + 2]} - known
+        known |= new
+        found[str(k + 1)] = PassSummary(
+            depression_deg=one.radar.depression_deg,
+            look_side=one.radar.look_side,
+            polarisation=one.radar.polarisation,
+            looks=one.radar.looks,
+            measurement=registered.measurement.source,
+            registration=registered.verdict,
+            levels=target.levels.sentence,
+            notes=(*registered.measurement.notes, *notes),
+            keys=np.array(keys),
+            final_runs=len(new),
+            materials={
+                name: PassLaw(
+                    **asdict(law),
+                    pixels=target[name].pixels.size,
+                    difference_db=_difference_db(
+                        one.laws[name],
+                        history.best(name).scores[name].parameters,
+                        registered.measurement.hidden.get(name),
+                        target[name].incidence_deg,
+                    ),
+                )
+                for name, law in laws[k].items()
+            },
+        )
+    return found
+
+
+def _difference_db(
+    law: Law, found: Sequence[float], hidden: Sequence[float] | None, incidence_deg: Any
+) -> float | None:
+    """Largest difference from a hidden law over a pass's incidence [dB]; None where there is none, or no curve."""
+    if hidden is None or not law.has_curve:
+        return None
+    seen = seen_rad(incidence_deg)
+    return float(np.max(np.abs(law(seen, found) - law(seen, hidden))))
+
+
 def _final_parameters(case: stages.Archive, history: History, targets: Targets) -> dict[str, Sequence[float]]:
-    """X of every material in the final runs: that of the best run, or that of a fixed law."""
-    best = {name: history.best(name).parameters[name] for name in targets}
+    """X of every material in the final runs: for a calibrated material X of the best run, else the fixed X."""
+    best = {name: history.best(name).scores[name].parameters for name in targets}
     return {name: best.get(name, material.start_parameters) for name, material in case.materials.items()}
 
 
 def _law(values: Any, material: Material, radar: Radar) -> LawParameters:
-    """Parameters of a material's law, in one run or in several."""
+    """Parameters of a material's law in one or several runs, with the conditions of the law."""
     external = material.law == EXTERNAL
     return LawParameters(
         values=np.array(values, dtype=np.float64),
@@ -150,7 +238,7 @@ def _runs(history: History) -> Runs:
 
 
 def _registration(registered: Registered) -> RegistrationSummary:
-    """Registration of the measured image, with its arrays only if the displacement was applied."""
+    """Outcome of the registration, with the arrays only if the displacement was applied."""
     said = (registered.method, registered.applied, registered.verdict)
     if not registered.applied:
         return RegistrationSummary(*said)
@@ -164,17 +252,17 @@ def _registration(registered: Registered) -> RegistrationSummary:
 
 
 def _levels(levels: Levels) -> LevelSummary:
-    """Level of the measured image relative to the simulated."""
+    """Level of the measured image relative to the simulated image."""
     return LevelSummary(**{item.name: getattr(levels, item.name) for item in fields(LevelSummary)})
 
 
 def _level_db(levels: Levels) -> float:
-    """Level that is subtracted from the measured image for figures [dB]."""
+    """Level [dB] that is subtracted from the measured image in the archive."""
     return 0.0 if levels.normalisation == "none" else levels.offset_db
 
 
 def _scene(scene: Scene) -> SceneView:
-    """Scene at the resolution of the figures."""
+    """Scene, reduced to the resolution of the figures."""
     step = -(-max(scene.material.shape) // _LARGEST_SCENE)
     places = None
     if scene.objects is not None and (count := len(scene.objects)):
@@ -204,6 +292,7 @@ def _material(
     fit, of_classes = target.goodness, target.classes is not None
     unknown = [np.nan] * len(material.parameter_names)
     proposals = [run.proposals[name] for run in history.infill]
+    scores = [run.scores[name] for run in runs]
     return MaterialResult(
         law=material.law,
         parameter_names=tuple(material.parameter_names),
@@ -223,11 +312,9 @@ def _material(
         fit_ad=fit.ad,
         fit_ad_p=fit.ad_p,
         best=runs.index(history.best(name)),
-        parameters=_law(
-            [unknown if name in run.other_law else run.parameters[name] for run in runs], material, case.radar
-        ),
-        dp=np.array([run.dp[name] for run in runs]),
-        rms=np.array([run.rms[name] for run in runs]),
+        parameters=_law([score.parameters if score.own_law else unknown for score in scores], material, case.radar),
+        dp=np.array([score.dp for score in scores]),
+        rms=np.array([score.rms for score in scores]),
         bounds=np.array(material.box),
         start=_law(material.start_parameters, material.at_start, case.radar),
         target_dp=target.dp,
@@ -242,12 +329,30 @@ def _material(
         check=_check(check),
         final_dp=found.calibrated_dp,
         fresh_dp=found.fresh_dp,
-        predicted_rms=_numbers(proposal.predicted_rms for proposal in proposals),
-        floor_rms=_numbers(proposal.floor_rms for proposal in proposals),
+        predicted_rms=_numbers(None if of_classes else proposal.cost for proposal in proposals),
+        floor_rms=_numbers(None if of_classes else proposal.floor for proposal in proposals),
         mode=tuple(proposal.mode for proposal in proposals),
         hidden=None if hidden is None else np.array(hidden),
-        cost=_numbers(run.cost.get(name) for run in runs) if of_classes else None,
-        run_looks=_numbers(run.looks.get(name) for run in runs) if of_classes else None,
+        cost=_numbers(score.cost if score.own_law else None for score in scores) if of_classes else None,
+        run_looks=_numbers(score.looks if score.own_law else None for score in scores) if of_classes else None,
+        fidelity=_fidelity(history.infill, name),
+    )
+
+
+def _fidelity(infill: Sequence[Run], name: str) -> Fidelity | None:
+    """Predictions of the surrogate for a material, and the results of the runs that verified them."""
+    if not infill:
+        return None
+    proposals, scores = [run.proposals[name] for run in infill], [run.scores[name] for run in infill]
+    verified = np.array([score.statistics for score in scores])
+    nothing = np.full(verified.shape[1:], np.nan)
+    return Fidelity(
+        predicted_cost=_numbers(proposal.cost for proposal in proposals),
+        verified_cost=_numbers(score.cost for score in scores),
+        predicted=np.array([proposal.statistics or nothing for proposal in proposals]),
+        error=np.array([proposal.errors or nothing for proposal in proposals]),
+        verified=verified,
+        q2=np.array([proposal.q2 or [np.nan] * 3 for proposal in proposals], dtype=np.float64),
     )
 
 
@@ -257,7 +362,7 @@ def _numbers(values: Iterable[float | None]) -> NDArray[np.float64]:
 
 
 def _check(check: LawCheck) -> Check:
-    """Check of a law in the form of the archive."""
+    """Check of a law, converted to the class of the archive."""
     known = {key: value for key, value in vars(check).items() if key not in ("sentences", "held")}
     held = None if check.held is None else HeldOutBlocks(**asdict(check.held))
     return Check(**known, sentences=tuple(check.sentences), held=held)

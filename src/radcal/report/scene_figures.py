@@ -59,14 +59,14 @@ def scene(case: Archive) -> tuple[Canvas, str, str] | None:
 
 
 def _light() -> LightSource:
-    """Light from the north-west."""
+    """Light source in the north-west, for the shading of the relief."""
     from matplotlib.colors import LightSource
 
     return LightSource(azdeg=315.0, altdeg=40.0)
 
 
 def _sides_km(shape: tuple[int, ...], cell_m: float) -> tuple[float, float, float, float]:
-    """West, east, south and north of the scene [km]."""
+    """West, east, south and north bounds of the scene's axes [km]."""
     return (0.0, shape[1] * cell_m / 1000.0, 0.0, shape[0] * cell_m / 1000.0)
 
 
@@ -130,7 +130,7 @@ def _view(canvas: Canvas, elevation: Array, material: NDArray[Any], cell_m: floa
 
 
 def _expected_db(case: Archive, incidence_deg: NDArray[Any], material: NDArray[Any]) -> Array:
-    """Backscatter of the calibrated laws at each pixel's mean incidence, without speckle [dB]; NaN without material."""
+    """Backscatter [dB] by the calibrated laws at each pixel's mean incidence, no speckle; NaN for no material."""
     angle = np.radians(incidence_deg.astype(np.float64))
     expected = np.full(angle.shape, np.nan)
     for k, name in enumerate(case.names, start=1):
@@ -175,7 +175,7 @@ def incidence(case: Archive) -> tuple[Canvas, str, str] | None:
 
 
 def _incidence_words(case: Archive, angle: NDArray[Any], material: NDArray[Any], expected: Array) -> tuple[str, str]:
-    """Caption and description of the local incidence."""
+    """Caption and alternative text of the figure of the local incidence."""
     spans = []
     for name in list(case.materials)[:_LISTED]:
         inside = (material == case.names.index(name) + 1) & np.isfinite(angle)

@@ -12,40 +12,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from radcal import skewnormal
 from radcal.config import stages
-from radcal.radar.laws import Law
-from radcal.report.archive import Archive, Check, HeldOutBlocks, MaterialResult, RegistrationSummary
+from radcal.report.archive import Archive, Check, HeldOutBlocks, MaterialResult, PassSummary, RegistrationSummary
 
-__all__ = ["law_difference_db", "numbered_jobs", "sentences", "summarise", "wall_seconds"]
-
-
-def law_difference_db(law: Law, found: ArrayLike, hidden: ArrayLike, incidence_deg: ArrayLike) -> float:
-    """Largest difference between two curves of a law over the incidence angles of a material.
-
-    Parameters
-    ----------
-    law : Law
-        Law of both curves.
-    found, hidden : array_like, shape (d,)
-        Calibrated and true parameters X.
-    incidence_deg : array_like
-        Local incidence of the material's pixels [deg]; the curves are compared between its 5 and 95 % quantiles.
-
-    Returns
-    -------
-    float
-        Maximum of the absolute difference [dB].
-    """
-    low, high = np.percentile(np.asarray(incidence_deg), [5.0, 95.0])
-    phi = np.radians(np.linspace(low, high, 201))
-    return float(np.max(np.abs(law(phi, found) - law(phi, hidden))))
+__all__ = ["numbered_jobs", "sentences", "summarise", "wall_seconds"]
 
 
 def numbered_jobs(archive: Archive) -> dict[str, int]:
-    """Number of jobs of each stage that has several numbered jobs.
+    """Number of jobs of each stage whose jobs are numbered.
 
     Parameters
     ----------
@@ -55,7 +32,7 @@ def numbered_jobs(archive: Archive) -> dict[str, int]:
     Returns
     -------
     dict
-        Number of chunks for the design, and of iterations for train, propose and verify.
+        Number of chunks for the stage design, and number of iterations for train, propose and verify.
     """
     iterations = int(np.count_nonzero(archive.runs.kind == "infill"))
     config = json.loads(archive.config)
@@ -73,7 +50,7 @@ def wall_seconds(folder: str | Path, jobs: Mapping[str, int] | None = None) -> d
         Folder of the benchmark files.
     jobs : mapping, optional
         Number of jobs of each numbered stage. Jobs are numbered from 0, and files with higher numbers, left over from
-        an earlier calibration of the case, are ignored. For stages that are not named all files count.
+        an earlier calibration of the case, are ignored. For a stage that is not in ``jobs``, all files are counted.
 
     Returns
     -------
@@ -81,7 +58,7 @@ def wall_seconds(folder: str | Path, jobs: Mapping[str, int] | None = None) -> d
         Wall time by stage [s]; stages without a file are absent.
     """
     seconds: dict[str, float] = defaultdict(float)
-    for file in sorted(Path(folder).glob("*.tsv")):
+    for file in sorted(Path(folder).rglob("*.tsv")):
         stage, _, number = file.stem.rpartition("_")
         if not number.isdigit():
             stage, number = file.stem, "0"
@@ -94,7 +71,7 @@ def wall_seconds(folder: str | Path, jobs: Mapping[str, int] | None = None) -> d
 
 
 def sentences(archive: Archive) -> list[str]:
-    """Sentences on the reason for the end of each material, and warnings about its law."""
+    """Sentences on the reason why the search ended for each material, and warnings about each law."""
     return [*archive.sentences, *(said for material in archive.materials.values() for said in material.check.sentences)]
 
 
@@ -113,7 +90,7 @@ def _check(check: Check) -> dict[str, Any]:
 
 
 def _numbers(held: HeldOutBlocks) -> dict[str, Any]:
-    """Errors of the predictions on held-out blocks, without the values of single blocks."""
+    """Errors of the predictions for held-out blocks, without the values of the individual blocks."""
     return {key: value for key, value in vars(held).items() if not isinstance(value, np.ndarray)}
 
 
@@ -162,12 +139,12 @@ def _material(material: MaterialResult, counted: NDArray[np.bool_], tolerance: f
         law = material.parameters.curve()
         # external laws have no curve to compare
         if law.has_curve:
-            summary["law_difference_db"] = law_difference_db(law, x[best], material.hidden, material.incidence_deg)
+            summary["law_difference_db"] = law.largest_difference_db(x[best], material.hidden, material.incidence_deg)
     return summary
 
 
 def _registration(registration: RegistrationSummary) -> dict[str, Any]:
-    """Registration: method, verdict and lengths [pixels]."""
+    """Registration: method, verdict, and rms, standard error and true error of the displacement [pixels]."""
     summary: dict[str, Any] = {
         "method": registration.method,
         "applied": registration.applied,
@@ -182,8 +159,19 @@ def _registration(registration: RegistrationSummary) -> dict[str, Any]:
     return summary
 
 
+def _pass(one: PassSummary) -> dict[str, Any]:
+    """One pass of several, and what is known of the laws over its incidence."""
+    known = {key: value for key, value in vars(one).items() if key not in ("keys", "materials", "final_runs")}
+    return {
+        **known,
+        "notes": list(one.notes),
+        "runs": int(np.unique(one.keys).size) + one.final_runs,
+        "materials": {name: dict(vars(law)) for name, law in one.materials.items()},
+    }
+
+
 def _finite(value: Any) -> Any:
-    """Plain data with None in place of numbers that are not finite."""
+    """Plain data, with None in place of NaN and infinite numbers."""
     if isinstance(value, Mapping):
         return {key: _finite(item) for key, item in value.items()}
     if isinstance(value, list):
@@ -192,7 +180,7 @@ def _finite(value: Any) -> Any:
 
 
 def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> dict[str, Any]:
-    """Plain data of ``summary.json`` from the archive.
+    """Data of ``summary.json``, computed from the archive.
 
     Parameters
     ----------
@@ -207,10 +195,13 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
         Keys of ``summary.json``; rms in 1/dB, mse in 1/dB^2, all numbers finite or None.
     """
     kinds = archive.runs.kind
-    # a proposal whose run was simulated before does not count as a run
-    made = np.isin(np.arange(kinds.size), np.unique(archive.runs.key, return_index=True)[1])
-    runs = {kind: int(np.count_nonzero((kinds == kind) & made)) for kind in ("reference", "design", "infill")}
-    runs["final"] = archive.final_runs
+    passes = archive.passes or {}
+    keys = np.concatenate([one.keys for one in passes.values()] or [archive.runs.key])
+    # a proposal whose run was simulated before does not count as a run; each pass of an X is a run
+    made = np.isin(np.arange(keys.size), np.unique(keys, return_index=True)[1])
+    each = np.tile(kinds, keys.size // kinds.size)
+    runs = {kind: int(np.count_nonzero((each == kind) & made)) for kind in ("reference", "design", "infill")}
+    runs["final"] = sum(one.final_runs for one in passes.values()) if passes else archive.final_runs
     summary: dict[str, Any] = {
         "case": archive.case,
         "objective": archive.objective,
@@ -233,6 +224,8 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
             for name, material in archive.materials.items()
         },
     }
+    if passes:
+        summary["passes"] = [_pass(one) for one in passes.values()]
     result = _finite(summary)
     assert isinstance(result, dict)  # noqa: S101 - the type checker cannot infer that a dict stays a dict
     return result

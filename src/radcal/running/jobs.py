@@ -1,4 +1,4 @@
-"""Context of every workflow job: log file, progress lines, one sentence on failure."""
+"""Context manager for every workflow job: it opens the log file and prints a one-line error message after a failure."""
 
 from __future__ import annotations
 
@@ -36,21 +36,22 @@ __all__ = [
 # environment variables that the session sets for its jobs
 CASE = "RADCAL_CASE"  # name of the case
 STARTED = "RADCAL_STARTED"  # time when this invocation began [s since 1970]
-OWNER = "RADCAL_OWNER"  # process number of the Snakemake that starts jobs on this machine
-FAILURE = "RADCAL_FAILURE"  # file to which a failed job writes its sentence
-PROGRESS = "RADCAL_PROGRESS"  # file to which jobs on other machines, which have no terminal, write their lines
+OWNER = "RADCAL_OWNER"  # process number of the Snakemake process that starts the jobs on this machine
+FAILURE = "RADCAL_FAILURE"  # file to which a failed job writes its error message
+PROGRESS = "RADCAL_PROGRESS"  # file for the progress lines of jobs on other machines, which have no terminal
 
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
 
 
 def die_with_parent() -> None:
-    """Ask the operating system to kill this process when its parent ends for any reason; Linux only.
+    """Let the operating system kill this process when its parent process ends for any reason; Linux only.
 
-    A job that outlives its Snakemake would write the same files as the jobs of the next command.
+    A job that continues after its Snakemake process has ended would write the same files as the next command's jobs.
 
     References
     ----------
-    prctl(2), PR_SET_PDEATHSIG. The parent is the thread that started the process, which waits for it.
+    prctl(2), PR_SET_PDEATHSIG. For prctl, the parent is the thread that started this process. This thread
+    lives until the process ends, because the thread waits for the process.
     """
     if sys.platform == "linux":
         with suppress(OSError, AttributeError):
@@ -59,24 +60,27 @@ def die_with_parent() -> None:
 
 @contextmanager
 def logged(path: str | Path, config: Mapping[str, Any] | None = None) -> Iterator[None]:
-    """Context that logs to a file and turns an exception into an exit with one sentence.
+    """Context that logs to a file; after an exception it prints a one-line error message and exits.
 
-    The sentence is that of a :class:`RadcalError`; for other exceptions it names the log, which has the traceback.
+    The message of a :class:`RadcalError` is printed unchanged. For every other exception, the printed message names the
+    log file, which contains the traceback.
 
     Parameters
     ----------
     path : path
         Log file of the job.
     config : mapping, optional
-        Sections of the configuration that the job reads; they are recorded in the files that it writes.
+        Sections of the configuration that the job reads; every file that the job writes records these sections.
     """
     guard()
-    gc.freeze()  # what the imports made lasts to the end
+    gc.freeze()  # the garbage collector need not search the imported objects, which exist until the job ends
     if OWNER in os.environ:
         die_with_parent()
-        if not alive(int(os.environ[OWNER])):  # the parent ended before the system was told to watch it
+        if not alive(int(os.environ[OWNER])):  # the parent ended before die_with_parent() took effect
             sys.exit("radcal: the snakemake that started this job has ended.")
-    logging.raiseExceptions = False  # a full disk is reported once, by the write that failed
+    logging.raiseExceptions = (
+        False  # on a full disk only the failed write of a result reports an error, not every log line
+    )
     try:
         logging.basicConfig(
             filename=path,
@@ -101,15 +105,15 @@ def logged(path: str | Path, config: Mapping[str, Any] | None = None) -> Iterato
     except Exception as error:
         _fail(f"radcal: internal error, {type(error).__name__}: {error} (the traceback is in {path}).")
     finally:
-        # without it Python would search all modules for garbage at exit, which takes a tenth of a small job's time
+        # otherwise Python would search all modules for garbage at exit, which takes a tenth of a small job's time
         gc.freeze()
 
 
 def _fail(sentence: str) -> NoReturn:
-    """Exit with a sentence; the traceback goes to the log, and Snakemake's own message is suppressed."""
+    """Write the traceback to the log, save the error message for the session, and exit with this message."""
     logging.getLogger("radcal").exception("failed")
     if FAILURE in os.environ:
-        with suppress(OSError):  # the job may have failed because the disk is full
+        with suppress(OSError):  # the disk may be full, which may be the reason for the failure
             Path(os.environ[FAILURE]).write_text(sentence + "\n", encoding="utf-8")
     if PROGRESS in os.environ:
         _say(sentence)
@@ -117,21 +121,21 @@ def _fail(sentence: str) -> NoReturn:
 
 
 def elapsed() -> str:
-    """Time since the Snakemake command began, as minutes and seconds."""
+    """Time since the start of the Snakemake command, as minutes and seconds."""
     seconds = int(time.time() - float(os.environ.get(STARTED, time.time())))
     return f"{seconds // 60}:{seconds % 60:02d}"
 
 
 def progress(line: str) -> None:
-    """Print one line on the terminal, and write it to the job's log file."""
+    """Print one line with the elapsed time on the terminal, and write the line to the job's log file."""
     logging.getLogger("radcal").info(line)
     _say(f"[{elapsed():>6}] {line}")
 
 
 def _say(text: str) -> None:
-    """Write a line to the terminal, or to the progress file of jobs on other machines."""
+    """Print a line on the terminal, or, in a job on another machine, write the line to the progress file."""
     if PROGRESS in os.environ:
-        # one write for each line, because several jobs share the file; a failed write (full disk) fails no job
+        # one write for each line, because several jobs share the file; a job continues if the write fails (full disk)
         with suppress(OSError), Path(os.environ[PROGRESS]).open("ab", buffering=0) as file:
             file.write(f"{text}\n".encode())
     else:
@@ -140,12 +144,13 @@ def _say(text: str) -> None:
 
 
 class Follower:
-    """Thread that prints on the terminal what jobs on other machines write to the progress file.
+    """Thread that prints the lines of the progress file on the terminal; jobs on other machines write this file.
 
     Parameters
     ----------
     path : path
-        File that :data:`PROGRESS` names in the jobs; it is emptied first.
+        Progress file, whose path the jobs get from the environment variable :data:`PROGRESS`. The constructor empties
+        the file.
     """
 
     def __init__(self, path: str | Path) -> None:

@@ -1,7 +1,7 @@
-"""Memory and time that the jobs of each stage request from a cluster, as linear functions of the scene's size.
+"""Memory and time that the jobs of each stage request from a cluster, as linear functions of the scene size.
 
-The size is the number of cells, facets or pixels, whichever is the largest; the coefficients exceed the values measured
-on scenes of 2 to 56 million cells (docs/cluster.md).
+The scene size is the largest of the numbers of cells, facets and pixels. The coefficients of the linear functions
+exceed the coefficients measured on scenes of 2 to 56 million cells (docs/cluster.md).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Stage = Literal["light", "scene", "geometry", "measurement", "run", "registratio
 
 @dataclass(frozen=True)
 class _Demand:
-    """Demand of a stage: constant memory [MB], memory per array value [byte], time per million array values [s]."""
+    """Resources for a stage: constant memory [MB], memory per array value [byte], time per million values [s]."""
 
     base_mb: float
     value_bytes: float
@@ -42,7 +42,7 @@ _LEAST_MINUTES = 10
 
 
 def values_of(case: Case) -> dict[str, int]:
-    """Number of values in a scene's largest arrays.
+    """Number of values in the largest arrays of a scene and of its image.
 
     Parameters
     ----------
@@ -52,30 +52,31 @@ def values_of(case: Case) -> dict[str, int]:
     Returns
     -------
     dict of str to int
-        ``scene``: largest number of values from which the scene is made; ``image``: largest of the numbers of cells,
-        facets and pixels.
+        ``scene``: the larger of the number of scene cells and the number of values that are resampled to make the
+        scene; ``image``: the largest of the numbers of cells, facets and pixels.
 
     Raises
     ------
     ConfigError, SceneError
-        The size does not follow from the scene's files.
+        The scene's files do not determine the size.
     """
     scene = scene_size(case.scene)
-    image = image_size(scene, case.radar)
-    return {"scene": max(scene.cells, scene.resampled), "image": max(scene.cells, image.facets, image.pixels)}
+    images = [image_size(scene, one.radar) for one in case.passes]
+    most = max(max(image.facets, image.pixels) for image in images)
+    return {"scene": max(scene.cells, scene.resampled), "image": max(scene.cells, most)}
 
 
 def memory_mb(stage: Stage, values: int, attempt: int = 1) -> int:
-    """Memory that a job requests [MB], in hundreds.
+    """Memory that a job requests [MB], a multiple of 100.
 
     Parameters
     ----------
     stage : Stage
         Name of the job's stage.
     values : int
-        Number of values from :func:`values_of`: ``scene`` for the stage of that name, else ``image``.
+        Number of values from :func:`values_of`: entry ``scene`` for stage ``scene``, entry ``image`` for other stages.
     attempt : int
-        Number of the attempt, from 1: each further attempt gets twice as much.
+        Number of the attempt, from 1; each further attempt requests twice the memory of the previous attempt.
     """
     demand = _DEMANDS[stage]
     hundreds = math.ceil((demand.base_mb + demand.value_bytes * values / 1e6) / 100)
@@ -90,8 +91,8 @@ def runtime_minutes(stage: Stage, values: int, simulation_s: float = 0.0) -> int
     stage : Stage
         Name of the job's stage.
     values : int
-        Number of values as for :func:`memory_mb`.
+        Number of values from :func:`values_of`, chosen by stage as in :func:`memory_mb`.
     simulation_s : float
-        Upper limit of the time of the simulator's runs in the job [s].
+        Upper limit of the total time of all simulator runs in the job [s].
     """
     return _LEAST_MINUTES + math.ceil((_DEMANDS[stage].million_s * values / 1e6 + simulation_s) / 60)

@@ -1,6 +1,6 @@
-"""Table of ``docs/reruns.md``: stages and simulator runs that are repeated when a configuration key changes.
+"""Table in ``docs/reruns.md``: rules and simulator runs that are repeated after a change of each configuration key.
 
-``python -m radcal.running.reruns`` writes the table from the stages' models (:mod:`radcal.config.stages`).
+``python -m radcal.running.reruns`` prints the table, derived from the models in :mod:`radcal.config.stages`.
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from radcal.config import Case
+from radcal.config.sections import FURTHER
 from radcal.config.stages import STAGES
 
 __all__ = ["reruns_table"]
@@ -23,11 +24,14 @@ _RUNS: Mapping[str, str] = {
     "all for a new law or another material's parameters",
     "measurement": "none of the design; infill towards the new target",
     "registration": "none of the design; infill towards the new target",
-    "objective": "those by which the design of the density is larger; infill for the new objective",
-    "target": "none of the design; infill towards the new target",
+    "objective": "further draws of speckle in the design where `simulator.draws` is not configured; infill for the new "
+    "objective",
+    "target": "none of the design, which is larger with normalisation `image` (`design.size: auto`); infill towards "
+    "the new target",
     "validation": "none of the design; infill towards the new target",
     "design": "those by which a larger design, or another sampler, differs",
-    "surrogate": "none of the design; infill where the proposals differ",
+    "surrogate": "those by which the design without a baseline is larger (`design.size: auto`); infill where the "
+    "proposals differ",
     "optimiser": "none of the design; infill where the proposals differ",
     "stop": "none; more infill where the new settings ask for it",
 }
@@ -39,15 +43,15 @@ def _first(section: str) -> list[str]:
 
 
 def reruns_table() -> str:
-    """Table of ``docs/reruns.md``: stages and simulator runs that are repeated when a configuration key changes.
+    """Table in ``docs/reruns.md``: rules and simulator runs that are repeated after a change of each configuration key.
 
     Returns
     -------
     str
-        Table in Markdown with one line for each key of the configuration.
+        Table in Markdown, with one row for each top-level key of the configuration.
     """
     lines = ["| key | stages that read it | new runs of the simulator |", "|---|---|---|"]
-    for section in Case.model_fields:
+    for section in (name for name in Case.model_fields if name not in FURTHER.values()):
         rules = ", ".join(_first(section)) or ("archive" if section in STAGES["archive"].model_fields else "none")
         lines.append(f"| `{section}` | {rules} | {_RUNS[section]} |")
     return "\n".join(lines) + "\n"

@@ -1,4 +1,4 @@
-"""Check of a results folder before jobs are planned: damaged files are renamed, so that they are made again."""
+"""Check of a results folder before Snakemake plans jobs; damaged files are renamed, so that jobs make them again."""
 
 from __future__ import annotations
 
@@ -21,47 +21,47 @@ from radcal.storage.sealing import is_sealed
 __all__ = ["files_of", "salvage"]
 
 _MOST_BYTES = 16 * 2**20
-_SHOWN = 3  # largest number of files named in a sentence
+_SHOWN = 3  # largest number of files named in one message
 
 logger = logging.getLogger(__name__)
 
 
 def files_of(folder: str | Path, patterns: Iterable[str]) -> Iterator[Path]:
-    """Existing files whose paths match the outputs of the workflow's rules.
+    """Existing files whose paths match the outputs of the workflow rules.
 
     Parameters
     ----------
     folder : path
         ``results/<case>``.
     patterns : iterable of str
-        Paths below the folder, in which ``{name}`` stands for any text.
+        Paths relative to the folder, in which ``{name}`` stands for any text.
     """
     for pattern in patterns:
         yield from sorted(Path(folder).glob(re.sub(r"\{[^}]*\}", "*", pattern)))
 
 
 def salvage(folder: str | Path, case: str, patterns: Iterable[str]) -> list[str]:
-    """Rename damaged files of a results folder, and remove indexes that list a missing run.
+    """Rename damaged files of a results folder, and remove each index of runs that lists a missing run.
 
-    Modification times in the future, which remain after a clock was set back, are set to the present.
+    Modification times in the future are set to the present; such times remain after a clock was set back.
 
-    Files of up to 16 MiB are read whole and compared with their checksums. Of larger files only the header and the size
-    are checked here; their content is checked when a job reads them.
+    Files of up to 16 MiB are read completely and compared with their checksums. In larger files, only the header and
+    the size are checked here; a job that reads a larger file checks the content.
 
     Parameters
     ----------
     folder : path
         ``results/<case>``.
     case : str
-        Name of the case. Files of another case are set aside, too, except for records of runs, which are valid for any
-        case with the same key.
+        Name of the case. Files of another case are also renamed, except run records, because a run
+        with the same key is valid in every case.
     patterns : iterable of str
-        Outputs of the workflow's rules, as for :func:`files_of`.
+        Outputs of the workflow rules, in the form that :func:`files_of` expects.
 
     Returns
     -------
     list of str
-        Sentences on the files found, for the terminal.
+        Messages about the damaged and missing files, each one sentence for the terminal.
     """
     folder = Path(folder)
     clamp_future_mtimes(folder)
@@ -77,7 +77,7 @@ def salvage(folder: str | Path, case: str, patterns: Iterable[str]) -> list[str]
 
 
 def _contents(path: Path, sentences: list[str]) -> Any:
-    """Content of a JSON file, None for any other file; a damaged file is renamed."""
+    """Content of a JSON file of up to 16 MiB, or None for every other file; a damaged file is renamed."""
     try:
         if path.suffix == ".json" and path.stat().st_size <= _MOST_BYTES:
             return read_json(path)
@@ -85,19 +85,19 @@ def _contents(path: Path, sentences: list[str]) -> Any:
     except DamagedError as error:
         sentences.append(_here(error))
     except (StoreError, OSError) as error:
-        # a file that cannot be reached is reported by the job that needs it, if any does
+        # a job that needs this unreadable file reports the error; without such a job, no report is needed
         logger.info("%s", error)
     return None
 
 
 def _keys(data: Any) -> set[str]:
-    """Hashes of the runs that an index lists."""
+    """Hashes of the runs that an index of runs lists."""
     entries = data if isinstance(data, list) else []
     return {entry["key"] for entry in entries if isinstance(entry, dict) and isinstance(entry.get("key"), str)}
 
 
 def _indexes(folder: Path, lost: Mapping[Path, set[str]], sentences: list[str]) -> None:
-    """Remove indexes that list lost runs; the jobs that write the indexes again simulate only the lost runs."""
+    """Remove indexes that list missing runs; the jobs that rewrite these indexes simulate only the missing runs."""
     lost = {path: keys for path, keys in lost.items() if keys}
     if not lost:
         return
@@ -115,13 +115,13 @@ def _indexes(folder: Path, lost: Mapping[Path, set[str]], sentences: list[str]) 
 
 
 def _few(names: Sequence[str]) -> str:
-    """Text with the first few names and the number of the remaining ones."""
+    """Text with the first three names and the number of further names."""
     more = len(names) - _SHOWN
     return ", ".join(names[:_SHOWN]) + (f" and {more} more" if more > 0 else "")
 
 
 def _listing(path: Path, checksums: Mapping[str, str], sentences: list[str]) -> None:
-    """Rename files (table, report, figures) that differ from their listed checksums, so that they are made again."""
+    """Rename table, report and figures that differ from their listed checksums, so that jobs make them again."""
     try:
         found = faulty(path.parent, checksums)
     except OSError as error:
@@ -132,24 +132,26 @@ def _listing(path: Path, checksums: Mapping[str, str], sentences: list[str]) -> 
         sentences.append(f"{names} {'are' if len(missing) > 1 else 'is'} missing, and made again.")
     for file, reason in found.items():
         if file not in missing:
-            # not in the folder of the figures, which is emptied before they are drawn again
+            # not into the folder of the figures, because the job that draws the figures first empties this folder
             sentences.append(_here(set_aside(file, reason, aside=path.parent / f"{file.name}.damaged")))
     if found:
         _remove(path)
 
 
 def _remove(path: Path) -> None:
-    with contextlib.suppress(OSError):  # the folder is read-only, which the first job that writes there will report
+    with contextlib.suppress(
+        OSError
+    ):  # a read-only folder: the first job that writes into the folder reports the error
         path.unlink()
 
 
 def _here(error: StoreError) -> str:
-    """Sentence about a damaged file, which says that the present command makes the file again."""
+    """Message which says that a file is damaged and that the present command makes the file again."""
     return str(error).replace("type the same command again to have it made again", "it is made again where needed")
 
 
 def _records(folder: Path, sentences: list[str]) -> set[str]:
-    """Hashes of the runs whose records exist in the run store; damaged records are renamed."""
+    """Hashes of all runs with an undamaged record in the run store; damaged records are renamed."""
     store = RunStore(folder)
     found = set()
     for path in sorted(folder.glob("[!.]*.h5")):

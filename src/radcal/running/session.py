@@ -1,4 +1,4 @@
-"""Session of one Snakemake command on a case: lock, damaged files, leftover Slurm jobs, and messages."""
+"""Session of one Snakemake command on a case: lock, damaged files, remaining Slurm jobs, and messages."""
 
 from __future__ import annotations
 
@@ -34,20 +34,22 @@ _RESULTS = Path("results")
 def open_session(
     files: Sequence[str | Path], config: Mapping[str, Any], words: Sequence[str], remote: bool, logger: logging.Logger
 ) -> Session:
-    """Session of a Snakemake command, with the case loaded and checked; exit with one sentence if the case is invalid.
+    """Load and check the case of a Snakemake command, and return the session of this command.
+
+    If the case is invalid, the process exits with a one-line error message.
 
     Parameters
     ----------
     files : sequence of path
         Configuration files.
     config : mapping
-        Configuration as Snakemake has merged it.
+        Configuration that Snakemake has merged from the files and the command line.
     words : sequence of str
-        Arguments of ``--config`` on the command line.
+        Arguments of Snakemake's option ``--config`` on the command line.
     remote : bool
         Whether this process is a job on a cluster.
     logger : logging.Logger
-        Snakemake's logger, which receives the filter of the session's messages.
+        Snakemake's logger, to which the session adds its filter of messages.
     """
     guard(logger)
     try:
@@ -64,30 +66,30 @@ def open_session(
 
 
 def is_dry_run(words: Iterable[str]) -> bool:
-    """Whether a command line asks for a dry run, which Snakemake does not reveal while it reads the Snakefile."""
+    """Whether a command line contains the dry-run option, which a Snakefile cannot query from Snakemake."""
     return any(re.fullmatch("--dry-?run|-[a-z]*n[a-z]*", word) for word in words)
 
 
 class Session:
-    """Session of one command: lock on the case's folder, damaged files, leftover Slurm jobs, filter of messages.
+    """Session of one Snakemake command: it locks the results folder, prepares it for the jobs, and filters messages.
 
-    Jobs receive the session's settings through environment variables (:mod:`radcal.running.jobs`).
+    Environment variables (:mod:`radcal.running.jobs`) pass the settings of the session to the jobs.
 
     Parameters
     ----------
     case : Case
         Configuration of the case.
     remote : bool
-        Whether this process is a job on a cluster, which reads the Snakefile again.
+        Whether this process is a job on a cluster; such a job executes the Snakefile again.
     results : path
-        Folder of the results of all cases.
+        Folder that contains the results folders of all cases.
     inputs : mapping, optional
-        Files that the case reads, by configuration key.
+        Input files of the case by configuration key.
 
     Attributes
     ----------
     case, inputs
-        Case and input files, as passed to the constructor.
+        Configuration and input files, the same as the parameters of these names.
     folder : Path
         Results folder of the case, ``results/<case>``.
     messages : Messages
@@ -96,7 +98,7 @@ class Session:
     Raises
     ------
     StoreError
-        The results folder, or that of the case, is a file.
+        ``results`` or ``results/<case>`` is a file instead of a folder.
     """
 
     def __init__(
@@ -120,7 +122,7 @@ class Session:
         self._slurm = self.folder / ".slurm"
         self._patterns: list[str] = []
         self._started = remote
-        # until the first job starts, a file of failures is that of an earlier command
+        # before the first job starts, an existing file of failures belongs to an earlier command
         self.messages = Messages(lambda: self._started and self._failure.exists())
         os.environ[CASE] = case.case
         os.environ[OWNER] = str(os.getpid())
@@ -142,14 +144,14 @@ class Session:
         return (self.folder / "logs" / "progress.txt").absolute()
 
     def set_damaged_aside(self, outputs: Iterable[str]) -> None:
-        """Rename damaged results before Snakemake plans its jobs, so that they are made again, and print a message.
+        """Rename damaged results and print a message for each, before Snakemake plans the jobs that make them again.
 
-        A change of the built-in simulator's version is reported too.
+        A message is also printed if the version of the built-in simulator has changed since the earlier runs.
 
         Parameters
         ----------
         outputs : iterable of str
-            Outputs of the workflow's rules, with wildcards in braces.
+            Paths of the outputs of all workflow rules, with wildcards in braces.
         """
         self._patterns = [Path(path).relative_to(self.folder).as_posix() for path in outputs]
         try:
@@ -161,14 +163,15 @@ class Session:
             _say(sentence)
 
     def start(self, cluster: str | None = None, remote_jobs: bool = False) -> None:
-        """Lock the case's folder and prepare it for the first job, or exit with one sentence.
+        """Lock the results folder of the case and prepare this folder for the first job.
 
-        Jobs of an earlier command that are still in Slurm's queue are cancelled.
+        The preparation also cancels jobs of an earlier command that are still in Slurm's queue. If the lock or the
+        preparation fails, the process exits with a one-line error message.
 
         Parameters
         ----------
         cluster : str, optional
-            Name in Slurm's queue that all jobs of this command share.
+            Common name of all jobs of this command in Slurm's queue.
         remote_jobs : bool
             Whether jobs run on other machines.
         """
@@ -189,7 +192,7 @@ class Session:
             remember(self._slurm, cluster)
 
     def end(self, failed: bool = False) -> None:
-        """Release the lock on the case after the last job; after a failure or Ctrl-C, print how to continue."""
+        """Release the lock after the last job; after a failure or Ctrl-C, also print how to continue."""
         if self._follower is not None:
             self._follower.stop()
             self._follower = None
@@ -206,12 +209,12 @@ class Session:
             )
 
     def _refusal(self) -> str | None:
-        """Sentence on the first folder or result file that cannot be written; None if all are writable."""
+        """Message about the first folder or result file that is not writable; None if all are writable."""
         if (path := unwritable(self.folder)) is not None:
             return f"{path} cannot be written (Permission denied); results go there, so make it writable."
         if (path := unwritable(_SNAKEMAKE)) is not None:
             return f"{path} cannot be written (Permission denied); Snakemake's records go there, so make it writable."
-        # Snakemake fails on a write-protected file only when it starts the job that writes it, perhaps after hours
+        # Snakemake detects a write-protected file only when the job that writes it starts, perhaps after hours
         for path in files_of(self.folder, self._patterns):
             if not os.access(path, os.W_OK):
                 return (

@@ -1,4 +1,4 @@
-"""Message on a case whose earlier runs were made with another version of the built-in simulator."""
+"""Message that the earlier runs of a case were made with another version of the built-in simulator."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["simulator_change"]
 
 
 def simulator_change(folder: str | Path, case: Case) -> list[str]:
-    """Message that a case's runs are simulated again because the version of the built-in simulator has changed.
+    """Message that radcal repeats the runs of a case because the version of the built-in simulator has changed.
 
     Parameters
     ----------
@@ -26,8 +26,8 @@ def simulator_change(folder: str | Path, case: Case) -> list[str]:
     Returns
     -------
     list of str
-        One sentence, or none. The list is empty where there is no reference run yet, where the reference run is of the
-        present version, and where the simulator of the case or of the reference run is not the built-in one.
+        One message, or an empty list. The list is empty if no reference run exists, if the present version made the
+        reference run, or if the case or the reference run uses an external simulator.
     """
     folder = Path(folder)
     if case.simulator.kind != "builtin" or not (folder / "reference.json").is_file():
@@ -36,7 +36,7 @@ def simulator_change(folder: str | Path, case: Case) -> list[str]:
         key = read_index(folder / "reference.json")[0].key
         theirs = RunStore(folder / "runs").description(key)["simulator"]
     except (StoreError, KeyError, IndexError, TypeError):
-        return []  # damaged files are reported elsewhere
+        return []  # radcal.running.salvage reports damaged files
     if theirs.get("kind") != "builtin" or theirs.get("version") == SIMULATOR_VERSION:
         return []
     return [

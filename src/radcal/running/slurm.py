@@ -1,4 +1,4 @@
-"""Cancellation of jobs that a killed Snakemake left in Slurm's queue."""
+"""Cancellation of jobs that remain in Slurm's queue after Snakemake was killed."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from radcal.storage.files import atomic
 
 __all__ = ["cancel_leftovers", "job_name", "remember"]
 
-_PATIENCE_S = 120.0  # Slurm grants a cancelled job 30 s (KillWait) unless configured otherwise
+_PATIENCE_S = 120.0  # by default Slurm gives a cancelled job 30 s to end (KillWait)
 
 
 def job_name(workflow: Any) -> str | None:
-    """Name that all Slurm jobs of a command have in the queue; None where jobs do not run on Slurm.
+    """Common name of all Slurm jobs of a Snakemake command in the queue; None if jobs do not run on Slurm.
 
     Parameters
     ----------
     workflow : snakemake.workflow.Workflow
-        After its scheduler has been made, as in ``onstart``. Snakemake's plugin for Slurm draws the name.
+        Workflow whose scheduler exists already, as in ``onstart``. Snakemake's plugin for Slurm chooses the name.
     """
     if workflow.executor_plugin.name != "slurm":
         return None
@@ -33,28 +33,28 @@ def job_name(workflow: Any) -> str | None:
 
 
 def remember(file: str | Path, name: str) -> None:
-    """Write the common name of all Slurm jobs of a command to a file, before the first job is submitted.
+    """Write the common name of a command's Slurm jobs to a file. Call this before submitting a job.
 
     Parameters
     ----------
     file : path
-        File of the note, beside the case's results.
+        File in the results folder of the case.
     name : str
-        Slurm's job name.
+        Common name of the jobs in Slurm's queue.
     """
-    with atomic(file) as partial:  # an incomplete name might be that of other jobs
+    with atomic(file) as partial:  # an incomplete name might match other jobs
         partial.write_text(name + "\n", encoding="utf-8")
 
 
 def cancel_leftovers(file: str | Path) -> int:
-    """Cancel the jobs that an earlier command has left in Slurm's queue, and wait until they are gone.
+    """Cancel the jobs of an earlier command that remain in Slurm's queue, and wait until they have ended.
 
-    A remaining job would write the same files as the job that replaces it.
+    Without the cancellation, these jobs would write the same files as the jobs of the present command.
 
     Parameters
     ----------
     file : path
-        File that :func:`remember` wrote; without it, nothing is done.
+        File written by :func:`remember`; if the file is missing, no job is cancelled.
 
     Returns
     -------
@@ -64,7 +64,7 @@ def cancel_leftovers(file: str | Path) -> int:
     Raises
     ------
     ClusterError
-        Slurm does not answer, or the jobs do not end.
+        Slurm does not answer, or a cancelled job does not end within two minutes.
     """
     file = Path(file)
     try:
@@ -87,12 +87,12 @@ def cancel_leftovers(file: str | Path) -> int:
 
 
 def _jobs(name: str, file: Path) -> list[str]:
-    """Numbers of the Slurm jobs with a given name that are queued, running or ending."""
+    """Job numbers of all queued, running or ending Slurm jobs with the given name."""
     return _ask(["squeue", "--noheader", f"--user={os.geteuid()}", f"--name={name}", "--format=%A"], file).split()
 
 
 def _ask(command: Sequence[str], file: Path) -> str:
-    """Output of a Slurm command."""
+    """Standard output of a Slurm command; a failure raises a ClusterError."""
     program = shutil.which(command[0])
     if program is None:
         raise ClusterError(

@@ -1,7 +1,7 @@
-"""Output to the terminal that does not fail when the terminal or pipe is closed, and a filter of Snakemake's log.
+"""Terminal output that does not fail after the terminal or pipe was closed, and a filter of Snakemake's log.
 
-``snakemake ... | head -1`` closes the pipe after one line. Without :func:`guard`, a job that prints a further line
-would fail, and Snakemake's scheduler would wait for ever if one of its callbacks prints a line.
+``snakemake ... | head -1`` closes the pipe after one line. Without :func:`guard`, a job that prints a second line would
+fail, and Snakemake's scheduler would wait for ever after one of its callbacks printed a line.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ __all__ = ["Guarded", "Messages", "guard"]
 
 
 class Guarded:
-    """Text stream that discards text that cannot be written because the reader is gone or the disk is full.
+    """Text stream that discards text if the reader of the stream has ended or the disk is full.
 
     Parameters
     ----------
     stream : text stream
-        Standard output or error.
+        Standard output or standard error.
     """
 
     def __init__(self, stream: TextIO) -> None:
@@ -33,33 +33,33 @@ class Guarded:
         atexit.register(self._end)
 
     def write(self, text: str) -> int:
-        """Write the text as far as possible, and return its length."""
+        """Write the text, ignore any error, and return the length of the text."""
         self._try(lambda: self._stream.write(text))
         return len(text)
 
     def flush(self) -> None:
-        """Flush the stream as far as possible."""
+        """Flush the stream and ignore any error."""
         self._try(self._stream.flush)
 
     def _try(self, act: Callable[[], object]) -> None:
         try:
             act()
         except OSError as error:
-            # a full disk may have space again
+            # later lines are still written, because a full disk may have space again
             if error.errno != errno.ENOSPC:
                 self._mute()
         except ValueError:  # closed
             pass
 
     def _mute(self) -> None:
-        """Discard this and every later line, both of this process and of the processes that it starts."""
+        """Discard all further output to the stream, by this process and by the processes that it starts."""
         with suppress(OSError, ValueError):
             nobody = os.open(os.devnull, os.O_WRONLY)
             os.dup2(nobody, self._stream.fileno())
             os.close(nobody)
 
     def _end(self) -> None:
-        """Keep Python's exit status unchanged when Python's last flush of the stream fails."""
+        """Flush the stream at exit and ignore errors, because a failed flush by Python would change the exit status."""
         try:
             self._stream.flush()
         except (OSError, ValueError):
@@ -70,18 +70,18 @@ class Guarded:
 
 
 def guard(logger: logging.Logger | None = None) -> None:
-    """Guard the standard streams, so that no job fails because a stream is closed, its disk full, or its reader gone.
+    """Replace the standard streams by :class:`Guarded` streams, so that a failed output makes no job fail.
 
     Parameters
     ----------
     logger : logging.Logger, optional
-        Logger whose handlers to a standard stream are guarded, too.
+        Logger whose handlers get the guarded streams in place of the standard streams.
     """
     for number in (0, 1, 2):
         try:
             os.fstat(number)
         except OSError:
-            # otherwise the next file that is opened gets this number, and lines are printed into it
+            # otherwise the next opened file would get this number, and printed lines would go into that file
             nobody = os.open(os.devnull, os.O_RDWR)
             if nobody != number:
                 os.dup2(nobody, number)
@@ -102,9 +102,9 @@ def guard(logger: logging.Logger | None = None) -> None:
                 handler.setStream(streams[id(handler.stream)])
 
 
-# messages of Snakemake between lines of progress
+# Snakemake's routine messages, which would appear between the lines of progress
 _ROUTINE = ("Select jobs to", "Execute ", "DAG of jobs will be", "Updating checkpoint")
-# messages of Snakemake about a failure that the job has already explained
+# Snakemake's messages about a failure for which the job has already printed an error message
 _AFTERMATH = (
     *("RuleException", "Shutting down", "Exiting because", "WorkflowError"),
     *("Cannot restore", "Restored previous version", "Removing output files of failed job"),
@@ -114,17 +114,17 @@ _PROTECTED = "ProtectedOutputException"
 
 
 class Messages:
-    """Filter of Snakemake's log, so that the terminal shows one line per finished run and one sentence per failure.
+    """Filter of Snakemake's log that suppresses routine messages, and repeated messages about one failure.
 
     Parameters
     ----------
     explained : callable
-        Function that returns whether a job has ended with a sentence of its own.
+        Function that returns whether a failed job has already printed its own error message.
 
     Attributes
     ----------
     interrupted : bool
-        Whether Ctrl-C was typed.
+        Whether the user has stopped Snakemake with Ctrl-C.
     """
 
     def __init__(self, explained: Callable[[], bool]) -> None:
@@ -132,7 +132,7 @@ class Messages:
         self.interrupted = False
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Whether a log record is shown; the text on write-protected outputs is replaced by one sentence."""
+        """Whether a log record is printed; one sentence replaces Snakemake's text about write-protected outputs."""
         text = str(record.msg)
         if text.startswith(_INTERRUPTED):
             self.interrupted = True
@@ -145,7 +145,7 @@ class Messages:
 
 
 def _protected(text: str) -> str:
-    """Sentence in place of Snakemake's message about write-protected outputs."""
+    """Error message that replaces Snakemake's message about write-protected outputs."""
     files = re.findall(r"(?m)^\s+(results/\S+)$", text)
     return (
         f"{files[0] if files else 'a result'} is write-protected, and is to be made again: make it writable "

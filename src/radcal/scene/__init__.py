@@ -1,1 +1,1 @@
-"""Scenes: digital twin of an area, from the built-in source, GIS rasters or labels in slant range."""
+"""Scenes: digital twins of an area, from built-in terrain, GIS rasters or a label raster in slant range."""

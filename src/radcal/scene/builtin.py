@@ -1,9 +1,9 @@
 """The built-in scene: real SRTM terrain, seven materials and a dyke.
 
-The elevation is the SRTM model of the Jacksboro fault (Tennessee) that matplotlib ships,
-cut to two by two kilometres of valley floor at the foot of a ridge and resampled to 5 m with
-cubic splines. Details finer than SRTM's 3 arc-seconds are added: a dyke beside a channel, and a fine roughness for each
-material, so that the incidence angle varies within a material as on real ground.
+The elevation is the SRTM model of the Jacksboro fault (Tennessee), a sample file of matplotlib. It is cut to 2 km by 2
+km of valley floor at the foot of a ridge, and interpolated to 5 m by cubic splines. Two details finer than SRTM's 3
+arc-seconds are added: a dyke beside a channel, and a random roughness of each material. Owing to this roughness, the
+incidence angle varies within a material as on real ground.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _CHANNEL_M = (12.0, 72.0)  # distance of the channel's banks from the foot of th
 
 
 def _terrain(east_m: NDArray[np.float64], north_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """SRTM elevation [m] at coordinates within the area that is cut out, by cubic splines."""
+    """SRTM elevation [m] at east and north coordinates of the scene, interpolated by cubic splines."""
     from matplotlib.cbook import get_sample_data  # imported here, because scenes of other sources need no matplotlib
 
     archive = cast(Any, get_sample_data("jacksboro_fault_dem.npz"))  # matplotlib has opened the file, without pickles
@@ -59,18 +59,18 @@ def _terrain(east_m: NDArray[np.float64], north_m: NDArray[np.float64]) -> NDArr
 
 
 def _dyke_axis_m(north_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """East coordinate of the foot of the dyke's face, which bends gently along the valley [m]."""
+    """East coordinate [m] of the foot of the dyke's face, which bends gently, as a function of the north coordinate."""
     return 1000.0 + 60.0 * np.sin(2.0 * np.pi * (north_m - 250.0) / _SIDE_M)
 
 
 def _dyke_profile_m(across_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Height of the dyke above the ground, by distance east of the foot of its face [m]."""
+    """Height of the dyke above the ground [m], as a function of the distance to the east of the foot of its face."""
     crest = _FACE_M + _CREST_M
     return np.interp(across_m, [0.0, _FACE_M, crest, crest + _LEE_M], [0.0, _HEIGHT_M, _HEIGHT_M, 0.0])
 
 
 def _correlated(rng: np.random.Generator, shape: tuple[int, int], length_m: float) -> NDArray[np.float64]:
-    """Unit-variance Gaussian surface with autocorrelation exp(-(d/length)^2)."""
+    """Random Gaussian surface of unit variance, with the autocorrelation exp(-(d/length)^2) at the distance d."""
     sigma = length_m / 2.0 / CELL_M  # white noise smoothed by exp(-x^2 / 2s^2) has correlation length 2s
     field = gaussian_filter(rng.standard_normal(shape), sigma, mode="wrap", truncate=6.0)
     # the closed form of the filter's gain would not hold for the sampled filter
@@ -78,7 +78,7 @@ def _correlated(rng: np.random.Generator, shape: tuple[int, int], length_m: floa
 
 
 def _parcels(rng: np.random.Generator, east_m: NDArray[np.float64], north_m: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Land cover of fields, which are the Voronoi cells of a jittered grid: 0 grass, 1 crops, 2 bare soil."""
+    """Land cover (0 grass, 1 crops, 2 bare soil) of random fields, which are the Voronoi cells of a jittered grid."""
     from scipy.spatial import cKDTree
 
     step = 220.0
@@ -96,7 +96,7 @@ def builtin_scene(seed: int) -> Scene:
     Parameters
     ----------
     seed : int
-        Seed of the fields' layout and of the fine roughness.
+        Seed of the random layout of the fields and of the random roughness of the ground.
 
     Returns
     -------

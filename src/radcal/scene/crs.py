@@ -1,7 +1,7 @@
 """Coordinate reference systems of rasters: horizontal coordinates and vertical datum.
 
-Coordinates are always (x, y) = (east, north) or (longitude, latitude), as in rasters,
-whatever the order of axes in the definition of the CRS.
+Coordinates are always in the order (east, north) or (longitude, latitude), as in rasters, even if the definition of the
+CRS has another order of axes.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _UNNAMED = ("unknown", "unnamed", "undefined", "")
 
 
 def crs_of(raster: Any) -> CRS | None:
-    """CRS of an open rasterio dataset, or None if the dataset has no CRS that refers to the Earth.
+    """CRS of an open rasterio dataset, or None if the dataset has neither a geographic nor a projected CRS.
 
     Parameters
     ----------
@@ -59,30 +59,30 @@ def crs_of(raster: Any) -> CRS | None:
 
 
 def horizontal(crs: CRS) -> CRS:
-    """Horizontal part of a CRS."""
+    """Horizontal part of a CRS, without its vertical axis if it has one."""
     if crs.is_compound:
         return crs.sub_crs_list[0]
     return crs.to_2d() if len(crs.axis_info) == 3 else crs
 
 
 def same_place(one: CRS, other: CRS) -> bool:
-    """Whether two horizontal CRSs give the same coordinates, whatever the order of their axes."""
+    """Whether two horizontal CRSs are equal apart from the order of their axes."""
     return one.equals(other, ignore_axis_order=True)
 
 
 def label(crs: CRS) -> str:
-    """Short text for a CRS, from which :class:`pyproj.CRS` can be made again: the authority's code, else WKT."""
+    """Text from which :class:`pyproj.CRS` restores a CRS: its authority code, such as ``EPSG:32631``, else its WKT."""
     authority = crs.to_authority(min_confidence=100)
     return ":".join(authority) if authority else crs.to_wkt()
 
 
 def utm(longitude_deg: float, latitude_deg: float) -> CRS | None:
-    """UTM zone (WGS 84) of a place, None near the poles.
+    """CRS of the UTM zone (WGS 84) that contains a place; None near the poles, where there are no UTM zones.
 
     Parameters
     ----------
     longitude_deg, latitude_deg : float
-        The place [deg].
+        Longitude and latitude of the place [deg].
     """
     from pyproj import CRS
     from pyproj.aoi import AreaOfInterest
@@ -100,7 +100,7 @@ def vertical_unit(crs: CRS) -> str | None:
 
 
 def vertical_datum(crs: CRS) -> str | None:
-    """Vertical datum of a CRS, None if it has none.
+    """Name of the vertical datum of a CRS, or None if the CRS names none.
 
     Parameters
     ----------
@@ -110,8 +110,8 @@ def vertical_datum(crs: CRS) -> str | None:
     Returns
     -------
     str or None
-        Name of the vertical CRS of a compound one, such as ``EGM96 height``; the ellipsoid of
-        a three-dimensional one, such as ``WGS 84 ellipsoid``.
+        For a compound CRS, the name of its vertical CRS, such as ``EGM96 height``. For a three-dimensional CRS, the
+        name of its ellipsoid, such as ``WGS 84 ellipsoid``.
     """
     if crs.is_compound:
         vertical = crs.sub_crs_list[-1]
@@ -124,23 +124,23 @@ def vertical_datum(crs: CRS) -> str | None:
 
 
 def named_datum(text: str) -> str:
-    """Vertical datum that a name in the configuration denotes.
+    """Standard name of the vertical datum that the configuration key ``scene.vertical_datum`` names.
 
     Parameters
     ----------
     text : str
-        A name in the EPSG database with or without "height" (EGM96, EGM2008, NAP), its code
-        (EPSG:5773), an ellipsoid (WGS84 ellipsoid), or ``local``.
+        Value of the key: a name in the EPSG database, with or without the word "height" (EGM96, EGM2008, NAP); a code
+        of this database (EPSG:5773); an ellipsoid (WGS84 ellipsoid); or ``local``.
 
     Returns
     -------
     str
-        Name in the database; ellipsoids and ``local`` are returned unchanged.
+        Name of the datum in the EPSG database; the unchanged value for an ellipsoid or ``local``.
 
     Raises
     ------
     SceneError
-        The datum does not exist.
+        The EPSG database has no vertical datum of this name or code.
     """
     from pyproj import CRS
     from pyproj.database import query_crs_info
@@ -173,26 +173,26 @@ def named_datum(text: str) -> str:
 
 
 def same_datum(one: str, other: str) -> bool:
-    """Whether two names denote the same vertical datum, judged by the names alone."""
+    """Whether two names denote the same vertical datum; only the names are compared."""
     keys = {_key(one), _key(other)}
     return len(keys) == 1 or ("ellipsoid" in keys and all("ellipsoid" in key for key in keys))
 
 
 def _key(name: str) -> str:
-    """Name of a datum without words that are often left out, so that "EGM96 height" and "EGM96_Geoid" are equal."""
+    """Name of a datum without words that are often omitted: "EGM96 height" and "EGM96_Geoid" give the same text."""
     text = re.sub(r"\(.*?\)|height|geoid(?!al)|vertical|datum", "", name.lower()).replace("ellipsoidal", "ellipsoid")
     return re.sub(r"[^a-z0-9]", "", text)
 
 
 def transformation_note(source: CRS, target: CRS, name: str) -> str | None:
-    """Warning that a datum-shift grid is missing and makes coordinates less accurate; None if no grid is missing.
+    """Warning that coordinates are less accurate because a datum-shift grid is missing; None if no grid is missing.
 
     Parameters
     ----------
     source, target : pyproj.CRS
         Horizontal CRSs.
     name : str
-        Name of the data that are transformed.
+        Name of the transformed data, with which the warning begins.
     """
     from pyproj.transformer import TransformerGroup
 

@@ -1,4 +1,4 @@
-"""Grid of square cells over the common area of open rasters."""
+"""Grid of square cells over the area that the rasters of elevation and of materials have in common."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ Box = tuple[float, float, float, float]  # west, south, east, north
 
 @dataclass(frozen=True)
 class Source:
-    """An open raster of one band with a CRS and a transform along its axes.
+    """Open raster with one band, a CRS, and rows and columns parallel to the axes of this CRS.
 
     Attributes
     ----------
     key : str
-        Configuration key.
+        Configuration key of the raster's path.
     path : path
         The file.
     raster : rasterio.DatasetReader
-        Open.
+        The open dataset.
     crs : pyproj.CRS
         CRS of the file.
     plane : pyproj.CRS
@@ -54,24 +54,24 @@ class Source:
 
     @property
     def box(self) -> Box:
-        """West, south, east and north in the raster's horizontal CRS."""
+        """West, south, east and north bounds of the raster in its horizontal CRS."""
         # the first row may be in the south and the first column in the east
         left, bottom, right, top = self.raster.bounds
         return min(left, right), min(bottom, top), max(left, right), max(bottom, top)
 
     def error(self, text: str) -> SceneError:
-        """Error with a sentence about this raster's file."""
+        """Error whose message is the raster's configuration key and path, followed by ``text``."""
         return SceneError(f"{self.key}: {self.path} {text}")
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Square cells in a projected CRS.
+    """Grid of square cells in a projected CRS.
 
     Attributes
     ----------
     crs : pyproj.CRS
-        In metres.
+        Projected CRS with the unit metre.
     west, south : float
         Coordinates of the grid's south-west corner [m].
     cell_m : float
@@ -89,29 +89,30 @@ class Grid:
 
     @property
     def box(self) -> Box:
-        """West, south, east and north [m]."""
+        """West, south, east and north bounds of the grid [m]."""
         return self.west, self.south, self.west + self.columns * self.cell_m, self.south + self.rows * self.cell_m
 
     def cut(self, parts: int) -> Grid:
-        """Grid of smaller cells, for which each side of a cell is divided into a number of parts."""
+        """Grid of the same area with smaller cells: each side of a cell is divided into ``parts`` equal parts."""
         return Grid(self.crs, self.west, self.south, self.cell_m / parts, self.rows * parts, self.columns * parts)
 
 
 @contextmanager
 def opened(key: str, config: RasterScene) -> Iterator[Source]:
-    """Open a configured raster.
+    """Open the raster of a configuration key and check it.
 
     Parameters
     ----------
     key : str
-        Configuration key of its path.
+        Configuration key of the raster's path.
     config : RasterScene
         The paths.
 
     Raises
     ------
     SceneError
-        The file cannot be read, has several bands, no CRS, or no transform along its axes.
+        The file cannot be read, has several bands or no CRS, or its rows and columns are not parallel to the axes of
+        the CRS.
     """
     path = expand_path(getattr(config, key.removeprefix("scene.")), key)
     with ExitStack() as stack:
@@ -139,19 +140,19 @@ def opened(key: str, config: RasterScene) -> Iterator[Source]:
 
 
 def box_in(box: Box, source: CRS, target: CRS) -> Box:
-    """Bounding box, in another CRS, of a box.
+    """Bounding box, in the CRS ``target``, of a box in the CRS ``source``.
 
     Parameters
     ----------
     box : (float, float, float, float)
         West, south, east and north.
     source, target : pyproj.CRS
-        CRS of the box, and the other CRS.
+        CRS of the box, and CRS of the result.
 
     Raises
     ------
     SceneError
-        The other CRS is not defined in the area.
+        The CRS ``target`` is not defined in the area of the box.
     """
     from pyproj import Transformer
 
@@ -175,7 +176,7 @@ def _empty(box: Box) -> bool:
 
 
 def _overlap(elevation: Source, materials: Source) -> tuple[Box, Box]:
-    """Bounding boxes of the area that both rasters cover, one box in the CRS of each raster."""
+    """Bounding box of the area that both rasters cover, in the CRS of the elevation and in that of the materials."""
     from pyproj import CRS
 
     globe = CRS.from_user_input("OGC:CRS84")
@@ -208,23 +209,23 @@ def _middle(box: Box) -> tuple[float, float]:
 
 
 def scene_grid(elevation: Source, materials: Source, config: RasterScene) -> Grid:
-    """Grid of cells on the area that both rasters cover, or on the configured bounds.
+    """Grid of the scene's cells, on the configured bounds or, without bounds, on the area that both rasters cover.
 
-    If the scene's CRS is that of the elevation raster, the corners of the scene's cells lie on corners of that raster's
-    pixels.
+    If the scene has the CRS of the elevation raster, the distance of the grid's south-west corner from the raster's
+    south-west corner is a whole number of cells along each axis.
 
     Parameters
     ----------
     elevation, materials : Source
         The rasters.
     config : RasterScene
-        CRS, cell size and bounds, each optional.
+        Section ``scene``, with optional CRS, cell size and bounds.
 
     Raises
     ------
     SceneError
-        The rasters or bounds do not overlap, the CRS is not in metres at true scale, or there would be
-        too few or too many cells.
+        The rasters or bounds do not overlap, the CRS is not in metres at true scale, or the grid would have too few or
+        too many cells.
 
     References
     ----------
@@ -265,7 +266,7 @@ def scene_grid(elevation: Source, materials: Source, config: RasterScene) -> Gri
 
 
 def _target(elevation: Source, box: Box, config: RasterScene) -> CRS:
-    """CRS of the scene: projected, in metres, with a scale of about 1."""
+    """CRS of the scene: a projected CRS in metres, with a scale of about 1."""
     from pyproj import CRS
     from pyproj.exceptions import CRSError
 
@@ -295,7 +296,7 @@ def _target(elevation: Source, box: Box, config: RasterScene) -> CRS:
 
 
 def _unfit(crs: CRS, longitude: float, latitude: float) -> str | None:
-    """Reason why a CRS does not suit a grid of square cells in metres, None where it does."""
+    """Reason why a CRS is unsuitable for a grid of square cells in metres; None if it is suitable."""
     from pyproj import Proj
 
     if not crs.is_projected:
@@ -318,7 +319,7 @@ def _unfit(crs: CRS, longitude: float, latitude: float) -> str | None:
 
 
 def pixel_m(source: Source, crs: CRS, box: Box) -> tuple[float, float]:
-    """Side lengths of a raster's pixel [m] in the middle of a box, where ``crs`` is the CRS of the box, in metres."""
+    """Side lengths [m] of a raster's pixel in the middle of ``box``, whose CRS is ``crs`` and has the unit metre."""
     from pyproj import Transformer
 
     right, up = 0.5 * abs(source.raster.transform.a), 0.5 * abs(source.raster.transform.e)
@@ -331,6 +332,6 @@ def pixel_m(source: Source, crs: CRS, box: Box) -> tuple[float, float]:
 
 
 def subdivision(source: Source, grid: Grid) -> int:
-    """Number of parts into which a cell's side is divided, so that no part is larger than a raster's pixel."""
+    """Number of parts into which each side of a cell is divided so that no part is longer than a pixel's side."""
     # a cell that differs from the pixel only by rounding is not cut
     return max(1, int(np.ceil(grid.cell_m / min(pixel_m(source, grid.crs, grid.box)) - 1e-3)))

@@ -1,4 +1,4 @@
-"""Scene with materials, elevation or incidence angles, and objects, and the HDF5 file that stores the scene."""
+"""Scene (materials, elevation or incidence angles, objects), and its HDF5 file."""
 
 from __future__ import annotations
 
@@ -18,36 +18,36 @@ __all__ = ["Scene", "read_scene", "write_scene"]
 
 @dataclass(frozen=True)
 class Scene:
-    """Surface materials on a grid, with elevation, or with the incidence of each row.
+    """Surface materials on a grid, with the elevation of each cell or the incidence angle of each row.
 
     Attributes
     ----------
     identity : str
-        Digest of the scene's sources; part of every run's key.
+        Hash of the data from which the scene is made; it is a part of the key of every run.
     names : tuple of str
-        Material names; material id k is ``names[k - 1]``, id 0 is no material.
+        Material names: ``names[k - 1]`` is the name of material id k. Id 0 means no material.
     material : ndarray of uint8, shape (ny, nx)
-        Material id per cell. Axis 0 is north (row 0 in the south), axis 1 is east; for a
-        slant-range scene axis 0 is slant range and axis 1 is azimuth.
+        Material id of each cell. Axis 0 points north (row 0 is in the south) and axis 1 east. In a slant-range scene,
+        axis 0 is slant range and axis 1 is azimuth.
     elevation_m : ndarray of float64, shape (ny, nx), or None
         Elevation of the cell centres [m]; None for a slant-range scene.
     cell_m : float
-        Cell size [m].
+        Cell size [m]; without meaning in a slant-range scene.
     incidence_deg : ndarray of float64, shape (ny,), or None
         Local incidence angle of each row of a slant-range scene [deg].
     crs : str or None
         Projected coordinate reference system of a georeferenced scene, as EPSG code or WKT.
     transform : tuple of 6 float, or None
-        Affine a, b, c, d, e, f from (column, row) of cell *corners* to x = a column + b row + c,
-        y = d column + e row + f in the CRS [m]; row 0 is in the south, so e > 0.
+        Coefficients a, b, c, d, e, f of the affine transform from the (column, row) of a cell *corner* to x = a column
+        + b row + c and y = d column + e row + f in the CRS [m]. Row 0 is in the south, so that e > 0.
     vertical_datum : str or None
-        Vertical datum of the elevation.
+        Name of the vertical datum of the elevation.
     notes : tuple of str
-        Sentences on the processing of the sources: resampling, datum, gaps.
+        Notes on how the source files were processed: resampling, vertical datum, gaps.
     objects : Objects or None
-        Objects on the ground; None without objects, as in every slant-range scene.
+        Objects on the ground; None in a scene without objects, such as every slant-range scene.
     slope_error_deg : float
-        Standard error of the ground's slope in any one direction [deg]; 0 where it is not known.
+        Standard error of the ground's slope in any one direction [deg]; 0 if it is unknown.
     """
 
     identity: str
@@ -64,12 +64,12 @@ class Scene:
     slope_error_deg: float = 0.0
 
     def require(self, materials: list[str]) -> None:
-        """Check that configuration and scene name the same materials.
+        """Check that the scene contains every configured material, and no material without a configured law.
 
         Raises
         ------
         SceneError
-            A configured material is not in the scene, or a material of the scene has no law.
+            A configured material covers no cell of the scene, or a material in the scene is not configured.
         """
         present = {self.names[k - 1] for k in np.unique(self.material) if k > 0}
         for name in materials:
@@ -85,24 +85,18 @@ class Scene:
 
 
 def write_scene(path: str | Path, scene: Scene) -> None:
-    """Write a scene to HDF5, atomically.
+    """Write a scene to an HDF5 file, atomically.
 
     Raises
     ------
     ConfigError
-        A finished calibration beside it rests on another scene.
+        The folder of the file holds the results of a finished calibration that used another scene.
     """
     with write_hdf5(path, "scene", protected=True, alike=lambda file: same(take(file, Scene), scene)) as file:
         put(file, scene)
 
 
 def read_scene(path: str | Path) -> Scene:
-    """Read a scene that :func:`write_scene` wrote.
-
-    Raises
-    ------
-    StoreError
-        The file is missing, damaged, or of another version or case.
-    """
+    """Read a scene that :func:`write_scene` wrote; errors are those of :func:`.read_hdf5`."""
     with read_hdf5(path, "scene") as file:
         return take(file, Scene)

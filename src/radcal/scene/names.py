@@ -1,4 +1,4 @@
-"""Names of material ids, from a JSON file."""
+"""Names of material ids, read from a JSON file."""
 
 from __future__ import annotations
 
@@ -18,21 +18,22 @@ def read_names(path: Path, present: Iterable[int], raster: Path) -> dict[int, st
     Parameters
     ----------
     path : path
-        File with a JSON object from id to name.
+        File with a JSON object that maps each material id to a name.
     present : iterable of int
-        Ids that the raster holds; 0 needs no name.
+        Material ids in the raster. Id 0 (no material) needs no name.
     raster : path
-        Path of the raster, for messages.
+        Path of the raster, for error messages.
 
     Returns
     -------
     dict
-        Name by id.
+        Name of each material id.
 
     Raises
     ------
     SceneError
-        The file is not such an object, gives a name twice, or lacks an id of the raster.
+        The file is not a JSON object of ids and names, gives one name to two ids, or has no name for an id in the
+        raster.
     """
     try:
         names = {int(k): str(v) for k, v in json.loads(path.read_text(encoding="utf-8")).items() if int(k) > 0}
@@ -52,8 +53,8 @@ def read_names(path: Path, present: Iterable[int], raster: Path) -> dict[int, st
 
 
 def by_id(names: Mapping[int, str]) -> tuple[str, ...]:
-    """Names of materials in the order of a scene: the name of id k has the index k - 1.
+    """Material names in the order of their ids: the name of id k has the index k - 1.
 
-    An id that has no name is called ``id k``.
+    An id k without a name gets the name ``id k``.
     """
     return tuple(names.get(k, f"id {k}") for k in range(1, max(names) + 1))

@@ -18,16 +18,16 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True)
 class Kind:
-    """Sizes of a kind of objects, each drawn at random, uniformly between two bounds.
+    """Sizes and cross-section of a kind of objects; each size is drawn from a uniform distribution.
 
     Attributes
     ----------
     length_m, width_m, height_m : (float, float)
-        Smallest and largest [m].
+        Smallest and largest length, width and height [m].
     rcs_db_per_m2 : float
-        Cross-section per square metre of footprint [dB].
+        Mean radar cross-section per square metre of the footprint [dB].
     spread_db : float
-        Standard deviation of the cross-section in dB from object to object.
+        Standard deviation of the cross-section between objects [dB].
     """
 
     length_m: Range
@@ -49,7 +49,7 @@ def generate_objects(
     size_m: tuple[float, float], seed: int, *, trees: int = 0, cars: int = 0, buildings: int = 0,
     tree: Kind = TREE, car: Kind = CAR, building: Kind = BUILDING,
 ) -> Objects:  # fmt: skip
-    """Random objects, spread evenly over a scene; the same seed gives the same objects.
+    """Random buildings, trees and cars, spread evenly over a scene; the same seed gives the same objects.
 
     Buildings do not overlap each other; the centres of trees and cars are outside buildings.
 
@@ -58,7 +58,7 @@ def generate_objects(
     size_m : (float, float)
         East and north extent of the scene [m].
     seed : int
-        Seed of all draws; each kind has a random stream of its own.
+        Seed of all random numbers; each kind of object has its own random stream.
     trees, cars, buildings : int
         Number of objects of each kind.
     tree, car, building : Kind
@@ -72,7 +72,7 @@ def generate_objects(
     Raises
     ------
     SceneError
-        There is no space for so many buildings, or for other objects between them.
+        The scene has no space for the number of buildings, or the buildings leave none for trees and cars.
     """
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3)]
     plot = float(np.hypot(building.length_m[1], building.width_m[1]))  # a plot holds any building
@@ -106,7 +106,7 @@ def generate_objects(
 
 
 def _sizes(kind: Kind, count: int, rng: np.random.Generator, round_: bool) -> dict[str, NDArray[np.float64]]:
-    """Sizes, headings and cross-sections of objects of one kind; round objects (tree crowns) are as wide as long."""
+    """Sizes, headings and cross-sections of objects of one kind; a round object (tree crown) is as wide as long."""
     length, width, height = (rng.uniform(*span, count) for span in (kind.length_m, kind.width_m, kind.height_m))
     width = length if round_ else np.minimum(width, length)
     spread = kind.spread_db * rng.standard_normal(count)
@@ -123,7 +123,7 @@ def _outside(
     count: int, size_m: tuple[float, float], rng: np.random.Generator, houses: dict[str, NDArray[np.float64]],
     owner: NDArray[np.int64], plot: float, plots: tuple[int, int],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
-    """Mask of the places outside all buildings; every building lies in a plot of its own."""
+    """Random coordinates [m] of ``count`` places outside all buildings; each building stands on its own plot."""
     x, y = rng.uniform(0.0, size_m[0], count), rng.uniform(0.0, size_m[1], count)
     left = np.arange(count) if len(houses["x_m"]) else np.zeros(0, dtype=np.int64)
     for _ in range(100):

@@ -41,16 +41,16 @@ _ENVELOPE_BYTES = np.array([0, 32, 48, 48, 64])
 
 @dataclass(frozen=True)
 class Place:
-    """Place of a scene on the map.
+    """Position and extent of a scene on the map.
 
     Attributes
     ----------
     size_m : (float, float)
-        East and north extent [m].
+        Extent of the scene to the east and to the north [m].
     corner_m : (float, float)
-        Coordinates of the south-west corner in the scene's CRS; zero without one [m].
+        Coordinates of the scene's south-west corner in the scene's CRS [m]; zero if the scene has no CRS.
     crs : str or None
-        The scene's CRS.
+        CRS of the scene.
     """
 
     size_m: tuple[float, float]
@@ -66,23 +66,24 @@ def read_objects(
     Parameters
     ----------
     path : Path
-        ``.csv``, ``.gpkg``, ``.h5`` or ``.hdf5``.
+        File whose name ends with ``.csv``, ``.gpkg``, ``.h5`` or ``.hdf5``.
     place : Place
-        Place of the scene: positions are in its CRS, or relative to its south-west corner where it has none.
+        Position and extent of the scene. Positions in the table are in the scene's CRS or, if the scene has no CRS,
+        relative to the scene's south-west corner.
     layer : str, optional
-        Layer of a GeoPackage with several.
+        Layer to be read of a GeoPackage that has several layers.
     curves : mapping, optional
-        Cross-section by aspect for each curve that the table names: pairs of degrees and dBsm.
+        Curve of cross-section by aspect for each aspect class in the table: pairs of degrees and dBsm.
 
     Returns
     -------
     Objects
-        Objects in the table's order.
+        Objects in the order of the table's rows.
 
     Raises
     ------
     SceneError
-        The file is not such a table, or a row is wrong.
+        The file cannot be read as a table of objects, or a row contains an invalid value.
 
     References
     ----------
@@ -118,7 +119,7 @@ def _csv(path: Path) -> pd.DataFrame:
 
 
 def _hdf5(path: Path, place: Place) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Table of objects from a file's group ``objects``, and curves of cross-section from its group ``aspect``."""
+    """Table of objects from the group ``objects`` of an HDF5 file, and curves from its group ``aspect``."""
     import pandas as pd
 
     try:
@@ -160,7 +161,7 @@ def _hdf5(path: Path, place: Place) -> tuple[pd.DataFrame, dict[str, Any]]:
 
 
 def _check_crs(path: Path, text: str, name: str, place: Place) -> None:
-    """Refuse positions in another CRS than the scene's."""
+    """Raise an error if the CRS of a table differs from the scene's CRS."""
     from pyproj import CRS
     from pyproj.exceptions import CRSError
 
@@ -183,12 +184,12 @@ def _check_crs(path: Path, text: str, name: str, place: Place) -> None:
 
 
 def _short(crs: str) -> str:
-    """Text for a CRS in a sentence: its code, or the name in its WKT."""
+    """Short text for a CRS in an error message: its authority code, or the name in its WKT."""
     return crs if len(crs) < 40 else crs.split('"')[1] if '"' in crs else crs[:40]
 
 
 def _geopackage(path: Path, layer: str | None, place: Place) -> pd.DataFrame:
-    """Table of objects from a layer of points or polygons; for a polygon, of the smallest rectangle around it."""
+    """Table of objects from a layer of points or polygons; of a polygon, the smallest rectangle around it is used."""
     import pandas as pd
 
     try:
@@ -233,7 +234,7 @@ def _geopackage(path: Path, layer: str | None, place: Place) -> pd.DataFrame:
 
 
 def _rectangles(path: Path, blobs: list[Any], table: pd.DataFrame) -> dict[str, NDArray[Any]]:
-    """Position of each geometry of a layer, and for polygons also size and heading."""
+    """Position of each point or polygon of a layer; for polygons, also size and heading of the rectangle around it."""
     import shapely
 
     for row, blob in enumerate(blobs, start=1):
@@ -277,7 +278,7 @@ def _rectangles(path: Path, blobs: list[Any], table: pd.DataFrame) -> dict[str, 
 
 
 def _numbers(table: pd.DataFrame, name: str, path: Path, may_be_empty: bool) -> NDArray[np.float64]:
-    """Column of a table as numbers; an empty entry becomes NaN in a column that may have empty entries."""
+    """Column of a table as numbers; an empty entry becomes NaN if ``may_be_empty``, else it raises an error."""
     import pandas as pd
 
     if name not in table:
@@ -304,7 +305,7 @@ def _texts(table: pd.DataFrame, name: str) -> NDArray[np.str_]:
 
 
 def _checked(table: pd.DataFrame, path: Path, place: Place, curves: Mapping[str, Any]) -> Objects:
-    """Objects from the rows of a table; the first wrong row raises an error of one sentence."""
+    """Objects from the rows of a table; the first row with an invalid value raises an error."""
     table = table.rename(columns=lambda name: str(name).strip())
     for name in table.columns:
         meant = difflib.get_close_matches(name.lower(), _COLUMNS, n=1, cutoff=0.75)

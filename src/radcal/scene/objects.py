@@ -18,28 +18,29 @@ DBSM_LIMITS = (-100.0, 70.0)  # 70 dBsm (10 km2) is more than any object has; la
 
 @dataclass(frozen=True)
 class Objects:
-    """Objects of a scene, one entry each.
+    """Objects of a scene; each array has one entry for each object.
 
     Attributes
     ----------
     x_m, y_m : ndarray of float64, shape (n,)
-        Centre, east and north of the scene's south-west corner [m].
+        Distance of the centre to the east and to the north of the scene's south-west corner [m].
     length_m, width_m : ndarray of float64, shape (n,)
         Sides of the footprint, along and across the heading [m]; both 0 for a point scatterer.
     heading_deg : ndarray of float64, shape (n,)
         Bearing of the front, clockwise from the grid's north [deg].
     height_m : ndarray of float64, shape (n,)
-        Height of the top above the ground, or of a point scatterer itself [m].
+        Height above the ground of a box's roof or of a point scatterer [m].
     rcs_dbsm : ndarray of float64, shape (n,)
-        Radar cross-section [dB relative to 1 m2]; NaN where it depends on the aspect.
+        Radar cross-section [dB relative to 1 m2]; NaN if the cross-section depends on the aspect.
     aspect : ndarray of int16, shape (n,)
-        Index of the curve in ``curves`` that gives the cross-section, -1 where it is constant.
+        Index, in ``curves``, of the object's curve of cross-section by aspect; -1 if the cross-section is constant.
     kind : ndarray of int16, shape (n,)
-        Index of the kind in ``kinds``.
+        Index, in ``kinds``, of the object's kind.
     kinds : tuple of str
         Names of the kinds of objects, such as "car".
     curves : mapping of str to ndarray of float64, shape (k, 2)
-        Aspect [deg] and cross-section [dBsm] of each curve, in the order of the indices ``aspect``.
+        Curves of cross-section by aspect, in the order of the indices in ``aspect``: each row holds an aspect [deg] and
+        the cross-section [dBsm].
     """
 
     x_m: NDArray[np.float64]
@@ -59,12 +60,12 @@ class Objects:
 
     @property
     def extended(self) -> NDArray[np.bool_]:
-        """True for objects with a footprint, shape (n,)."""
+        """Mask of the objects with a footprint, shape (n,)."""
         return np.asarray(self.length_m > 0.0)
 
     @property
     def identity(self) -> str:
-        """Digest of all properties of the objects on which an image depends."""
+        """Hash of all properties of the objects that affect an image: all except the kind."""
         arrays = {name: hashlib.sha256(getattr(self, name).tobytes()).hexdigest() for name in _ARRAYS if name != "kind"}
         curves = [[name, np.asarray(curve).tolist()] for name, curve in self.curves.items()]
         return digest({"version": 1, "arrays": arrays, "curves": curves})
@@ -75,13 +76,14 @@ class Objects:
         Parameters
         ----------
         bearing_deg : float
-            Direction from the objects to the radar, clockwise from the grid's north [deg]. It is the same for all
-            objects, because the plane of zero Doppler is across the track.
+            Direction from the objects to the radar, clockwise from the grid's north [deg]. This direction is the same
+            for all objects, because the plane of zero Doppler is across the track.
 
         Returns
         -------
         ndarray, shape (n,)
-            [m2]; between the aspects of a curve linear in dB, periodic over 360 degrees.
+            Cross-section [m2]. Between the aspects of a curve, it is interpolated linearly in dB, with a period of 360
+            degrees.
 
         References
         ----------
@@ -98,12 +100,12 @@ _ARRAYS = tuple(item.name for item in fields(Objects) if item.name not in ("kind
 
 
 def check_curve(points: ArrayLike) -> str | None:
-    """Description of the first fault found in a curve of cross-section by aspect, or None if there is no fault.
+    """Description of the first error in a curve of cross-section by aspect; None if the curve is valid.
 
     Parameters
     ----------
     points : array_like, shape (k, 2)
-        Aspect [deg] and cross-section [dBsm].
+        Aspect [deg] and cross-section [dBsm] of each point of the curve.
     """
     curve = np.asarray(points, dtype=np.float64)
     if curve.ndim != 2 or curve.shape[1] != 2 or len(curve) < 2:

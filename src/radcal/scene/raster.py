@@ -1,4 +1,4 @@
-"""Scenes from GIS rasters: elevation and material ids, resampled to one grid."""
+"""Scenes from two GIS rasters, elevation and material ids, resampled to one grid."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ from radcal.scene.crs import (
 from radcal.scene.grid import LARGEST_CELLS, Grid, Source, box_in, opened, pixel_m, scene_grid, subdivision
 from radcal.scene.model import Scene
 from radcal.scene.names import by_id, read_names
+from radcal.scene.rounding import height_step_m, rounding_error_m
 from radcal.storage.files import digest
 
 __all__ = ["raster_scene"]
@@ -38,29 +39,30 @@ _MARGIN_PX = 3  # margin [pixels] that is read around the scene: cubic convoluti
 
 
 def raster_scene(config: RasterScene) -> Scene:
-    """Read elevation and materials and bring both to one grid.
+    """Scene from a raster of elevation and a raster of material ids, both resampled to one grid.
 
     Elevation is interpolated by cubic convolution, and the material of a cell is that of the nearest pixel. A cell
-    coarser than the pixels of a raster is divided into smaller parts; the cell takes the mean elevation and the most
-    frequent material of its parts. A cell for which the raster has no elevation gets an elevation filled in from
-    neighbouring cells, and no material.
+    larger than the pixels of a raster is divided into parts no larger than a pixel. Such a cell takes the mean
+    elevation or the most frequent material of its parts. A cell without elevation data takes an elevation from
+    neighbouring cells, and has no material.
 
     Parameters
     ----------
     config : RasterScene
-        Files, CRS, cell size, bounds and vertical datum.
+        Section ``scene``: files, CRS, cell size, bounds and vertical datum.
 
     Returns
     -------
     Scene
-        Scene with ``crs``, ``transform``, ``vertical_datum``, ``notes`` and ``slope_error_deg``. Its identity depends
-        on materials, elevation and cell size, which determine runs, and not on the position on the map.
+        Scene with ``crs``, ``transform``, ``vertical_datum``, ``notes`` and ``slope_error_deg``. The scene's
+        ``identity`` depends on the materials, elevation and cell size, which affect the simulated image, but not on the
+        position on the map.
 
     Raises
     ------
     SceneError
-        A file cannot be read or is not such a raster, the two do not overlap, the CRS is not in metres at true scale,
-        or the vertical datum is missing or contradictory.
+        A file cannot be read or does not hold elevation or material ids, the two rasters do not overlap, the CRS is not
+        in metres at true scale, or the vertical datum is missing or contradictory.
 
     References
     ----------
@@ -74,16 +76,17 @@ def raster_scene(config: RasterScene) -> Scene:
         _check_heights(elevation)
         datum, origin = _datum(elevation, config)
         grid = scene_grid(elevation, materials, config)
-        heights, filled, how_heights = _heights(elevation, grid)
+        heights, filled, how_heights, step = _heights(elevation, grid)
         ids, how_ids = _ids(materials, grid)
         # interpolated heights are no steeper than the raster's own from pixel to pixel
         posting = max(grid.cell_m, *pixel_m(elevation, grid.crs, grid.box))
-        slope_error = float(np.degrees(np.arctan(np.sqrt(2.0) * config.elevation_error_m / posting)))
+        slope_error, about_steps = _slope_error_deg(config.elevation_error_m, step, posting)
         names = read_names(names_path, (int(k) for k in np.unique(ids)), materials.path)
         notes = [
             f"cells of {grid.cell_m:g} m in {grid.crs.name}",
             f"elevation {how_heights}, materials {how_ids}",
             f"vertical datum {datum} ({origin})",
+            *about_steps,
         ]
         notes += [
             note
@@ -124,8 +127,21 @@ def raster_scene(config: RasterScene) -> Scene:
     )
 
 
+def _slope_error_deg(error_m: float, step_m: float, posting_m: float) -> tuple[float, list[str]]:
+    """Standard error of the slopes [deg] from that of heights and from their steps, and a note on the steps."""
+    rounding_m = rounding_error_m(step_m)
+    total_m = float(np.hypot(error_m, rounding_m))
+    slope_deg = float(np.degrees(np.arctan(np.sqrt(2.0) * total_m / posting_m)))
+    if not step_m:
+        return slope_deg, []
+    return slope_deg, [
+        f"heights are in steps of {step_m:.3g} m: their rounding error of {rounding_m:.2g} m enters "
+        f"scene.elevation_error_m (now {total_m:.2g} m, a slope error of {slope_deg:.2g} deg)"
+    ]
+
+
 def _check_heights(elevation: Source) -> None:
-    """Refuse values that cannot be heights in metres."""
+    """Raise an error if data type or unit of the raster show that its values are not heights in metres."""
     dtype = np.dtype(elevation.raster.dtypes[0])
     if dtype.kind not in "fiu":
         raise elevation.error(f"holds {dtype}, expected heights as real numbers.")
@@ -136,7 +152,7 @@ def _check_heights(elevation: Source) -> None:
 
 
 def _datum(elevation: Source, config: RasterScene) -> tuple[str, str]:
-    """Vertical datum of the elevation, and words for where the datum is given."""
+    """Vertical datum of the elevation, and a phrase that says whether the file or the configuration names it."""
     of_file = vertical_datum(elevation.crs)
     given = named_datum(config.vertical_datum) if config.vertical_datum is not None else None
     if of_file is not None and given is not None and not same_datum(of_file, given):
@@ -155,7 +171,7 @@ def _datum(elevation: Source, config: RasterScene) -> tuple[str, str]:
 
 
 def _window(source: Source, grid: Grid) -> tuple[np.ma.MaskedArray[Any, Any], Any]:
-    """Raster values in a window around a grid, masked where the raster has none, and the window's transform."""
+    """Raster values in a window around a grid, with no-data pixels masked, and the affine transform of the window."""
     from rasterio.windows import Window
     from rasterio.windows import transform as of_window
 
@@ -183,7 +199,7 @@ def _window(source: Source, grid: Grid) -> tuple[np.ma.MaskedArray[Any, Any], An
 def _warped(
     source: Source, values: NDArray[Any], transform: Any, grid: Grid, method: str, empty: float
 ) -> NDArray[Any]:
-    """Raster values resampled to the grid, with row 0 in the south; ``empty`` where the raster has no value."""
+    """Raster values resampled to the grid, with row 0 in the south; cells without data have the value ``empty``."""
     import rasterio.crs
     from rasterio.enums import Resampling
     from rasterio.io import MemoryFile
@@ -227,13 +243,13 @@ def _warped(
 
 
 def _blocks(fine: NDArray[Any], parts: int) -> NDArray[Any]:
-    """Values of a finer grid, rearranged so that the last axis holds the parts of each cell."""
+    """Values of a grid whose cells are divided into parts, reshaped to (rows, columns, parts of a cell)."""
     rows, columns = fine.shape[0] // parts, fine.shape[1] // parts
     return fine.reshape(rows, parts, columns, parts).swapaxes(1, 2).reshape(rows, columns, parts**2)
 
 
-def _heights(elevation: Source, grid: Grid) -> tuple[NDArray[np.float64], NDArray[np.bool_], str]:
-    """Elevation with gaps filled, mask of the gaps, and the method of resampling in a word."""
+def _heights(elevation: Source, grid: Grid) -> tuple[NDArray[np.float64], NDArray[np.bool_], str, float]:
+    """Elevation with gaps filled, mask of the gaps, method of resampling in a word, and step of rounded heights [m]."""
     from rasterio.fill import fillnodata
     from scipy.ndimage import distance_transform_edt
 
@@ -265,11 +281,12 @@ def _heights(elevation: Source, grid: Grid) -> tuple[NDArray[np.float64], NDArra
         heights = np.where(gaps, fillnodata(heights.copy(), mask=~gaps, max_search_distance=_NEAR_CELLS), heights)
         nearest = distance_transform_edt(np.isnan(heights), return_distances=False, return_indices=True)
         heights = heights[tuple(nearest)]
-    return np.ascontiguousarray(heights), gaps, "interpolated" if parts == 1 else "averaged"
+    how = "interpolated" if parts == 1 else "averaged"
+    return np.ascontiguousarray(heights), gaps, how, height_step_m(scaled)
 
 
 def _ids(materials: Source, grid: Grid) -> tuple[NDArray[np.uint8], str]:
-    """Material ids, and the method of resampling in words."""
+    """Material ids of the cells, and a phrase for the resampling method."""
     values, transform = _window(materials, grid)
     held = values.compressed()
     if held.size == 0:

@@ -16,11 +16,12 @@ class SceneSize:
     Attributes
     ----------
     cells : int
-        Number of cells of the scene, or of pixels of a scene in slant range.
+        Number of cells of the scene; in a slant-range scene, number of pixels.
     cell_m : float or None
-        Cell size [m], None in slant range.
+        Cell size [m]; None for a slant-range scene.
     resampled : int
-        Largest number of values to which a raster is read or resampled.
+        Number of values of the finer raster after its resampling; equal to ``cells`` if no raster is finer than the
+        cells.
     """
 
     cells: int
@@ -41,7 +42,7 @@ def scene_size(config: SceneConfig) -> SceneSize:
     ConfigError
         A file is missing.
     SceneError
-        A file cannot be read as a raster, or the rasters make no scene.
+        A file cannot be read as a raster, or no grid fits the rasters.
     """
     if isinstance(config, BuiltinScene):
         from radcal.scene.builtin import CELL_M, CELLS

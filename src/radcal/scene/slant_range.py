@@ -1,4 +1,4 @@
-"""Scenes from a label raster in slant range, over flat ground."""
+"""Scenes over flat ground, from a raster of material labels in slant range."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ __all__ = ["flat_incidence_deg", "slant_range_scene"]
 
 
 def flat_incidence_deg(near_deg: float, far_deg: float, rows: int) -> NDArray[np.float64]:
-    """Incidence angle per slant-range row over flat ground.
+    """Incidence angle of each slant-range row over flat ground.
 
-    With the radar at height H, cos(incidence) = H / slant range; the slant range grows by
-    equal steps between the two given angles.
+    For a radar at height H, cos(incidence) = H / slant range. The slant range grows in equal steps from the first row
+    to the last.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def flat_incidence_deg(near_deg: float, far_deg: float, rows: int) -> NDArray[np
 
 
 def _labels(path: Path, folders: Sequence[Path]) -> NDArray[Any]:
-    """Values of a label raster's band, read with bounded memory."""
+    """Values of the single band of a label raster; the memory for reading is limited."""
     try:
         with unchanged(path), bounded_memory(LARGEST_VALUES), open_raster(path, folders) as raster:
             if raster.count != 1:
@@ -67,12 +67,12 @@ def _labels(path: Path, folders: Sequence[Path]) -> NDArray[Any]:
 
 
 def slant_range_scene(config: SlantRangeScene) -> Scene:
-    """Scene from a label raster and the names of its labels.
+    """Scene from a label raster and a file with the names of its labels.
 
     Raises
     ------
     SceneError
-        A file cannot be read, holds something else, or lacks a name.
+        A file cannot be read, a label is not a material id, or a material id has no name.
     """
     labels_path = expand_path(config.labels, "scene.labels")
     names_path = expand_path(config.names, "scene.names")

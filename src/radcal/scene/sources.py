@@ -1,4 +1,4 @@
-"""Scene from the configured source."""
+"""Scene from the source that the configuration names."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ __all__ = ["make_scene"]
 
 
 def make_scene(config: SceneConfig, materials: list[str]) -> Scene:
-    """Build the configured scene and check that it has the configured materials.
+    """Build the configured scene, with its objects, and check that it contains the configured materials.
 
     Raises
     ------
     SceneError
-        The source or its objects cannot be read, or it does not have the materials.
+        The files of the scene or of its objects cannot be read, or the scene's materials are not the configured ones.
     """
     if isinstance(config, BuiltinScene):
         scene = builtin_scene(config.seed)

@@ -1,1 +1,1 @@
-"""Simulators: protocol, built-in simulator, external programs."""
+"""Simulators: common interface, built-in simulator, external programs, and runner with run store."""

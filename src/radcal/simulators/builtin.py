@@ -1,4 +1,4 @@
-"""Built-in simulator."""
+"""Built-in simulator, which applies backscatter laws to the facets of a scene and adds speckle and noise."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ __all__ = ["BuiltinSimulator"]
 
 @dataclass(frozen=True)
 class _Last:
-    """Reflectivity and image of the last run, of which the next run reuses parts."""
+    """Seed, parameters, reflectivity and image of the last run, parts of which the next run reuses."""
 
     noise_seed: int
     parameters: Mapping[str, Sequence[float]]
@@ -32,7 +32,7 @@ class _Last:
 
 
 class BuiltinSimulator:
-    """Built-in simulator: a multilooked intensity image from backscatter laws on facets.
+    """Built-in simulator, which makes a multilooked intensity image from backscatter laws on facets.
 
     Parameters
     ----------
@@ -41,12 +41,12 @@ class BuiltinSimulator:
     radar : Radar
         The pass.
     laws : mapping
-        Law of each material (``Case.laws``), or the name of a law without knots.
+        Law of each material (``Case.laws``). A law without knots may also be given by its name.
 
     Raises
     ------
     ConfigError
-        A law has no curve, which only external simulators can use.
+        A law is external: it has no curve, so that only an external simulator can evaluate it.
     """
 
     def __init__(self, geometry: Geometry, radar: Radar, laws: Mapping[str, Law | str]) -> None:
@@ -73,13 +73,13 @@ class BuiltinSimulator:
         return {"kind": "builtin", "version": SIMULATOR_VERSION}
 
     def run(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> NDArray[np.float32]:
-        """Simulate one pass; see :class:`radcal.simulators.protocol.Simulator`.
+        """Simulate one pass, as :meth:`radcal.simulators.protocol.Simulator.run` specifies.
 
-        If the noise seed is that of the last run, only the cells and image tiles of materials whose parameters have
-        changed are computed again. The image is the same, bit for bit, as one computed from the beginning.
+        If the noise seed equals the noise seed of the last run, the simulator only recomputes the cells and image tiles
+        of materials with changed parameters. The image is bit for bit equal to a completely recomputed image.
         """
         parameters = {name: tuple(parameters[name]) for name in self._laws if name in self._geometry.names}
-        last, self._last = self._last, None  # the arrays of the last run are overwritten, or their memory is needed
+        last, self._last = self._last, None  # this run overwrites the arrays of the last run, or needs their memory
         if last is None or last.noise_seed != noise_seed:
             cells = reflectivity(self._geometry, law_tables(self._geometry.names, self._laws, parameters))
             image = self._formation.intensity(cells, noise_seed)

@@ -1,4 +1,4 @@
-"""External simulators: programs that run in a folder of their own for each run."""
+"""External simulators: programs that radcal starts once per run, in a separate folder for each run."""
 
 from __future__ import annotations
 
@@ -49,24 +49,24 @@ logger = logging.getLogger(__name__)
 
 
 class _Failed(SimulatorError):
-    """Failure of a run that a retry may cure."""
+    """Failed run for which a retry may succeed."""
 
 
 class CommandPlan:
-    """Files, placeholders and seeds of a configured command, checked before any run.
+    """Program, files, placeholders and seed of an external simulator, checked before the first run.
 
     Parameters
     ----------
     config : CommandSimulation
-        The simulator's configuration.
+        Configuration of the external simulator.
     materials : mapping
-        Materials with their parameters' names.
+        Materials by name, with the names of their parameters.
 
     Raises
     ------
     ConfigError
-        The program, a template or a file is missing; a placeholder is unknown, or a parameter
-        never reaches the program.
+        The program, a template or a file is missing, a placeholder is unknown, or radcal would not pass a parameter or
+        the seed to the program.
     """
 
     def __init__(self, config: CommandSimulation, materials: Mapping[str, Material]) -> None:
@@ -90,7 +90,7 @@ class CommandPlan:
         self.templates: list[tuple[Marked, str]] = []
         for k, item in enumerate(config.templates):
             path = expand_path(item.template, f"simulator.templates.{k}.template")
-            # latin-1 keeps every byte, whatever the program's encoding is
+            # latin-1 preserves every byte of the template, in any encoding
             text = path.read_bytes().decode("latin-1")
             marked = template(text, item.delimiter, f"simulator.templates.{k}.template: {path}").checked(known)
             self.templates.append((marked, item.file))
@@ -112,26 +112,26 @@ class CommandPlan:
 
     @property
     def _texts(self) -> list[Marked]:
-        """Texts with placeholders: arguments and templates."""
+        """All texts with placeholders: arguments of the command, and templates."""
         return [*self.arguments, *(marked for marked, _ in self.templates)]
 
     @property
     def seed_places(self) -> list[tuple[str, Marker]]:
-        """Placeholders of the seed in arguments and templates; the input file is not searched."""
+        """Placeholders of the seed in the arguments of the command and in the templates."""
         return [(marked.where, place) for marked in self._texts for place in marked.places(SEED)]
 
     def stage(self, folder: Path) -> None:
-        """Copy the program's files into a run's folder, and make the symbolic links there."""
+        """Copy the configured files into a run's folder, and make the configured symbolic links there."""
         for path in self.files:
             shutil.copy2(path, folder / path.name)
         for path in self.links:
             (folder / path.name).symlink_to(path.resolve())
 
     def hashes(self) -> dict[str, Any]:
-        """SHA-256 of all files that the program's numbers may depend on."""
+        """SHA-256 of all configured files on which the program's output may depend."""
         config = self.config
         return {
-            # the interpreter enters by its version, so that an update of the system does not invalidate all runs
+            # for Python, the version replaces the hash, so that an update of the system does not invalidate all runs
             "executable": f"{platform.python_implementation()} {platform.python_version()}"
             if config.command[0] == "{python}"
             else _sha256(self.executable),
@@ -144,12 +144,12 @@ class CommandPlan:
 
 
 def check_command(case: Case) -> None:
-    """Check a case's external simulator as far as possible without a run.
+    """Check the configuration of an external simulator without a run; a built-in simulator needs no check.
 
     Raises
     ------
     ConfigError, SimulatorError
-        The same errors as of :class:`CommandPlan` and :func:`radcal.simulators.seed_width.check_seeds`.
+        :class:`CommandPlan` or :func:`radcal.simulators.seed_width.check_seeds` found an error.
     """
     if isinstance(case.simulator, CommandSimulation):
         plan = CommandPlan(case.simulator, case.materials)
@@ -163,17 +163,17 @@ class CommandSimulator:
     Parameters
     ----------
     plan : CommandPlan
-        The program.
+        Program with its files and placeholders.
     materials : mapping
-        Materials with their parameters' names.
+        Materials by name, with the names of their parameters.
     radar : Radar
-        Pass, for the input file.
+        Pass, which may be written into the input file.
     geometry : Geometry
         Image grid and pixels of the materials.
     geometry_path : path
-        Path of the geometry's file, for programs that read it.
+        Path of the geometry file, which the program may read.
     work : path
-        Folder in which the runs' folders are created.
+        Folder in which a subfolder is created for each run.
     """
 
     def __init__(
@@ -196,12 +196,12 @@ class CommandSimulator:
 
     @cached_property
     def identity(self) -> Mapping[str, Any]:
-        """Name, version, command line, settings by which the image is read, and hashes of all files involved.
+        """Name, version and command line of the program, settings for reading its image, and hashes of all its files.
 
         Raises
         ------
         SimulatorError
-            The version command fails.
+            The program of ``version_command`` failed or printed nothing.
         """
         config = self._config
         return {
@@ -217,24 +217,24 @@ class CommandSimulator:
         }
 
     def run(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> NDArray[np.float32]:
-        """Run the program once, and again as ``retries`` allows if it fails.
+        """Run the program; after a failure, repeat the run up to ``retries`` times.
 
         Parameters
         ----------
         parameters : mapping
-            Parameters by material.
+            Law parameters X by material.
         noise_seed : int
-            Seed that the program receives.
+            Seed of speckle and noise, which the program receives.
 
         Returns
         -------
         ndarray of float32, shape (slant range, azimuth)
-            The image [dB], NaN where the program gave no value, outside the calibrated materials.
+            Image [dB]. Outside the calibrated materials, pixels without a value are NaN.
 
         Raises
         ------
         SimulatorError
-            The program failed, or its output is not an image of this scene.
+            The program failed in every attempt, or its output is not an image of this scene.
         """
         attempts = self._config.retries + 1
         for attempt in range(1, attempts + 1):
@@ -251,7 +251,7 @@ class CommandSimulator:
 
     @contextmanager
     def _folder(self, key: str, remark: str = "") -> Iterator[Path]:
-        """New folder with the program's files, removed after a successful run; after a failed run it is renamed."""
+        """Folder with the program's files for one run: removed after success (unless kept), renamed after failure."""
         folder = working_folder(self._work).absolute()
         ended = folder.name.rsplit("-", 1)[-1]
         try:
@@ -263,7 +263,7 @@ class CommandSimulator:
         except (SimulatorError, ConfigError) as error:
             text = str(error).removesuffix(".")
             text = text if text.startswith("simulator.") else f"{key}: {text}"
-            if not folder.is_dir():  # the program wrote this file itself
+            if not folder.is_dir():  # the program has removed the folder, or replaced it by a file
                 raise type(error)(f"{text}{remark}.") from None
             kept = self._work / f"failed-{ended}"
             folder.rename(kept)
@@ -313,7 +313,7 @@ class CommandSimulator:
         return self._image(output)
 
     def _image(self, path: Path) -> NDArray[np.float32]:
-        """Read the program's image and check its size, scale and levels."""
+        """Read the program's image, check its size, scale and levels, and orient it as the simulated image."""
         config = self._config.output
         shape = self._geometry.shape
         stored = shape[::-1] if config.transpose else shape
@@ -357,7 +357,7 @@ class CommandSimulator:
             raise StoreError(f"{path}: cannot be written ({error.strerror or error}).") from error
 
     def _version(self, words: Sequence[str]) -> str:
-        """Version that the program prints."""
+        """Version that the program of ``version_command`` prints."""
         key = "simulator.version_command"
         program = executable_path(words[0], key, self._config.environment)
         with self._folder(key) as folder:
@@ -375,13 +375,13 @@ class CommandSimulator:
 
 
 def _plain(config: InputFile | None) -> dict[str, Any] | None:
-    """Settings of the input file, as part of the simulator's identity; ``radar`` is included only where it is set."""
+    """Settings of the input file, for the identity of the simulator; ``radar`` is omitted if true (the default)."""
     later = {"radar"} if config is not None and config.radar else None
     return None if config is None else config.model_dump(mode="json", exclude=later)
 
 
 def toml_text(data: Mapping[str, Any]) -> str:
-    """TOML of plain data without entries that are None, which TOML cannot express."""
+    """TOML text of plain data; entries with the value None are omitted, because TOML has no such value."""
 
     def written(table: Mapping[str, Any]) -> dict[str, Any]:
         return {k: written(v) if isinstance(v, Mapping) else v for k, v in table.items() if v is not None}

@@ -1,8 +1,8 @@
-"""Supervisor of an external program, which returns its exit status and kills its process group when radcal ends.
+"""Supervisor script: it starts an external program, returns its exit status, and kills it when radcal ends.
 
-This script uses only the standard library. Its process leads a process group of its own, to which the external program
-belongs, and its standard input is a pipe that radcal holds open. When radcal ends, even by SIGKILL, the pipe closes,
-and the script kills the whole process group.
+This script uses only the standard library. The process of the script leads a new process group, to which the external
+program also belongs. The standard input of the script is a pipe from radcal. When radcal ends, even by SIGKILL, the
+operating system closes the pipe, and the script kills the whole process group.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ __all__ = ["main"]
 
 
 def main(arguments: list[str]) -> int:
-    """Run a program to its end.
+    """Start a program and wait until it ends.
 
     Parameters
     ----------
@@ -28,14 +28,14 @@ def main(arguments: list[str]) -> int:
     Returns
     -------
     int
-        Exit code of the program; a signal that ended the program also ends this process.
+        Exit code of the program. If a signal ended the program, the same signal ends this process.
     """
     try:
         program = os.posix_spawn(
             arguments[0], arguments, os.environ, file_actions=[(os.POSIX_SPAWN_OPEN, 0, os.devnull, os.O_RDONLY, 0)]
         )
     except OSError as error:
-        # a script with Windows line ends names an interpreter that does not exist
+        # the first line of a script with Windows line ends names an interpreter that does not exist
         there = isinstance(error, FileNotFoundError) and os.path.exists(arguments[0])
         reason = "the interpreter of its first line is missing" if there else error.strerror
         sys.stderr.write(f"{arguments[0]} cannot be started: {reason}\n")
@@ -45,7 +45,9 @@ def main(arguments: list[str]) -> int:
     code = os.waitstatus_to_exitcode(status)
     if code >= 0:
         return code
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # the program has written its own core dump, if that is enabled
+    resource.setrlimit(
+        resource.RLIMIT_CORE, (0, 0)
+    )  # this process writes no core dump, because the program has already written its own if enabled
     if -code != signal.SIGKILL:
         signal.signal(-code, signal.SIG_DFL)
     os.kill(os.getpid(), -code)
@@ -61,5 +63,5 @@ def _kill_all_when_orphaned() -> None:
 if __name__ == "__main__":
     ended = main(sys.argv[1:])
     sys.stderr.flush()
-    # not sys.exit, which would wait for the reading thread
+    # sys.exit would wait for the thread that reads the pipe
     os._exit(ended)

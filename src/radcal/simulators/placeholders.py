@@ -1,10 +1,10 @@
-"""Placeholders for parameters in a program's arguments and in templates of its input files.
+"""Placeholders for parameters and seed, in the arguments of a program and in templates of its input files.
 
-Arguments use braces, ``{dyke.X1}``; ``{{`` and ``}}`` are written for braces themselves. Templates use markers between
-two delimiters, ``@dyke.X1@``, in the manner of PEST's template files (PEST++ users manual, section 2.3). A number
-format may follow a colon: ``@dyke.X1:14.6e@``. Without a format, numbers are written with enough digits to recover the
-same double. A seed may first be mapped into a range that includes both ends: ``@noise_seed:1..30000@``. The format of
-such a seed, if there is one, follows the range: ``@noise_seed:1..30000:6d@``.
+In arguments, placeholders are written in braces, ``{dyke.X1}``; ``{{`` and ``}}`` stand for literal braces. In
+templates, placeholders are markers between two delimiters, ``@dyke.X1@``, as in PEST's template files (PEST++ users
+manual, section 2.3). A number format may follow after a colon: ``@dyke.X1:14.6e@``. A number without a format is
+written with enough digits to recover the same double. A seed can be mapped into a range, both ends included:
+``@noise_seed:1..30000@``. A format for the mapped seed follows the range: ``@noise_seed:1..30000:6d@``.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ _WIDTH = re.compile(r"(?:.?[<>=^])?[-+ ]?z?#?0?(\d+)")
 
 @dataclass(frozen=True)
 class Marker:
-    """Placeholder for a value.
+    """Placeholder for one value, in an argument or a template.
 
     Attributes
     ----------
     name : str
         Name of the value, such as ``dyke.X1`` or ``noise_seed``.
     spec : str
-        Python's format specification, empty for full precision.
+        Format specification of Python's ``format``; empty for full precision.
     interval : (int, int) or None
-        Range into which a seed is mapped: the smallest number plus the seed modulo the count of numbers.
+        Range ``(low, high)`` into which a seed is mapped as ``low + seed % (high - low + 1)``; None for no mapping.
     """
 
     name: str
@@ -44,14 +44,14 @@ class Marker:
 
     @classmethod
     def read(cls, name: str, spec: str) -> Marker:
-        """Marker of a placeholder, from the texts before and after its first colon."""
+        """Marker from the text of a placeholder: ``name`` precedes the first colon, ``spec`` follows this colon."""
         found = _RANGE.fullmatch(spec)
         if found is None:
             return cls(name, spec)
         return cls(name, (found[3] or "").strip(), (int(found[1]), int(found[2])))
 
     def text(self, value: float | int | str, where: str) -> str:
-        """Text of a value; a text that is wider than its field is refused."""
+        """Text of a value in the format of the placeholder; a text wider than the field raises a SimulatorError."""
         if self.interval is not None:
             low, high = self.interval
             value = low + int(value) % (high - low + 1)
@@ -72,9 +72,9 @@ class Marked:
     Attributes
     ----------
     parts : tuple of str or Marker
-        Texts and markers in their order.
+        Literal texts and markers, in the order of the whole text.
     where : str
-        Name of the text in messages.
+        Name of the text in error messages.
     """
 
     parts: tuple[str | Marker, ...]
@@ -82,11 +82,11 @@ class Marked:
 
     @property
     def names(self) -> set[str]:
-        """Names of all values that the text needs."""
+        """Names of all values for which the text has placeholders."""
         return {part.name for part in self.parts if isinstance(part, Marker)}
 
     def places(self, name: str) -> list[Marker]:
-        """All placeholders of one value."""
+        """All placeholders for the value with the given name."""
         return [part for part in self.parts if isinstance(part, Marker) and part.name == name]
 
     def filled(self, values: Mapping[str, float | int | str]) -> str:
@@ -95,24 +95,24 @@ class Marked:
         Raises
         ------
         SimulatorError
-            A number is wider than its field.
+            The text of a value is wider than the field that the format defines.
         """
         return "".join(
             part if isinstance(part, str) else part.text(values[part.name], self.where) for part in self.parts
         )
 
     def checked(self, known: Mapping[str, float | int | str]) -> Marked:
-        """The text with its placeholders, after a check that every name is known and every format can write its value.
+        """Check that every placeholder has a known name and a suitable format, and return this object.
 
         Parameters
         ----------
         known : mapping
-            Sample values by name, of the types that will be filled in.
+            Sample values by name; each has the type of the value that later replaces the placeholder.
 
         Raises
         ------
         ConfigError
-            An unknown name, or a format that does not fit.
+            A placeholder has an unknown name, an impossible range, or a format unsuitable for its value.
         """
         for part in self.parts:
             if isinstance(part, str):
@@ -135,19 +135,19 @@ class Marked:
 
 
 def argument(text: str, where: str) -> Marked:
-    """Read an argument with placeholders in braces.
+    """Parse an argument with placeholders in braces.
 
     Parameters
     ----------
     text : str
         Argument such as ``--x1={dyke.X1}``.
     where : str
-        Name of the text in messages.
+        Name of the text in error messages.
 
     Raises
     ------
     ConfigError
-        A brace without its partner, or an empty placeholder.
+        A brace is unpaired, or a placeholder is empty.
     """
     parts: list[str | Marker] = []
     try:
@@ -163,7 +163,7 @@ def argument(text: str, where: str) -> Marked:
 
 
 def template(text: str, delimiter: str, where: str) -> Marked:
-    """Read a template with markers between delimiters.
+    """Parse a template with markers between delimiters.
 
     Parameters
     ----------
@@ -172,12 +172,12 @@ def template(text: str, delimiter: str, where: str) -> Marked:
     delimiter : str
         Character on both sides of a marker.
     where : str
-        Name of the text in messages.
+        Name of the text in error messages.
 
     Raises
     ------
     ConfigError
-        A delimiter without its partner, an empty marker, or no marker at all.
+        A delimiter is unpaired, a marker is empty, or the template has no marker.
     """
     parts: list[str | Marker] = []
     for number, line in enumerate(re.findall(r"[^\n]*\n|[^\n]+", text), start=1):
@@ -189,7 +189,7 @@ def template(text: str, delimiter: str, where: str) -> Marked:
             )
         for k, piece in enumerate(pieces):
             name, _, spec = piece.partition(":")
-            # known names are ASCII; any other name is quoted as it was written
+            # all known names are ASCII; an unknown name in UTF-8 is restored for the error message
             name = name.encode("latin-1", "replace").decode("utf-8", "replace")
             if k % 2 == 0:
                 parts.append(piece)

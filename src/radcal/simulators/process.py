@@ -1,4 +1,4 @@
-"""Execution of one external program with a timeout; its whole process group is killed at the end."""
+"""Execution of one external program with a time limit; afterwards its whole process group is killed."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ _QUOTED = 300
 
 @dataclass(frozen=True)
 class Ended:
-    """End of a program: exit status or signal, and time.
+    """Result of a program's execution: exit code or signal, and duration.
 
     Attributes
     ----------
     code : int or None
-        Exit code, minus the number of the signal that ended it, or None on time-out.
+        Exit code; minus the signal number if a signal ended the program; None if the time limit was exceeded.
     seconds : float
-        Wall time.
+        Wall time [s].
     """
 
     code: int | None
@@ -50,29 +50,29 @@ class Ended:
 
 
 def run_program(arguments: Sequence[str], folder: Path, environment: Mapping[str, str], timeout_s: float) -> Ended:
-    """Run a program in a folder without a shell; its output goes to files in the folder.
+    """Run a program in a folder, without a shell; the output of the program goes to files in this folder.
 
     Parameters
     ----------
     arguments : sequence of str
         Absolute path of the program and its arguments.
     folder : path
-        Working directory of the program, where ``radcal.stdout``, ``radcal.stderr`` and ``radcal.log``
-        are written.
+        Working directory of the program. The files ``radcal.stdout``, ``radcal.stderr`` and ``radcal.log`` are written
+        there.
     environment : mapping
-        Variables besides those of this process.
+        Environment variables for the program, in addition to the variables of this process.
     timeout_s : float
         Time after which the program is killed [s].
 
     Returns
     -------
     Ended
-        End of the program; no process of its group is left.
+        Exit code and duration. All processes of the program's process group have ended.
 
     Raises
     ------
     SimulatorError
-        The system refuses the arguments, or the program has removed its folder.
+        The operating system refuses the arguments, or the log cannot be written into the folder.
     """
     command = [sys.executable, "-I", "-S", guard.__file__, *arguments]
     started = time.perf_counter()
@@ -82,7 +82,7 @@ def run_program(arguments: Sequence[str], folder: Path, environment: Mapping[str
                 command,
                 cwd=folder,
                 env={**os.environ, **environment},
-                stdin=subprocess.PIPE,  # kept open: when it closes, the guard knows that this process has ended
+                stdin=subprocess.PIPE,  # when this process ends, this pipe closes, and the guard kills the program
                 stdout=out,
                 stderr=err,
                 start_new_session=True,
@@ -94,7 +94,7 @@ def run_program(arguments: Sequence[str], folder: Path, environment: Mapping[str
             with contextlib.suppress(subprocess.TimeoutExpired):
                 code = process.wait(timeout_s)
         finally:
-            # also processes that the program left in the background
+            # this kills also processes that the program has started in the background
             with contextlib.suppress(ProcessLookupError, PermissionError):
                 os.killpg(process.pid, signal.SIGKILL)
             process.wait()
@@ -119,7 +119,7 @@ def run_program(arguments: Sequence[str], folder: Path, environment: Mapping[str
 
 
 def output_tail(folder: Path) -> str:
-    """Quote the last lines that a program wrote to its standard output and error.
+    """Quotation of the last lines that a program wrote to standard error and standard output.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def output_tail(folder: Path) -> str:
     Returns
     -------
     str
-        One line, such as ``its last output on stderr: "no licence"``.
+        Text of one line, such as ``its last output on stderr: "no licence"``.
     """
     quotes = []
     for name, file in (("stderr", STDERR), ("stdout", STDOUT)):

@@ -1,4 +1,4 @@
-"""Protocol of a simulator."""
+"""Interface that every simulator implements, as a Python protocol."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ __all__ = ["Simulator"]
 
 
 class Simulator(Protocol):
-    """Simulator of a pass: gives an image for one parameter vector per material, and has an identity."""
+    """Simulator of a pass: it has an identity and turns one parameter vector per material into an image."""
 
     @property
     def identity(self) -> Mapping[str, Any]:
-        """Plain data that changes whenever the same parameters would give another image."""
+        """Plain data that identify the simulator; they differ if equal parameters and seed may give another image."""
         ...
 
     def run(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> NDArray[np.float32]:
@@ -25,9 +25,9 @@ class Simulator(Protocol):
         Parameters
         ----------
         parameters : mapping
-            Parameters of the law of every material of the scene, by name.
+            Law parameters X of every material of the scene, by name of the material.
         noise_seed : int
-            Seed of speckle and thermal noise; equal seeds give equal random numbers.
+            Seed of speckle and thermal noise; runs with equal seeds use equal random numbers.
 
         Returns
         -------
@@ -37,6 +37,6 @@ class Simulator(Protocol):
         Raises
         ------
         SimulatorError
-            The run failed.
+            The simulation failed.
         """
         ...

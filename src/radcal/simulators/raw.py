@@ -1,4 +1,4 @@
-"""Reader of raw images: numbers without a header, row by row."""
+"""Reader of raw image files, which contain only numbers, row by row, after an optional header that is skipped."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ _RAW_TYPES: tuple[str, ...] = get_args(RawType)
 
 
 def read_raw(file: ImageFile, config: Output, shape: tuple[int, int]) -> Values:
-    """Numbers of a raw file; a file whose length is not the expected one is refused.
+    """Read the numbers of a raw file; a file of unexpected length raises an error.
 
     Parameters
     ----------
     file : ImageFile
-        The file.
+        Raw file.
     config : Output
-        Configured type of the numbers, byte order and header.
+        Section with the type of the numbers, the byte order and the length of the header.
     shape : (int, int)
-        Rows and columns in the file's order.
+        Numbers of rows and columns, in the order in which the file stores them.
 
     Raises
     ------
     SimulatorError
-        The file has another size.
+        The length of the file does not match type, shape and header.
     """
     dtype = np.dtype(str(config.dtype)).newbyteorder("<" if config.byte_order in (None, "little") else ">")
     header = config.header_bytes or 0

@@ -1,11 +1,11 @@
-"""Runner of the simulator, which reads a run from the run store if the store holds it, and else simulates the run."""
+"""Runner of the simulator; it only simulates runs that the run store does not contain."""
 
 from __future__ import annotations
 
 import contextlib
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -27,9 +27,9 @@ __all__ = ["Runner"]
 
 
 def _law_description(material: Material) -> dict[str, Any]:
-    """Part of a run's description that identifies the law of a material, without the law's parameters."""
+    """Part of a run's description that identifies the law of a material, without the values of its parameters."""
     description: dict[str, Any] = {"law": material.law}
-    # An entry is added only for a law that needs it, so that the keys of earlier runs of other laws stay the same.
+    # A law gets only the entries that it needs, so that the hashes of earlier runs with other laws do not change.
     if material.angles_deg:
         description["angles_deg"] = material.angles_deg
     if material.law == EXTERNAL:
@@ -42,25 +42,34 @@ def _law_description(material: Material) -> dict[str, Any]:
 
 
 class Runner:
-    """Runner of the simulator: reads each run that the run store holds; simulates and records every other run.
+    """Runner of the simulator: it reads recorded runs from the run store, and simulates and records all other runs.
 
     Parameters
     ----------
     store : RunStore
         Store of the runs.
     simulator : Simulator
-        Simulator of runs that are not in the store.
+        Simulator for runs that the store does not contain.
     geometry : Geometry
-        Geometry of the pass, which gives the pixels of each material.
+        Geometry of the pass, which defines the pixels of each material.
     scene_identity : str
-        Digest of the scene.
+        Hash that identifies the scene.
     case : stages.Simulation
-        Pass, laws, and materials to record.
+        Pass, laws, and calibrated materials, whose pixels are recorded.
+    further : sequence of Runner
+        Runners of the second and later passes.
     """
 
     def __init__(
-        self, store: RunStore, simulator: Simulator, geometry: Geometry, scene_identity: str, case: stages.Simulation
+        self,
+        store: RunStore,
+        simulator: Simulator,
+        geometry: Geometry,
+        scene_identity: str,
+        case: stages.Simulation,
+        further: Sequence[Runner] = (),
     ) -> None:
+        self.further = tuple(further)
         self._store = store
         self._simulator = simulator
         self._geometry = geometry
@@ -73,8 +82,8 @@ class Runner:
         self._keep_images = case.simulator.keep_images
 
     def description(self, parameters: Parameters, noise_seed: int, repeat: bool = False) -> dict[str, Any]:
-        """Plain data that determine the pixel values of a run; the digest of these data is the hash of the run."""
-        # without a frequency the key is omitted, so that the keys of runs from before it existed stay the same
+        """Plain data that determine the pixel values of a run, and whose hash is the hash of the run."""
+        # If no frequency is configured, the key is omitted. Runs recorded before the key existed keep their hashes.
         unknown = {"frequency_ghz"} if self._radar.frequency_ghz is None else set()
         return {
             "simulator": dict(self._simulator.identity),
@@ -88,17 +97,17 @@ class Runner:
         }
 
     def without_masks(self, description: Mapping[str, Any]) -> dict[str, Any]:
-        """Description of a run without the settings of the pass that this simulator does not receive.
+        """Description of a run, without those settings of the pass that an external program does not receive.
 
-        The descriptions that were recorded by earlier versions of radcal contain these settings.
+        Descriptions recorded by earlier versions of radcal contain the omitted settings.
         """
         told = {key: value for key, value in description.get("pass", {}).items() if key not in self._not_told}
         return {**description, "pass": told}
 
     def _find(self, key: str, image: bool) -> Record | None:
-        """Record of a run by its hash, or by the hash that earlier versions of radcal used; None if neither is stored.
+        """Record of a run by its hash or by the hash of earlier radcal versions; None if the store has neither record.
 
-        The hashes of earlier versions include settings of the pass that the simulator does not receive.
+        Hashes of earlier versions depend on settings of the pass that an external program does not receive.
         """
         found = self._store.get(key, self._recorded, image)
         if found is not None or not self._not_told:
@@ -106,7 +115,7 @@ class Runner:
         if self._fuller is None:
             self._fuller = {}
             for path in sorted(self._store.folder.glob("[!.]*.h5")):
-                # the file is checked for damage when the store reads it
+                # the store checks the file for damage when it reads the record
                 with contextlib.suppress(OSError, KeyError, ValueError), h5py.File(path, "r", locking=False) as file:
                     theirs = json.loads(str(file.attrs["description"]))
                     if theirs != (told := self.without_masks(theirs)):
@@ -115,19 +124,20 @@ class Runner:
         return None if fuller is None else self._store.get(fuller, self._recorded, image)
 
     def take(self, other: RunStore, key: str) -> bool:
-        """Copy a record from another store unless this store has it.
+        """Copy a record from another store, unless this store already has a record of the run.
 
         Parameters
         ----------
         other : RunStore
-            Store to copy from.
+            Store from which the record is copied.
         key : str
             Hash of the run.
 
         Returns
         -------
         bool
-            False if the other store lacks the record, or the record lacks the pixels of a calibrated material.
+            Whether this store now has the record. False if the other store lacks the record, or if the record lacks the
+            pixels of a calibrated material.
         """
         if self._store.get(key, self._recorded) is None:
             record = other.get(key, self._recorded)
@@ -137,23 +147,23 @@ class Runner:
         return True
 
     def run(self, parameters: Parameters, noise_seed: int, image: bool = False, repeat: bool = False) -> Record:
-        """Record of a run with these parameters; the run is simulated only if the store lacks its record.
+        """Record of the run with the given parameters; the run is simulated only if the store lacks its record.
 
         Parameters
         ----------
         parameters : mapping
-            Law parameters X by material, for every material.
+            Law parameters X of every material, by name of the material.
         noise_seed : int
             Seed of speckle and thermal noise.
         image : bool
-            Whether the record must hold the whole image.
+            Whether the record must contain the whole image.
         repeat : bool
-            Whether the run is a second one with the same parameters and seed, which has a record of its own.
+            Whether the run repeats a run with the same parameters and seed; the repetition gets a separate record.
 
         Raises
         ------
         SimulatorError
-            The simulator's image has the wrong size or values that are not finite.
+            The simulation failed, or the image has the wrong size or pixel values that are not finite.
         """
         description = self.description(parameters, noise_seed, repeat)
         key = digest(description)
@@ -161,12 +171,12 @@ class Runner:
         if found is not None:
             return found
         with claimed(self._store.folder, key):
-            # a job that a killed command left behind may have simulated this run while this job waited for the lock
+            # while this job waited for the lock, a job of a killed command may have simulated this run
             found = self._found(key, image)
             return found if found is not None else self._simulate(key, description, parameters, noise_seed, image)
 
     def _found(self, key: str, image: bool) -> Record | None:
-        """Record of a run; None if there is none, or if its numbers of pixels differ from the geometry's."""
+        """Record of a run; None if it is missing, or if its numbers of pixels differ from those of the geometry."""
         record = self._find(key, image)
         if record is not None and any(record.pixels_db[name].size != n for name, n in self._sizes.items()):
             return None
@@ -179,7 +189,7 @@ class Runner:
     def _simulate(
         self, key: str, description: Mapping[str, Any], parameters: Parameters, noise_seed: int, image: bool
     ) -> Record:
-        """Simulate a run and record it in the store."""
+        """Simulate a run, check the image and write the record into the store."""
         started = time.perf_counter()
         image_db = self._simulator.run(parameters, noise_seed)
         seconds = time.perf_counter() - started

@@ -1,7 +1,7 @@
-"""Bit width of an external program's seeds, and the check that a case's seeds stay distinct.
+"""Number of bits of the seeds for an external program, and a check that the seeds of a case are distinct.
 
-In a new case the program gets seeds of 31 bits, which a C int holds. A case that already has runs keeps the bit width
-of the seeds of these runs, because other seeds would make other runs.
+In a new case the program receives seeds of 31 bits, which fit into a C int. A case with earlier runs keeps the number
+of bits of the earlier seeds, because runs with other seeds would not match the earlier runs.
 """
 
 from __future__ import annotations
@@ -21,25 +21,25 @@ from radcal.storage.inspection import inspect_file
 
 __all__ = ["check_seeds", "with_seed_bits"]
 
-_EARLIER = 63  # width of all runs made before the width could be chosen
+_EARLIER = 63  # number of bits in all runs made before the number of bits could be configured
 _INT = 31
 
 
 def with_seed_bits(case: Case, results: str | Path) -> Case:
-    """Case in which the bit width of an external program's seeds is set.
+    """Case with ``simulator.seed_bits`` set, if the simulator is an external program.
 
     Parameters
     ----------
     case : Case
         The configuration.
     results : path
-        Folder of all cases' results.
+        Folder that contains the results folders of all cases.
 
     Returns
     -------
     Case
-        Case with ``simulator.seed_bits`` of an external program from the configuration, else from its own results or
-        those of the case whose runs it reuses, else the default. No file is changed.
+        Case with the configured ``simulator.seed_bits``. If the key is missing, the value comes from the results of the
+        case, else from the results of the case named by ``design.reuse``, else it is 31. No file is changed.
     """
     simulator = case.simulator
     if not isinstance(simulator, CommandSimulation) or simulator.seed_bits is not None:
@@ -53,9 +53,9 @@ def with_seed_bits(case: Case, results: str | Path) -> Case:
 
 
 def _recorded(folder: Path) -> int | None:
-    """Bit width of seeds from a case's simulator.json, else as seen from its stored runs; None if neither tells it."""
+    """Number of bits of the seeds, from a case's simulator.json, else from the seeds of its runs; None if unknown."""
     path = folder / "simulator.json"
-    # damaged files are reported by salvage
+    # radcal.running.salvage reports damaged files
     with contextlib.suppress(Exception):
         inspect_file(path, None)
         return int(json.loads(path.read_text(encoding="utf-8"))["data"]["seed_bits"])
@@ -68,22 +68,22 @@ def _recorded(folder: Path) -> int | None:
 
 
 def check_seeds(case: Case, places: Iterable[tuple[str, Marker]]) -> None:
-    """Refuse placeholders whose ranges or fields map different seeds of a case to the same number.
+    """Raise an error if the placeholders map different seeds of a case to the same number.
 
     Parameters
     ----------
     case : Case
         The configuration.
     places : iterable of (str, Marker)
-        Every placeholder of the seed, with its name in messages.
+        Every placeholder of the seed, after the name of its text in error messages.
 
     Raises
     ------
     ConfigError
-        The calibration's runs and the final one with fresh random numbers, or the synthetic measurement, would
-        have the same seed.
+        Two of these would receive the same number: the runs of the calibration, the final run with fresh random
+        numbers, the synthetic measurement.
     SimulatorError
-        A seed is wider than its field.
+        The text of a seed is wider than the field of its placeholder.
     """
     runs = stages.Simulation.of(case)
     seeds = {

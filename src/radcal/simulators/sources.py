@@ -1,7 +1,8 @@
-"""The configured simulator, and a runner with a store of runs, which simulates only runs that are not stored."""
+"""Construction of the configured simulator, and of its runner with the run store of the case."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from radcal.config import CommandSimulation, stages
@@ -17,21 +18,22 @@ __all__ = ["make_runner", "make_simulator"]
 
 
 def make_simulator(case: stages.Simulator, geometry: Geometry, geometry_path: str | Path) -> Simulator:
-    """Configured simulator on a geometry.
+    """Create the configured simulator for the geometry of a pass.
 
     Parameters
     ----------
     case : stages.Simulator
-        Simulator, pass and materials.
+        Sections for simulator, pass and materials.
     geometry : Geometry
         Geometry of the pass.
     geometry_path : path
-        Path of the geometry's file, which an external simulator may receive.
+        Path of the geometry file, which an external simulator may read.
 
     Raises
     ------
     ConfigError
-        An external simulator lacks its program, a file or a placeholder.
+        The configuration of an external simulator is wrong (:class:`~radcal.simulators.command.CommandPlan`), or a
+        law without a curve is configured for the built-in simulator.
     """
     if isinstance(case.simulator, CommandSimulation):
         plan = CommandPlan(case.simulator, case.materials)
@@ -40,8 +42,21 @@ def make_simulator(case: stages.Simulator, geometry: Geometry, geometry_path: st
     return BuiltinSimulator(geometry, case.radar, case.laws)
 
 
-def make_runner(case: stages.Simulation, scene_path: str | Path, geometry_path: str | Path, runs: str | Path) -> Runner:
-    """Runner of the configured simulator: a run in the case's run store is read, a new run is simulated and stored."""
-    geometry = read_geometry(geometry_path)
-    simulator = make_simulator(case, geometry, geometry_path)
-    return Runner(RunStore(runs), simulator, geometry, read_scene(scene_path).identity, case)
+def make_runner(
+    case: stages.Simulation, scene_path: str | Path, geometry_path: str | Path | Sequence[str | Path], runs: str | Path
+) -> Runner:
+    """Runner of the configured simulator: a run in the case's run store is read, a new run is simulated and stored.
+
+    ``geometry_path`` may be a list, with the geometry of each pass of the case: the runner has those of the others.
+    """
+    paths = [geometry_path] if isinstance(geometry_path, str | Path) else list(geometry_path)
+    each = [case] if len(paths) == 1 else case.passes  # type: ignore[misc]  # a stage of all passes has them
+    identity = read_scene(scene_path).identity
+    further: list[Runner] = []
+    for one, path in reversed(list(zip(each, paths, strict=True))):
+        geometry = read_geometry(path)
+        simulator = make_simulator(one, geometry, path)
+        passes = further if path is paths[0] else []
+        runner = Runner(RunStore(runs), simulator, geometry, identity, one, passes)
+        further.insert(0, runner)
+    return further[0]

@@ -15,7 +15,7 @@ MAX_R = float(B / np.sqrt(1.0 - B**2))  # mean over sd of the half-normal
 
 
 def direct(cp: ArrayLike) -> NDArray[np.float64]:
-    """Direct parameters from centred ones.
+    """Direct parameters (xi, omega, alpha) computed from centred parameters.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def direct(cp: ArrayLike) -> NDArray[np.float64]:
     Raises
     ------
     ValueError
-        A standard deviation is not positive or a skewness is out of reach.
+        A standard deviation is not positive, or a skewness is 0.99527 or more in size.
     """
     mean, sd, skewness = np.moveaxis(np.asarray(cp, dtype=np.float64), -1, 0)
     if np.any(sd <= 0) or np.any(np.abs(skewness) >= MAX_SKEWNESS):
@@ -43,7 +43,7 @@ def direct(cp: ArrayLike) -> NDArray[np.float64]:
 
 
 def centred(dp: ArrayLike) -> NDArray[np.float64]:
-    """Centred parameters from direct ones.
+    """Centred parameters (mean, standard deviation, skewness) computed from direct parameters.
 
     Parameters
     ----------
@@ -105,14 +105,14 @@ def log_likelihood(x: ArrayLike, dp: ArrayLike) -> float:
 
 
 def sample(dp: ArrayLike, n: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Draw skew-normal numbers.
+    """Random sample of a skew-normal distribution.
 
     Parameters
     ----------
     dp : array_like, shape (3,)
         xi [dB], omega [dB], alpha.
     n : int
-        How many.
+        Number of values.
     rng : Generator
         Random generator.
 

@@ -39,7 +39,8 @@ class Fit:
     n : int
         Sample size.
     at_boundary : bool
-        Whether the likelihood grows up to the largest skewness, so that alpha stands for infinity.
+        Whether the likelihood grows up to the largest possible skewness, so that it has no maximum at a finite alpha.
+        The value of alpha in ``dp`` then stands for infinity.
     penalised : bool
         Whether the penalised likelihood was maximised.
     """
@@ -54,7 +55,7 @@ class Fit:
 def _unpack(
     u: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Direct parameters DP at u = (mean, log sd, v), and their first and second derivatives by u.
+    """Direct parameters (xi, omega, alpha) as functions of u = (mean, log sd, v), with first and second derivatives.
 
     The skewness is the largest possible skewness times tanh v.
     """
@@ -89,7 +90,7 @@ def _unpack(
 def objective(
     u: NDArray[np.float64], x: NDArray[np.float64], penalty: float = 0.0
 ) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
-    """Negative mean log-likelihood, its gradient and its Hessian.
+    """Negative mean log-likelihood, plus the penalty if there is one, with its gradient and Hessian.
 
     Parameters
     ----------
@@ -104,9 +105,9 @@ def objective(
     -------
     value : float
     gradient : ndarray, shape (3,)
-        In u.
+        First derivatives of the value by u.
     hessian : ndarray, shape (3, 3)
-        In u.
+        Second derivatives of the value by u.
 
     References
     ----------
@@ -120,8 +121,10 @@ def objective(
     n = x.size
     ratio = np.exp(-0.5 * w * w - 0.5 * math.log(2.0 * math.pi) - log_phi)  # N(w) / Phi(w)
     curved = -ratio * (w + ratio)  # derivative of the ratio
-    one = np.ones(n)
-    sums = np.stack([one, z, z * z]) @ np.stack([z, ratio, curved, log_phi], axis=1) / n
+    powers, terms = np.empty((3, n)), np.empty((n, 4))  # half the time of np.stack
+    powers[0], powers[1], powers[2] = 1.0, z, z * z
+    terms[:, 0], terms[:, 1], terms[:, 2], terms[:, 3] = z, ratio, curved, log_phi
+    sums = powers @ terms / n
     z1, r0, c0, mean_log_phi = sums[0].tolist()
     z2, r1, c1, _ = sums[1].tolist()
     c2 = float(sums[2, 2])
@@ -153,15 +156,15 @@ def search(
     free: tuple[int, ...] = (0, 1, 2),
     tolerance: float = _GRADIENT,
 ) -> tuple[NDArray[np.float64], float]:
-    """Minimise the objective by Newton's method with a positive definite matrix and step halving.
+    """Minimise :func:`objective` by Newton's method, with the Hessian made positive definite and with step halving.
 
-    The search ends where alpha is so large that the sample does not distinguish the density from the half-normal limit
-    (see :func:`_limit`), unless a penalty keeps alpha finite.
+    Without a penalty, which keeps alpha finite, the search also ends where alpha is so large that the sample does not
+    distinguish the density from the half-normal limit (see :func:`_limit`).
 
     Parameters
     ----------
     u : ndarray, shape (3,)
-        Start, as for :func:`objective`.
+        Starting point, in the coordinates of :func:`objective`.
     x, penalty
         As for :func:`objective`.
     free : tuple of int
@@ -183,7 +186,7 @@ def search(
         slope = gradient[moving]
         if np.abs(slope).max() < tolerance:
             break
-        scales, directions = np.linalg.eigh(hessian[np.ix_(moving, moving)])
+        scales, directions = np.linalg.eigh(hessian[moving[:, None], moving])
         scales = np.maximum(np.abs(scales), 1e-6 * np.abs(scales).max())
         step = np.zeros(3)
         step[moving] = -directions @ ((directions.T @ slope) / scales)
@@ -248,7 +251,7 @@ def _limit(x: NDArray[np.float64], sign: float) -> NDArray[np.float64]:
 
 
 def standardised(sample: ArrayLike) -> tuple[NDArray[np.float64], float, float]:
-    """Standardised values, their mean and their standard deviation.
+    """Sample scaled to zero mean and unit standard deviation, and the sample's own mean and standard deviation.
 
     Parameters
     ----------
@@ -258,7 +261,7 @@ def standardised(sample: ArrayLike) -> tuple[NDArray[np.float64], float, float]:
     Raises
     ------
     FitError
-        Fewer than 8 values, values that are not finite or all equal.
+        The sample has fewer than 8 values, values that are not finite, or only equal values.
     """
     x = np.asarray(sample, dtype=np.float64).ravel()
     if x.size < 8:
@@ -277,13 +280,14 @@ def fit(sample: ArrayLike, penalised: bool = False) -> Fit:
     """Maximum likelihood fit of a skew normal.
 
     Newton's method searches in the parameters (mean, log sd, skewness), in which the likelihood is regular at alpha = 0
-    (Azzalini and Capitanio 2014, section 3.1.4). The search starts from the sample's moments. Where the likelihood
-    grows up to the largest skewness, the half-normal limit is tried, too.
+    (Azzalini and Capitanio 2014, section 3.1.4). The search starts from the sample's moments. In a fit without penalty,
+    the half-normal distribution, which is the limit of infinite alpha, is the result if its likelihood is at least as
+    large as the maximum found.
 
     The penalised log-likelihood is the log-likelihood less c1 log(1 + c2 alpha^2), a penalty that corrects the bias of
-    alpha to first order. The maximum of the penalised log-likelihood is at a finite alpha for every sample. The
-    penalised log-likelihood is never smooth at alpha = 0, where it always has a local maximum: a sample whose skewness
-    is less than about 0.8 standard errors is fitted by a normal density.
+    alpha to first order. The maximum of the penalised log-likelihood is at a finite alpha for every sample. At alpha =
+    0 the penalised log-likelihood always has a cusp, which is a local maximum. A sample whose skewness is less than
+    about 0.8 standard errors is therefore fitted by a normal density.
 
     Parameters
     ----------
@@ -299,7 +303,7 @@ def fit(sample: ArrayLike, penalised: bool = False) -> Fit:
     Raises
     ------
     FitError
-        Fewer than 8 values, values that are not finite or all equal.
+        The sample has fewer than 8 values, values that are not finite, or only equal values.
 
     References
     ----------
@@ -341,13 +345,13 @@ def covariance(sample: ArrayLike, found: Fit, effective: float | None = None) ->
     found : Fit
         Fit to the sample.
     effective : float, optional
-        Effective sample size, the number of independent values; n if missing.
+        Effective sample size: number of independent values with the information of the sample. By default n.
 
     Returns
     -------
     ndarray, shape (3, 3)
-        Covariance of (mean [dB], standard deviation [dB], skewness). NaN at the boundary,
-        where the likelihood has no maximum inside.
+        Covariance of (mean [dB], standard deviation [dB], skewness). NaN if the fit is at the boundary
+        (``found.at_boundary``), or if the information matrix is not positive definite.
 
     References
     ----------

@@ -36,9 +36,9 @@ _HOPELESS = 2.5  # excess of the root of a likelihood ratio over its critical va
 
 
 def likelihood_ratio(sample: ArrayLike, skewness: float) -> float:
-    """Twice the log of the likelihood's maximum over all parameters divided by its maximum at a given skewness.
+    """Twice the log of the ratio of the likelihood's maximum over all parameters to its maximum at a given skewness.
 
-    The ratio does not change if the sample is shifted or scaled.
+    The value does not change if the sample is shifted or scaled.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def likelihood_ratio(sample: ArrayLike, skewness: float) -> float:
 
 
 def _critical(effective: float, v: float, level: float) -> float:
-    """Critical value, which the likelihood ratio of the true skewness exceeds with probability 1 - level."""
+    """Critical value that the likelihood ratio at the true skewness exceeds with the probability 1 - level."""
     from scipy.special import gammaincinv
 
     skewness = MAX_SKEWNESS * abs(math.tanh(v))
@@ -82,21 +82,23 @@ def intervals(
 ) -> NDArray[np.float64]:
     """Confidence intervals of a fit's centred parameters.
 
-    From 1,000 independent values, and up to a skewness of 0.9, the intervals are the normal (Wald) intervals of
-    :func:`covariance`. Otherwise an interval holds the values of a parameter for which the likelihood ratio (twice the
-    log of the maximum likelihood over the maximum at that value) is below a critical value. For mean and standard
-    deviation the critical value is the square of Student's t with n - 3 degrees of freedom. For the skewness the
-    critical value is the quantile of the likelihood ratio itself.
+    For at least 1,000 independent values and a skewness of at most 0.9 in size, the intervals are the normal (Wald)
+    intervals from :func:`covariance`. Otherwise an interval is the set of all values of a parameter whose likelihood
+    ratio is below a critical value. The likelihood ratio of a value is twice the log of the likelihood's maximum over
+    all parameters, divided by its maximum at this value. For mean and standard deviation, the critical value is the
+    squared quantile of Student's t distribution with n - 3 degrees of freedom. For the skewness neither t nor
+    chi-square is accurate: the critical value is the quantile, at ``level``, of the likelihood ratio's own
+    distribution, found by simulation (below).
 
-    The distribution of the likelihood ratio of the skewness depends only on sample size and skewness. Only for large
-    samples is it the chi-square distribution with 1 degree of freedom. The 95 % quantile of the likelihood ratio was
-    simulated (``benchmarks/skewnormal_fit.py --critical``). The ratio of any other quantile to that of chi square is
-    assumed to be the same as for the 95 % quantile.
+    The distribution of the skewness' likelihood ratio depends on sample size and skewness alone. For large samples it
+    approaches the chi-square distribution with 1 degree of freedom. A simulation (``benchmarks/skewnormal_fit.py
+    --critical``) determined the factor between its 95 % quantile and the 95 % quantile of chi-square. The same factor
+    is assumed for all other quantiles.
 
-    The likelihood in these intervals never includes the penalty, because an interval describes the parameter and not
-    the penalised estimate. Where the largest possible skewness is not rejected, the interval of the skewness is
-    one-sided and ends at the largest skewness. The one-sided interval holds the values of the skewness that a test of
-    size ``1 - level`` does not reject, so that its confidence level is ``level``, too.
+    The likelihood in these intervals excludes the penalty, because an interval describes the parameter and not the
+    penalised estimate. If the likelihood ratio does not reject the largest possible skewness, the interval of the
+    skewness is one-sided and ends at the largest skewness. This interval contains all values of the skewness that a
+    test of size ``1 - level`` does not reject. Its confidence level is therefore ``level``, too.
 
     Parameters
     ----------
@@ -107,14 +109,14 @@ def intervals(
     level : float
         Confidence, between 0 and 1.
     effective : float, optional
-        Number of independent values that the sample stands for, by which the log-likelihood is
-        scaled; n without it. Fewer than 8 count as 8.
+        Effective sample size: the log-likelihood of the n values is scaled to this number of independent values. By
+        default n; a number below 8 is replaced by 8.
 
     Returns
     -------
     ndarray, shape (3, 2)
         Lower and upper bounds of mean [dB], standard deviation [dB] and skewness; the bound of the skewness is
-        +-0.99527 where the half-normal limit is not rejected.
+        +-0.99527 if the half-normal limit is not rejected.
 
     Raises
     ------
@@ -150,7 +152,7 @@ def intervals(
 
 
 class _Profile:
-    """Profile likelihood of standardised values in each of (mean, log sd, v)."""
+    """Profile likelihood of a standardised sample for each of the parameters mean, log sd and v."""
 
     def __init__(self, y: NDArray[np.float64], size: float, cp: NDArray[np.float64]) -> None:
         self._y, self._size = y, size
@@ -161,7 +163,7 @@ class _Profile:
         self._least = min(objective(self._top, y)[0], self._limit(math.copysign(1.0, skewness)))
 
     def _limit(self, sign: float, mean: float | None = None, sd: float | None = None) -> float:
-        """Objective at the half-normal limit, minimised over those of ``mean`` and ``sd`` that are None."""
+        """Smallest objective at the half-normal limit; ``mean`` or ``sd`` is varied only if it is None."""
         y = sign * self._y
         edge = float(y.min())
         if mean is None:
@@ -179,7 +181,7 @@ class _Profile:
         return 0.5 * (math.log(omega2) + squares / omega2 - math.log(2.0 / math.pi))
 
     def _ratio(self, k: int, value: float, near: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-        """Twice the log-likelihood ratio at a value of the k-th parameter, and the parameters that attain it."""
+        """Likelihood ratio at a value of the k-th parameter, and the parameters of the largest likelihood there."""
         free = tuple(j for j in range(3) if j != k)
         start = near.copy()
         start[k] = value
@@ -196,13 +198,13 @@ class _Profile:
         return 2.0 * self._size * (min(lowest, least) - self._least), u
 
     def of_skewness(self, v: float) -> float:
-        """Twice the log-likelihood ratio of a skewness; an infinite v is the half-normal limit."""
+        """Likelihood ratio at the skewness 0.99527 tanh v; an infinite v stands for the half-normal limit."""
         if math.isinf(v):
             return 2.0 * self._size * (self._limit(math.copysign(1.0, v)) - self._least)
         return self._ratio(2, v, self._top)[0]
 
     def bound(self, k: int, side: float, critical: Callable[[float], float]) -> float:
-        """Value above (side 1) or below (side -1) the maximum at which the ratio reaches its critical value."""
+        """Upper (side 1) or lower (side -1) bound of the k-th parameter, where the ratio reaches its critical value."""
         from scipy.optimize import brentq
 
         near = self._top

@@ -1,1 +1,1 @@
-"""radcal's own files: written atomically, with a checksum, and protected by locks."""
+"""Files that radcal writes and reads: atomic writes, checksums, locks, run records and run store."""

@@ -1,4 +1,4 @@
-"""Hashes in place of environment variables' values, which may be secrets, in all files that radcal writes."""
+"""Replacement of environment variables' values, which may be secrets, by hashes in all files that radcal writes."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ __all__ = ["Undisclosed", "disclosed", "hashed"]
 
 
 def hashed(environment: Mapping[str, str]) -> dict[str, str]:
-    """SHA-256 of the value of each variable, by its name.
+    """SHA-256 of the value of each environment variable, by the name of the variable.
 
     Parameters
     ----------
     environment : mapping
-        Variables of a program's environment.
+        Values of environment variables by name.
     """
     return {name: hashlib.sha256(value.encode()).hexdigest() for name, value in environment.items()}
 
 
 class Undisclosed(dict[str, str]):
-    """Environment variables printed without their values, because Snakemake stores a rule's ``params`` as printed."""
+    """Environment variables whose ``repr`` shows hashes, since Snakemake stores the ``repr`` of a rule's ``params``."""
 
     def __repr__(self) -> str:
         return repr(hashed(self))
@@ -33,8 +33,8 @@ def disclosed(data: Mapping[str, Any]) -> dict[str, Any]:
     Parameters
     ----------
     data : mapping
-        Section or identity of a simulator, or data with one under the key ``simulator``. An empty environment is
-        unchanged.
+        Section ``simulator``, identity of a simulator, or data that contain one of the two under the key ``simulator``.
+        An empty environment is copied unchanged.
     """
     copy = dict(data)
     if isinstance(inner := copy.get("simulator"), Mapping):

@@ -1,4 +1,4 @@
-"""Atomic writes (temporary name, flush, rename), removal of what killed processes left, digests of plain data."""
+"""Atomic writes (temporary name, flush, rename), removal of killed processes' files, and digests of plain data."""
 
 from __future__ import annotations
 
@@ -34,12 +34,14 @@ _PARTIAL = ".partial-"
 
 @contextlib.contextmanager
 def atomic(path: str | Path) -> Iterator[Path]:
-    """Yield a temporary path that is flushed and renamed to ``path`` when the block succeeds.
+    """Yield a temporary path; after the ``with`` block, flush the file there and rename it to ``path``.
+
+    If the block raises an exception, the temporary file is removed.
 
     Raises
     ------
     StoreError
-        The folder or the disk refuses the file.
+        The file cannot be written.
     """
     path = Path(path)
     partial = path.with_name(f"{_PARTIAL}{socket.gethostname()}-{os.getpid()}-{path.name}")
@@ -62,7 +64,7 @@ def atomic(path: str | Path) -> Iterator[Path]:
 
 
 def first_difference(theirs: Any, ours: Any, key: str = "") -> str:
-    """First difference of two sets of plain data, in words: the key and both values."""
+    """Text that states the first difference between two sets of plain data: the key and both values."""
     if isinstance(theirs, dict) and isinstance(ours, dict):
         for name in [*ours, *(name for name in theirs if name not in ours)]:
             if theirs.get(name) != ours.get(name):
@@ -71,7 +73,7 @@ def first_difference(theirs: Any, ours: Any, key: str = "") -> str:
 
 
 def digest(data: Any) -> str:
-    """Twenty hex digits that identify plain data, independent of the order of keys."""
+    """Hash of plain data, as twenty hex digits; the order of keys does not change the hash."""
     text = json.dumps(data, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()[:20]
 
@@ -82,12 +84,12 @@ def working_folder(parent: str | Path) -> Path:
     Parameters
     ----------
     parent : path
-        Folder in which it is created; created itself if missing.
+        Folder in which the new folder is created. A missing ``parent`` is created first.
 
     Raises
     ------
     StoreError
-        The folder or the disk refuses it.
+        The folder cannot be created.
     """
     try:
         Path(parent).mkdir(parents=True, exist_ok=True)
@@ -97,7 +99,7 @@ def working_folder(parent: str | Path) -> Path:
 
 
 def sweep(folder: str | Path) -> int:
-    """Remove temporary files and folders that ended processes of this machine left; return their number."""
+    """Remove temporary files and folders of processes that have ended on this machine; return the number removed."""
     removed = 0
     host = socket.gethostname()
     for partial in list(Path(folder).rglob(f"{_PARTIAL}{host}-*")):
@@ -106,21 +108,21 @@ def sweep(folder: str | Path) -> int:
             if partial.is_dir() and not partial.is_symlink():
                 shutil.rmtree(partial, ignore_errors=True)
             else:
-                with contextlib.suppress(OSError):  # another user's file, in a folder that is not writable
+                with contextlib.suppress(OSError):  # the file belongs to another user, in a folder that is not writable
                     partial.unlink()
             removed += 1
     return removed
 
 
 def sweep_scripts(folder: str | Path, case_folder: str | Path) -> int:
-    """Remove copies of a case's scripts that a killed Snakemake left behind; return their number.
+    """Remove copies of a case's scripts that a killed Snakemake did not remove; return the number removed.
 
     Parameters
     ----------
     folder : path
-        ``.snakemake/scripts``. Copies of other cases stay, since their jobs may be running.
+        ``.snakemake/scripts``. Copies of other cases' scripts are not removed, because their jobs may be running.
     case_folder : path
-        ``results/<case>``, whose lock this process holds. A copy of a script names its job's logs in this folder.
+        ``results/<case>``, locked by this process. Each copy of a script contains the path of a log in this folder.
     """
     mark = f"{Path(case_folder).as_posix()}/logs/".encode()
     removed = 0
@@ -133,14 +135,14 @@ def sweep_scripts(folder: str | Path, case_folder: str | Path) -> int:
 
 
 def unwritable(folder: str | Path, besides: str = "external") -> Path | None:
-    """First of ``folder`` and the folders below it in which this process may not create files; None if there is none.
+    """First folder, among ``folder`` and its subfolders, in which this process may not create files, or None.
 
     Parameters
     ----------
     folder : path
         ``results/<case>``.
     besides : str
-        Name of a folder directly below it that is not checked.
+        Name of a subfolder of ``folder`` that is not checked.
     """
     for path, folders, _ in os.walk(folder):
         if not os.access(path, os.W_OK | os.X_OK):
@@ -151,10 +153,10 @@ def unwritable(folder: str | Path, besides: str = "external") -> Path | None:
 
 
 def clamp_future_mtimes(folder: str | Path) -> int:
-    """Set modification times in the future to the present, and keep their order; return the number of changed times.
+    """Set modification times in the future to the present, without changing their order; return the number changed.
 
-    After a clock was set back, Snakemake would fail every job whose output is older than its input. Records of runs,
-    which Snakemake does not use, and targets of links are not changed.
+    Such times remain after the computer's clock was set back. Snakemake would then fail every job whose output is older
+    than its input. Run records, which Snakemake does not use, and the targets of links are not changed.
 
     Parameters
     ----------
@@ -168,9 +170,9 @@ def clamp_future_mtimes(folder: str | Path) -> int:
         if Path(place).name == "runs":
             continue
         for path in (Path(place, name) for name in ("", *names)):
-            with contextlib.suppress(OSError):  # removed meanwhile
+            with contextlib.suppress(OSError):  # another process has removed the file
                 status = path.lstat()
-                # a file with a further hard link may be a user's own file elsewhere
+                # a file with a further hard link may also be a user's file outside the results
                 if stat.S_ISDIR(status.st_mode) or (stat.S_ISREG(status.st_mode) and status.st_nlink == 1):
                     dated.append((status.st_mtime_ns, path))
     future = sorted(item for item in dated if item[0] > now)
@@ -181,7 +183,7 @@ def clamp_future_mtimes(folder: str | Path) -> int:
 
 
 def alive(pid: int) -> bool:
-    """Whether a process of this machine runs."""
+    """Whether the process with this number runs on this machine."""
     try:
         os.kill(pid, 0)
     except ProcessLookupError:

@@ -1,7 +1,7 @@
-"""Inspection of radcal's own files before they are parsed: checksum, kind, schema version and case.
+"""Inspection of files that radcal wrote, before they are parsed: checksum, kind, schema version and case.
 
-A damaged HDF5 file can crash the HDF5 library, therefore the checksum is compared first. A file that fails the
-inspection is renamed, never deleted.
+The checksum is compared first, because a damaged file can crash the HDF5 library. A file that fails the inspection is
+renamed, never deleted.
 """
 
 from __future__ import annotations
@@ -25,33 +25,33 @@ SCHEMAS: Mapping[str, int] = {
     "geometry": 5,
     "measurement": 2,
     "registered": 2,
-    "target": 4,
-    "surrogate": 4,
+    "target": 5,
+    "surrogate": 5,
     "run": 2,
     "calibration": 3,
 }
-"""Kinds of HDF5 files, and the schema version of each kind's layout."""
+"""Schema version of the layout of each kind of HDF5 file, by the name of the kind."""
 
 
 def inspect(path: str | Path, kind: str | None, most_bytes: int | None = None) -> None:
-    """Inspect a file; rename it to ``*.damaged`` if it is damaged or is not the file expected at its path.
+    """Inspect a file; rename the file to ``*.damaged`` if it is damaged, or of another kind, version or case.
 
     Parameters
     ----------
     path : path
         Path of the file.
     kind : str or None
-        Kind expected, a key of :data:`SCHEMAS`; None for JSON.
+        Expected kind of an HDF5 file, a key of :data:`SCHEMAS`; None for a JSON file.
     most_bytes : int, optional
-        Largest size [bytes] of a file whose content is compared with its checksum. Header and size are compared in
-        files of any size.
+        Largest size of a file whose content is compared with its checksum [bytes]. In a larger file, only header and
+        size are checked.
 
     Raises
     ------
     DamagedError
-        The file is damaged, of another version or of another case; it was set aside.
+        The file is damaged, or of another kind, version or case; it was renamed.
     StoreError
-        The file is missing or cannot be read; nothing was changed.
+        The file is missing or cannot be read; it was not renamed.
     """
     path = Path(path)
     try:
@@ -65,7 +65,7 @@ def inspect(path: str | Path, kind: str | None, most_bytes: int | None = None) -
 
 
 def unreachable(path: Path, error: OSError) -> StoreError:
-    """Error for a file that the operating system cannot open or read."""
+    """StoreError about a file that the operating system cannot open or read."""
     if isinstance(error, FileNotFoundError):
         return StoreError(f"{path}: is missing; type the same command again to have it made.")
     reason = os.strerror(error.errno) if error.errno is not None else error
@@ -80,20 +80,21 @@ def set_aside(path: Path, reason: str, number: int | None = None, aside: Path | 
     path : path
         Path of the file.
     reason : str
-        Fault of the file, a clause with the file as its subject.
+        Fault of the file, as the predicate of a sentence about the file, such as "is damaged".
     number : int, optional
-        Inode of the faulty file. A file with another inode, which has replaced it since, is not renamed.
+        Inode of the faulty file. If ``path`` now has another inode, a new file has replaced the faulty file, and no
+        file is renamed.
     aside : path, optional
-        New path, instead of the suffix ``.damaged``.
+        New path of the file; by default ``path`` with the suffix ``.damaged``.
     """
     first = aside = aside or path.with_suffix(".damaged")
-    while aside.exists() and (aside.is_dir() or path.is_dir()):  # a file may replace a file, but no folder
+    while aside.exists() and (aside.is_dir() or path.is_dir()):  # a file may replace an earlier file, but no folder
         aside = first.with_name(f"{first.name}-{int(aside.name.rpartition('-')[2]) + 1 if aside != first else 2}")
     try:
         if number is None or path.stat().st_ino == number:
             path.replace(aside)
         done = f"set aside as {aside.name}"
-    except FileNotFoundError:  # another job was faster
+    except FileNotFoundError:  # another job has already renamed the file
         done = f"set aside as {aside.name}"
     except OSError as error:
         return DamagedError(
@@ -105,12 +106,12 @@ def set_aside(path: Path, reason: str, number: int | None = None, aside: Path | 
 
 
 def inspect_file(path: Path, kind: str | None, most_bytes: int | None = None) -> None:
-    """Inspect a file without changing it; arguments as for :func:`inspect`.
+    """Inspect a file without renaming it; the parameters are those of :func:`inspect`.
 
     Raises
     ------
     Fault
-        The file is damaged or is not the file expected there.
+        The file is damaged, or of another kind, version or case.
     StoreError
         The file is a run record of another schema version.
     OSError
@@ -134,21 +135,21 @@ def inspect_file(path: Path, kind: str | None, most_bytes: int | None = None) ->
     except (OSError, RuntimeError, KeyError, ValueError) as error:
         if isinstance(error, OSError) and error.errno is not None:
             raise  # an error number comes from the operating system: the file cannot be read
-        # reached only where the content was not compared with the checksum
+        # this error occurs only if the content was not compared with the checksum
         raise Fault(f"is damaged ({error})") from None
     if outside is not None:
         raise Fault(f"is not what radcal wrote ({outside})")
     if found["kind"] != kind:
         raise Fault(f"is a file of kind {found['kind']!r}, expected {kind!r}")
     if kind == "run" and found["schema"] != SCHEMAS[kind]:
-        # a finished run of another version is not set aside, because that version can still read it
+        # a run record of another version is not renamed, because the other version can still read the record
         raise StoreError(
             f"{path}: written with schema {found['schema']}, this radcal reads {SCHEMAS[kind]}; use the radcal that "
             "wrote it, or another case name."
         )
     if found["schema"] != SCHEMAS[kind]:
         raise Fault(f"was written with schema {found['schema']}, this radcal reads {SCHEMAS[kind]}")
-    # a run is identified by its key alone, and any case may use it
+    # the key alone identifies a run, so that every case may use its record
     if kind != "run":
         check_case(found["case"])
     elif found["hash"] != path.stem:
@@ -156,7 +157,7 @@ def inspect_file(path: Path, kind: str | None, most_bytes: int | None = None) ->
 
 
 def check_case(found: Any) -> None:
-    """Compare the case recorded in a file with the case of this job, where both are known.
+    """Compare the case name recorded in a file with the case of this job; an unknown name matches every case.
 
     Raises
     ------
@@ -174,7 +175,7 @@ def kind_of(path: str | Path) -> str | None:
     Raises
     ------
     KeyError
-        The name is not that of an HDF5 file of a results folder.
+        No HDF5 file of a results folder has this name.
     """
     path = Path(path)
     if path.suffix == ".json":

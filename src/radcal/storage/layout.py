@@ -1,4 +1,4 @@
-"""Layout of dataclasses in HDF5 files, for writing and reading; the types of a dataclass's fields determine the layout.
+"""Writing and reading of dataclasses in HDF5 files; the types of the fields determine the layout of the file.
 
 =====================================================  =====================================================
 type of a field                                        in the file
@@ -7,17 +7,18 @@ type of a field                                        in the file
 ``tuple`` of numbers                                   attribute of the group
 numpy array                                            dataset, compressed from 1 KiB on
 ``tuple[str, ...]``                                    dataset of strings, because HDF5 limits the size of attributes;
-                                                       attribute if marked :class:`Attribute`
-dataclass                                              group; if marked :class:`Inline`, its fields stand in the
-                                                       enclosing group
-dataclass with :class:`Main` on one of its fields      dataset, the other fields as its attributes
-``Mapping[str, ...]`` of any of these                  group with one entry for each key, in their order
-any of these ``| None``                                absent where the value is None
+                                                       attribute if annotated with :class:`Attribute`
+dataclass                                              group; if annotated with :class:`Inline`, its fields are
+                                                       stored in the enclosing group
+dataclass with one field annotated :class:`Main`       dataset with this field's values; the other fields are its
+                                                       attributes
+``Mapping[str, ...]`` of any type above                group with one entry for each key, in the order of the keys
+any type above ``| None``                              absent if the value is None
 =====================================================  =====================================================
 
-A field that a file lacks takes its default, so that files written before the field was added can still be read.
-``Annotated[type, About("description", unit="dB")]`` adds the attributes ``description`` and ``unit`` to a dataset or
-group; :func:`table` lists these attributes.
+If a file lacks a field, the field gets its default value. Files written before the field was added can therefore
+still be read. ``Annotated[type, About("description", unit="dB")]`` adds the attributes ``description`` and ``unit`` to
+a dataset or group; :func:`table` lists the descriptions and units.
 """
 
 from __future__ import annotations
@@ -35,7 +36,9 @@ from numpy.typing import NDArray
 
 __all__ = ["About", "Attribute", "Inline", "Main", "put", "same", "table", "take"]
 
-_COMPRESSED = 1024  # smallest size of a compressed dataset [bytes]; compressing smaller ones costs more than it saves
+_COMPRESSED = (
+    1024  # smallest size of a compressed dataset [bytes]; for smaller datasets, compression would not save space
+)
 _TEXT = h5py.string_dtype()
 
 T = TypeVar("T")
@@ -43,7 +46,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class About:
-    """Description of a field, for readers of the file.
+    """Description of a dataclass field; :func:`put` writes the description into the HDF5 file.
 
     Attributes
     ----------
@@ -52,7 +55,7 @@ class About:
     unit : str
         Unit of the numbers; empty for numbers without a unit.
     shape : str
-        Shape of an array, such as ``n, 3``, for :func:`table`.
+        Shape of an array, such as ``n, 3``; only :func:`table` uses it.
     """
 
     description: str
@@ -62,22 +65,25 @@ class About:
 
 @dataclass(frozen=True)
 class Main:
-    """Mark of a field that is stored as a dataset, to which the dataclass's other fields are added as attributes."""
+    """Annotation of the field that becomes a dataset; the other fields of the dataclass become its attributes."""
 
 
 @dataclass(frozen=True)
 class Attribute:
-    """Mark of a short tuple of strings that is stored as an attribute."""
+    """Annotation of a short tuple of strings that is stored as an attribute instead of a dataset."""
 
 
 @dataclass(frozen=True)
 class Inline:
-    """Mark of a dataclass whose fields are stored in the enclosing group; if that has none of them, None is read."""
+    """Annotation of a dataclass whose fields are stored in the enclosing group.
+
+    If the group contains none of these fields, the dataclass is read as None.
+    """
 
 
 @dataclass(frozen=True)
 class _Entry:
-    """Field of a dataclass: name, type (without None and without annotations), description and marks."""
+    """Field of a dataclass: name, type (without None and without annotations), description and annotations."""
 
     name: str
     kind: Any
@@ -86,29 +92,29 @@ class _Entry:
     inline: bool
     attribute: bool
     optional: bool
-    default: Any  # MISSING for a field that the file must hold
+    default: Any  # MISSING for a field that the file must contain
 
     def there(self, group: h5py.Group) -> bool:
-        """Whether a group holds the field."""
+        """Whether an HDF5 group contains the field."""
         if self.inline:
             return any(entry.there(group) for entry in _entries(self.kind))
         return self.name in (group.attrs if self.attribute else group)
 
 
 def put(group: h5py.Group, value: Any) -> None:
-    """Write a dataclass into a group.
+    """Write a dataclass into an HDF5 group.
 
     Parameters
     ----------
     group : h5py.Group
-        Group without entries and attributes of the fields' names.
+        Group that has no entries or attributes with the names of the fields.
     value : dataclass instance
-        Dataclass whose fields have the types of the table above.
+        Dataclass whose fields have types from the table in the docstring of :mod:`radcal.storage.layout`.
 
     Raises
     ------
     TypeError
-        A field has a type that is not in the table.
+        A field has a type that is not in this table.
     """
     for entry in _entries(type(value)):
         one = getattr(value, entry.name)
@@ -123,7 +129,7 @@ def put(group: h5py.Group, value: Any) -> None:
 
 
 def take(group: h5py.Group, kind: type[T], without: Collection[str] = ()) -> T:
-    """Read a dataclass that :func:`put` wrote.
+    """Read a dataclass that :func:`put` wrote into an HDF5 group.
 
     Parameters
     ----------
@@ -132,7 +138,7 @@ def take(group: h5py.Group, kind: type[T], without: Collection[str] = ()) -> T:
     kind : type
         Type of the dataclass.
     without : collection of str
-        Fields that are not read and take their defaults.
+        Names of fields that are not read; these fields get their default values.
 
     Raises
     ------
@@ -155,7 +161,7 @@ def take(group: h5py.Group, kind: type[T], without: Collection[str] = ()) -> T:
 
 
 def same(one: Any, other: Any) -> bool:
-    """Whether two dataclasses, or two values of their fields, are equal bit for bit, types and order included."""
+    """Whether two dataclasses, or two field values, are equal bit for bit, including their types and order."""
     if isinstance(one, np.ndarray):
         alike = isinstance(other, np.ndarray) and (one.dtype, one.shape) == (other.dtype, other.shape)
         return alike and (one.tolist() == other.tolist() if one.dtype == object else one.tobytes() == other.tobytes())
@@ -171,13 +177,13 @@ def same(one: Any, other: Any) -> bool:
         return all(same(getattr(one, entry.name), getattr(other, entry.name)) for entry in _entries(type(one)))
     if isinstance(one, tuple):
         return len(one) == len(other) and all(map(same, one, other))
-    if isinstance(one, float):  # NaN equals NaN here, and 0 differs from -0
+    if isinstance(one, float):  # in this comparison NaN equals NaN, and 0 differs from -0
         return bool(one.hex() == other.hex())
     return bool(one == other)
 
 
 def _read_entries(kind: type) -> tuple[_Entry, ...]:
-    """Entries for the stored fields of a dataclass."""
+    """One entry for each stored field of a dataclass."""
     hints = typing.get_type_hints(kind, include_extras=True)
     return tuple(_entry(item, hints[item.name]) for item in fields(kind) if item.init)
 
@@ -186,7 +192,7 @@ _entries: Callable[[Any], tuple[_Entry, ...]] = functools.cache(_read_entries)
 
 
 def _entry(item: Field[Any], hint: Any) -> _Entry:
-    """Entry for a field of a dataclass; a field that may be None has the default None."""
+    """Entry for a field of a dataclass; a field that may be None gets the default None."""
     said = typing.get_args(hint)[1:] if typing.get_origin(hint) is Annotated else ()
     bare, optional = _without_none(typing.get_args(hint)[0] if said else hint)
     default = item.default if item.default_factory is MISSING else item.default_factory
@@ -198,7 +204,7 @@ def _entry(item: Field[Any], hint: Any) -> _Entry:
 
 
 def _without_none(hint: Any) -> tuple[Any, bool]:
-    """Type without ``None``, and whether the type allowed ``None``."""
+    """Type with ``None`` removed, and whether the original type allowed ``None``."""
     if typing.get_origin(hint) in (typing.Union, types.UnionType):
         others = [one for one in typing.get_args(hint) if one is not type(None)]
         if len(others) == 1:
@@ -226,7 +232,7 @@ def _is_attribute(kind: Any) -> bool:
 
 
 def _main(kind: Any) -> str | None:
-    """Name of the field marked :class:`Main`, None for a dataclass that is stored as a group."""
+    """Name of the field annotated :class:`Main`; None for a dataclass that is stored as a group."""
     return next((entry.name for entry in _entries(kind) if entry.main), None)
 
 
@@ -262,7 +268,7 @@ def _put(group: h5py.Group, name: str, value: Any, kind: Any, about: About | Non
 
 
 def _attribute(value: Any, kind: Any) -> Any:
-    """Value in the form in which h5py stores it as an attribute."""
+    """Value converted for h5py, which stores it as an attribute."""
     return np.array(value, dtype=_TEXT) if _is_text_list(kind) else value
 
 
@@ -274,7 +280,7 @@ def _put_array(group: h5py.Group, name: str, values: NDArray[Any]) -> h5py.Datas
 
 
 def _item(kind: Any) -> Any:
-    """Type of the values of a mapping type."""
+    """Type of the values in a mapping, from the annotated type of the mapping."""
     return typing.get_args(kind)[1]
 
 
@@ -304,7 +310,7 @@ def _take(held: Any, kind: Any) -> Any:
 
 
 def _scalar(held: Any, kind: Any) -> Any:
-    """Python value of an attribute."""
+    """Attribute of an HDF5 file as a Python value of the annotated type."""
     if typing.get_origin(kind) is tuple:
         return tuple(np.asarray(held).tolist())
     value = held.item() if isinstance(held, np.generic) else held
@@ -312,12 +318,12 @@ def _scalar(held: Any, kind: Any) -> Any:
 
 
 def table(kind: type) -> str:
-    """Table of the layout of a file, for the documentation.
+    """Table that documents the layout of a file.
 
     Parameters
     ----------
     kind : type
-        Type of the dataclass that the file holds.
+        Type of the dataclass that the file contains.
 
     Returns
     -------
@@ -330,9 +336,9 @@ def table(kind: type) -> str:
 
 
 def _rows(kind: type, path: str, absent: bool = False) -> Iterator[tuple[str, str, str, str, str]]:
-    """Rows of the table for the fields below a path: group or dataset, attribute, type, unit and description."""
+    """Rows of the table, one per field below a path: group or dataset, attribute, type, unit and description."""
     for entry in _entries(kind):
-        if entry.main:  # its line is that of the field whose type is the dataclass
+        if entry.main:  # the table already has a line for the field whose type is this dataclass
             continue
         about, inner, place = entry.about or About(""), entry.kind, f"{path}{entry.name}"
         if entry.inline:
@@ -352,7 +358,7 @@ def _rows(kind: type, path: str, absent: bool = False) -> Iterator[tuple[str, st
 
 
 def _holds(kind: Any) -> str:
-    """Name of a type, as the table gives it."""
+    """Name under which the table lists a type."""
     if _is_array(kind):
         (number,) = typing.get_args(typing.get_args(kind)[1])
         return "numbers" if number is Any else "text" if number is np.str_ else str(number.__name__).rstrip("_")

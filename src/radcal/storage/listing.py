@@ -1,4 +1,4 @@
-"""Lists of checksums for files that cannot hold a checksum themselves: table of runs, report, figures."""
+"""Lists of checksums for files whose format leaves no place for a checksum: table of runs, report, figures."""
 
 from __future__ import annotations
 
@@ -15,33 +15,33 @@ _KEY = "checksums"
 
 
 def write_listing(path: str | Path, files: Iterable[str | Path]) -> None:
-    """Write a list of SHA-256 checksums of files that lie in the folder of the list or below it.
+    """Write a JSON list with the SHA-256 checksum of each given file.
 
     Parameters
     ----------
     path : path
-        Path of the list. The rule that makes the files also makes the list, so that Snakemake removes both before they
-        are made again, and the list never describes earlier files.
+        Path of the list. One workflow rule must write both the files and the list. Snakemake then removes both before
+        the rule runs again, so that the list always belongs to the present files.
     files : iterable of path
-        Files in the list's folder or below it.
+        Files in the folder of the list or in its subfolders.
 
     Raises
     ------
     StoreError
-        The folder or the disk refuses the list.
+        The list cannot be written.
     """
     folder = Path(path).parent
     write_json(path, {_KEY: {Path(file).relative_to(folder).as_posix(): _sha256(Path(file)) for file in files}})
 
 
 def listed(data: Any) -> Mapping[str, str]:
-    """File names and checksums in the content of a list of checksums; empty for any other content."""
+    """Checksums by file name from the content of a JSON file; empty if the file is not a list of checksums."""
     found = data.get(_KEY) if isinstance(data, dict) else None
     return found if isinstance(found, dict) else {}
 
 
 def faulty(folder: str | Path, checksums: Mapping[str, str]) -> dict[Path, str]:
-    """Listed files that are missing or differ from their checksum, each with the reason.
+    """Listed files that are missing or differ from their checksum, each with a text that describes the fault.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Advisory locks, one for each case and each run, which the operating system releases when their process ends."""
+"""Advisory locks on cases and on runs; the operating system releases a lock when the locking process ends."""
 
 from __future__ import annotations
 
@@ -34,7 +34,11 @@ class CaseLock:
         self._file: TextIO | None = None
 
     def acquire(self) -> None:
-        """Take the lock or exit with a sentence; then remove temporary files of killed processes."""
+        """Lock the folder and remove temporary files of killed processes there.
+
+        If another Snakemake has locked the folder, this process exits with a one-line error message. If only jobs of a
+        killed Snakemake hold the lock, this process waits until they end.
+        """
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
             file = (self._folder / ".lock").open("a+", encoding="ascii")
@@ -45,7 +49,7 @@ class CaseLock:
         except BlockingIOError:
             file.seek(0)
             process, _, host = (file.read().strip() or "unknown").partition(" ")
-            # processes on another machine cannot be checked from here
+            # this machine cannot check whether a process on another machine is alive
             if not process.isdigit() or host != socket.gethostname() or alive(int(process)):
                 file.close()
                 place = f" on {host}" if host and host != socket.gethostname() else ""
@@ -53,7 +57,7 @@ class CaseLock:
                     f"another snakemake (process {process}{place}) is working on {self._folder}; wait for it, or stop "
                     "it and type the same command again."
                 )
-            # child processes of a killed Snakemake keep its lock until they end
+            # after Snakemake was killed, its child processes hold the lock until they end
             sys.stderr.write(f"radcal: waiting for jobs that the killed snakemake {process} left in {self._folder}.\n")
             fcntl.flock(file, fcntl.LOCK_EX)
         file.truncate(0)
@@ -71,10 +75,10 @@ class CaseLock:
 
 @contextlib.contextmanager
 def claimed(folder: str | Path, key: str) -> Iterator[None]:
-    """Lock on one run while it is simulated; this process waits while another, on any machine, holds the lock.
+    """Context that locks one run; this process first waits until no process on any machine holds the run's lock.
 
-    A killed workflow can leave jobs behind, especially on a cluster. If such a job is still simulating a run, the next
-    command waits for that run instead of simulating it again.
+    Jobs of a killed workflow may still run, especially on a cluster. If such a job is simulating a run, the next
+    command waits for the result instead of simulating the run again.
 
     Parameters
     ----------
@@ -95,20 +99,20 @@ def claimed(folder: str | Path, key: str) -> Iterator[None]:
     except OSError as error:
         raise StoreError(f"{folder}: cannot be written ({error.strerror or error}).") from error
     with file:
-        # one byte per run of a single file, far beyond its end, so that a kill leaves nothing to clean up
+        # Each run locks one byte of a single file, far beyond its end: a killed process leaves no lock file behind.
         place = int(key, 16) % 2**62
         try:
             fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, place)
         except (BlockingIOError, PermissionError):
             logger.warning("run %s is being made by another process: waiting for it.", key)
             fcntl.lockf(file, fcntl.LOCK_EX, 1, place)
-        except OSError as error:  # some network file systems have no locks; no result depends on the lock
+        except OSError as error:  # some network file systems support no locks; results do not depend on the lock
             logger.warning("%s: no locks there (%s).", folder, error)
         yield
 
 
 def leave(sentence: str) -> NoReturn:
-    """Exit at once with a sentence, before any job starts, and without an exception, which Snakemake would wrap."""
+    """Print a one-line error message and exit at once, without an exception, to which Snakemake would add text."""
     sys.stderr.write(f"radcal: {sentence}\n")
     sys.stderr.flush()
     os._exit(1)

@@ -1,4 +1,4 @@
-"""Provenance of the files that a job writes: the case, and the sections of the configuration that the job reads."""
+"""Provenance of the files that a job writes: case name, and sections of the configuration that the job reads."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["Origin", "origin", "provenance"]
 
 @dataclass(frozen=True)
 class Origin:
-    """Case and configuration recorded in the files being written, None where not known."""
+    """Case name and configuration that are recorded in every written file; None if unknown."""
 
     case: str | None = None
     config: Mapping[str, Any] | None = None
@@ -26,20 +26,20 @@ _origin: ContextVar[Origin] = ContextVar("origin", default=_UNKNOWN)
 
 
 def origin() -> Origin:
-    """Origin recorded in files that are written in the present context."""
+    """Origin that is recorded in files written inside the present :func:`provenance` context."""
     return _origin.get()
 
 
 @contextlib.contextmanager
 def provenance(case: str | None = None, config: Mapping[str, Any] | None = None) -> Iterator[None]:
-    """Context in which files are written with their provenance, and only files of the same case are read.
+    """Context in which every written file records case and configuration, and files of another case are refused.
 
     Parameters
     ----------
     case : str, optional
-        Name of the case. Without a name, files of any case are read.
+        Name of the case. Without a name, files of every case can be read.
     config : mapping, optional
-        Sections of the configuration that the files depend on.
+        Sections of the configuration that determine the content of the files.
     """
     token = _origin.set(Origin(case, disclosed(config) if config is not None else None))
     try:

@@ -1,6 +1,6 @@
-"""HDF5 and JSON files with schema version, provenance and checksum, written atomically and inspected before reading.
+"""Writers and readers of HDF5 and JSON files with schema version, provenance and checksum.
 
-``docs/records.md`` documents the layout and the attributes.
+Files are written atomically and inspected before they are read. ``docs/records.md`` documents the layout of the files.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from radcal.storage.sealing import BLOCK, Fault, header
 __all__ = ["REPLACE", "read_hdf5", "read_json", "write_hdf5", "write_json"]
 
 REPLACE = "RADCAL_REPLACE"
-"""Environment variable that allows the results of a finished calibration to be replaced; the session sets it."""
+"""Environment variable that allows the replacement of a finished calibration; the session sets it for ``replace``."""
 
 _PACKAGES = ("numpy", "scipy", "h5py")
 
@@ -43,36 +43,36 @@ def write_hdf5(
     protected: bool = False,
     alike: Callable[[h5py.File], bool] = lambda _: False,
 ) -> Iterator[h5py.File]:
-    """Open a new HDF5 file that appears under ``path``, with checksum and provenance, after the ``with`` block.
+    """Yield a new HDF5 file, which is written to ``path`` with checksum and provenance after the ``with`` block.
 
-    An existing file with the same content keeps its bytes, its provenance included; only its time stamp changes.
-    Snakemake compares contents, so that the jobs that depend on the file do not run again.
+    If ``path`` already has the same content, the earlier bytes are kept, including the provenance; only the time stamp
+    changes. Snakemake then finds no change, and does not repeat the jobs that depend on the file.
 
     Parameters
     ----------
     path : path
         Path of the file.
     kind : str
-        Kind of the file, a key of :data:`~radcal.storage.inspection.SCHEMAS`.
+        Kind of the file, one of the keys of :data:`~radcal.storage.inspection.SCHEMAS`.
     track_order : bool
-        Whether groups are read back in the order in which they were made.
+        Whether a reader of the file gets its groups in the order of their creation.
     protected : bool
-        Whether an existing file with other content is refused replacement while the results of a finished calibration
-        stand in the same folder. The environment variable :data:`REPLACE` lifts the protection.
+        Whether to raise a ConfigError if the folder has a finished calibration that was made with an earlier file of
+        other content. The environment variable :data:`REPLACE` switches this protection off.
     alike : callable, optional
-        Predicate of an existing protected file with other bytes: true where it holds the same values in the packing of
-        an earlier version. Such a file is replaced.
+        Function that receives an earlier protected file and returns whether this file has the same values, in the
+        layout of an earlier version. If the function returns true, the earlier file is replaced without an error.
 
     Raises
     ------
     ConfigError
-        The file is protected.
+        The earlier file is protected.
     StoreError
         The file cannot be written.
     """
     path = Path(path)
-    # The file is made in memory. On a full disk HDF5 would repeat the failed write of its buffers, each time with an
-    # exception that cannot be caught.
+    # The file is first made in memory: on a full disk, HDF5 would repeat the failed write of its buffers, and each
+    # attempt would raise an exception that cannot be caught.
     made = io.BytesIO()
     with atomic(path) as partial:
         with h5py.File(made, "w", track_order=track_order, userblock_size=BLOCK) as file:
@@ -104,7 +104,7 @@ def write_hdf5(
 
 
 def _protect(path: Path, kind: str, content: str, alike: Callable[[h5py.File], bool]) -> None:
-    """Raise a ConfigError if a finished calibration was made with a file whose content differs from the new one."""
+    """Raise a ConfigError if a finished calibration was made with an earlier file that differs from the new file."""
     if not (path.parent / "calibration.h5").is_file():
         return
     try:
@@ -130,7 +130,7 @@ def _protect(path: Path, kind: str, content: str, alike: Callable[[h5py.File], b
 
 
 def _holds(path: Path, kind: str, content: str) -> bool:
-    """Whether the file at ``path`` is undamaged, of this kind, and has content with this digest."""
+    """Whether the file at ``path`` is undamaged, of the given kind, and its content has the given digest."""
     with contextlib.suppress(Fault, OSError):
         inspect_file(path, kind)
         with h5py.File(path, "r", locking=False) as file:
@@ -145,38 +145,38 @@ def read_hdf5(path: str | Path, kind: str) -> Iterator[h5py.File]:
     Parameters
     ----------
     path : path
-        Path of a file that :func:`write_hdf5` wrote.
+        Path of a file written by :func:`write_hdf5`.
     kind : str
-        Kind of the file, a key of :data:`~radcal.storage.inspection.SCHEMAS`.
+        Expected kind of the file, one of the keys of :data:`~radcal.storage.inspection.SCHEMAS`.
 
     Raises
     ------
     DamagedError
-        The file is damaged, of another version or of another case; it was set aside.
+        The file is damaged, or of another kind, version or case; it was renamed to ``*.damaged``.
     StoreError
-        The file is missing or cannot be read; nothing was changed.
+        The file is missing or cannot be read; it was not renamed.
     """
     path = Path(path)
     inspect(path, kind)
-    # no lock is needed, because a visible file never changes
+    # no lock is needed, because a file never changes after it has been renamed to this path
     with h5py.File(path, "r", locking=False) as file:
         yield file
 
 
 def write_json(path: str | Path, data: Any, flat: bool = False) -> None:
-    """Write plain data as JSON with a checksum, atomically.
+    """Write plain data to a JSON file with a checksum, atomically.
 
-    The file records neither a time nor a version. The same data therefore give the same bytes, and the jobs that
-    depend on the file do not run again.
+    The file contains neither a time nor a version of radcal. Equal data therefore give equal bytes, and Snakemake does
+    not repeat the jobs that depend on the file.
 
     Parameters
     ----------
     path : path
         Path of the file.
     data : plain data
-        Content of the file, under the key ``data``.
+        Content of the file, written under the key ``data``.
     flat : bool
-        Whether ``data`` is a mapping whose keys are written at the top level of the file.
+        Whether ``data`` is a mapping whose keys become keys of the file's top level, instead of the key ``data``.
 
     Raises
     ------
@@ -194,14 +194,14 @@ def write_json(path: str | Path, data: Any, flat: bool = False) -> None:
 
 
 def read_json(path: str | Path) -> Any:
-    """Read the data of a JSON file that :func:`write_json` wrote.
+    """Read the data from a JSON file written by :func:`write_json`.
 
     Raises
     ------
     DamagedError
-        The file is damaged or of another case; it was set aside.
+        The file is damaged, or of another case; it was renamed to ``*.damaged``.
     StoreError
-        The file is missing or cannot be read; nothing was changed.
+        The file is missing or cannot be read; it was not renamed.
     """
     path = Path(path)
     inspect(path, None)

@@ -1,57 +1,65 @@
-"""Indexes of runs: JSON lists with the hash and the parameters of runs in the run store."""
+"""Indexes of runs: JSON lists of runs in the run store, with the hash and the parameters of each run."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from radcal.errors import StoreError
 from radcal.storage.records import read_json, write_json
 from radcal.storage.runs import Parameters, Record, RunStore
 
-__all__ = ["IndexedRun", "indexed", "read_index", "write_index"]
+__all__ = ["IndexedRun", "in_all_passes", "indexed", "read_index", "write_index"]
 
 
 @dataclass(frozen=True)
 class IndexedRun:
-    """Entry of an index: one run in the run store.
+    """Entry of an index, for one run in the run store.
 
     Attributes
     ----------
     key : str
-        Hash of the run, which names its record.
+        Hash of the run, which is also the file name of its record.
     parameters : mapping
         Law parameters X by material.
     difference_db : float or None
-        Largest difference between the pixels of the repeated and the first reference run [dB]; None for other runs.
+        For a repeated reference run, largest difference of its pixels from the first reference run [dB]; else None.
+    draws : tuple of str
+        Hashes of the records of the run's further speckle draws.
     """
 
     key: str
     parameters: Parameters
     difference_db: float | None = None
+    draws: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, record: Record, parameters: Parameters, difference_db: float | None = None) -> IndexedRun:
+        """Entry of the run to which a record belongs."""
+        return cls(record.key, parameters, difference_db, tuple(draw.key for draw in record.draws))
 
 
 def write_index(path: str | Path, runs: Iterable[IndexedRun]) -> None:
-    """Write an index as JSON; fields that are None are omitted."""
-    write_json(path, [{name: value for name, value in asdict(run).items() if value is not None} for run in runs])
+    """Write an index to a JSON file; empty fields are omitted."""
+    write_json(path, [{name: value for name, value in asdict(run).items() if value not in (None, ())} for run in runs])
 
 
 def read_index(path: str | Path) -> list[IndexedRun]:
-    """Read an index that :func:`write_index` wrote.
+    """Read an index written by :func:`write_index`.
 
     Raises
     ------
     StoreError
         The file is missing or damaged.
     """
-    return [IndexedRun(**entry) for entry in read_json(path)]
+    return [IndexedRun(**{**entry, "draws": tuple(entry.get("draws", ()))}) for entry in read_json(path)]
 
 
 def indexed(
     files: Iterable[str | Path], runs: str | Path, materials: Sequence[str], image: bool = False
 ) -> Iterator[tuple[Record, Parameters]]:
-    """Records and parameters of the runs in several indexes, in the order of the indexes.
+    """Iterator over records and parameters of all runs listed in several indexes, in the order of the indexes.
 
     Parameters
     ----------
@@ -60,28 +68,51 @@ def indexed(
     runs : path
         Folder of the run store.
     materials : sequence of str
-        Materials whose pixels each record must hold.
+        Materials whose pixels each record must contain.
     image : bool
-        Whether each record must hold the whole image too.
+        Whether each record must also contain the whole image.
 
     Raises
     ------
     StoreError
-        The store lacks a listed run, or its record lacks a material or the image.
+        The store lacks a listed run, or the record of a listed run lacks a material or the image.
     """
     store = RunStore(runs)
     for file in files:
         for run in read_index(file):
-            record, path = store.get(run.key, materials, image), store.path(run.key)
-            if record is None and not path.is_file():
-                raise StoreError(
-                    f"{path}: missing or damaged, though {file} lists it; type the same command again to make this "
-                    "run again."
-                )
-            if record is None:
-                wanted = [*materials, *(["the whole image"] if image else [])]
-                raise StoreError(
-                    f"{path}: missing or without {', '.join(wanted)}, though {file} lists it; delete {file} and type "
-                    "the same command again to make this run again."
-                )
-            yield record, run.parameters
+            draws = tuple(_found(store, file, key, materials, False) for key in run.draws)
+            yield replace(_found(store, file, run.key, materials, image), draws=draws), run.parameters
+
+
+def in_all_passes(
+    passes: Iterable[Iterable[tuple[Record, Parameters]]],
+) -> Iterator[tuple[Record, Parameters]]:
+    """Records of the first pass, each with those of the other passes, from the records of each pass in one order.
+
+    Raises
+    ------
+    StoreError
+        The passes have other parameters, or another number of runs.
+    """
+    first, *others = [list(found) for found in passes]
+    for found in others:
+        if [dict(parameters) for _, parameters in found] != [dict(parameters) for _, parameters in first]:
+            raise StoreError("the indexes of the passes list runs of different parameters; delete them and type again.")
+    for number, (record, parameters) in enumerate(first):
+        yield replace(record, further=tuple(found[number][0] for found in others)), parameters
+
+
+def _found(store: RunStore, file: str | Path, key: str, materials: Sequence[str], image: bool) -> Record:
+    """Record of a run that an index lists; a missing record raises a StoreError."""
+    record, path = store.get(key, materials, image), store.path(key)
+    if record is None and not path.is_file():
+        raise StoreError(
+            f"{path}: missing or damaged, though {file} lists it; type the same command again to make this run again."
+        )
+    if record is None:
+        wanted = [*materials, *(["the whole image"] if image else [])]
+        raise StoreError(
+            f"{path}: missing or without {', '.join(wanted)}, though {file} lists it; delete {file} and type the same "
+            "command again to make this run again."
+        )
+    return record

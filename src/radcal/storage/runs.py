@@ -1,8 +1,7 @@
-"""Run store: one content-addressed HDF5 record per simulator run.
+"""Run store: one HDF5 record per simulator run, named after a hash of all inputs of the run.
 
-The name of a record is the hash of all inputs that determine its numbers: simulator identity, scene, pass, law and
-parameters of every material, and noise seed. Every stage that needs a run looks it up in the store first, so that a
-recorded run is never simulated again.
+The inputs are simulator identity, scene, pass, law and parameters of every material, and noise seed. Every stage that
+needs a run first looks up the run's record in the store. A recorded run is therefore never simulated again.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Record:
-    """Result of one run.
+    """Result of one simulator run.
 
     Attributes
     ----------
@@ -46,24 +45,39 @@ class Record:
     pixels_db : mapping of str to ndarray of float32
         Backscatter of the visible pixels by material [dB], in the order of ``Geometry.pixels(material)``.
     image_db : ndarray of float32 or None
-        Whole image [dB], None where it was not recorded.
+        Whole image [dB]; None if the image was not recorded.
     seconds : float
-        Wall time of the simulator.
+        Wall time of the simulator [s].
+    draws : tuple of Record
+        Records of further speckle draws with the same parameters, each with a separate file in the run store.
+    further : tuple of Record
+        Runs of the second and later passes with the same parameters.
     """
 
     key: str
     pixels_db: Mapping[str, NDArray[np.float32]]
     image_db: NDArray[np.float32] | None
     seconds: float
+    draws: tuple[Record, ...] = ()
+    further: tuple[Record, ...] = ()
+
+    @property
+    def passes(self) -> tuple[Record, ...]:
+        """Runs of all passes with these parameters, this one first."""
+        return (self, *self.further)
 
     def largest_difference_db(self, other: Record) -> float:
         """Largest absolute difference between the pixels of this run and those of another run [dB]."""
-        each = [np.max(np.abs(values - other.pixels_db[name]), initial=0.0) for name, values in self.pixels_db.items()]
+        each = [
+            np.max(np.abs(values - theirs.pixels_db[name]), initial=0.0)
+            for ours, theirs in zip(self.passes, other.passes, strict=True)
+            for name, values in ours.pixels_db.items()
+        ]
         return float(max(each, default=0.0))
 
 
 def _checksum(pixels_db: Mapping[str, NDArray[np.float32]], image_db: NDArray[np.float32] | None) -> str:
-    """SHA-256 of the pixel values of a record of schema 1, whose file has no checksum."""
+    """SHA-256 of the pixel values in a record of schema 1; such a file has no checksum of all its bytes."""
     total = hashlib.sha256()
     for name in sorted(pixels_db):
         total.update(name.encode())
@@ -74,7 +88,7 @@ def _checksum(pixels_db: Mapping[str, NDArray[np.float32]], image_db: NDArray[np
 
 
 class RunStore:
-    """Folder of run records, one file each.
+    """Folder of run records, with one file for each run.
 
     Parameters
     ----------
@@ -90,24 +104,24 @@ class RunStore:
         return self.folder / f"{key}.h5"
 
     def get(self, key: str, materials: Iterable[str], image: bool = False) -> Record | None:
-        """Record of the run with the hash ``key``; None if the record, or a requested part of the record, is missing.
+        """Record of the run with the hash ``key``; None if the store lacks the record or a requested part of it.
 
-        A damaged file is renamed to ``*.damaged`` and counts as missing. Records of schema 1, which have a checksum of
-        their pixel values only, are read too.
+        A damaged file is renamed to ``*.damaged`` and counts as missing. Records of schema 1 can also be read; their
+        checksum covers only the pixel values.
 
         Parameters
         ----------
         key : str
             Hash of the run.
         materials : iterable of str
-            Materials whose pixels the record must hold.
+            Materials whose pixels the record must contain.
         image : bool
-            Whether the record must hold the whole image.
+            Whether the record must contain the whole image.
 
         Raises
         ------
         StoreError
-            The file cannot be read and no damage was found in it: permission is missing, the disk fails, or another
+            The file is not known to be damaged but cannot be read: permission is missing, the disk failed, or another
             version of radcal wrote the file.
         """
         record = self._read(key)
@@ -122,7 +136,7 @@ class RunStore:
             sealed = is_sealed(path)
             if sealed:
                 inspect(path, "run")
-            # no lock is needed, because a visible record never changes
+            # no lock is needed, because a record never changes after its file was renamed to this path
             with h5py.File(path, "r", locking=False) as file:
                 if not sealed and (outside := elsewhere(file)) is not None:
                     raise KeyError(outside)
@@ -142,7 +156,7 @@ class RunStore:
             return None
         except (OSError, KeyError, RuntimeError, TypeError, ValueError, AttributeError) as error:
             # The exception that h5py raises depends on the place of the damage. An OSError with an error number comes
-            # from the operating system: the file could not be read, and nothing is known about its content.
+            # from the operating system: the file could not be read, so that its content may be undamaged.
             if isinstance(error, OSError) and error.errno is not None:
                 raise StoreError(
                     f"{path}: cannot be read ({os.strerror(error.errno)}); nothing was changed."
@@ -152,7 +166,7 @@ class RunStore:
         return Record(key, pixels, whole, seconds)
 
     def description(self, key: str) -> dict[str, Any]:
-        """Description of a recorded run (:meth:`Runner.description`), with hashes in place of possible secrets.
+        """Description of a recorded run (:meth:`Runner.description`), with hashes in place of environment variables.
 
         Raises
         ------
@@ -168,7 +182,11 @@ class RunStore:
             raise StoreError(f"{self.path(key)}: cannot be read ({error}).") from None
 
     def put(self, record: Record, description: Mapping[str, Any]) -> None:
-        """Write a record atomically; materials or an image that only an earlier record of the run holds are kept."""
+        """Write a record atomically.
+
+        If the store has an earlier record of the run, the new record keeps the materials and the image that only the
+        earlier record contains.
+        """
         earlier = self._read(record.key)
         if earlier is not None:
             image = record.image_db if record.image_db is not None else earlier.image_db

@@ -1,8 +1,8 @@
-"""Checksums of HDF5 and JSON files, stored in their first bytes.
+"""Checksums stored in the first bytes of HDF5 and JSON files.
 
-An HDF5 file starts with a user block of 512 bytes, which HDF5 libraries skip. The block holds the SHA-256 of all bytes
-after the block, and the number of these bytes. A JSON file starts with a line that holds the SHA-256 of all bytes after
-that line.
+An HDF5 file starts with a user block of 512 bytes, which HDF5 libraries skip. The block contains the SHA-256 of all
+bytes after the block, and the number of these bytes. The second line of a JSON file contains the SHA-256 of all bytes
+after this line.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import IO
 __all__ = ["BLOCK", "Fault", "check_hdf5", "check_json", "header", "is_sealed", "seal"]
 
 BLOCK = 512
-"""Length of the user block, the smallest that HDF5 allows [bytes]."""
+"""Length of the user block [bytes]; HDF5 allows no smaller user block."""
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _HEADER = re.compile(rb"radcal sha256 ([0-9a-f]{64}) bytes (\d{1,18})\n\0+\Z")
@@ -25,16 +25,16 @@ _CHUNK = 1 << 20
 
 
 class Fault(Exception):
-    """Fault found in a file; its text continues a sentence that begins with the file's name, such as "is damaged"."""
+    """Fault found in a file; its text is the predicate of a sentence about the file, such as "is damaged"."""
 
 
 def header(total: str, size: int) -> bytes:
-    """User block for an HDF5 file of ``size`` bytes; ``total`` is the SHA-256 of all bytes after the block."""
+    """Content of the user block of an HDF5 file of ``size`` bytes; ``total`` is the SHA-256 of all bytes after it."""
     return f"radcal sha256 {total} bytes {size - BLOCK}\n".encode().ljust(BLOCK, b"\0")
 
 
 def check_hdf5(handle: IO[bytes], size: int, whole: bool) -> None:
-    """Compare an open HDF5 file with the size and the checksum in its user block.
+    """Compare the size and content of an open HDF5 file with the size and checksum in its user block.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def check_hdf5(handle: IO[bytes], size: int, whole: bool) -> None:
     size : int
         Size of the file [bytes].
     whole : bool
-        Whether the content is compared with the checksum too, besides header and size.
+        Whether the content is compared with the checksum; header and size are always checked.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def check_hdf5(handle: IO[bytes], size: int, whole: bool) -> None:
 
 
 def check_json(handle: IO[bytes], whole: bool) -> None:
-    """Compare an open JSON file with the checksum at its beginning; parameters as for :func:`check_hdf5`.
+    """Compare the content of an open JSON file with its checksum; ``handle`` and ``whole`` as in :func:`check_hdf5`.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def check_json(handle: IO[bytes], whole: bool) -> None:
 
 
 def _sha256(handle: IO[bytes]) -> str:
-    """SHA-256 of all bytes of an open file after the present position."""
+    """SHA-256 of all bytes of an open file from the present position to the end."""
     total = hashlib.sha256()
     while chunk := handle.read(_CHUNK):
         total.update(chunk)
@@ -86,7 +86,7 @@ def _sha256(handle: IO[bytes]) -> str:
 
 
 def is_sealed(path: str | Path) -> bool:
-    """Whether an HDF5 file has a checksum; files of the first versions have none.
+    """Whether an HDF5 file has a checksum; files written by the first versions of radcal have none.
 
     Raises
     ------
@@ -94,19 +94,19 @@ def is_sealed(path: str | Path) -> bool:
         The file cannot be read.
     """
     if not Path(path).is_file() and Path(path).exists():
-        return True  # a folder or device, which the inspection of the file reports
+        return True  # a folder or a device, about which the later inspection reports an error
     with Path(path).open("rb") as handle:
         return handle.read(len(_SIGNATURE)) != _SIGNATURE
 
 
 def seal(path: str | Path) -> None:
-    """Write the checksum of a closed HDF5 file into its first 512 bytes.
+    """Compute the checksum of a closed HDF5 file and write it into the first 512 bytes of the file.
 
     Parameters
     ----------
     path : path
-        Path of a file with a user block of 512 bytes: a file that :func:`~radcal.storage.records.write_hdf5` made and
-        that was then changed intentionally.
+        Path of a file with a user block of 512 bytes. Such a file was written by
+        :func:`~radcal.storage.records.write_hdf5` and then changed intentionally.
 
     Raises
     ------

@@ -1,8 +1,8 @@
 """Backscatter laws: sigma0 in dB as a function of the local incidence angle.
 
-``LAWS`` is the registry of laws. Each module of this package holds a family of laws, with their formulas and their
+``LAWS`` is the registry of laws. Each module of this package contains a family of laws, with their formulas and their
 entries in the registry. A law may need conditions besides its parameters: carrier frequency, polarisation, knots. The
-function :func:`law_for` binds these conditions to the law. After this, every law has the signature
+function :func:`law_for` binds these conditions to the law. With its conditions bound, every law has the signature
 ``law(phi_rad, parameters) -> sigma0 [dB]``.
 
 The law ``EXTERNAL`` is not in the registry: it has names and units of parameters, but no curve, because only an
@@ -19,10 +19,10 @@ from collections.abc import Sequence
 
 from radcal.errors import ConfigError
 from radcal.radar.laws.curves import CURVES
-from radcal.radar.laws.law import EXTERNAL, Law
+from radcal.radar.laws.law import EXTERNAL, Law, seen_rad
 from radcal.radar.laws.soil import SOIL
 
-__all__ = ["EXTERNAL", "LAWS", "Law", "external_law", "law_for", "laws_table"]
+__all__ = ["EXTERNAL", "LAWS", "Law", "external_law", "law_for", "laws_table", "seen_rad"]
 
 LAWS: dict[str, Law] = {**CURVES, **SOIL}
 

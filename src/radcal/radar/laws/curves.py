@@ -58,8 +58,8 @@ def ulaby_dobson(phi_rad: ArrayLike, parameters: ArrayLike) -> NDArray[np.float6
 
     References
     ----------
-    Ulaby and Dobson, "Handbook of Radar Scattering Statistics for Terrain", Artech House (1989);
-    it gives P1 to P6 by terrain, band and polarisation.
+    Ulaby and Dobson, "Handbook of Radar Scattering Statistics for Terrain", Artech House (1989); the book tabulates P1
+    to P6 by terrain, band and polarisation.
     """
     phi = np.asarray(phi_rad, dtype=np.float64)
     p1, p2, p3, p4, p5, p6 = np.asarray(parameters, dtype=np.float64)
@@ -108,7 +108,7 @@ def tabulated(phi_rad: ArrayLike, parameters: ArrayLike, *, angles_deg: Sequence
     Returns
     -------
     ndarray
-        sigma0 [dB], shape of ``phi_rad``. Between two knots the curve lies between their values.
+        sigma0 [dB], shape of ``phi_rad``. Between two knots, the curve lies between the values at these knots.
 
     References
     ----------
@@ -130,6 +130,9 @@ CURVES: dict[str, Law] = {
         names=("X1", "X2", "X3", "X4"),
         units=("dB", "dB", "dB", "1/rad2"),
         bounds=((0.0, 50.0),) * 4,
+        # the specular part dies out between some 10 and 45 degrees, as the quasi-specular lobe of surfaces with rms
+        # slopes of 0.1 to 0.5 does (Ulaby, Moore and Fung, "Microwave Remote Sensing", vol. 2, section 12-4)
+        log_normal={"X4": (5.0, 1.0)},
         formula="X1 + X2 cos(phi) + X3 exp(-X4 phi^2)",
         source='"Calibration of a Radar Cross-section Model using a Surrogate Model Optimization Algorithm", eq. 1',
         remark="The default bounds are those of the paper. Measured sigma0 in dB requires a negative X1.",

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -12,11 +12,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.errors import ConfigError
 
-__all__ = ["EXTERNAL", "Law", "cosine"]
+__all__ = ["EXTERNAL", "Law", "cosine", "seen_rad"]
 
 EXTERNAL = "external"  # law of a material whose backscatter only the simulator can compute
 _LEAST_COSINE = 1e-6
 Intervals = tuple[tuple[float, float], ...]
+
+
+def seen_rad(incidence_deg: ArrayLike) -> NDArray[np.float64]:
+    """91 angles [rad] from the 5 % to the 95 % quantile of the local incidence of a material's pixels [deg]."""
+    low, high = np.quantile(np.asarray(incidence_deg, dtype=np.float64), [0.05, 0.95])
+    return np.radians(np.linspace(float(low), float(high), 91))
 
 
 @dataclass(frozen=True)
@@ -31,7 +37,7 @@ class Law:
     names, units : tuple of str
         Name and unit of each parameter; empty for a law whose knots are not yet bound.
     bounds : tuple of (float, float) or None
-        Default bounds of the search for each parameter; None where no publication gives any.
+        Default bounds of the search for each parameter; None if no publication gives bounds.
     valid_deg : (float, float)
         Smallest and largest incidence angle for which the law is valid [deg].
     limits : tuple of (float, float) or None
@@ -39,8 +45,11 @@ class Law:
     needs : tuple of str
         Conditions that must still be bound: ``frequency_ghz``, ``polarisation``, ``angles_deg``.
     doubt : callable or None
-        Function ``(parameters) -> str | None`` that returns a clause where the parameters lie outside the range of the
-        law's data, with the conditions in ``needs`` as keyword arguments.
+        Function ``(parameters) -> str | None``, with the conditions in ``needs`` as keyword arguments. It returns a
+        clause for a warning if the parameters lie outside the range of the law's data, else None.
+    log_normal : mapping
+        Weak log-normal prior of some parameters, by parameter name: median in the parameter's unit, and standard
+        deviation of the natural logarithm.
     formula, source, remark : str
         Texts for the documentation.
     """
@@ -53,6 +62,7 @@ class Law:
     limits: Intervals | None = None
     needs: tuple[str, ...] = ()
     doubt: Callable[..., str | None] | None = None
+    log_normal: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     formula: str = ""
     source: str = ""
     remark: str = ""
@@ -71,8 +81,21 @@ class Law:
         """Whether the law can be evaluated; external laws can only be simulated."""
         return self.function is not None
 
+    def largest_difference_db(self, first: ArrayLike, second: ArrayLike, incidence_deg: ArrayLike) -> float:
+        """Largest difference of two curves of the law [dB] over the angles of :func:`seen_rad`.
+
+        Parameters
+        ----------
+        first, second : array_like, shape (d,)
+            Parameters of the two curves.
+        incidence_deg : array_like
+            Local incidence of a material's pixels [deg].
+        """
+        phi = seen_rad(incidence_deg)
+        return float(np.abs(self(phi, first) - self(phi, second)).max())
+
     def bound(self, **conditions: Any) -> Law:
-        """Law with these conditions bound; conditions that are None or not needed are ignored."""
+        """Law with the given conditions bound to it; conditions that are None or not needed are ignored."""
         known = {key: value for key, value in conditions.items() if key in self.needs and value is not None}
         law = replace(
             self,
@@ -87,7 +110,7 @@ class Law:
         return law
 
     def outside(self, incidence_deg: ArrayLike) -> float:
-        """Share of the given angles [deg] outside the law's valid angles; angles that are not finite are left out."""
+        """Share of the given angles [deg] outside the law's valid angles; non-finite angles are not counted."""
         angle = np.asarray(incidence_deg, dtype=np.float64)
         angle = angle[np.isfinite(angle)]
         low, high = self.valid_deg

@@ -38,7 +38,7 @@ def oh1992(
     frequency_ghz : float
         Carrier frequency [GHz].
     polarisation : {'HH', 'HV', 'VH', 'VV'}
-        HV and VH are the same.
+        HV and VH give the same sigma0.
 
     Returns
     -------
@@ -47,9 +47,9 @@ def oh1992(
 
     References
     ----------
-    Oh, Sarabandi and Ulaby, "An empirical model and an inversion technique for radar scattering
-    from bare soil surfaces", IEEE Trans. Geosci. Remote Sens. 30 (1992) 370-381; the same as model
-    PRISM-1 in Ulaby and Long, "Microwave Radar and Radiometric Remote Sensing" (2014), section 10-5.
+    Oh, Sarabandi and Ulaby, "An empirical model and an inversion technique for radar scattering from bare soil
+    surfaces", IEEE Trans. Geosci. Remote Sens. 30 (1992) 370-381; the law is also the model PRISM-1 in Ulaby and Long,
+    "Microwave Radar and Radiometric Remote Sensing" (2014), section 10-5.
     """
     phi = np.clip(np.asarray(phi_rad, dtype=np.float64), 0.0, 0.5 * np.pi)
     real, imaginary, height_cm = (float(x) for x in np.asarray(parameters, dtype=np.float64))

@@ -1,0 +1,125 @@
+"""Error of the law over the incidence of two passes, at 45 and 30 degrees of depression: one pass, and both together.
+
+    python benchmarks/passes.py [--quick] [--truths 10]
+
+Each hidden law is uniform in the bounds of the default case, and the measured images have independent speckle and no
+misregistration (``benchmarks/registration.py`` measures its correction). Errors are the largest differences of the laws
+over the incidence of the material's pixels [dB].
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from radcal.calibration.bin_target import bin_targets
+from radcal.calibration.loop import calibrate
+from radcal.config import Case, case_from, stages
+from radcal.measurement.registration import register
+from radcal.measurement.sources import make_measurement
+from radcal.measurement.target import Targets
+from radcal.measurement.target_fit import make_targets
+from radcal.radar.geometry import Geometry
+from radcal.radar.projection import make_geometry
+from radcal.report.summary import law_difference_db
+from radcal.scene.model import Scene
+from radcal.scene.sources import make_scene
+from radcal.seeds import derived_rng
+from radcal.simulators.builtin import BuiltinSimulator
+from radcal.simulators.runner import Runner
+from radcal.storage.runs import RunStore
+
+DEPRESSIONS = (45.0, 30.0)
+
+
+def main() -> None:
+    """Print a line per truth and, last, the summary as JSON."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="2 truths in place of 10")
+    parser.add_argument("--truths", type=int, default=10, help="number of truths")
+    arguments = parser.parse_args()
+    count = 2 if arguments.quick else arguments.truths
+    base = case_from({})
+    scene = make_scene(base.scene, list(base.materials))
+    geometries = [make_geometry(scene, one.radar) for one in case_of([6.1, 14.2, 21.5, 3.3], 0, DEPRESSIONS).passes]
+    low, high = np.array(base.materials["dyke"].box).T
+    truths = low + derived_rng(base.seed, "benchmark", "truths").random((count, len(low))) * (high - low)
+    found: dict[str, list[dict[str, Any]]] = {"one": [], "both": []}
+    print(f"{'hidden X':30} {'passes':>6} {'runs of X':>9} {'ended':>10} {'error at 45':>11} {'at 30':>6} {'both':>6}")
+    for number, truth in enumerate(truths):
+        for name, depressions in (("one", DEPRESSIONS[:1]), ("both", DEPRESSIONS)):
+            with threadpool_limits(1):
+                row = calibrated(case_of(truth.tolist(), number, depressions), scene, geometries, truth)
+            found[name].append(row)
+            print(
+                f"{np.round(truth, 1)!s:30} {len(depressions):6d} {row['runs']:9d} {row['ended']:>10} "
+                f"{row['errors'][0]:11.2f} {row['errors'][1]:6.2f} {max(row['errors']):6.2f}",
+                flush=True,
+            )
+    print(json.dumps({name: summary(rows) for name, rows in found.items()}))
+
+
+def case_of(truth: list[float], number: int, depressions: tuple[float, ...]) -> Case:
+    """Default case with a hidden law and passes of these depression angles [deg]."""
+    images = [
+        {"synthetic": {"parameters": {"dyke": truth}, "seed": 100 + 10 * number + k, "warp_px": 0}}
+        for k in range(len(depressions))
+    ]
+    return case_from(
+        {
+            "radar": [{"depression_deg": angle} for angle in depressions],
+            "measurement": images,
+            "registration": {"method": "none"},
+        }
+    )
+
+
+def calibrated(case: Case, scene: Scene, geometries: list[Geometry], truth: np.ndarray) -> dict[str, Any]:
+    """Runs, end, and error of the law over the incidence of each pass [dB]."""
+    with tempfile.TemporaryDirectory() as folder:
+        runners: list[Runner] = []
+        targets: list[Targets] = []
+        for one, geometry in zip(case.passes, geometries, strict=False):
+            simulator = BuiltinSimulator(geometry, one.radar, one.laws)
+            settings, stage = stages.Simulation.of(one), stages.Target.of(one)
+            runners.append(Runner(RunStore(Path(folder)), simulator, geometry, scene.identity, settings))
+            measurement = make_measurement(stages.Measurement.of(one), geometry, simulator, scene)
+            start = simulator.run({name: m.start_parameters for name, m in one.materials.items()}, 1)
+            registered = register(start, measurement, one.registration)
+            made = make_targets(stage, geometry, registered, start)
+            targets.append(bin_targets(stage, made, geometry, registered, scene.slope_error_deg))
+        first, *others = targets
+        together = Targets(first, first.levels, first.looks, others)
+        runners[0].further = tuple(runners[1:])
+        history, decision = calibrate(case, runners[0], together)
+        incidence = [
+            geometry.incidence_deg.ravel()[geometry.pixels("dyke")].astype(np.float64) for geometry in geometries
+        ]
+    x = history.best("dyke").scores["dyke"].parameters
+    law = case.laws["dyke"]
+    return {
+        "runs": history.count("design") + history.count("infill"),
+        "ended": str(decision.reason),
+        "errors": [law_difference_db(law, x, truth, angles) for angles in incidence],
+    }
+
+
+def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Median and worst error [dB] over each pass and both, and the median number of runs of X."""
+    errors = np.array([row["errors"] for row in rows])
+    each = {"45": errors[:, 0], "30": errors[:, 1], "both": errors.max(axis=1)}
+    return {
+        "n": len(rows),
+        "median_runs": float(np.median([row["runs"] for row in rows])),
+        "error_db": {name: {"median": float(np.median(v)), "worst": float(v.max())} for name, v in each.items()},
+    }
+
+
+if __name__ == "__main__":
+    main()

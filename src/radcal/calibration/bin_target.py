@@ -1,0 +1,115 @@
+"""Targets by incidence-angle bin: bins of the target's pixels, with the variance between fields."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from radcal.calibration.grounds import fit_grounds
+from radcal.calibration.incidence_error import registration_error_deg
+from radcal.calibration.misfit import BinMisfit, Method
+from radcal.calibration.objectives import OBJECTIVES
+from radcal.config import stages
+from radcal.measurement.class_target import ClassTarget
+from radcal.measurement.classes import incidence_edges
+from radcal.measurement.ground import Ground
+from radcal.measurement.target import Targets
+from radcal.radar.laws import law_for
+
+if TYPE_CHECKING:
+    from radcal.measurement.registration import Registered
+    from radcal.radar.geometry import Geometry
+
+__all__ = ["bin_targets"]
+
+_LEVEL_DB = 40.0  # on either side of the mean, for the levels of bins without a law
+
+
+def bin_targets(
+    case: stages.Target,
+    targets: Targets,
+    geometry: Geometry,
+    registered: Registered,
+    slope_error_deg: float = 0.0,
+) -> Targets:
+    """Divide the targets' pixels by incidence, and estimate the variance between fields.
+
+    The variance is estimated from the measured image alone, with laws that no simulator has seen
+    (:func:`radcal.calibration.grounds.fit_grounds`), and pooled over the materials.
+
+    Parameters
+    ----------
+    case : stages.Target
+        Laws, objective and settings of the target.
+    targets : Targets
+        By calibrated material.
+    geometry : Geometry
+        Of the pass.
+    registered : Registered
+        The measured image; the uncertainty of its registration gives the error of the local incidence where
+        ``target.incidence_error_deg`` does not say it.
+    slope_error_deg : float
+        Standard error of the scene's slopes [deg], the other part of that error.
+
+    Returns
+    -------
+    Targets
+        The same with ``classes``; as they are where the objective uses no bins.
+    """
+    misfit = OBJECTIVES[case.objective].misfit
+    if misfit is None:
+        return targets
+    grounds, methods = {}, {}
+    for name, target in targets.items():
+        error = case.target.incidence_error_deg
+        if error is None:
+            moved = registration_error_deg(geometry.incidence_deg, registered.uncertainty_px, target.pixels)
+            error = float(np.hypot(moved, slope_error_deg))
+        grounds[name] = target.ground
+        method = Method(
+            case.laws[name],
+            case.materials[name].box,
+            float(case.radar.looks),
+            misfit=misfit,
+            classes=case.target.incidence_classes,
+            free_looks=case.target.looks == "free",
+            priors=case.target.priors,
+            incidence_error_deg=error,
+        )
+        methods[name] = method if method.law.has_curve else _without_curve(method, target.ground)
+    found = fit_grounds(grounds, methods)
+    # a run shows the same pixels with K draws of speckle: the difference varies 1 + 1/K times as much as the measured
+    compared = 1.0 / (1.0 + 1.0 / case.simulator.draws)
+    known = {name: case.laws[name].has_curve for name in targets}
+    return Targets(
+        {
+            name: replace(
+                target,
+                classes=ClassTarget(
+                    classes=replace(found[name].classes, effective=compared * found[name].classes.effective),
+                    draws=case.simulator.draws,
+                    spread=found[name].spread,
+                    free_looks=methods[name].free_looks,
+                    priors=case.target.priors,
+                    incidence_error_deg=methods[name].incidence_error_deg,
+                    first=found[name].fit.parameters if known[name] else np.empty(0),
+                    first_looks=found[name].fit.looks,
+                ),
+            )
+            for name, target in targets.items()
+        },
+        targets.levels,
+        targets.looks,
+    )
+
+
+def _without_curve(method: Method, ground: Ground) -> Method:
+    """Method in which a level for each bin takes the place of a law that only the simulator knows."""
+    edges = incidence_edges(ground.incidence_deg, method.classes)
+    mean = float(ground.values_db.mean())
+    knots = 0.5 * (edges[1:] + edges[:-1]) if len(edges) > 2 else [edges[0] - 1.0, edges[0] + 1.0]
+    levels = law_for("tabulated", angles_deg=tuple(knots))
+    bounds = [(mean - _LEVEL_DB, mean + _LEVEL_DB)] * len(knots)
+    return replace(method, law=levels, bounds=bounds, misfit=BinMisfit, priors=False, incidence_error_deg=0.0)

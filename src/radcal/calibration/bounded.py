@@ -1,0 +1,85 @@
+"""Bounded least squares on the unit box, from one start or from the best points of a Sobol sample."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Batched", "distant", "least_squares", "sobol"]
+
+Batched = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+"""Points of the unit box, shape (m, d), to residuals, shape (m, k)."""
+
+_STEP = 1e-5
+_INSIDE = 1e-9
+_LIMIT = 1e6  # of a residual: the solver refuses infinite ones
+_APART = 0.2  # of the unit box, in at least one parameter
+
+
+def least_squares(
+    residuals: Batched,
+    start: NDArray[np.float64],
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+    tolerance: float,
+    calls: int = 60,
+) -> Any:
+    """Minimise a sum of squares between bounds, with the Jacobian by central differences in one call.
+
+    Parameters
+    ----------
+    residuals : callable
+        Points, shape (m, d), to residuals, shape (m, k).
+    start, low, high : ndarray, shape (d,)
+        Start and bounds.
+    tolerance : float
+        Relative tolerance on residuals, point and gradient.
+    calls : int
+        Largest number of evaluations, without those of the Jacobian.
+
+    Returns
+    -------
+    scipy.optimize.OptimizeResult
+        ``x``, ``cost`` (half the sum of squares) and ``jac``, shape (k, d).
+
+    References
+    ----------
+    Branch, Coleman and Li, "A subspace, interior, and conjugate gradient method for large-scale bound-constrained
+    minimization problems", SIAM J. Sci. Comput. 21 (1999).
+    """
+    from scipy.optimize import least_squares as solve
+
+    def limited(points: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.clip(residuals(points), -_LIMIT, _LIMIT)
+
+    def jacobian(point: NDArray[np.float64]) -> NDArray[np.float64]:
+        forward = np.minimum(point + _STEP * np.eye(len(point)), high)
+        backward = np.maximum(point - _STEP * np.eye(len(point)), low)
+        values = limited(np.concatenate([forward, backward]))
+        width = np.diagonal(forward) - np.diagonal(backward)
+        return np.asarray(((values[: len(point)] - values[len(point) :]) / width[:, None]).T)
+
+    inside = np.clip(start, low + _INSIDE * (high - low), high - _INSIDE * (high - low))
+    ends = {"xtol": tolerance, "ftol": tolerance, "gtol": tolerance, "max_nfev": calls}
+    return solve(lambda point: limited(point[None])[0], inside, jac=jacobian, bounds=(low, high), x_scale=1.0, **ends)
+
+
+def sobol(dimension: int, size: int, seed: int) -> NDArray[np.float64]:
+    """Scrambled Sobol sample of the unit box, shape (size, dimension); ``size`` is a power of two."""
+    from scipy.stats import qmc  # a second to import, which most jobs need not spend
+
+    return np.asarray(qmc.Sobol(dimension, scramble=True, rng=np.random.default_rng(seed)).random(size))
+
+
+def distant(points: NDArray[np.float64], count: int) -> Iterator[NDArray[np.float64]]:
+    """First points of a ranking, each of them away from those before it by a fifth of the box in some parameter."""
+    chosen: list[NDArray[np.float64]] = []
+    for point in points:
+        if len(chosen) == count:
+            return
+        if all(np.abs(point - other).max() > _APART for other in chosen):
+            chosen.append(point)
+            yield point

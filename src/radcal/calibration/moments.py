@@ -1,0 +1,77 @@
+"""Statistics of dB values: mean, log standard deviation and skewness, from cumulants and from skew-normal densities."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radcal import skewnormal
+from radcal.measurement.looks import looks_of_log_variance
+
+__all__ = ["STATISTICS", "from_cumulants", "from_dp", "sampling_covariance", "to_cumulants", "to_dp"]
+
+STATISTICS = ("mean", "log sd", "skewness")
+_SKEWNESS_LIMIT = 0.995  # that of a skew normal is 0.9953
+
+
+def from_cumulants(cumulants: ArrayLike) -> NDArray[np.float64]:
+    """Mean [dB], log sd and skewness of cumulants (mean [dB], variance [dB^2], third [dB^3]), shape (..., 3)."""
+    mean, variance, third = np.moveaxis(np.asarray(cumulants, dtype=np.float64), -1, 0)
+    return np.stack([mean, 0.5 * np.log(variance), third / variance**1.5], axis=-1)
+
+
+def to_cumulants(statistics: ArrayLike) -> NDArray[np.float64]:
+    """Cumulants (mean [dB], variance [dB^2], third [dB^3]) of mean [dB], log sd and skewness, shape (..., 3)."""
+    mean, log_sd, skewness = np.moveaxis(np.asarray(statistics, dtype=np.float64), -1, 0)
+    sd = np.exp(np.clip(log_sd, -20.0, 20.0))
+    return np.stack([mean, sd**2, skewness * sd**3], axis=-1)
+
+
+def from_dp(dp: ArrayLike) -> NDArray[np.float64]:
+    """Mean [dB], log sd and skewness of skew normals (xi [dB], omega [dB], alpha), shape (..., 3)."""
+    mean, sd, skewness = np.moveaxis(skewnormal.centred(dp), -1, 0)
+    return np.stack([mean, np.log(sd), skewness], axis=-1)
+
+
+def to_dp(statistics: ArrayLike) -> NDArray[np.float64]:
+    """Skew normals (xi [dB], omega [dB], alpha) of these statistics, with the skewness limited to +-0.995."""
+    mean, log_sd, skewness = np.moveaxis(np.asarray(statistics, dtype=np.float64), -1, 0)
+    skewness = np.clip(skewness, -_SKEWNESS_LIMIT, _SKEWNESS_LIMIT)
+    return skewnormal.direct(np.stack([mean, np.exp(np.clip(log_sd, -20.0, 20.0)), skewness], axis=-1))
+
+
+def sampling_covariance(variance_db2: float, effective: float) -> NDArray[np.float64]:
+    """Covariance of sample mean, log sd and skewness of log-gamma values.
+
+    Parameters
+    ----------
+    variance_db2 : float
+        Variance of the values [dB^2]; the gamma law of so many looks is taken for their shape.
+    effective : float
+        Number of independent values.
+
+    Returns
+    -------
+    ndarray, shape (3, 3)
+        To first order in 1/n: mean [dB], natural log of the standard deviation, skewness.
+
+    References
+    ----------
+    Stuart and Ord, "Kendall's Advanced Theory of Statistics", vol. 1, 6th edition (1994), section 12.16:
+    covariances of k-statistics in terms of cumulants.
+    """
+    from scipy.special import polygamma
+
+    looks = looks_of_log_variance(variance_db2)
+    sd = float(np.sqrt(polygamma(1, looks)))
+    # standardised cumulants of orders 3 to 6
+    _, _, _, c3, c4, c5, c6 = (0.0 if r < 3 else float(polygamma(r - 1, looks)) / sd**r for r in range(7))
+    k = np.array(
+        [
+            [1.0, c3, c4],
+            [c3, c4 + 2.0, c5 + 6.0 * c3],
+            [c4, c5 + 6.0 * c3, c6 + 9.0 * c4 + 9.0 * c3**2 + 6.0],
+        ]
+    )
+    to = np.array([[np.sqrt(variance_db2), 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, -1.5 * c3, 1.0]])
+    return np.asarray(to @ k @ to.T / effective)

@@ -1,0 +1,64 @@
+"""Objectives: what is compared between runs and target, one class each, behind one contract."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from radcal.calibration.objectives.bins import Bins, Likelihood
+from radcal.calibration.objectives.density import Density
+from radcal.calibration.objectives.joint import Joint
+from radcal.calibration.objectives.objective import Comparison, Material, Objective
+from radcal.config import stages
+from radcal.measurement.target import Targets
+
+__all__ = ["OBJECTIVES", "Comparison", "Objective", "make_objectives"]
+
+OBJECTIVES: dict[str, type[Objective]] = {"classes": Bins, "density": Density, "likelihood": Likelihood}
+"""Class of each objective, by its name in the configuration (``radcal.config.objectives``)."""
+
+
+def make_objectives(case: stages.Scores | stages.Archive, targets: Targets) -> Mapping[str, Comparison]:
+    """Objective of every calibrated material, in all passes of the case.
+
+    Parameters
+    ----------
+    case : stages.Scores or stages.Archive
+        Name of the objective, laws, bounds and looks.
+    targets : Targets
+        By calibrated material, with those of further passes.
+
+    Returns
+    -------
+    mapping
+        By material, in the order of the targets.
+    """
+    if not targets.further:
+        return _of_pass(case, targets)
+    passes: Sequence[stages.Scores | stages.Archive] = case.passes
+    each = [
+        _of_pass(one, found, priors=number == 0)
+        for number, (one, found) in enumerate(zip(passes, targets.passes, strict=True))
+    ]
+    return {name: Joint([objectives.get(name) for objectives in each]) for name in targets}
+
+
+def _of_pass(case: stages.Scores | stages.Archive, targets: Targets, priors: bool = True) -> dict[str, Objective]:
+    """Objectives of one pass."""
+    laws, kind = case.laws, OBJECTIVES[case.objective]
+    return {
+        name: kind(
+            Material(
+                name=name,
+                target=target,
+                law=laws[name],
+                box=np.array(case.materials[name].box, dtype=np.float64),
+                integer=np.array(case.materials[name].integers, dtype=np.bool_),
+                looks=float(case.radar.looks),
+                decibels=targets.levels.normalisation != "image",
+                priors=priors,
+            )
+        )
+        for name, target in targets.items()
+    }

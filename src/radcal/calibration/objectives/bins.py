@@ -1,0 +1,184 @@
+"""Objectives in incidence-angle bins: ``classes`` (statistics of each bin) and ``likelihood`` (their pixels)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.calibration.expected import LawForward
+from radcal.calibration.grounds import GroundLaw, curve_prior, ground_residuals, limited
+from radcal.calibration.history import History, Score
+from radcal.calibration.law_fit import Residuals, fit_law
+from radcal.calibration.misfit import BinMisfit, LikelihoodMisfit, Method, Misfit
+from radcal.calibration.moments import from_cumulants, to_cumulants
+from radcal.calibration.objectives.objective import (
+    Doubles,
+    Material,
+    Objective,
+    Points,
+    Progress,
+    Verdict,
+    suited_looks,
+)
+from radcal.config import Stop
+from radcal.errors import MeasurementError
+
+__all__ = ["Bins", "Likelihood"]
+
+_SETTLED = 0.05  # of half the sum of squares: the law is a third of its standard error from the minimum
+
+
+class Bins(Objective):
+    """Mean, log sd and skewness of each incidence-angle bin, with free looks and weak priors."""
+
+    looks_ahead = True
+    tolerance = 1e-6
+    improvement: ClassVar[float] = _SETTLED
+    misfit: ClassVar[type[Misfit]] = BinMisfit
+
+    def __init__(self, material: Material) -> None:
+        super().__init__(material)
+        bins, target = material.target.classes, material.target
+        if bins is None:
+            raise MeasurementError(f"the target of {material.name} has no incidence-angle bins; make it again.")
+        self.bins, self.free_looks = bins, bins.free_looks
+        self.ground = limited(target.ground, bins.classes.member)
+        self.method = Method(
+            material.law,
+            material.box,
+            material.looks,
+            misfit=self.misfit,
+            classes=bins.classes.size,
+            free_looks=bins.free_looks,
+            priors=bins.priors and material.priors,
+            incidence_error_deg=bins.incidence_error_deg,
+        )
+        self._misfit = self.misfit.of(self.ground, bins.classes, self.method, bins.spread)
+        self._prior = curve_prior(self.ground, self.method)
+        self.explores = not material.law.has_curve
+        if material.law.has_curve:
+            expected = LawForward(material.law, bins.classes.nodes_deg, material.looks, target.noise_db)
+            self.baseline = lambda x: from_cumulants(expected(x))
+            self.starts = [(bins.first, bins.first_looks)]
+
+    @cached_property
+    def scale(self) -> Doubles:
+        """Standard deviations of mean [dB], log sd and skewness of the measured bins, shape (n, 3)."""
+        misfit = BinMisfit.of(self.ground, self.bins.classes, self.method, self.bins.spread)
+        return np.asarray(np.sqrt(np.diag(misfit.covariance)).reshape(3, -1).T)
+
+    def statistics(self, values_db: Doubles, pixels: NDArray[np.int64] | None = None) -> Doubles:
+        """Mean [dB], log sd and skewness of the pixels in each bin, shape (n, 3)."""
+        return from_cumulants(self.bins.cumulants(values_db, pixels))
+
+    def residuals(self, points: Points) -> Doubles:
+        """Residuals of the misfit, then those of the priors."""
+        slack = np.broadcast_to(points.slack, points.statistics.shape)
+        each = zip(to_cumulants(points.statistics), points.parameters, points.looks, slack, strict=True)
+        return np.stack(
+            [
+                np.concatenate([self._misfit(x, float(n), simulated, reach), self._prior(x, float(n))])
+                for simulated, x, n, reach in each
+            ]
+        )
+
+    def parts(self, residuals: Doubles) -> Doubles:
+        """Squares of the means with the priors, and of the other statistics, shape (m, 2)."""
+        n = self.bins.classes.size
+        squares = residuals**2
+        first, second, weak = np.split(squares, [n, 3 * n], axis=1)
+        return np.stack([first.sum(axis=1) + weak.sum(axis=1), second.sum(axis=1)], axis=-1)
+
+    def worth(self, parameters: Sequence[float], statistics: Doubles) -> tuple[float, float | None]:
+        """Looks that suit a run best, and half the sum of squared residuals there, priors included."""
+        return suited_looks(self, parameters, statistics)
+
+    def promising(self, costs: Doubles, best: float) -> NDArray[np.bool_]:
+        """Which costs are clearly below the best, and as good as the smallest."""
+        return costs <= min(best - _SETTLED, float(costs.min()) + _SETTLED)
+
+    def evidence(self, score: Score) -> Residuals:
+        """Residuals by X and looks; what the run's bins hold besides law and speckle is kept."""
+        x, statistics, baseline = np.asarray(score.parameters), np.asarray(score.statistics), self.baseline
+        assert baseline is not None  # noqa: S101
+        discrepancy = statistics - baseline(x)
+        return ground_residuals(
+            self.ground,
+            self.bins.classes,
+            self.method,
+            self.bins.spread,
+            lambda at: to_cumulants(baseline(at) + discrepancy),
+        )
+
+    def law(self, score: Score, residuals: Residuals | None = None) -> GroundLaw:
+        """Law of a run with its uncertainty; what its bins hold besides law and speckle is its correction."""
+        x, statistics = np.asarray(score.parameters, dtype=np.float64), np.asarray(score.statistics)
+        classes, method, free_looks = self.bins.classes, self.method, self.method.free_looks
+        found = residuals or self.evidence(score)
+        fit = fit_law(found, method.bounds, method.looks, free_looks, (x, score.looks), score.looks, self._prior, False)
+        fit = replace(fit, parameters=x, looks=score.looks)
+        correction = statistics[:, 0] - LawForward(method.law, classes.nodes_deg, method.looks)(x)[:, 0]
+        # part of how it differs from bin to bin is the run's own speckle
+        common = correction.mean()
+        noise = float(np.mean(np.exp(2.0 * statistics[:, 1]) / ((1.0 + self.bins.draws) * classes.effective)))
+        correction = common + max(0.0, 1.0 - noise / max(float(np.var(correction)), 1e-12)) * (correction - common)
+        return GroundLaw(self.ground, method, classes, self.bins.spread, fit, correction)
+
+    @classmethod
+    def ending(cls, progress: Progress, stop: Stop) -> Verdict | None:
+        """End where the surrogate of all runs promises no better law, or hardly another one."""
+        score, name = progress.score, progress.name
+        if progress.proposal.mode == "exhausted":
+            text = "every combination of whole parameters inside the bounds has been simulated."
+            return Verdict("settled", f"{name}: stop criterion met after {progress.runs} runs: {text}")
+        if score.gain is None:
+            return None
+        if score.floor is not None and progress.best - score.floor > _SETTLED:
+            return None
+        if score.gain <= _SETTLED:
+            text = f"the surrogate of all runs promises no better {'X' if score.moved_db is None else 'law'}."
+        elif score.moved_db is not None and score.moved_db <= stop.law_db:
+            text = (
+                f"the best law that the surrogate of all runs promises differs by {score.moved_db:.2g} dB over the "
+                "incidence seen."
+            )
+        else:
+            return None
+        return Verdict("settled", f"{name}: stop criterion met after {progress.runs} runs: {text}")
+
+    @classmethod
+    def standing(cls, name: str, best: float, stop: Stop) -> str:
+        """Stop criterion not met."""
+        return f"{name}: stop criterion not met"
+
+    @classmethod
+    def progress_line(cls, history: History, materials: Sequence[str], ended: Sequence[str], stop: Stop) -> str:
+        """Laws that meet the stop criterion, and the law that may still change most."""
+        text = f"{len(ended)} of {len(materials)} laws meet the stop criterion"
+        moved = {name: history.infill[-1].scores[name].moved_db for name in materials}
+        known = {name: value for name, value in moved.items() if value is not None}
+        if known:
+            worst = max(known, key=lambda name: known[name])
+            text += f", the best predicted law of {worst} differs by {known[worst]:.2g} dB"
+        return text
+
+
+class Likelihood(Bins):
+    """Gamma likelihood of the pixels of each bin."""
+
+    misfit: ClassVar[type[Misfit]] = LikelihoodMisfit
+
+    def parts(self, residuals: Doubles) -> Doubles:
+        """Squares of the bins of small incidence with the priors, and of those of large incidence, shape (m, 2)."""
+        n = self.bins.classes.size
+        weak = self._prior(self.material.box.mean(axis=1), self.material.looks).size
+        data = residuals.shape[1] - weak
+        squares = residuals**2
+        half = n // 2 * (data // n)
+        first, second, rest = np.split(squares, [half, data], axis=1)
+        return np.stack([first.sum(axis=1) + rest.sum(axis=1), second.sum(axis=1)], axis=-1)

@@ -1,0 +1,187 @@
+"""Objective ``density``: the skew-normal density of all pixels of a material (the histogram)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal import skewnormal
+from radcal.calibration.expected import LawForward
+from radcal.calibration.grounds import GroundLaw, ground_residuals
+from radcal.calibration.history import History, Proposal, Score
+from radcal.calibration.law_fit import Residuals, fit_law
+from radcal.calibration.misfit import Method
+from radcal.calibration.moments import from_cumulants, from_dp, to_dp
+from radcal.calibration.objectives.objective import Doubles, Material, Objective, Points, Progress, Verdict, drawn
+from radcal.calibration.priors import looks_residuals
+from radcal.config import Stop
+from radcal.measurement.classes import Classes, make_classes
+from radcal.measurement.patches import Spread
+
+__all__ = ["UNREACHABLE_SHARE", "Density"]
+
+UNREACHABLE_SHARE = 0.9  # of the best verified rms: with a floor above it nothing nearer exists
+_PROMISING_SHARE = 0.5
+_ALONE = Spread(0.8, 0.4)  # until the materials have been looked at together
+_GRID = 200  # points on which the search compares densities; the score uses 1,000
+_NODES = 64  # incidence angles that represent the pixels
+_OF_SAMPLING = 1.0 / 3.0  # of the sampling error: less adds no more than a ninth to the variance that sampling leaves
+_PATIENCE = 5  # runs without a better point there
+_KEPT = 0.2  # relative difference of predicted and verified rms, up to which the prediction was right
+
+
+class Density(Objective):
+    """Rms difference of the material's density from the target's; searched in (mean, log sd, skewness), scaled.
+
+    Where the scaled differences vanish, so does the rms, which is flat far from its minimum.
+    """
+
+    def __init__(self, material: Material) -> None:
+        super().__init__(material)
+        target = material.target
+        self._target_dp = np.asarray(target.dp, dtype=np.float64)
+        self._target = from_dp(self._target_dp)
+        self._grid = skewnormal.target_grid(self._target_dp, _GRID)
+        self._density = skewnormal.density(self._grid, self._target_dp)
+        if material.law.has_curve and material.decibels:
+            shares = (np.arange(_NODES) + 0.5) / _NODES
+            nodes = np.quantile(np.asarray(target.incidence_deg, dtype=np.float64), shares)[None]
+            expected = LawForward(material.law, nodes, material.looks, target.noise_db)
+            self.baseline = lambda x: from_cumulants(expected(x))
+
+    @cached_property
+    def _method(self) -> Method:
+        return Method(self.material.law, self.material.box, self.material.looks, classes=1)
+
+    @cached_property
+    def _classes(self) -> Classes:
+        ground = self.material.target.ground
+        return make_classes(ground.values_db, ground.incidence_deg, 1, ground.independent)
+
+    @property
+    def scale(self) -> Doubles:
+        """Asymptotic standard errors of a normal sample's moments, without their common factor 1/sqrt(n)."""
+        return np.array([[np.exp(self._target[1]), np.sqrt(0.5), np.sqrt(6.0)]])
+
+    def statistics(self, values_db: Doubles, pixels: NDArray[np.int64] | None = None) -> Doubles:
+        """Mean [dB], log sd and skewness of the density fitted to the pixels, shape (1, 3)."""
+        values = values_db if pixels is None else values_db[pixels]
+        return from_dp(skewnormal.fit(values, self.material.target.penalised).dp)[None]
+
+    def residuals(self, points: Points) -> Doubles:
+        """Scaled differences of mean, log sd and skewness, shape (m, 3)."""
+        return (drawn(points.statistics, self._target, points.slack) / self.scale)[:, 0]
+
+    def _differences(self, points: Points) -> Doubles:
+        """Differences of the densities on the grid over the target's largest value, shape (m, 200)."""
+        dp = to_dp(self._target + drawn(points.statistics, self._target, points.slack)[:, 0])
+        found = np.stack([skewnormal.density(self._grid, row) for row in dp])
+        return np.asarray((found - self._density) / self._density.max())
+
+    def refinements(self) -> Sequence[Callable[[Points], Doubles]]:
+        """Differences of the densities: they weigh the statistics otherwise, where these cannot all be met."""
+        return (self._differences,)
+
+    def cost(self, points: Points) -> Doubles:
+        """Density rms [1/dB], shape (m,)."""
+        differences = self._differences(points) * self._density.max()
+        return np.asarray(np.sqrt(np.mean(differences**2, axis=1)))
+
+    def worth(self, parameters: Sequence[float], statistics: Doubles) -> tuple[float, float | None]:
+        """Looks of the speckle; the cost is the density rms."""
+        return self.material.looks, None
+
+    def promising(self, costs: Doubles, best: float) -> NDArray[np.bool_]:
+        """Which costs are below half of the best."""
+        return costs < _PROMISING_SHARE * best
+
+    def together(self, costs: Doubles) -> Doubles:
+        """Root mean square over the passes."""
+        return np.asarray(np.sqrt(np.mean(costs**2, axis=0)))
+
+    def evidence(self, score: Score) -> Residuals:
+        """Residuals of one bin by X and looks."""
+        # the simulated density has speckle of its own, and there may be texture, which moves looks and skewness
+        compared = replace(self._classes, effective=0.5 * self._classes.effective)
+        return ground_residuals(self.material.target.ground, compared, self._method, _ALONE)
+
+    def law(self, score: Score, residuals: Residuals | None = None) -> GroundLaw:
+        """Law of a run with what one density says of its uncertainty."""
+        m, x = self.material, np.asarray(score.parameters, dtype=np.float64)
+        ground, method, classes = m.target.ground, self._method, self._classes
+        fit = fit_law(
+            residuals or self.evidence(score),
+            m.box,
+            m.looks,
+            start=(x, m.looks),
+            prior=lambda _, looks: looks_residuals(looks, m.looks),
+            moves=False,
+        )
+        correction = np.array([score.statistics[0][0]]) - LawForward(m.law, classes.nodes_deg, m.looks)(x)[:, 0]
+        fit = replace(fit, parameters=x, looks=m.looks)
+        return GroundLaw(ground, method, classes, _ALONE, fit, correction)
+
+    @classmethod
+    def ending_before_infill(cls, name: str, best: float, stop: Stop) -> Verdict | None:
+        """End within the tolerance."""
+        if best <= stop.rms:
+            sentence = f"{name}: rms {best:.2g} within the tolerance {stop.rms:.2g} before any infill."
+            return Verdict("rms", sentence)
+        return None
+
+    @classmethod
+    def ending(cls, progress: Progress, stop: Stop) -> Verdict | None:
+        """End within the tolerance, at a floor that keeps above it, or at the sampling error."""
+        name, best, proposal = progress.name, progress.best, progress.proposal
+        if best <= stop.rms:
+            sentence = f"{name}: rms {best:.2g} within the tolerance {stop.rms:.2g} after {progress.runs} runs."
+            return Verdict("rms", sentence)
+        known = len(progress.score.parameters) + 2 <= progress.runs and _kept(proposal, progress.score.cost)
+        if proposal.floor is not None and proposal.floor >= UNREACHABLE_SHARE * best and known:
+            return Verdict(
+                "unreachable",
+                f"{name}: rms {best:.2g} after {progress.runs} runs, above the tolerance {stop.rms:.2g}; a multi-start "
+                "search of the surrogate, two standard errors in favour, finds no rms below "
+                f"{proposal.floor:.2g} inside the bounds: the target is out of reach there.",
+            )
+        if proposal.mode == "exhausted":
+            return Verdict(
+                "unreachable",
+                f"{name}: rms {best:.2g}, above the tolerance {stop.rms:.2g}: every combination of whole parameters "
+                "inside the bounds has been simulated.",
+            )
+        if stop.at_sampling_error and progress.idle >= _PATIENCE and best < _OF_SAMPLING * progress.sampling:
+            return Verdict(
+                "stagnation",
+                f"{name}: rms {best:.2g}, no better for {progress.idle} runs and below a third of the sampling error "
+                f"{progress.sampling:.2g}: a better fit would not be significant (stop.at_sampling_error: false "
+                "continues).",
+            )
+        return None
+
+    @classmethod
+    def standing(cls, name: str, best: float, stop: Stop) -> str:
+        """Best rms and tolerance."""
+        return f"{name}: rms {best:.2g}, above the tolerance {stop.rms:.2g}"
+
+    @classmethod
+    def progress_line(cls, history: History, materials: Sequence[str], ended: Sequence[str], stop: Stop) -> str:
+        """Best rms, of several materials the worst."""
+        best = {name: history.best(name).scores[name].cost for name in materials}
+        if len(best) == 1:
+            text = f"best rms {next(iter(best.values())):.2e}"
+        else:
+            worst = max(best, key=lambda name: best[name])
+            within = sum(value <= stop.rms for value in best.values())
+            text = f"{within} of {len(best)} materials within tolerance, worst {worst} at rms {best[worst]:.2e}"
+        return f"{text}, tolerance {stop.rms:.1e}"
+
+
+def _kept(proposal: Proposal, rms: float) -> bool:
+    """Whether a verified rms is the predicted one: only then is the surrogate's floor credible."""
+    predicted = proposal.cost
+    return proposal.mode == "exploit" and predicted is not None and abs(rms - predicted) <= _KEPT * predicted

@@ -1,0 +1,142 @@
+"""Objective of one material in several passes: the objectives of the single passes, side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radcal.calibration.grounds import GroundLaw
+from radcal.calibration.history import Score
+from radcal.calibration.objectives.objective import Comparison, Doubles, Objective, Points, suited_looks
+from radcal.radar.texture import equal_texture
+
+__all__ = ["Joint"]
+
+
+class Joint(Comparison):
+    """Comparison of one material in several passes.
+
+    Law and texture are shared: all passes have the same X, and looks that follow from the same texture
+    (:func:`radcal.radar.texture.equal_texture`). Field effects are independent from pass to pass. The bins of all
+    passes are stacked, in the order of the passes; the priors enter once, with the first pass.
+
+    Parameters
+    ----------
+    passes : sequence of Objective or None
+        Objective of each pass, None for a pass in which the material has too few pixels; the first is there, and it
+        alone was made with priors.
+    """
+
+    def __init__(self, passes: Sequence[Objective | None]) -> None:
+        first = passes[0]
+        assert first is not None  # noqa: S101
+        self.passes = passes
+        self.first, self.material = first, first.material
+        self._parts = [part for part in passes if part is not None]
+        self.free_looks, self.explores = first.free_looks, any(part.explores for part in self._parts)
+        self.looks_ahead, self.tolerance = first.looks_ahead, first.tolerance
+        self.starts = [(x, self._back(part, looks)) for part in self._parts for x, looks in part.starts]
+        bases = [part.baseline for part in self._parts]
+        known = [base for base in bases if base is not None]
+        self.baseline = (lambda x: np.concatenate([base(x) for base in known])) if len(known) == len(bases) else None
+        self._ends = np.cumsum([len(part.scale) for part in self._parts])
+
+    def _back(self, part: Objective, looks: float) -> float:
+        """Looks in the first pass of a material with these looks in another one."""
+        return equal_texture(part.material.looks, looks, self.material.looks)
+
+    def _there(self, part: Objective, looks: float) -> float:
+        """Looks in a pass of a material with these looks in the first one."""
+        return equal_texture(self.material.looks, looks, part.material.looks)
+
+    def _split(self, points: Points) -> list[tuple[Objective, Points]]:
+        """Points of each pass."""
+        slack = np.broadcast_to(points.slack, points.statistics.shape)
+        each = zip(
+            self._parts,
+            np.split(points.statistics, self._ends[:-1], axis=1),
+            np.split(slack, self._ends[:-1], axis=1),
+            strict=True,
+        )
+        return [
+            (part, Points(found, points.parameters, np.array([self._there(part, n) for n in points.looks]), reach))
+            for part, found, reach in each
+        ]
+
+    @property
+    def scale(self) -> Doubles:
+        """Standard deviations of the statistics of all passes, shape (n, 3)."""
+        return np.concatenate([part.scale for part in self._parts])
+
+    def residuals(self, points: Points) -> Doubles:
+        """Residuals of all passes, shape (m, k)."""
+        return np.concatenate([part.residuals(at) for part, at in self._split(points)], axis=1)
+
+    def parts(self, residuals: Doubles) -> Doubles:
+        """Sum of squares of each pass, shape (m, k) to (m, passes)."""
+        one = Points(self.scale[None], self.material.box.mean(axis=1)[None], np.array([self.material.looks]))
+        ends = np.cumsum([part.residuals(at).shape[1] for part, at in self._split(one)])
+        return np.stack([(part**2).sum(axis=1) for part in np.split(residuals, ends[:-1], axis=1)], axis=-1)
+
+    def refinements(self) -> Sequence[Callable[[Points], Doubles]]:
+        """Further residuals of all passes."""
+        count = len(self.first.refinements())
+
+        def of(number: int) -> Callable[[Points], Doubles]:
+            return lambda points: np.concatenate(
+                [part.refinements()[number](at) for part, at in self._split(points)], axis=1
+            )
+
+        return [of(number) for number in range(count)]
+
+    def cost(self, points: Points) -> Doubles:
+        """Cost of all passes together, shape (m,)."""
+        return self.first.together(np.stack([part.cost(at) for part, at in self._split(points)]))
+
+    def together(self, costs: Doubles) -> Doubles:
+        """Cost of several passes, from that of each."""
+        return self.first.together(costs)
+
+    def worth(self, parameters: Sequence[float], statistics: Doubles) -> tuple[float, float | None]:
+        """Looks that suit a run best in all passes, and its cost there; None where the cost is the density rms."""
+        looks, cost = self.first.worth(parameters, statistics[: self._ends[0]])
+        return (looks, None) if cost is None else suited_looks(self, parameters, statistics)
+
+    def promising(self, costs: Doubles, best: float) -> NDArray[np.bool_]:
+        """Which costs are worth a run, as in the first pass."""
+        return self.first.promising(costs, best)
+
+    def in_pass(self, number: int, score: Score) -> Score:
+        """Score of one pass: its statistics, its density, and the looks that its texture gives there."""
+        part = self.passes[number]
+        assert part is not None  # noqa: S101
+        density = score.further[number - 1] if number else None
+        return replace(
+            score,
+            dp=score.dp if density is None else density.dp,
+            rms=score.rms if density is None else density.rms,
+            statistics=np.split(np.asarray(score.statistics), self._ends[:-1])[self._parts.index(part)].tolist(),
+            looks=self._there(part, score.looks),
+            further=[],
+        )
+
+    def law_in(self, number: int, score: Score) -> GroundLaw:
+        """Law of a run with its uncertainty from all passes, on the ground of one of them."""
+        each = [(one, one.evidence(self.in_pass(k, score))) for k, one in enumerate(self.passes) if one is not None]
+        joined = self.first.law(
+            self.in_pass(0, score),
+            lambda x, looks: np.concatenate([found(x, self._there(one, looks)) for one, found in each]),
+        )
+        part = self.passes[number]
+        assert part is not None  # noqa: S101
+        own = part.law(self.in_pass(number, score))
+        return replace(own, fit=replace(joined.fit, looks=own.fit.looks))
+
+    def moved_db(self, first: ArrayLike, second: ArrayLike) -> float | None:
+        """Largest difference of the laws over the incidence of all passes [dB]; None for a law without a curve."""
+        moved = [part.moved_db(first, second) for part in self._parts]
+        known = [value for value in moved if value is not None]
+        return max(known) if known else None

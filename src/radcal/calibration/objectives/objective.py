@@ -1,0 +1,319 @@
+"""Contract of an objective: statistics of a run, their residuals from the target, and the end of the search."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radcal.calibration.grounds import GroundLaw
+from radcal.calibration.history import History, Proposal, Score
+from radcal.calibration.law_fit import LOOKS, Residuals
+from radcal.calibration.misfit import Misfit
+from radcal.config import Stop
+from radcal.measurement.target import Target
+from radcal.radar.laws import Law
+
+__all__ = [
+    "Baseline",
+    "Comparison",
+    "Doubles",
+    "Material",
+    "Objective",
+    "Points",
+    "Progress",
+    "Reason",
+    "Verdict",
+    "drawn",
+    "suited_looks",
+]
+
+Doubles = NDArray[np.float64]
+
+Baseline = Callable[[Doubles], Doubles]
+"""X, shape (d,), to the statistics expected of law, speckle and noise, shape (n, 3)."""
+
+Reason = Literal["rms", "settled", "unreachable", "stagnation", "max_runs"]
+
+
+@dataclass(frozen=True)
+class Material:
+    """Material to calibrate, as an objective sees it.
+
+    Attributes
+    ----------
+    name : str
+        Name.
+    target : Target
+        Measured pixels.
+    law : Law
+        Law, with or without a curve.
+    box : ndarray, shape (d, 2)
+        Bounds of X.
+    integer : ndarray of bool, shape (d,)
+        Which parameters are whole numbers.
+    looks : float
+        Looks of the simulated speckle.
+    decibels : bool
+        Whether compared values are in dB, and not those of normalised images.
+    priors : bool
+        Whether the priors enter; with several passes they enter with the first.
+    """
+
+    name: str
+    target: Target
+    law: Law
+    box: Doubles
+    integer: NDArray[np.bool_]
+    looks: float
+    decibels: bool = True
+    priors: bool = True
+
+
+@dataclass(frozen=True)
+class Points:
+    """Statistics at m points of X and looks.
+
+    Attributes
+    ----------
+    statistics : ndarray, shape (m, n, 3)
+        Mean [dB], log sd and skewness of n incidence-angle bins.
+    parameters : ndarray, shape (m, d)
+        X.
+    looks : ndarray, shape (m,)
+        Effective number of looks.
+    slack : ndarray, shape (m, n, 3), or 0
+        By how much each of the statistics may be moved to the target.
+    """
+
+    statistics: Doubles
+    parameters: Doubles
+    looks: Doubles
+    slack: Doubles | float = 0.0
+
+
+@dataclass(frozen=True)
+class Progress:
+    """State of a material's search after an infill run.
+
+    Attributes
+    ----------
+    name : str
+        Material.
+    runs : int
+        Design and infill runs so far.
+    best : float
+        Smallest verified cost so far.
+    idle : int
+        Infill runs since.
+    score : Score
+        The run's.
+    proposal : Proposal
+        What was predicted of it.
+    sampling : float
+        Density rms of a sample as large as the target's [1/dB].
+    """
+
+    name: str
+    runs: int
+    best: float
+    idle: int
+    score: Score
+    proposal: Proposal
+    sampling: float
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """State of a material.
+
+    Attributes
+    ----------
+    reason : str or None
+        Why it ended, None while it goes on.
+    sentence : str
+        The same for people.
+    """
+
+    reason: Reason | None
+    sentence: str
+
+
+class Comparison(ABC):
+    """Comparison of one material's runs with its target, in one pass or in several.
+
+    Attributes
+    ----------
+    material : Material
+        Target, law and bounds, in the first pass.
+    baseline : callable or None
+        Statistics that law, speckle and noise alone have; None for a law without a curve.
+    starts : sequence of (X, looks)
+        Points from which every search starts, besides the best run.
+    free_looks : bool
+        Whether the effective number of looks is searched with X.
+    explores : bool
+        Whether runs are proposed where the surrogate is uncertain, if no better point is predicted.
+    looks_ahead : bool
+        Whether the search ends by what the surrogate of all runs still promises.
+    tolerance : float
+        Relative tolerance of the least squares.
+    passes : sequence of Objective or None
+        Objective of each pass, None for a pass in which the material has too few pixels.
+    """
+
+    material: Material
+    starts: Sequence[tuple[ArrayLike, float]] = ()
+    baseline: Baseline | None = None
+    free_looks: bool = False
+    explores: bool = True
+    looks_ahead: bool = False
+    tolerance: float = 1e-14
+    passes: Sequence[Objective | None]
+
+    @property
+    @abstractmethod
+    def scale(self) -> Doubles:
+        """Standard deviations in which differences of the statistics count, shape (n, 3)."""
+
+    @abstractmethod
+    def residuals(self, points: Points) -> Doubles:
+        """Residuals whose sum of squares is minimised, shape (m, k)."""
+
+    def parts(self, residuals: Doubles) -> Doubles:
+        """Sums of squares that NSGA-II minimises side by side, shape (m, k) to (m, p)."""
+        return np.asarray((residuals**2).sum(axis=1, keepdims=True))
+
+    def refinements(self) -> Sequence[Callable[[Points], Doubles]]:
+        """Further residuals, minimised in turn where the first do not vanish."""
+        return ()
+
+    def cost(self, points: Points) -> Doubles:
+        """Cost of predicted statistics, shape (m,): half the sum of squared residuals."""
+        return np.asarray(0.5 * (self.residuals(points) ** 2).sum(axis=1))
+
+    def together(self, costs: Doubles) -> Doubles:
+        """Cost of several passes, from the cost of each, shape (passes, m) to (m,): their sum."""
+        return np.asarray(costs.sum(axis=0))
+
+    @abstractmethod
+    def worth(self, parameters: Sequence[float], statistics: Doubles) -> tuple[float, float | None]:
+        """Looks that suit a run best, and its cost there; None where the cost is the density rms."""
+
+    @abstractmethod
+    def promising(self, costs: Doubles, best: float) -> NDArray[np.bool_]:
+        """Which of several predicted costs are worth a run, as good as each other, shape (m,)."""
+
+    @abstractmethod
+    def moved_db(self, first: ArrayLike, second: ArrayLike) -> float | None:
+        """Largest difference of the laws of two X over the incidence seen [dB]; None for a law without a curve."""
+
+    @abstractmethod
+    def law_in(self, number: int, score: Score) -> GroundLaw:
+        """Law of a run with its uncertainty from all passes, on the ground of the pass of that number, from 0."""
+
+    @abstractmethod
+    def in_pass(self, number: int, score: Score) -> Score:
+        """Score of one pass alone, of number 0 on: its statistics, density and looks."""
+
+
+class Objective(Comparison):
+    """Objective of one material in one pass.
+
+    Parameters
+    ----------
+    material : Material
+        Target, law and bounds.
+
+    Attributes
+    ----------
+    improvement : float
+        Decrease of the cost above which a run is better than those before it.
+    misfit : type of Misfit, or None
+        Misfit of the pixels in incidence-angle bins; None for an objective without bins.
+    """
+
+    improvement: ClassVar[float] = 0.0
+    misfit: ClassVar[type[Misfit] | None] = None
+
+    def __init__(self, material: Material) -> None:
+        self.material = material
+        self.passes = (self,)
+
+    @abstractmethod
+    def statistics(self, values_db: Doubles, pixels: NDArray[np.int64] | None = None) -> Doubles:
+        """Statistics of the target's pixels in a run at its level, or of some of them, shape (n, 3)."""
+
+    @abstractmethod
+    def law(self, score: Score, residuals: Residuals | None = None) -> GroundLaw:
+        """Law of a run with its uncertainty, for the prediction of other ground; of a law with a curve.
+
+        ``residuals`` are those of all passes, in place of :meth:`evidence`.
+        """
+
+    def evidence(self, score: Score) -> Residuals:
+        """Residuals of this pass without priors, by X and looks, with what a run shows besides law and speckle."""
+        raise NotImplementedError(f"{type(self).__name__} has no residuals that could be joined with another pass's")
+
+    def law_in(self, number: int, score: Score) -> GroundLaw:
+        """Law of a run with its uncertainty, on the ground of this one pass."""
+        return self.law(score)
+
+    def in_pass(self, number: int, score: Score) -> Score:
+        """The score itself."""
+        return score
+
+    @classmethod
+    @abstractmethod
+    def ending(cls, progress: Progress, stop: Stop) -> Verdict | None:
+        """End of a material's search after an infill run, or None while it goes on."""
+
+    @classmethod
+    def ending_before_infill(cls, name: str, best: float, stop: Stop) -> Verdict | None:
+        """End of a material's search before any infill run, or None."""
+        return None
+
+    @classmethod
+    @abstractmethod
+    def standing(cls, name: str, best: float, stop: Stop) -> str:
+        """Start of the sentence on a search that goes on, or that ends without success."""
+
+    @classmethod
+    @abstractmethod
+    def progress_line(cls, history: History, materials: Sequence[str], ended: Sequence[str], stop: Stop) -> str:
+        """Words on all materials after a run."""
+
+    def moved_db(self, first: ArrayLike, second: ArrayLike) -> float | None:
+        """Largest difference of the laws of two X over the incidence seen [dB]; None for a law without a curve."""
+        law = self.material.law
+        incidence_deg = self.material.target.incidence_deg
+        return law.largest_difference_db(first, second, incidence_deg) if law.has_curve else None
+
+
+def suited_looks(comparison: Comparison, parameters: Sequence[float], statistics: Doubles) -> tuple[float, float]:
+    """Looks at which the cost of a run's statistics, shape (n, 3), is smallest, and this cost."""
+    from scipy.optimize import minimize_scalar
+
+    x = np.asarray(parameters, dtype=np.float64)[None]
+
+    def at(looks: float) -> float:
+        return float(comparison.cost(Points(statistics[None], x, np.array([looks])))[0])
+
+    sensor = comparison.material.looks
+    if not comparison.free_looks:
+        return sensor, at(sensor)
+    bounds = np.log([LOOKS[0], LOOKS[1] * sensor])
+    found = minimize_scalar(
+        lambda log: at(float(np.exp(log))), bounds=bounds, method="bounded", options={"xatol": 1e-6}
+    )
+    return float(np.exp(found.x)), float(found.fun)
+
+
+def drawn(values: Doubles, target: Doubles, slack: Doubles | float) -> Doubles:
+    """Differences of values from a target, each made smaller by up to the slack."""
+    difference = values - target
+    return np.asarray(difference - np.clip(difference, -np.asarray(slack), slack))

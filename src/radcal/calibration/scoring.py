@@ -1,0 +1,217 @@
+"""Scores of runs against the targets, with the texture of each material."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.calibration.history import Kind, PassScore, Run, Score
+from radcal.calibration.noise import noise_variance
+from radcal.calibration.objectives import Comparison, make_objectives
+from radcal.config import stages
+from radcal.radar.texture import equal_texture, texture_db, texture_order
+from radcal.seeds import derived_rng, derived_seed
+from radcal.storage.runs import Parameters, Record
+
+if TYPE_CHECKING:
+    from radcal.measurement.target import Targets
+
+__all__ = ["score", "score_reference", "with_texture"]
+
+
+def score(
+    kind: Kind,
+    index: int,
+    record: Record,
+    parameters: Parameters,
+    targets: Targets,
+    objectives: Mapping[str, Comparison],
+    seed: int,
+    other_law: Sequence[str] = (),
+) -> Run:
+    """Score a record against the targets.
+
+    Parameters
+    ----------
+    kind, index
+        As in :class:`radcal.calibration.history.Run`.
+    record : Record
+        The run with its draws of speckle, whose statistics are averaged.
+    parameters : mapping
+        X by material.
+    targets : Targets
+        By calibrated material.
+    objectives : mapping
+        Objective by material.
+    seed : int
+        Seed of the case, from which that of the texture derives.
+    other_law : sequence of str
+        Materials to which the run gave another law than the one that is calibrated.
+    """
+    draws = [
+        [(draw.pixels_db, one.levels.simulated(draw.pixels_db)) for draw in (run, *run.draws)]
+        for run, one in zip(record.passes, targets.passes, strict=True)
+    ]
+    found = {}
+    for name, objective in objectives.items():
+        statistics = _statistics(name, objective, targets, draws)
+        looks, cost = objective.material.looks, None
+        if name not in other_law:
+            looks, cost = objective.worth(parameters[name], statistics)
+        found[name] = statistics, looks, cost
+    densities = [
+        _densities(number, run.pixels_db, one, objectives, {name: looks for name, (_, looks, _) in found.items()}, seed)
+        for number, (run, one) in enumerate(zip(record.passes, targets.passes, strict=True))
+    ]
+    scores = {}
+    for name, (statistics, looks, cost) in found.items():
+        dp, rms = densities[0][name]
+        others = [each.get(name) for each in densities[1:]]
+        every = [rms, *(other[1] for other in others if other is not None)]
+        if cost is None:
+            cost = float(objectives[name].together(np.array(every))) if len(every) > 1 else rms
+        scores[name] = Score(
+            parameters=[float(x) for x in parameters[name]],
+            dp=[float(v) for v in dp],
+            rms=rms,
+            statistics=statistics.tolist(),
+            looks=looks,
+            cost=cost,
+            own_law=name not in other_law,
+            further=[None if one is None else PassScore([float(v) for v in one[0]], one[1]) for one in others],
+        )
+    return Run(
+        kind=kind,
+        index=index,
+        key=record.key,
+        seconds=sum(draw.seconds for run in record.passes for draw in (run, *run.draws)),
+        scores=scores,
+        further_keys=[run.key for run in record.further],
+    )
+
+
+_Values = Sequence[tuple[Mapping[str, NDArray[np.float32]], tuple[float, float]]]
+
+
+def _statistics(name: str, objective: Comparison, targets: Targets, draws: Sequence[_Values]) -> NDArray[np.float64]:
+    """Statistics of a material, averaged over the draws of speckle, one pass after the other, shape (n, 3)."""
+    found = []
+    for one, target, values in zip(objective.passes, targets.passes, draws, strict=True):
+        if one is not None:
+            order = target[name].order
+            each = [one.statistics(target.levels.apply(db[name][order], mapping)) for db, mapping in values]
+            found.append(np.mean(each, axis=0))
+    return np.concatenate(found)
+
+
+def _densities(
+    number: int,
+    pixels_db: Mapping[str, NDArray[np.float32]],
+    targets: Targets,
+    objectives: Mapping[str, Comparison],
+    looks: Mapping[str, float],
+    seed: int,
+) -> dict[str, tuple[NDArray[np.float64], float]]:
+    """Density of every material in one pass of a run, and its rms difference from the target's [1/dB]."""
+    textured = dict(pixels_db)
+    for name, objective in objectives.items():
+        if name in targets:
+            textured[name] = with_texture(pixels_db[name], objective, looks[name], seed, number=number)
+    return targets.score(textured)
+
+
+def with_texture(
+    pixels_db: NDArray[np.float32],
+    objective: Comparison,
+    looks: float,
+    seed: int,
+    fresh: bool = False,
+    number: int = 0,
+) -> NDArray[np.float32]:
+    """Pixels of a material in a run with the texture that makes the speckle's looks the material's.
+
+    Parameters
+    ----------
+    pixels_db : ndarray
+        All visible pixels of the material [dB].
+    objective : Comparison
+        The material's.
+    looks : float
+        Effective looks of the material in the first pass; texture only lowers those of the speckle.
+    seed : int
+        Seed of the case.
+    fresh : bool
+        Other random numbers, for the final check.
+    number : int
+        Number of the pass, from 0.
+
+    Returns
+    -------
+    ndarray of float32
+        The same random numbers for every run: the texture is a smooth function of the looks.
+    """
+    one = objective.passes[number]
+    assert one is not None  # noqa: S101
+    sensor = one.material.looks
+    order = texture_order(sensor, equal_texture(objective.material.looks, looks, sensor))
+    if not np.isfinite(order):
+        return pixels_db
+    rng = np.random.default_rng([derived_seed(seed, "texture", objective.material.name), int(fresh)])
+    return (pixels_db + texture_db(rng.random(pixels_db.shape), order)).astype(np.float32)
+
+
+def score_reference(case: stages.Scores, records: Sequence[Record], targets: Targets) -> list[Run]:
+    """Score the reference run and its repetition, with how far their pixels differ.
+
+    Parameters
+    ----------
+    case : stages.Scores
+        Starting parameters, laws and seed.
+    records : sequence of Record
+        The reference run, and perhaps its repetition.
+    targets : mapping
+        Target by calibrated material.
+
+    Returns
+    -------
+    list of Run
+        As many as records; ``rms_sampling`` is the first's, ``repeat_db`` [dB] that of all others,
+        ``repeat_variance`` that of those which differ from the first.
+    """
+    start, others = case.start_parameters, case.start_with_another_law
+    objectives = make_objectives(case, targets)
+    runs = [
+        score("reference", k, record, start, targets, objectives, case.seed, other_law=others)
+        for k, record in enumerate(records)
+    ]
+    sampling = {name: target.rms_sampling for name, target in targets.items()}
+    if targets.further:
+        each = {name: [one[name].rms_sampling for one in targets.passes if name in one] for name in targets}
+        sampling = {name: float(np.sqrt(np.mean(np.square(found)))) for name, found in each.items()}
+    runs[0] = replace(runs[0], rms_sampling=sampling)
+    for k, record in enumerate(records[1:], start=1):
+        difference = records[0].largest_difference_db(record)
+        runs[k] = replace(runs[k], repeat_db=difference)
+        if difference > 0:
+            runs[k] = replace(runs[k], repeat_variance=_repeat_variance(case, records[0], record, targets, objectives))
+    return runs
+
+
+def _repeat_variance(
+    case: stages.Scores, first: Record, again: Record, targets: Targets, objectives: Mapping[str, Comparison]
+) -> dict[str, list[list[float]]]:
+    found: dict[str, list[NDArray[np.float64]]] = {name: [] for name in targets}
+    for number, one in enumerate(targets.passes):
+        records = [record.passes[number].pixels_db for record in (first, again)]
+        pair = [(pixels_db, one.levels.simulated(pixels_db)) for pixels_db in records]
+        for name, target in one.items():
+            values = [one.levels.apply(pixels_db[name][target.order], mapping) for pixels_db, mapping in pair]
+            objective = objectives[name].passes[number]
+            assert objective is not None  # noqa: S101
+            rng = derived_rng(case.seed, "repeat", name)
+            found[name].append(noise_variance(values[0], values[1], objective.statistics, rng, target.effective))
+    return {name: np.concatenate(each).tolist() for name, each in found.items()}

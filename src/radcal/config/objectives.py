@@ -1,0 +1,61 @@
+"""Names of the objectives, and the requirements of each objective on other sections of the configuration."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Annotated
+
+from pydantic import AfterValidator, WithJsonSchema
+from pydantic_core import PydanticCustomError
+
+__all__ = ["OBJECTIVES", "Objective", "Traits", "names"]
+
+
+@dataclass(frozen=True)
+class Traits:
+    """Properties of an objective with which other sections of the configuration must be consistent.
+
+    Attributes
+    ----------
+    bins : bool
+        Whether the objective compares statistics in dB, separately in each incidence-angle bin.
+    curve : bool
+        Whether every calibrated law must have a curve; external laws have none.
+    compares : str
+        Words for the quantities that the objective compares.
+    values : int
+        Number of statistics compared in each bin. For a right law the sum of their squared residuals is about equal
+        to this number. 0 for objectives without such a number.
+    """
+
+    bins: bool
+    curve: bool = False
+    compares: str = ""
+    values: int = 0
+
+
+OBJECTIVES: dict[str, Traits] = {
+    "classes": Traits(bins=True, compares="mean level, spread and skewness", values=3),
+    "density": Traits(bins=False, compares="the histogram"),
+    "likelihood": Traits(bins=True, curve=True, compares="the levels"),
+}
+"""Traits of each objective by name; ``radcal.calibration.objectives`` contains the classes of the objectives."""
+
+DEFAULT = "classes"
+SINGLE = "density"
+
+
+def names(bins: bool | None = None, curve: bool | None = None) -> Collection[str]:
+    """Names of the objectives whose traits ``bins`` and ``curve`` have the given values; None accepts both values."""
+    return [name for name, one in OBJECTIVES.items() if bins in (None, one.bins) and curve in (None, one.curve)]
+
+
+def _known(value: str) -> str:
+    if value not in OBJECTIVES:
+        *first, last = map(repr, sorted(OBJECTIVES))
+        raise PydanticCustomError("literal_error", f"{', '.join(first)} or {last}")
+    return value
+
+
+Objective = Annotated[str, AfterValidator(_known), WithJsonSchema({"enum": sorted(OBJECTIVES), "type": "string"})]

@@ -1,0 +1,79 @@
+"""Figure of the surrogate's predictions against the runs that verified them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from radcal.report.archive import Archive, Fidelity
+from radcal.report.drawing import FOUND, MUTED, PALE, START, Array, add_legend, new_canvas, titled
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Canvas
+
+__all__ = ["differences", "fidelity"]
+
+_STATISTICS = (("mean", "#0072B2", "o"), ("log sd", "#D55E00", "s"), ("skewness", "#009E73", "^"))
+_MOST = 6.0  # standard deviations at which larger differences are drawn
+_NARROW = 0.13
+
+
+def differences(found: Fidelity) -> Array:
+    """Verified minus predicted statistics in kriging standard deviations, shape (m, n, 3); NaN if not predicted."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        values = (found.verified - found.predicted) / found.error
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+def fidelity(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
+    """Figure of predicted and verified cost of each infill run, and of verified minus predicted statistics."""
+    material = case.materials[name]
+    found = material.fidelity
+    if found is None or not np.isfinite(found.predicted_cost).any():
+        return None
+    canvas = new_canvas(6.2, 6.2)
+    upper, lower = canvas.subplots(2, 1, sharex=True)
+    runs = np.flatnonzero(case.runs.kind == "infill")
+    positive = np.concatenate([found.predicted_cost, found.verified_cost])
+    positive = positive[np.isfinite(positive) & (positive > 0)]
+    bottom = 0.5 * float(positive.min()) if positive.size else 1e-6
+    for values, label, style in (
+        (found.predicted_cost, "predicted cost", {"color": START["color"], "marker": "D", "markerfacecolor": "none"}),
+        (found.verified_cost, "verified cost", {"color": FOUND["color"], "marker": "^"}),
+    ):
+        upper.plot(runs, np.maximum(values, bottom), linestyle="none", markersize=7, label=label, **style)
+    upper.set_yscale("log")
+    upper.set_ylabel("cost")
+    upper.set_title(titled(name, "predictions of the surrogate and the runs that verified them"))
+    lower.axhspan(-2.0, 2.0, color=PALE, alpha=0.6, linewidth=0, label="two standard deviations")
+    lower.axhline(0.0, color=MUTED, linewidth=0.8)
+    values = differences(found)
+    for k, (label, color, marker) in enumerate(_STATISTICS):
+        at = np.repeat(runs + (k - 1) * _NARROW, values.shape[1])
+        lower.plot(
+            at, np.clip(values[..., k].ravel(), -_MOST, _MOST), color=color, marker=marker, linestyle="none",
+            markersize=4, alpha=0.8, label=label,
+        )  # fmt: skip
+    lower.set_ylim(-_MOST - 0.5, _MOST + 0.5)
+    lower.set_ylabel("verified - predicted\n[standard deviations]")
+    lower.set_xlabel("run (0: reference)")
+    from matplotlib.ticker import MaxNLocator
+
+    lower.xaxis.set_major_locator(MaxNLocator(integer=True))
+    lower.set_xlim(runs.min() - 0.6, runs.max() + 0.6)
+    handles = [axes.get_legend_handles_labels() for axes in (upper, lower)]
+    add_legend(canvas, (handles[0][0] + handles[1][0], handles[0][1] + handles[1][1]), 3)
+    known = np.isfinite(values)
+    inside = f"{int((np.abs(values[known]) <= 2.0).sum())} of {int(known.sum())}"
+    q2 = found.q2[np.isfinite(found.q2).all(axis=1)]
+    caption = (
+        "Above: the cost that the surrogate predicted for each infill run, and the cost that the run has. Below: the "
+        "statistics of the run minus their prediction, in kriging standard deviations, one point for each statistic"
+        f"{' and incidence-angle bin' if values.shape[1] > 1 else ''}; {inside} lie within two. The kriging standard "
+        "deviation guides the search; it is not the uncertainty of the law."
+    )
+    if len(q2):
+        each = ", ".join(f"{label} {value:.2f}" for (label, *_), value in zip(_STATISTICS, q2[-1], strict=True))
+        caption += f" Leave-one-out Q2 of the last surrogate: {each}."
+    return canvas, caption, f"Predicted and verified cost of the infill runs of {name}, and differences of statistics."

@@ -1,0 +1,268 @@
+"""Laws in incidence-angle bins, end to end on the built-in simulator."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from calibration_samples import BOUNDS, TRUTH, make_material, make_score
+
+from radcal.calibration.expected import LawForward
+from radcal.calibration.loop import calibrate
+from radcal.calibration.misfit import LikelihoodMisfit
+from radcal.calibration.moments import from_cumulants, to_cumulants
+from radcal.calibration.objectives import make_objectives
+from radcal.calibration.objectives.bins import Bins, Likelihood
+from radcal.calibration.objectives.objective import Points
+from radcal.calibration.search import Search
+from radcal.calibration.steps import noise_seed
+from radcal.calibration.surrogate import Surrogate, train_surrogate
+from radcal.config import SurrogateConfig
+from radcal.errors import MeasurementError
+from radcal.radar.laws import LAWS
+from radcal.simulators.runner import Runner
+from radcal.storage.runs import RunStore
+
+MANGIA = LAWS["mangia"]
+
+
+@pytest.fixture(scope="module")
+def objectives(parts):
+    case, _, _, _, targets = parts
+    return make_objectives(case, targets)
+
+
+def laws_are_right(objectives, history):
+    """Within three standard errors of their own, which are small enough to mean something."""
+    angle = np.linspace(21.5, 43.5, 40)
+    for name, truth in TRUTH.items():
+        score = history.best(name).scores[name]
+        error = MANGIA(np.radians(angle), score.parameters) - MANGIA(np.radians(angle), truth)
+        # a single patch says nothing of how its level differs from that of others, the shape is its own
+        law = objectives[name].law(score)
+        slopes = law.slopes(angle)
+        shape = slopes - slopes.mean(axis=0)
+        sd = np.sqrt(np.einsum("kd,de,ke->k", shape, law.fit.covariance, shape))
+        assert sd.max() < 1.0, name
+        assert (np.abs(error - error.mean()) < 3.0 * sd).all(), name
+        assert abs(error.mean()) < 1.0, name
+
+
+def test_it_settles_on_the_laws_in_a_few_runs(objectives, calibrated):
+    history, decision = calibrated
+    assert decision.reason == "settled"
+    assert decision.converged
+    assert len(history.infill) <= 5
+    laws_are_right(objectives, history)
+
+
+def test_looks_are_those_of_each_material(calibrated):
+    history, _ = calibrated
+    looks = {name: history.best(name).scores[name].looks for name in TRUTH}
+    assert looks["field"] > 3.0
+    assert looks["lake"] == pytest.approx(2.5, rel=0.2)
+
+
+def test_the_best_run_is_that_of_the_smallest_cost_and_the_last_had_nothing_to_gain(calibrated):
+    history, _ = calibrated
+    for name in TRUTH:
+        assert history.best(name).scores[name].cost == min(run.scores[name].cost for run in history.runs)
+        last = history.infill[-1].scores[name]
+        assert last.gain <= 0.05 or last.moved_db <= 0.05
+        assert last.floor is None, "a law with a curve explores nothing"
+
+
+def test_a_run_is_worth_its_smallest_cost_over_the_looks(objectives, calibrated):
+    history, _ = calibrated
+    for name, objective in objectives.items():
+        score = history.infill[0].scores[name]
+        looks = np.geomspace(0.3, 4.4, 400)
+        points = Points(
+            np.repeat([score.statistics], looks.size, axis=0),
+            np.repeat([score.parameters], looks.size, axis=0),
+            looks,
+        )
+        costs = objective.cost(points)
+        found = objective.worth(score.parameters, np.array(score.statistics))
+        assert found[1] == score.cost <= costs.min() + 1e-6
+        assert found[1] == pytest.approx(costs.min(), rel=1e-3)
+        assert found[0] == pytest.approx(looks[np.argmin(costs)], rel=0.01)
+        assert costs.max() > 1.5 * costs.min()
+
+
+def test_known_looks_are_not_searched(parts):
+    *_, targets = parts
+    target = targets["lake"]
+    known = replace(target, classes=replace(target.classes, free_looks=False))
+    objective = Bins(make_material(known, BOUNDS, MANGIA))
+    statistics = np.asarray(objective.baseline(np.array(TRUTH["lake"])))
+    looks, cost = objective.worth(TRUTH["lake"], statistics)
+    assert looks == 4.0
+    assert cost == pytest.approx(
+        objective.cost(Points(statistics[None], np.array([TRUTH["lake"]]), np.array([4.0])))[0]
+    )
+    assert not objective.free_looks
+
+
+def test_the_baseline_is_law_noise_and_speckle(parts, objectives, runner):
+    """Of a law far below the noise, as a run shows it, within what speckle leaves."""
+    case, _, _, _, targets = parts
+    deep = {"field": [-70.0, 5.0, 5.0, 5.0], "lake": TRUTH["lake"]}
+    record = runner.run(deep, noise_seed(case))
+    objective = objectives["field"]
+    shown = objective.statistics(record.pixels_db["field"][targets["field"].order])
+    expected = objective.baseline(np.array(deep["field"]))
+    assert targets["field"].noise_db == pytest.approx(-40.0)
+    np.testing.assert_allclose(shown[:, 0], expected[:, 0], atol=0.6)
+    np.testing.assert_allclose(shown[:, 1], expected[:, 1], atol=0.12)
+    alone = LawForward(MANGIA, objective.bins.classes.nodes_deg, 4.0)(np.array(deep["field"]))
+    assert alone[:, 0].max() < -60.0
+
+
+def test_some_of_the_pixels_keep_their_bins(objectives, parts):
+    *_, targets = parts
+    values, member = targets["field"].values_db, targets["field"].classes.classes.member
+    some = np.flatnonzero(np.arange(values.size) % 3 > 0)
+    found = objectives["field"].statistics(np.asarray(values), some)
+    wanted = [values[some][member[some] == k].mean() for k in range(3)]
+    np.testing.assert_allclose(found[:, 0], wanted, atol=0.02)
+
+
+def outlook(objective, x, statistics):
+    """What one run promises besides itself."""
+    x, statistics = np.asarray(x, dtype=np.float64), np.asarray(statistics)
+    looks, cost = objective.worth(x, statistics)
+    training = train_surrogate(objective, x[None], statistics[None], SurrogateConfig())
+    found = Search(objective, Surrogate(training, objective))
+    return cost, found.outlook(make_score(cost, list(x), looks=looks, statistics=statistics.tolist()), seed=1)
+
+
+def test_nothing_is_left_at_the_minimum_and_much_away_from_it(objectives):
+    """Where the simulator is law and speckle alone, the law found without it is the minimum."""
+    objective = objectives["field"]
+    x = objective.bins.first
+    least, (gain, floor, moved) = outlook(objective, x, objective.baseline(x))
+    assert gain < 1e-2
+    assert moved < 0.2
+    assert floor is None
+    away = x + [3.0, 0.0, 0.0, 0.0]
+    cost, (gain, _, moved) = outlook(objective, away, objective.baseline(away))
+    assert cost > least + 1.0
+    assert gain == pytest.approx(cost - least, abs=2e-2)
+    seen = np.radians(np.linspace(*np.quantile(objective.ground.incidence_deg, [0.05, 0.95]), 91))
+    assert moved == pytest.approx(np.abs(MANGIA(seen, away) - MANGIA(seen, x)).max(), abs=0.2)
+
+
+def test_a_simulator_brighter_than_law_and_speckle_is_followed(objectives):
+    """Runs show 0.7 dB more than is expected: the law found is 0.7 dB lower."""
+    objective = objectives["field"]
+    x = objective.bins.first
+    _, (_, _, moved) = outlook(objective, x, objective.baseline(x) + [0.7, 0.0, 0.0])
+    # but for the prior on the level, 0.7 dB against its 10
+    assert moved == pytest.approx(0.7, rel=0.1)
+
+
+def test_two_runs_tell_how_the_noise_lifts_weak_levels(objectives):
+    """Noise of -20 dB, unknown to the baseline, seen in two runs on either side."""
+    objective = objectives["lake"]
+    truth = np.array(TRUTH["lake"])
+
+    def noisy(x):
+        law = LawForward(MANGIA, objective.bins.classes.nodes_deg, 4.0, -20.0)
+        return from_cumulants(law(np.asarray(x)))
+
+    def error(*shifts):
+        runs = np.array([truth + [shift, 0.0, 0.0, 0.0] for shift in shifts])
+        shown = np.array([noisy(x) for x in runs])
+        found = Surrogate(train_surrogate(objective, runs, shown, SurrogateConfig()), objective)
+        return np.abs(found.predict(found.unit(truth))[0, :, 0] - noisy(truth)[:, 0]).max()
+
+    assert error(-2.0, 2.0) < 0.25 * error(-2.0)
+    assert error(-2.0) > 0.3
+
+
+def test_parts_are_levels_and_spreads_and_sum_to_all(objectives):
+    objective = objectives["field"]
+    x = np.array(TRUTH["field"])
+    statistics = objective.baseline(x)
+    higher = statistics + [1.0, 0.0, 0.0]
+    points = Points(np.array([statistics, higher]), np.array([x, x]), np.array([3.0, 3.0]))
+    residuals = objective.residuals(points)
+    found = objective.parts(residuals)
+    np.testing.assert_allclose(found.sum(axis=1), (residuals**2).sum(axis=1), rtol=1e-9)
+    np.testing.assert_allclose(objective.cost(points), 0.5 * (residuals**2).sum(axis=1), rtol=1e-12)
+    likelihood = Likelihood(objective.material)
+    residuals = likelihood.residuals(points)
+    np.testing.assert_allclose(likelihood.parts(residuals).sum(axis=1), (residuals**2).sum(axis=1), rtol=1e-9)
+
+
+def test_the_scale_is_that_of_the_measured_bins(objectives):
+    """Means in it have the sampling's standard deviation, and that of the spread of fields."""
+    objective = objectives["field"]
+    classes, spread = objective.bins.classes, objective.bins.spread
+    means = objective.scale[:, 0] ** 2 - classes.cumulants[:, 1] / classes.effective
+    assert objective.scale.shape == (3, 3)
+    assert (means >= 0.99 * spread.between**2).all()
+    assert (means < 1.01 * (spread.between**2 + spread.within**2)).all()
+
+
+def test_costs_as_good_as_the_smallest_are_promising(objectives):
+    found = objectives["field"].promising(np.array([4.0, 4.04, 4.06, 4.97]), 5.0)
+    assert found.tolist() == [True, True, False, False]
+    assert objectives["field"].promising(np.array([4.94, 4.96]), 5.0).tolist() == [True, False]
+    assert not objectives["field"].promising(np.array([4.96]), 5.0).any()
+
+
+def test_a_law_of_the_simulator_alone_has_bins_too(parts):
+    *_, targets = parts
+    material = make_material(targets["field"], BOUNDS)
+    objective = Bins(material)
+    assert objective.baseline is None
+    assert objective.explores
+    assert not len(objective.starts)
+    statistics = from_cumulants(targets["field"].classes.classes.cumulants)
+    tilt = np.zeros((3, 3))
+    tilt[:, 0] = [1.0, 0.0, -1.0]
+    at, higher, tilted = (
+        objective.worth(TRUTH["field"], statistics + shift)[1] for shift in (0.0, [1.0, 0.0, 0.0], tilt)
+    )
+    # a single field says little of the level, its own slope it has
+    assert at < 0.1 < 0.5 < higher
+    assert tilted > 5.0 * higher
+    assert objective.moved_db(TRUTH["field"], TRUTH["lake"]) is None
+
+
+def test_a_target_without_bins_ends_in_a_sentence(parts):
+    *_, targets = parts
+    with pytest.raises(MeasurementError, match="the target of dyke has no incidence-angle bins"):
+        Bins(make_material(replace(targets["field"], classes=None), BOUNDS, MANGIA))
+
+
+def test_the_law_of_a_run_passes_through_what_its_bins_show(objectives):
+    """Its correction is what they hold besides law and speckle, less the scatter of the run's own speckle."""
+    objective = objectives["field"]
+    x = np.array(TRUTH["field"])
+    statistics = objective.baseline(x) + [1.5, 0.0, 0.0]
+    law = objective.law(make_score(0.0, list(x), looks=3.0, statistics=statistics.tolist()))
+    law_alone = LawForward(MANGIA, objective.bins.classes.nodes_deg, 4.0)(x)[:, 0]
+    wanted = to_cumulants(statistics)[:, 0] - law_alone
+    np.testing.assert_allclose(law.correction_db, wanted, atol=0.05)
+    np.testing.assert_array_equal(law.fit.parameters, x)
+    assert law.fit.looks == 3.0
+
+
+def test_the_likelihood_of_the_pixels_finds_the_laws_too(parts, tmp_path):
+    """The objective that knows nothing of patches, through the same loop and the same targets."""
+    case, simulator, geometry, scene, targets = parts
+    few = case.optimiser.model_copy(update={"population": 8, "evaluations": 8})
+    case = case.model_copy(update={"objective": "likelihood", "optimiser": few})
+    runner = Runner(RunStore(tmp_path / "runs"), simulator, geometry, scene.identity, case)
+    history, decision = calibrate(case, runner, targets)
+    objectives = make_objectives(case, targets)
+    assert all(objective.misfit is LikelihoodMisfit for objective in objectives.values())
+    assert decision.reason == "settled"
+    laws_are_right(objectives, history)
+    # texture of the one, none of the other
+    assert history.best("lake").scores["lake"].looks == pytest.approx(2.5, rel=0.2)
+    assert history.best("field").scores["field"].looks > 3.0

@@ -1,0 +1,175 @@
+"""Two passes compared together, against the sum of what each says alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from radcal.calibration.bin_target import bin_targets
+from radcal.calibration.history import read_runs, write_runs
+from radcal.calibration.objectives import make_objectives
+from radcal.calibration.objectives.objective import Points
+from radcal.calibration.passes import law_sd_db
+from radcal.calibration.scoring import score
+from radcal.config import case_from
+from radcal.measurement.registration import register
+from radcal.measurement.sources import make_measurement
+from radcal.measurement.target import Targets
+from radcal.measurement.target_fit import make_targets
+from radcal.radar.projection import make_geometry
+from radcal.radar.texture import equal_texture
+from radcal.scene.model import Scene
+from radcal.scene.slant_range import flat_incidence_deg
+from radcal.simulators.builtin import BuiltinSimulator
+from radcal.storage.runs import Record
+
+TRUTH = {"field": [-9.0, 4.0, 12.0, 3.0], "lake": [-20.0, 3.0, 15.0, 5.0]}
+BOUNDS = [[-30, 10], [-5, 15], [0, 30], [0, 15]]
+ANGLES = ((20.0, 40.0), (35.0, 60.0))
+X = [-8.0, 3.0, 10.0, 4.0]
+
+
+def two_passes(objective: str, looks: tuple[int, int] = (4, 4)):
+    """Case, targets and record of two passes; in the second one there is no lake."""
+    case = case_from(
+        {
+            "scene": {"source": "slant_range", "labels": "-", "names": "-"}
+            | {"near_incidence_deg": 20, "far_incidence_deg": 45},
+            "objective": objective,
+            "simulator": {"draws": 1},
+            "materials": {name: {"calibrate": True, "bounds": BOUNDS} for name in TRUTH},
+            "measurement": [{"synthetic": {"parameters": TRUTH, "seed": seed, "warp_px": 0}} for seed in (3, 8)],
+            "registration": {"method": "none"},
+            "radar": [{"looks": number, "nesz_db": -60} for number in looks],
+            "target": {"pixels": 600, **({"incidence_classes": 3} if objective == "classes" else {})},
+        }
+    )
+    targets, records = [], []
+    for number, (one, angles) in enumerate(zip(case.passes, ANGLES, strict=True)):
+        material = np.ones((60, 70), dtype=np.uint8)
+        material[:, 35:] = 1 if number else 2
+        scene = Scene("tiny", ("field", "lake"), material, None, 1.0, flat_incidence_deg(*angles, 60))
+        geometry = make_geometry(scene, one.radar)
+        simulator = BuiltinSimulator(geometry, one.radar, one.laws)
+        image = simulator.run({"field": X, "lake": X}, 5)
+        registered = register(
+            image, make_measurement(one, geometry, simulator, scene, partly=bool(number)), one.registration
+        )
+        made = make_targets(one, geometry, registered, image, partly=bool(number))
+        targets.append(bin_targets(one, made, geometry, registered))
+        records.append(
+            Record(f"run{number}", {name: image.ravel()[geometry.pixels(name)] for name in TRUTH}, None, 1.5)
+        )
+    together = Targets(targets[0], targets[0].levels, targets[0].looks, targets[1:])
+    return case, together, replace(records[0], further=(records[1],))
+
+
+@pytest.fixture(scope="module", params=["classes", "density"])
+def found(request):
+    case, targets, record = two_passes(request.param)
+    objectives = make_objectives(case, targets)
+    return (
+        case,
+        targets,
+        record,
+        objectives,
+        score("design", 0, record, dict.fromkeys(TRUTH, X), targets, objectives, 1),
+    )
+
+
+def points_of(objective, run, looks):
+    statistics = np.array(run.scores["field"].statistics)[None] + 0.02
+    return Points(statistics, np.array([X]), np.array([looks]), np.full((1, len(objective.scale), 3), 0.01))
+
+
+def test_cost_and_residuals_are_those_of_the_passes(found):
+    case, _, _, objectives, run = found
+    joint = objectives["field"]
+    parts = joint.passes
+    points = points_of(joint, run, 3.2)
+    n = len(parts[0].scale)
+    each = [
+        replace(points, statistics=points.statistics[:, at], slack=points.slack[:, at])
+        for at in (slice(None, n), slice(n, None))
+    ]
+    residuals = [part.residuals(at) for part, at in zip(parts, each, strict=True)]
+    np.testing.assert_array_equal(joint.residuals(points), np.concatenate(residuals, axis=1))
+    np.testing.assert_allclose(joint.parts(joint.residuals(points))[0], [(r**2).sum() for r in residuals])
+    costs = [part.cost(at)[0] for part, at in zip(parts, each, strict=True)]
+    assert min(costs) > 0.0
+    wanted = sum(costs) if case.objective == "classes" else np.sqrt(np.mean(np.square(costs)))
+    assert joint.cost(points)[0] == pytest.approx(wanted, rel=1e-12)
+    np.testing.assert_allclose(
+        joint.baseline(np.array(X)), np.concatenate([part.baseline(np.array(X)) for part in parts])
+    )
+    first, second = np.array([-9.0, 2.0, 14.0, 2.0]), np.array(X)
+    assert joint.moved_db(first, second) == max(part.moved_db(first, second) for part in parts)
+
+
+def test_priors_enter_once(found):
+    case, _, _, objectives, _ = found
+    parts = objectives["field"].passes
+    sizes = [part._prior(np.array(X), 3.0).size for part in parts if hasattr(part, "_prior")]
+    # 14 residuals on the curve and one on the looks; one density has no priors
+    assert sizes == ([15, 0] if case.objective == "classes" else [])
+
+
+def test_a_run_is_scored_in_all_passes(found, tmp_path):
+    case, targets, record, _, run = found
+    records = (replace(record, further=()), *record.further)
+    each = [Targets(one, one.levels, one.looks) for one in targets.passes]
+    alone = [
+        score("design", 0, one, dict.fromkeys(target, X), target, make_objectives(single, target), 1)
+        for one, target, single in zip(records, each, case.passes, strict=True)
+    ]
+    field = run.scores["field"]
+    np.testing.assert_array_equal(field.statistics, np.concatenate([one.scores["field"].statistics for one in alone]))
+    assert run.further_keys == ["run1"]
+    assert run.seconds == 3.0
+    if case.objective == "density":
+        assert (field.rms, field.further[0].rms) == tuple(one.scores["field"].rms for one in alone)
+        assert field.cost == pytest.approx(np.sqrt((field.rms**2 + field.further[0].rms ** 2) / 2.0), rel=1e-12)
+    else:
+        # the looks are a compromise of those that suit each pass
+        low, high = sorted(one.scores["field"].looks for one in alone)
+        assert low - 0.3 < field.looks < high + 0.3
+    # the second pass says nothing of the lake
+    assert run.scores["lake"].further == [None]
+    assert run.scores["lake"].statistics == alone[0].scores["lake"].statistics
+    assert run.scores["lake"].cost == pytest.approx(alone[0].scores["lake"].cost, rel=1e-9)
+    write_runs(tmp_path / "runs.json", [run, alone[0]])
+    assert read_runs([tmp_path / "runs.json"]).runs == (run, alone[0])
+    assert (tmp_path / "runs.json").read_text().count("further_keys") == 1
+
+
+def test_the_law_is_known_better_from_both_passes(found):
+    _, _, _, objectives, run = found
+    joint, score_ = objectives["field"], run.scores["field"]
+    first = joint.passes[0]
+    fits = [first.law(joint.in_pass(0, score_)).fit, joint.law_in(0, score_).fit]
+    seen = np.radians([22.0, 38.0, 58.0])
+    alone, both = (law_sd_db(first, fit, seen) for fit in fits)
+    assert (both < alone).all()
+    assert both[2] < 0.8 * alone[2]  # only the second pass has seen 58 degrees
+    other = joint.law_in(1, score_)
+    np.testing.assert_array_equal(other.fit.covariance, fits[1].covariance)
+    assert other.ground.incidence_deg.min() > 34.0
+    # by hand, from the derivatives of X1 + X2 cos(phi) + X3 exp(-X4 phi^2)
+    slopes = np.stack([np.ones(3), np.cos(seen), np.exp(-4.0 * seen**2), -10.0 * seen**2 * np.exp(-4.0 * seen**2)], -1)
+    wanted = np.sqrt(np.einsum("kd,de,ke->k", slopes, fits[1].covariance[:4, :4], slopes))
+    np.testing.assert_allclose(both, wanted, rtol=1e-5)
+
+
+def test_passes_of_other_looks_share_the_texture():
+    case, targets, record = two_passes("classes", (4, 8))
+    joint = make_objectives(case, targets)["field"]
+    run = score("design", 0, record, dict.fromkeys(TRUTH, X), targets, make_objectives(case, targets), 1)
+    points = points_of(joint, run, 2.5)
+    n = len(joint.passes[0].scale)
+    there = equal_texture(4.0, 2.5, 8.0)
+    assert there > 3.0
+    second = replace(points, statistics=points.statistics[:, n:], slack=points.slack[:, n:], looks=np.array([there]))
+    k = joint.passes[1].residuals(second).shape[1]
+    np.testing.assert_array_equal(joint.residuals(points)[:, -k:], joint.passes[1].residuals(second))

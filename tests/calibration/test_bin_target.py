@@ -1,0 +1,99 @@
+"""Targets by incidence-angle bin."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from calibration_samples import TRUTH
+
+from radcal.calibration.bin_target import bin_targets
+from radcal.measurement.registration import Registered
+from radcal.measurement.target_fit import HELD_OUT
+from radcal.radar.laws import LAWS, external_law
+
+
+def test_ground_is_held_out_in_whole_blocks(parts):
+    _, _, geometry, _, targets = parts
+    columns = geometry.shape[1]
+    for target in targets.values():
+        assert set((target.pixels // columns // 20) % 2) == {0}
+        assert target.left_out[HELD_OUT] == target.kept_out.values_db.size
+        assert set(target.kept_out.block % 4) == {2, 3}
+        assert np.unique(target.patch).tolist() == np.unique(target.kept_out.patch).tolist() == [1]
+
+
+def test_another_objective_has_no_bins(parts):
+    case, _, geometry, _, targets = parts
+    density = case.model_copy(update={"objective": "density"})
+    assert bin_targets(density, targets, geometry, None) is targets
+
+
+def test_the_law_found_without_a_simulator_is_nearly_right(parts):
+    *_, targets = parts
+    angle = np.radians(np.linspace(21.5, 43.5, 40))
+    for name, truth in TRUTH.items():
+        first = targets[name].classes.first
+        assert np.abs(LAWS["mangia"](angle, first) - LAWS["mangia"](angle, truth)).mean() < 1.0
+    assert targets["lake"].classes.first_looks == pytest.approx(2.5, rel=0.2)
+    # a run has K draws of speckle, the difference 1 + 1/K times the variance of the measured statistics
+    bins = targets["field"].classes
+    share = bins.draws / (bins.draws + 1.0)
+    assert bins.classes.effective.sum() == pytest.approx(share * targets["field"].effective, rel=0.01)
+
+
+def registered_with(shape, uncertainty_px):
+    return Registered(
+        measurement=None,
+        unregistered_db=np.empty(0),
+        displacement_px=np.zeros((2, *shape), dtype=np.float32),
+        uncertainty_px=np.full(shape, uncertainty_px, dtype=np.float32),
+        correlation=np.ones(shape, dtype=np.float32),
+        method="gefolki",
+        applied=True,
+        verdict="",
+    )
+
+
+def test_errors_of_slopes_and_of_the_place_add_up(parts):
+    case, _, geometry, _, targets = parts
+    registered = registered_with(geometry.shape, 2.0)
+    only = replace_targets(targets, "field")
+    errors = [
+        bin_targets(case, only, geometry, registered, slope)["field"].classes.incidence_error_deg
+        for slope in (0.0, 3.0)
+    ]
+    # a displacement of 2 pixels in any direction, on rows of which each has its incidence
+    rows = targets["field"].pixels // geometry.shape[1]
+    a_row = np.gradient(geometry.incidence_deg[:, 0])
+    assert errors[0] == pytest.approx(np.sqrt((a_row[rows] ** 2).mean()) * 2.0 / np.sqrt(2.0), rel=1e-3)
+    assert errors[1] == pytest.approx(np.hypot(errors[0], 3.0))
+
+
+def replace_targets(targets, name):
+    """One of the targets alone, at the same levels."""
+    return type(targets)({name: targets[name]}, targets.levels, targets.looks)
+
+
+@pytest.mark.parametrize("classes", [3, 1])
+def test_a_law_without_a_curve_has_bins_and_a_spread_of_fields(parts, classes):
+    case, _, geometry, _, targets = parts
+    outside = SimpleNamespace(
+        objective="classes",
+        target=case.target.model_copy(update={"incidence_classes": classes}),
+        materials=case.materials,
+        simulator=case.simulator,
+        radar=case.radar,
+        laws={"field": external_law(["a", "b", "c", "d"])},
+    )
+    only = replace_targets(targets, "field")
+    found = bin_targets(outside, only, geometry, registered_with(geometry.shape, 0.0))["field"].classes
+    assert found.classes.size == classes
+    assert found.first.size == 0
+    assert found.priors
+    if classes == 3:
+        np.testing.assert_array_equal(found.classes.cumulants, targets["field"].classes.classes.cumulants)
+        assert found.first_looks == pytest.approx(targets["field"].classes.first_looks, rel=0.15)
+        # one bin takes the law itself for a spread
+        assert 0.0 <= found.spread.within < 0.5

@@ -1,0 +1,161 @@
+"""Misfits, against simulation and direct likelihoods."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from radcal.calibration.expected import LawForward
+from radcal.calibration.misfit import SKEWNESS_SHAPE, BinMisfit, LikelihoodMisfit, Method
+from radcal.calibration.moments import sampling_covariance
+from radcal.measurement.classes import make_classes
+from radcal.measurement.ground import Ground
+from radcal.measurement.patches import Spread
+from radcal.radar.laws import LAWS
+
+LAW = LAWS["mangia"]
+X = np.array([-30.0, 18.0, 5.0, 5.0])
+BOUNDS = [[-60.0, 0.0], [0.0, 50.0], [0.0, 50.0], [0.0, 20.0]]
+METHOD = Method(LAW, BOUNDS, looks=4.0, classes=5)
+
+
+def speckled(rng, incidence_deg, looks, x=X):
+    n = incidence_deg.size
+    return LAW(np.radians(incidence_deg), x) + 10.0 * np.log10(rng.gamma(looks, 1.0 / looks, n))
+
+
+def one_patch(classes):
+    return BinMisfit(classes, np.ones((classes.size, 1)), np.eye(classes.size), 0.0, 0.0)
+
+
+def test_residuals_at_the_truth_have_unit_variance():
+    squares = []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        incidence = rng.normal(40.0, 6.0, 1000)
+        classes = make_classes(speckled(rng, incidence, 4.0), incidence, 5)
+        residuals = one_patch(classes)(X, 4.0, LawForward(LAW, classes.nodes_deg, 4.0)(X))
+        squares.append(residuals[:10] ** 2)  # of means and spreads: skewnesses are weighted down
+    assert np.mean(squares) == pytest.approx(1.0, abs=0.25)
+
+
+def test_a_patch_in_all_classes_hides_the_level_and_not_the_slope():
+    rng = np.random.default_rng(3)
+    incidence = rng.normal(40.0, 6.0, 3000)
+    classes = make_classes(speckled(rng, incidence, 4.0), incidence, 5)
+    expected = LawForward(LAW, classes.nodes_deg, 4.0)(X)
+    level, slope = expected.copy(), expected.copy()
+    level[:, 0] += 1.0
+    slope[:, 0] += np.linspace(-1.0, 1.0, 5)
+    alone = one_patch(classes)
+    shared = BinMisfit(classes, np.ones((5, 1)), np.eye(5), 1.0, 0.0)
+
+    def excess(objective, moved):
+        return (objective(X, 4.0, moved) ** 2).sum() - (objective(X, 4.0, expected) ** 2).sum()
+
+    assert excess(shared, level) < 0.05 * excess(alone, level)
+    assert excess(shared, slope) == pytest.approx(excess(alone, slope), rel=0.15)
+
+
+def test_patches_inside_of_a_class_widen_it():
+    classes = make_classes(np.random.default_rng(4).normal(size=300), np.linspace(20, 40, 300), 1)
+    objective = BinMisfit(classes, np.full((1, 4), 0.25), np.full((1, 10), 0.1), 2.0, 1.0)
+    assert objective.patch_variance[0] == pytest.approx(4.0 * 0.75 + 0.9)
+
+
+def test_the_likelihood_is_the_pixels_own():
+    rng = np.random.default_rng(5)
+    incidence = np.full(4000, 40.0)
+    values = speckled(rng, incidence, 3.0)
+    classes = make_classes(values, incidence, 1, independent=0.5)
+    objective = LikelihoodMisfit(classes, values)
+
+    def direct(level_db, looks):
+        power = 10.0 ** (values / 10.0)
+        return 0.5 * stats.gamma(looks, scale=10.0 ** (level_db / 10.0) / looks).logpdf(power).sum()
+
+    level = float(LAW(np.radians(40.0), X))
+    places = [(level, 3.0), (level + 0.3, 3.0), (level, 2.6), (level - 0.2, 3.4)]
+    cost = [-0.5 * (objective.residuals(np.array([[at]]), looks) ** 2).sum() for at, looks in places]
+    wanted = [direct(at, looks) for at, looks in places]
+    np.testing.assert_allclose(np.array(cost) - cost[0], np.array(wanted) - wanted[0], rtol=0.05)
+
+
+def test_the_covariance_is_sampling_fields_and_the_shape_of_texture():
+    """Means, then log sds, then skewnesses; fields and cells by the shares of the pixels that bins have of them."""
+    rng = np.random.default_rng(6)
+    n = 900
+    incidence = rng.uniform(30.0, 50.0, n)
+    values = speckled(rng, incidence, 4.0)
+    patch, block = rng.integers(1, 4, n), (incidence // 4).astype(np.int64)
+    ground = Ground(values, incidence, patch, block)
+    classes = make_classes(values, incidence, 3)
+    found = BinMisfit.of(ground, classes, METHOD, Spread(0.7, 0.3)).covariance.reshape(3, 3, 3, 3)
+    cell = np.unique(np.stack([patch, block], axis=-1), axis=0, return_inverse=True)[1].ravel()
+    for i in range(3):
+        for j in range(3):
+            inside = classes.member == i, classes.member == j
+            together = [
+                sum(np.mean(label[inside[0]] == k) * np.mean(label[inside[1]] == k) for k in np.unique(label))
+                for label in (patch, cell)
+            ]
+            wanted = np.diag([0.7**2 * together[0] + 0.3**2 * together[1], 0.1**2 * together[0], SKEWNESS_SHAPE**2])
+            if i == j:
+                wanted = wanted + sampling_covariance(classes.cumulants[i, 1], classes.effective[i])
+            np.testing.assert_allclose(found[:, i, :, j], wanted, rtol=1e-9, atol=1e-12)
+
+
+def test_what_is_expected_has_the_materials_looks():
+    rng = np.random.default_rng(7)
+    incidence = rng.uniform(30.0, 50.0, 60_000)
+    classes = make_classes(speckled(rng, incidence, 2.5), incidence, 4)
+    ground = Ground(speckled(rng, incidence, 2.5), incidence, np.ones(60_000, int), np.zeros(60_000, int))
+    misfit = BinMisfit.of(ground, classes, METHOD, Spread(0.0, 0.0))
+    run = LawForward(LAW, classes.nodes_deg, 4.0)(X)
+    squares = [(misfit(X, looks, run) ** 2).sum() for looks in (2.5, 4.0, 1.8)]
+    assert squares[0] < 30.0 < 100.0 * squares[0] < min(squares[1:])
+
+
+def test_slack_draws_statistics_to_the_measured_ones():
+    """Differences within it vanish, others are smaller by it."""
+    rng = np.random.default_rng(8)
+    incidence = rng.uniform(30.0, 50.0, 2000)
+    classes = make_classes(speckled(rng, incidence, 4.0), incidence, 2)
+    misfit = one_patch(classes)
+    run = classes.cumulants + [[1.0, 0.0, 0.0], [-0.4, 0.0, 0.0]]
+    mean = np.zeros((2, 3))
+    mean[:, 0] = 0.4
+    lowered = classes.cumulants + [[0.6, 0.0, 0.0], [0.0, 0.0, 0.0]]
+    np.testing.assert_allclose(misfit(X, 4.0, run, mean), misfit(X, 4.0, lowered), atol=1e-9)
+    np.testing.assert_allclose(misfit(X, 4.0, run, 1.1), 0.0, atol=1e-9)
+
+
+def test_a_known_error_of_the_incidence_moves_what_is_expected():
+    """Of angles drawn to their mean: a curve of them at the mapped ones is steeper than what they show."""
+    rng = np.random.default_rng(9)
+    true = rng.normal(40.0, 5.0, 40_000)
+    mapped = true + rng.normal(0.0, 4.0, true.size)
+    values = speckled(rng, true, 4.0)
+    classes = make_classes(values, mapped, 5)
+    ground = Ground(values, mapped, np.ones(true.size, int), np.zeros(true.size, int))
+    run = LawForward(LAW, classes.nodes_deg, 4.0)(X)
+    told, untold = (
+        BinMisfit.of(ground, classes, Method(LAW, BOUNDS, 4.0, incidence_error_deg=error), Spread(0.0, 0.0))
+        for error in (4.0, 0.0)
+    )
+    assert (told(X, 4.0, run) ** 2).sum() < 40.0 < 0.1 * (untold(X, 4.0, run) ** 2).sum()
+
+
+def test_the_likelihood_takes_its_levels_from_the_runs_means():
+    """A simulator 0.7 dB brighter than the law is the same as a law with another constant."""
+    rng = np.random.default_rng(10)
+    incidence = rng.uniform(30.0, 50.0, 3000)
+    values = speckled(rng, incidence, 3.0)
+    classes = make_classes(values, incidence, 3)
+    ground = Ground(values, incidence, np.ones(3000, int), np.zeros(3000, int))
+    misfit = LikelihoodMisfit.of(ground, classes, METHOD, Spread(0.0, 0.0))
+    higher = X + [0.7, 0.0, 0.0, 0.0]
+    runs = [LawForward(LAW, classes.nodes_deg, 4.0)(x) for x in (X, higher)]
+    np.testing.assert_allclose(misfit(X, 3.0, runs[1]), misfit(higher, 3.0, runs[1]), atol=1e-9)
+    assert (misfit(X, 3.0, runs[0]) ** 2).sum() + 50.0 < (misfit(X, 3.0, runs[1]) ** 2).sum()

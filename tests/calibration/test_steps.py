@@ -1,0 +1,142 @@
+"""Steps of the loop on two materials."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from calibration_samples import TRUTH
+
+from radcal.calibration.history import History, read_proposals, read_runs, write_proposals, write_runs
+from radcal.calibration.loop import calibrate
+from radcal.calibration.objectives import make_objectives
+from radcal.calibration.scoring import score, score_reference, with_texture
+from radcal.calibration.steps import noise_seed, propose_all, train_all, verify
+from radcal.calibration.surrogate import read_trainings, write_trainings
+from radcal.config import stages
+from radcal.measurement.target import Targets, read_targets, write_targets
+from radcal.radar.texture import log_speckle_cumulants
+from radcal.storage.layout import same
+from radcal.storage.runs import Record
+
+
+@pytest.fixture(scope="module")
+def made(parts, calibrated):
+    """Objectives and history before any infill."""
+    case, *_, targets = parts
+    history, _ = calibrated
+    return make_objectives(case, targets), History([run for run in history.runs if run.kind != "infill"])
+
+
+def test_the_maximum_of_runs_ends_it(parts, runner):
+    case, *_, targets = parts
+    case = case.model_copy(update={"stop": case.stop.model_copy(update={"max_runs": 2})})
+    history, decision = calibrate(case, runner, targets)
+    assert (decision.reason, decision.converged) == ("max_runs", False)
+    assert not history.infill
+    assert "stop criterion not met at the maximum of 2 runs" in decision.materials["lake"].sentence
+
+
+def test_without_a_design_the_reference_run_trains(parts, runner):
+    case, *_, both = parts
+    targets = Targets({"field": both["field"]}, both.levels, both.looks)
+    none = {"design": case.design.model_copy(update={"size": 0})}
+    case = case.model_copy(update={**none, "stop": case.stop.model_copy(update={"max_runs": 1})})
+    history, _ = calibrate(case, runner, targets)
+    assert [run.kind for run in history.runs] == ["reference", "infill"]
+    assert history.infill[0].scores["field"].cost < 0.2 * history.runs[0].scores["field"].cost
+
+
+def test_steps_from_files_in_two_processes_are_those_from_memory_in_one(parts, calibrated, made, runner, tmp_path):
+    case, *_, targets = parts
+    history, _ = calibrated
+    write_targets(tmp_path / "target.h5", targets)
+    again = read_targets(tmp_path / "target.h5")
+    assert all(target.kept_out is not None and target.classes is not None for target in targets.values())
+    assert same(dict(again), dict(targets))
+    objectives = make_objectives(case, again)
+    write_runs(tmp_path / "runs.json", made[1].runs)
+    start = read_runs([tmp_path / "runs.json"])
+    trained = [train_all(start, stages.Train.of(case), objectives, processes) for processes in (1, 2)]
+    assert same(*trained)
+    write_trainings(tmp_path / "surrogate.h5", trained[1])
+    read = read_trainings(tmp_path / "surrogate.h5")
+    proposals = propose_all(read, objectives, start, stages.Propose.of(case), 0, case.stop, 2)
+    assert proposals == dict(history.infill[0].proposals)
+    write_proposals(tmp_path / "proposals.json", proposals)
+    verified = verify(read_proposals(tmp_path / "proposals.json"), again, runner, stages.Verify.of(case), start, 0, 2)
+    assert replace(verified, seconds=0.0) == replace(history.infill[0], seconds=0.0)
+
+
+def test_an_ended_material_repeats_its_best(parts, calibrated, made):
+    """Where the other goes on."""
+    case, *_ = parts
+    history, _ = calibrated
+    runs = list(history.runs)
+    scores = {**runs[-1].scores, "lake": replace(runs[-1].scores["lake"], gain=9.0, moved_db=9.0)}
+    going = History([*runs[:-1], replace(runs[-1], scores=scores)])
+    trained = train_all(going, stages.Train.of(case), made[0])
+    found = propose_all(trained, made[0], going, stages.Propose.of(case), len(going.infill), case.stop)
+    assert found["field"].mode == "ended"
+    assert found["field"].parameters == going.best("field").scores["field"].parameters
+    assert found["lake"].mode != "ended"
+
+
+def test_texture_brings_the_spread_to_the_measured_one(parts, calibrated):
+    """The density of a run has the material's looks: its spread is the target's, though the speckle's is less."""
+    *_, targets = parts
+    history, _ = calibrated
+    best = history.best("lake").scores["lake"]
+    sd = np.exp(np.array(best.statistics)[:, 1])
+    measured = np.sqrt(targets["lake"].classes.classes.cumulants[:, 1])
+    assert (sd < 0.9 * measured).all()
+    assert best.rms < 0.01
+
+
+def test_texture_lowers_looks_and_a_fresh_run_has_its_own(made):
+    objective = made[0]["lake"]
+    values = np.zeros(20_000, dtype=np.float32)
+    drawn = [with_texture(values, objective, 2.5, 1, fresh) for fresh in (False, True)]
+    assert abs(np.corrcoef(*drawn)[0, 1]) < 0.05
+    assert drawn[0].std() == pytest.approx(drawn[1].std(), rel=0.05)
+    np.testing.assert_array_equal(drawn[0], with_texture(values, objective, 2.5, 1))
+    # with speckle of 4 looks it has the variance in dB of that of 2.5
+    wanted = log_speckle_cumulants(2.5)[1] - log_speckle_cumulants(4.0)[1]
+    assert drawn[0].var() == pytest.approx(wanted, rel=0.05)
+    assert with_texture(values, objective, 4.0, 1) is values
+
+
+def test_score_asks_every_target_and_no_other_law(parts, runner, made):
+    case, *_, targets = parts
+    record = runner.run(TRUTH, noise_seed(case))
+    found = score("design", 4, record, TRUTH, targets, made[0], case.seed, other_law=["lake"])
+    assert (found.kind, found.index, found.key) == ("design", 4, record.key)
+    assert {name: one.parameters for name, one in found.scores.items()} == TRUTH
+    field, lake = found.scores["field"], found.scores["lake"]
+    statistics = made[0]["field"].statistics(record.pixels_db["field"][targets["field"].order])
+    np.testing.assert_allclose(field.statistics, statistics)
+    assert (field.looks, field.cost) == made[0]["field"].worth(TRUTH["field"], statistics)
+    assert (field.own_law, lake.own_law) == (True, False)
+    # of another law there is no cost but the rms of the speckle as it is
+    assert (lake.looks, lake.cost) == (4.0, lake.rms)
+    assert lake.rms == pytest.approx(targets["lake"].score(record.pixels_db["lake"])[1])
+
+
+def test_a_repeated_reference_run_tells_the_noise(parts, runner, made):
+    case, *_, targets = parts
+    first = runner.run(TRUTH, noise_seed(case))
+    rng = np.random.default_rng(1)
+    again = {name: (v + rng.normal(0.0, 0.5, v.shape)).astype(np.float32) for name, v in first.pixels_db.items()}
+    second = Record("again", again, None, 0.1)
+    runs = score_reference(stages.Scores.of(case), [first, second], targets)
+    assert runs[0].rms_sampling == {name: target.rms_sampling for name, target in targets.items()}
+    assert runs[1].repeat_db == pytest.approx(2.3, abs=0.7), "the largest of 8,000 normal differences of 0.5 dB"
+    variance = History(runs).noise_variance("field")
+    assert variance.shape == (3, 3)
+    # half of the variance of the difference, of the mean of a third of the pixels
+    wanted = 0.5 * 0.5**2 / (targets["field"].effective / 3.0)
+    assert np.mean(variance[:, 0]) == pytest.approx(wanted, rel=0.6)
+    equal = score_reference(stages.Scores.of(case), [first, first], targets)
+    assert History(equal).noise_variance("field") is None
+    assert equal[1].repeat_db == 0.0

@@ -1,0 +1,151 @@
+"""Point spread of speckle made with known responses; filters, and what may be mistaken for them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter, uniform_filter
+
+from radcal.config import Radar
+from radcal.measurement.looks import estimate_looks
+from radcal.measurement.point_spread import PointSpread, estimate_point_spread, is_filtered, point_spread_note
+from radcal.radar.image import ImageFormation, decibels
+from radcal.radar.reflectivity import uniform
+
+SHAPE = (256, 256)
+ONE = np.ones(SHAPE, dtype=np.uint8)
+RADAR = Radar()  # 2 m by 3.5 m, 4 looks
+
+
+def power(level: np.ndarray | float = 1.0, seed: int = 1, **keys: float) -> np.ndarray:
+    sigma0 = np.broadcast_to(np.asarray(level, dtype=np.float32), SHAPE)
+    return ImageFormation(Radar(**keys), SHAPE, -30.0).intensity(uniform(sigma0), seed).astype(float)
+
+
+def texture(sigma_px: float, sd_db: float) -> np.ndarray:
+    smooth = gaussian_filter(np.random.default_rng(4).standard_normal(SHAPE), sigma_px)
+    return np.asarray(10.0 ** (0.1 * sd_db * smooth / smooth.std()))
+
+
+def lee(image: np.ndarray, side: int, looks: int) -> np.ndarray:
+    """Filter of local statistics: mean plus a share of the deviation that grows with the variance beyond speckle's."""
+    mean = uniform_filter(image, side)
+    variance = uniform_filter(image**2, side) - mean**2
+    beyond = np.maximum(variance - mean**2 / looks, 0.0) / (1.0 + 1.0 / looks)
+    return np.asarray(mean + beyond / np.maximum(variance, 1e-12) * (image - mean))
+
+
+def found(image: np.ndarray, radar: Radar = RADAR) -> PointSpread:
+    spread = estimate_point_spread(decibels(image.astype(np.float32)), ONE, radar)
+    assert spread is not None
+    return spread
+
+
+def judged(image: np.ndarray, radar: Radar = RADAR) -> tuple[bool, str | None]:
+    """Whether the image counts as filtered, and the note."""
+    image_db = decibels(image.astype(np.float32))
+    spread, looks = estimate_point_spread(image_db, ONE, radar), estimate_looks(image_db, ONE, radar)
+    assert spread is not None
+    return is_filtered(spread, looks, radar), point_spread_note(spread, looks, radar, "a.tif")
+
+
+@pytest.mark.parametrize("looks", [1, 4])
+@pytest.mark.parametrize(("range_m", "azimuth_m"), [(2.0, 3.5), (2.8, 3.1), (4.0, 6.0)])
+def test_widths_are_those_of_the_response(looks: int, range_m: float, azimuth_m: float) -> None:
+    spread = found(power(looks=looks, range_resolution_m=range_m, azimuth_resolution_m=azimuth_m))
+    assert spread.range_m == pytest.approx(range_m, rel=0.04)
+    assert spread.azimuth_m == pytest.approx(azimuth_m, rel=0.04)
+    # 5 percent for what is not known, and little from so many windows
+    assert spread.range_error_m == pytest.approx(0.05 * range_m, rel=0.2)
+
+
+def test_texture_that_is_correlated_further_does_not_count() -> None:
+    assert found(power(texture(10.0, 1.5))).range_m == pytest.approx(found(power()).range_m, rel=0.04)
+
+
+@pytest.mark.parametrize(("side", "looks"), [(3, 4), (3, 1), (5, 4)])
+def test_a_mean_divides_the_variance_by_its_growth_of_the_correlation_area(side: int, looks: int) -> None:
+    """The mean over n pixels in independent cells of c pixels: looks and correlation area grow by about n / c."""
+    radar, image = Radar(looks=looks), power(looks=looks)
+    smooth = uniform_filter(image, side)
+    variances = [np.var(values) / np.mean(values) ** 2 for values in (image, smooth)]
+    assert found(image, radar).smoothing == pytest.approx(1.0, rel=0.1)
+    assert found(smooth, radar).smoothing == pytest.approx(variances[0] / variances[1], rel=0.2)
+
+
+def test_error_falls_with_the_number_of_windows() -> None:
+    """The bootstrap's part against the scatter over seeds."""
+    shape = (96, 144)  # 36 windows
+    formation = ImageFormation(RADAR.model_copy(update={"looks": 1}), shape, -30.0)
+    level, material = uniform(np.ones(shape, dtype=np.float32)), np.ones(shape, dtype=np.uint8)
+    spreads = [estimate_point_spread(decibels(formation.intensity(level, seed)), material, RADAR) for seed in range(16)]
+    widths = [s.azimuth_m for s in spreads if s is not None]
+    assert len(widths) == 16
+    sampling = [np.sqrt(s.azimuth_error_m**2 - (0.05 * s.azimuth_m) ** 2) for s in spreads if s is not None]
+    assert np.std(widths) == pytest.approx(np.mean(sampling), rel=0.4)
+    assert np.mean(widths) == pytest.approx(3.5, rel=0.03)
+
+
+def test_pixels_without_correlation_are_narrow() -> None:
+    independent = np.random.default_rng(1).gamma(4.0, 0.25, SHAPE)
+    assert found(independent).range_m < 1.3
+    assert "set them to the image's" in str(judged(independent)[1])
+
+
+@pytest.mark.parametrize("image", ["box 3", "box 5", "lee 5", "lee 7"])
+def test_filtered_speckle_is_recognised(image: str) -> None:
+    name, side = image.split()
+    speckle = power(texture(10.0, 1.0))
+    filtered = uniform_filter(speckle, int(side)) if name == "box" else lee(speckle, int(side), 4)
+    is_so, note = judged(filtered)
+    assert is_so
+    assert str(note).startswith("a.tif is speckle-filtered: by its speckle the point spread of a.tif is ")
+    assert "times radar.looks. Use the image before filtering." in str(note)
+    # where radar.looks has been set to what is left, the point spread still tells
+    left = estimate_looks(decibels(filtered.astype(np.float32)), ONE, RADAR)
+    assert left is not None
+    is_so, note = judged(filtered, Radar(looks=min(64, round(left.looks))))
+    assert not is_so
+    assert str(note).startswith("a.tif is speckle-filtered or smoothed in another way")
+
+
+@pytest.mark.parametrize(
+    ("keys", "sd_db", "exponent", "note"),
+    [
+        ({}, 0.0, 1.0, None),
+        ({}, 1.5, 1.0, None),
+        ({"texture_px": 3.0}, 1.0, 1.0, None),  # correlated over 2 times the area, too, but with fewer looks
+        ({"looks": 16}, 0.0, 1.0, None),  # of the sensor
+        ({"looks": 16}, 1.5, 1.0, None),
+        ({}, 0.0, 0.5, None),  # amplitude, read as power
+        (
+            {"range_resolution_m": 2.6, "azimuth_resolution_m": 4.55}, 0.0, 1.0,
+            "by its speckle the point spread of a.tif is 2.6",
+        ),
+    ],
+)  # fmt: skip
+def test_what_is_not_a_filter(keys: dict[str, float], sd_db: float, exponent: float, note: str | None) -> None:
+    keys = dict(keys)
+    pattern = texture(keys.pop("texture_px", 10.0), sd_db)
+    is_so, said = judged(power(pattern, **keys) ** exponent)
+    assert not is_so
+    assert said is None if note is None else (str(said).startswith(note) and "set them to the image's" in str(said))
+
+
+def test_note_gives_both_numbers() -> None:
+    spread = PointSpread(2.5, 3.4, 0.13, 0.17, 1.2, 100)
+    assert point_spread_note(spread, None, RADAR, "b.tif") == (
+        "by its speckle the point spread of b.tif is 2.5 +- 0.13 m in slant range and 3.4 +- 0.17 m in azimuth, "
+        "radar.range_resolution_m is 2 and radar.azimuth_resolution_m 3.5: set them to the image's, unless it was "
+        "resampled or has texture of a few pixels."
+    )
+    assert point_spread_note(PointSpread(2.2, 3.4, 0.13, 0.17, 1.1, 100), None, RADAR, "b.tif") is None
+
+
+def test_small_materials_and_gaps_give_none() -> None:
+    image_db = decibels(power().astype(np.float32))
+    stripes = np.indices(SHAPE)[0] % 12 // 6
+    assert estimate_point_spread(image_db, (stripes + 1).astype(np.uint8), RADAR) is None
+    assert estimate_point_spread(image_db, np.zeros(SHAPE, dtype=np.uint8), RADAR) is None
+    image_db[::10] = np.nan
+    assert estimate_point_spread(image_db, ONE, RADAR) is None

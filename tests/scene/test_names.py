@@ -1,0 +1,38 @@
+"""Names of material ids."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from radcal.errors import SceneError
+from radcal.scene.names import by_id, read_names
+
+
+def test_ids_without_a_name_keep_their_place() -> None:
+    assert by_id({4: "dyke", 1: "grass"}) == ("grass", "id 2", "id 3", "dyke")
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        ({"1": "grass", "3": "grass"}, "gives the name 'grass' to more than one material id"),
+        ({"1": "grass", "7": "dyke"}, "has no name for material id 3 of ids.tif"),
+        ({"0": "nothing"}, "names no material"),
+        ({"one": "grass"}, "is not a JSON object of id and name"),
+        (["grass"], "is not a JSON object of id and name"),
+    ],
+)
+def test_wrong_names(tmp_path: Path, names: object, said: str) -> None:
+    path = tmp_path / "names.json"
+    path.write_text(json.dumps(names))
+    with pytest.raises(SceneError, match=rf"^scene\.names: .*names\.json {said}"):
+        read_names(path, [0, 1, 3, 9], Path("ids.tif"))
+
+
+def test_names_of_more_ids_than_there_are(tmp_path: Path) -> None:
+    path = tmp_path / "names.json"
+    path.write_text(json.dumps({"0": "none", "1": "grass", "3": "dyke"}))
+    assert read_names(path, [0, 3], Path("ids.tif")) == {1: "grass", 3: "dyke"}

@@ -1,0 +1,44 @@
+"""Steps of rounded heights, and the error of slopes that they leave."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+from radcal.scene.rounding import height_step_m, rounding_error_m
+
+
+def relief(sigma_px: float = 6.0) -> np.ndarray:
+    """Smooth hills with an sd of 9 m."""
+    smooth = gaussian_filter(np.random.default_rng(3).standard_normal((120, 150)), sigma_px, mode="wrap")
+    return 412.3 + 9.0 * smooth / smooth.std()
+
+
+@pytest.mark.parametrize("step", [0.1, 0.5, 1.0, 3.0])
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+def test_step_of_rounded_heights(step: float, dtype: str) -> None:
+    heights = (np.round(relief() / step) * step).astype(dtype).astype(float)
+    assert height_step_m(heights) == pytest.approx(step, rel=1e-3)
+    heights[:, 7] = np.nan
+    assert height_step_m(heights) == pytest.approx(step, rel=1e-3)
+
+
+def test_heights_that_are_not_rounded_have_no_step() -> None:
+    assert height_step_m(relief()) == 0.0
+    assert height_step_m(relief().astype(np.float32).astype(float)) == 0.0
+    mixed = np.round(relief())
+    mixed[60, 70] += 0.4  # one height between
+    assert height_step_m(mixed) == 0.0
+    east, north = np.meshgrid(np.arange(30.0), np.arange(20.0))
+    for plane in (0 * east, 3.0 + 2.0 * east, 5.0 + 2.0 * east - 1.0 * north, np.full((4, 5), np.nan)):
+        assert height_step_m(plane) == 0.0
+
+
+@pytest.mark.parametrize("step", [0.5, 2.0])
+def test_error_of_a_slope_is_root_two_errors_over_the_spacing(step: float) -> None:
+    heights = relief()
+    error = np.round(heights / step) * step - heights
+    assert rounding_error_m(step) == pytest.approx(error.std(), rel=0.05)
+    differences = np.diff(error, axis=1)
+    assert np.sqrt(2.0) * rounding_error_m(step) == pytest.approx(differences.std(), rel=0.1)

@@ -1,0 +1,47 @@
+"""Sizes of scenes before they are made."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rasterio
+from affine import Affine
+
+from radcal.config import BuiltinScene, RasterScene, SlantRangeScene
+from radcal.scene.size import SceneSize, scene_size
+
+
+def write(path: Path, shape: tuple[int, int], pixel_m: float, crs: str | None) -> str:
+    transform = Affine(pixel_m, 0.0, 600_000.0, 0.0, -pixel_m, 5_780_000.0)
+    values = np.ones(shape, dtype=np.uint8)
+    with rasterio.open(
+        path, "w", driver="GTiff", count=1, height=shape[0], width=shape[1], dtype="uint8", crs=crs,
+        transform=transform if crs else Affine.identity(),
+    ) as raster:  # fmt: skip
+        raster.write(values, 1)
+    return str(path)
+
+
+def test_size_of_rasters_is_that_of_the_finer_one_in_cells(tmp_path: Path) -> None:
+    (tmp_path / "names.json").write_text(json.dumps({"1": "grass"}))
+    config = RasterScene(
+        elevation=write(tmp_path / "heights.tif", (40, 30), 10.0, "EPSG:32631"),
+        materials=write(tmp_path / "ids.tif", (80, 60), 5.0, "EPSG:32631"),
+        names=str(tmp_path / "names.json"), vertical_datum="EGM96", cell_m=20.0,
+    )  # fmt: skip
+    # 20 x 15 cells, each of 2 x 2 heights and 4 x 4 ids
+    assert scene_size(config) == SceneSize(300, 20.0, 300 * 16)
+
+
+@pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
+def test_size_of_labels_and_of_the_built_in_scene(tmp_path: Path) -> None:
+    (tmp_path / "names.json").write_text(json.dumps({"1": "grass"}))
+    labels = SlantRangeScene(
+        labels=write(tmp_path / "labels.tif", (12, 7), 1.0, None), names=str(tmp_path / "names.json"),
+        near_incidence_deg=20.0, far_incidence_deg=40.0,
+    )  # fmt: skip
+    assert scene_size(labels) == SceneSize(84, None, 84)
+    assert scene_size(BuiltinScene()) == SceneSize(400 * 400, 5.0, 400 * 400)

@@ -1,0 +1,80 @@
+"""Runs that another process makes meanwhile, and what a record keeps."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from radcal.config import Case
+from radcal.radar.geometry import Geometry
+from radcal.simulators import runner as module
+from radcal.simulators.runner import Runner
+from radcal.storage.runs import RunStore
+
+X = {"dyke": [6.1, 14.2, 21.5, 3.3], "grass": [10.0, 14.0, 6.0, 4.0]}
+
+
+class Counting:
+    """Simulator of an image that depends on X and the seed; counts its runs."""
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self.shape, self.calls = shape, 0
+
+    @property
+    def identity(self) -> Mapping[str, Any]:
+        return {"kind": "counting"}
+
+    def run(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> np.ndarray:
+        self.calls += 1
+        noise = np.random.default_rng(noise_seed).standard_normal(self.shape)
+        return (noise + parameters["dyke"][0]).astype(np.float32)
+
+
+def test_a_run_that_another_process_makes_meanwhile_is_taken(
+    tmp_path: Path, geometry: Geometry, case: Case, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The claim is granted once the other process has written its record: nothing is left to simulate."""
+    own, others = Counting(geometry.shape), Counting(geometry.shape)
+    claimed = module.claimed
+
+    @contextlib.contextmanager
+    def granted_later(folder: str | Path, key: str) -> Iterator[None]:
+        with monkeypatch.context() as other_process:
+            other_process.setattr(module, "claimed", claimed)
+            Runner(RunStore(folder), others, geometry, "scene", case).run(X, 7)
+        with claimed(folder, key):
+            yield
+
+    monkeypatch.setattr(module, "claimed", granted_later)
+    found = Runner(RunStore(tmp_path), own, geometry, "scene", case).run(X, 7)
+    assert (own.calls, others.calls) == (0, 1)
+    np.testing.assert_array_equal(found.pixels_db["dyke"], own.run(X, 7).ravel()[geometry.pixels("dyke")])
+
+
+@pytest.mark.parametrize(("asked", "keeps"), [(False, False), (True, False), (False, True), (True, True)])
+def test_whole_images_are_kept_where_asked_for_or_configured(
+    tmp_path: Path, geometry: Geometry, build_case: Callable[..., Case], asked: bool, keeps: bool
+) -> None:
+    case = build_case(simulator={"keep_images": keeps})
+    store = RunStore(tmp_path)
+    key = Runner(store, Counting(geometry.shape), geometry, "scene", case).run(X, 7, image=asked).key
+    assert (store.get(key, ["dyke"]).image_db is not None) is (asked or keeps)
+
+
+@pytest.mark.parametrize("extra", [-1, 1])
+def test_records_of_more_or_fewer_pixels_are_made_again(
+    tmp_path: Path, geometry: Geometry, case: Case, extra: int
+) -> None:
+    simulator, store = Counting(geometry.shape), RunStore(tmp_path)
+    runner = Runner(store, simulator, geometry, "scene", case)
+    first = runner.run(X, 7)
+    values = np.resize(first.pixels_db["dyke"], first.pixels_db["dyke"].size + extra)
+    store.path(first.key).unlink()
+    store.put(module.Record(first.key, {"dyke": values}, None, 1.0), runner.description(X, 7))
+    assert runner.run(X, 7).pixels_db["dyke"].size == geometry.pixels("dyke").size
+    assert simulator.calls == 2

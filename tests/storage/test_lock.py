@@ -1,0 +1,109 @@
+"""Claims of runs and of folders among processes."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import logging
+import os
+import signal
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from radcal.storage import lock
+from radcal.storage.lock import CaseLock, claimed
+
+
+@pytest.fixture(autouse=True)
+def _no_endless_wait() -> Iterator[None]:
+    """A test that waits for a lock fails."""
+
+    def late(*_: object) -> None:
+        raise AssertionError("waited for a lock")
+
+    before = signal.signal(signal.SIGALRM, late)
+    signal.alarm(20)
+    yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, before)
+
+
+KEY, OTHER = f"{5:020x}", f"{5 + 2**40:020x}"
+
+
+@contextlib.contextmanager
+def another_process(act: contextlib.AbstractContextManager[object]) -> Iterator[None]:
+    """A child that holds what ``act`` acquires for the length of the block."""
+    (held, tell), (wait, release) = os.pipe(), os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.close(release)
+        try:
+            with act:
+                os.write(tell, b"1")
+                os.read(wait, 1)
+        finally:
+            os._exit(0)
+    os.close(wait)
+    try:
+        assert os.read(held, 1) == b"1"
+        yield
+    finally:
+        os.close(release)
+        os.waitpid(child, 0)
+        for number in (held, tell):
+            os.close(number)
+
+
+@pytest.mark.filterwarnings("ignore:.*use of fork:DeprecationWarning")
+def test_a_claim_is_of_one_run(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    with another_process(claimed(tmp_path, KEY)), (tmp_path / ".claims").open("r+b") as file:
+        with pytest.raises(BlockingIOError):
+            fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, 5)
+        with caplog.at_level(logging.WARNING), claimed(tmp_path, OTHER):
+            pass  # does not wait
+        assert not caplog.records
+    with claimed(tmp_path, KEY):  # free again
+        assert not caplog.records
+
+
+@contextlib.contextmanager
+def working(folder: Path, said: str | None = None) -> Iterator[None]:
+    mine = CaseLock(folder)
+    mine.acquire()
+    if said is not None:
+        (folder / ".lock").write_text(said)
+    yield
+
+
+@pytest.mark.filterwarnings("ignore:.*use of fork:DeprecationWarning")
+@pytest.mark.parametrize("said", [None, "1 elsewhere", "unknown"])
+def test_a_folder_in_use_is_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, said: str | None) -> None:
+    """Process number and host are told; a process of another host may be alive whatever its number says here."""
+    sentences: list[str] = []
+
+    def leave(sentence: str) -> None:
+        sentences.append(sentence)
+        raise SystemExit(1)
+
+    monkeypatch.setattr(lock, "leave", leave)
+    monkeypatch.setattr(lock, "alive", lambda pid: said is None)
+    with another_process(working(tmp_path, said)), pytest.raises(SystemExit):
+        CaseLock(tmp_path).acquire()
+    place = " on elsewhere" if said == "1 elsewhere" else ""
+    assert f"is working on {tmp_path}" in sentences[0]
+    assert sentences[0].count(" on ") == (2 if place else 1)
+    assert place in sentences[0]
+
+
+def test_a_lock_says_whose_it_is(tmp_path: Path) -> None:
+    mine = CaseLock(tmp_path)
+    mine.acquire()
+    assert (tmp_path / ".lock").read_text() == f"{os.getpid()} {socket.gethostname()}"
+    mine.release()
+    again = CaseLock(tmp_path)
+    again.acquire()
+    again.release()

@@ -1,0 +1,94 @@
+"""A pass that is added to a case, a kill in between, and the report of both."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import time
+
+import numpy as np
+import yaml
+from workflow_project import tiny_case
+
+from radcal.calibration.history import read_runs
+from radcal.calibration.loop import calibrate
+from radcal.config import load
+from radcal.measurement.target import read_targets
+from radcal.simulators.sources import make_runner
+
+TRUTH = {"parameters": {"field": [6.1, 14.2, 21.5, 3.3]}, "warp_px": 0}
+ONE = {
+    "objective": "classes",
+    "simulator": {"kind": "builtin", "draws": 1},
+    "design": {"size": 2, "chunk": 1},
+    "stop": {"max_runs": 8},
+    "radar": {"looks": 4, "nesz_db": -40},
+    "measurement": {"source": "synthetic", "synthetic": {**TRUTH, "seed": 1}},
+}
+LATER = {"looks": 3, "nesz_db": -30, "look_side": "left"}
+
+
+def test_a_pass_added_later_reuses_all_runs_and_a_kill_loses_none(project, monkeypatch, tmp_path):
+    project.write(**ONE)
+    done = project.run("design", "--configfile", "tiny.yaml")
+    assert done.returncode == 0, done.stdout
+    first, files = project.records(), project.listing()
+    assert len(first) == 3
+
+    config = json.loads(json.dumps(ONE))
+    second = {"source": "synthetic", "synthetic": {**TRUTH, "seed": 9}}
+    config |= {"radar": [ONE["radar"], LATER], "measurement": [ONE["measurement"], second]}
+    case = {**tiny_case(**{key: config[key] for key in ("objective", "simulator", "design", "stop")}), **config}
+    (project.folder / "tiny.yaml").write_text(yaml.safe_dump(case))
+    process = project.start("--configfile", "tiny.yaml")
+    deadline = time.time() + 300
+    while len(project.records()) < 5:
+        assert process.poll() is None
+        assert time.time() < deadline
+        time.sleep(0.05)
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    killed = project.records()
+
+    done = project.run("--configfile", "tiny.yaml")
+    assert done.returncode == 0, done.stdout
+    records, summary = project.records(), project.summary()
+    assert {name: records[name] for name in killed} == killed
+    assert {name: records[name] for name in first} == first
+    # nothing of the first pass alone was made again
+    same = ("scene.h5", "geometry.h5", "measurement.h5", "reference.json", "registered.h5", "target.h5")
+    now = project.listing()
+    assert {name: now[name] for name in (*same, "design/0.json")} == {
+        name: files[name] for name in (*same, "design/0.json")
+    }
+    runs = summary["runs"]
+    assert (runs["reference"], runs["design"], runs["infill"] % 2, runs["final"]) == (2, 4, 0, 2)
+    assert len(records) == runs["total"] == sum(one["runs"] for one in summary["passes"])
+    assert [one["look_side"] for one in summary["passes"]] == ["right", "left"]
+    for one in summary["passes"]:
+        law = one["materials"]["field"]
+        assert 0.0 < law["sd_all_db"] < law["sd_first_db"]
+        assert law["difference_db"] < 4.0 * law["sd_all_db"]
+    assert "What each pass adds" in (project.out() / "report.html").read_text()
+
+    # the loop in one process makes the same runs
+    monkeypatch.chdir(project.folder)
+    out = project.out()
+    case = load(["tiny.yaml"])
+    geometries = [out / "geometry.h5", out / "passes/2/geometry.h5"]
+    targets = read_targets(out / "target.h5", out / "passes/2/target.h5")
+    runner = make_runner(case, out / "scene.h5", geometries, tmp_path / "runs")
+    history, decision = calibrate(case, runner, targets)
+    assert decision.ended
+    iterations = range(len(history.infill))
+    theirs = read_runs([out / "scores.json", *(out / f"iterations/{k}/verified.json" for k in iterations)])
+    assert [(run.key, run.further_keys) for run in history.runs] == [(run.key, run.further_keys) for run in theirs.runs]
+    for ours, others in zip(history.runs, theirs.runs, strict=True):
+        np.testing.assert_array_equal(ours.scores["field"].statistics, others.scores["field"].statistics)
+
+    done = project.run("--configfile", "tiny.yaml")
+    assert "Nothing to be done" in done.stdout
+    assert project.records() == records
