@@ -113,8 +113,11 @@ class Quartiles(Objective):
     def promising(self, costs, best):
         return costs < 0.5 * best
 
-    def law(self, score):
-        return Density(self.material).law(score)
+    def evidence(self, score):
+        return Density(self.material).evidence(score)
+
+    def law(self, score, residuals=None):
+        return Density(self.material).law(score, residuals)
 
     @classmethod
     def ending(cls, progress, stop):

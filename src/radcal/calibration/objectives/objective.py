@@ -255,9 +255,9 @@ class Objective(Comparison):
         ``residuals`` are those of all passes, in place of :meth:`evidence`.
         """
 
+    @abstractmethod
     def evidence(self, score: Score) -> Residuals:
         """Residuals of this pass without priors, by X and looks, with what a run shows besides law and speckle."""
-        raise NotImplementedError(f"{type(self).__name__} has no residuals that could be joined with another pass's")
 
     def law_in(self, number: int, score: Score) -> GroundLaw:
         """Law of a run with its uncertainty, on the ground of this one pass."""
