@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from radcal.assessment.law_check import check_laws
 from radcal.calibration.bin_target import bin_targets
-from radcal.calibration.law_check import check_laws
 from radcal.calibration.loop import calibrate
 from radcal.config import default_case
 from radcal.measurement.registration import register

@@ -25,10 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from radcal.assessment.validation import cross_validate, held_out
 from radcal.calibration.grounds import GroundLaw, fit_grounds, marginal_law
 from radcal.calibration.incidence_error import incidence_warnings
 from radcal.calibration.misfit import LikelihoodMisfit, Method
-from radcal.calibration.validation import cross_validate, held_out
 from radcal.measurement.goodness import effective_sample_size
 from radcal.measurement.ground import Blocks, Ground
 from radcal.measurement.patches import label_patches

@@ -32,7 +32,8 @@ FLOW: list[tuple[str, list[str]]] = [
     ("design", ["calibration.design"]),
     ("surrogate", ["calibration.surrogate", "calibration.kriging", "calibration.smt_kriging"]),
     ("proposal", ["calibration.nsga2", "calibration.lattice", "calibration.search"]),
-    ("verification", ["calibration.steps", "calibration.stopping", "calibration.loop", "calibration.conclusion"]),
+    ("verification", ["calibration.steps", "calibration.stopping", "calibration.loop"]),
+    ("assessment", ["assessment"]),
     ("report", ["report"]),
 ]
 

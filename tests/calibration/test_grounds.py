@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from radcal.assessment.validation import CrossValidation, cross_validate, held_out
 from radcal.calibration.expected import LawForward
 from radcal.calibration.grounds import fit_grounds, ground_residuals
 from radcal.calibration.law_fit import fit_law
 from radcal.calibration.misfit import BinMisfit, LikelihoodMisfit, Method
-from radcal.calibration.validation import CrossValidation, cross_validate, held_out
 from radcal.measurement.ground import Blocks, Ground
 from radcal.radar.laws import LAWS
 from radcal.radar.texture import log_speckle_cumulants

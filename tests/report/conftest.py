@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from radcal import skewnormal
-from radcal.calibration.conclusion import conclude
+from radcal.assessment.conclusion import conclude
 from radcal.calibration.history import History, Proposal, Run, Score
 from radcal.calibration.moments import from_dp
 from radcal.config import Case, RegistrationConfig, Stop, case_from

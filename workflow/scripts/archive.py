@@ -1,6 +1,6 @@
 """Write every run and iteration to one file, ``calibration.h5``, and all runs to one table, ``runs.csv``."""
 
-from radcal.calibration.conclusion import conclude
+from radcal.assessment.conclusion import conclude
 from radcal.calibration.history import read_runs
 from radcal.config import Stop, stages
 from radcal.measurement.registration import read_registered

@@ -87,7 +87,7 @@ class LawParameters:
 
 @dataclass(frozen=True)
 class HeldOutBlocks:
-    """Errors of the predictions for held-out blocks (:class:`radcal.calibration.validation.HeldOut`)."""
+    """Errors of the predictions for held-out blocks (:class:`radcal.assessment.validation.HeldOut`)."""
 
     rmse_law_db: Annotated[float, About("rms error of the law's prediction of the means of held-out blocks", "dB")]
     rmse_law_patch_db: Annotated[
@@ -115,7 +115,7 @@ class HeldOutBlocks:
 
 @dataclass(frozen=True)
 class Check:
-    """Reliability of a calibrated law (:class:`radcal.calibration.law_check.LawCheck`)."""
+    """Reliability of a calibrated law (:class:`radcal.assessment.law_check.LawCheck`)."""
 
     looks: Annotated[float, About("effective number of looks of the material")]
     looks_nominal: Annotated[float, About("number of looks of the simulated speckle")]

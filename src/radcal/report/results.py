@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.calibration.conclusion import Conclusion
+from radcal.assessment.conclusion import Conclusion
+from radcal.assessment.law_check import LawCheck
 from radcal.calibration.history import History, Run
-from radcal.calibration.law_check import LawCheck
 from radcal.calibration.passes import pass_laws
 from radcal.config import Material, Radar, Stop, stages
 from radcal.config.sections import FURTHER

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from calibration_samples import BOUNDS, TRUTH
 
+from radcal.assessment.law_check import check_laws
 from radcal.calibration import objectives
 from radcal.calibration.expected import LawForward
-from radcal.calibration.law_check import check_laws
 from radcal.calibration.loop import calibrate
 from radcal.calibration.moments import from_cumulants
 from radcal.calibration.objectives import Objective, make_objectives

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.assessment.law_check import LawCheck, check_laws, texture_note
 from radcal.calibration.history import History
-from radcal.calibration.law_check import LawCheck, check_laws, texture_note
 from radcal.calibration.noise import noise_sentence
 from radcal.calibration.objectives import Comparison, make_objectives
 from radcal.calibration.scoring import with_texture

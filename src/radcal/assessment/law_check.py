@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.assessment.validation import CrossValidation, HeldOut, cross_validate, held_out
 from radcal.calibration.expected import law_cumulants
 from radcal.calibration.grounds import GroundLaw, marginal_law, refit
 from radcal.calibration.history import History, Score
 from radcal.calibration.incidence_error import incidence_warnings
 from radcal.calibration.misfit import true_angles
 from radcal.calibration.objectives import make_objectives
-from radcal.calibration.validation import CrossValidation, HeldOut, cross_validate, held_out
 from radcal.config import stages
 from radcal.config.objectives import DEFAULT
 from radcal.measurement.classes import FEWEST

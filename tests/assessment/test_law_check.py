@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from calibration_samples import make_target
 
+from radcal.assessment.law_check import check_laws, texture_note
+from radcal.assessment.validation import HeldOut
 from radcal.calibration.expected import LawForward
 from radcal.calibration.history import History, Run, Score
-from radcal.calibration.law_check import check_laws, texture_note
 from radcal.calibration.moments import from_cumulants, from_dp
 from radcal.calibration.objectives import make_objectives
-from radcal.calibration.validation import HeldOut
 from radcal.config import case_from
 from radcal.measurement.class_target import ClassTarget
 from radcal.measurement.classes import make_classes

@@ -1,0 +1,1 @@
+"""Assessment of a calibration: fit, uncertainty of the laws, and what they predict."""
