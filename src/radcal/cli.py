@@ -95,6 +95,43 @@ def _run(
     _become(command)
 
 
+_CHECK_HELP = """Check a case without running anything, and list all of its problems at once.
+
+Keys and values, files, scene, geometry and measured image are checked as the calibration checks them. If all is well,
+the command prints what would be read, how many simulator runs the case may take, and how much memory its jobs request.
+
+The exit status is 0 if the case can be run, and 1 if it cannot.
+"""
+
+
+@app.command("check", help=_CHECK_HELP)
+def _check(
+    case: Annotated[
+        Path, typer.Argument(metavar="CASE", readable=False, help="The case's YAML file.", show_default=False)
+    ],
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="One key of the case, as stop.rms=1e-6; may be repeated."),
+    ] = None,
+) -> None:
+    from radcal.errors import RadcalError
+    from radcal.running.case_check import check_case
+
+    try:
+        found = check_case([case], _overrides(settings or []))
+    except RadcalError as error:
+        typer.echo(f"radcal: {error}", err=True)
+        raise typer.Exit(1) from None
+    if found.problems:
+        count = len(found.problems)
+        typer.echo(f"radcal: {case} cannot be run; {count} problem{'s' if count > 1 else ''} found:", err=True)
+        for text in found.problems:
+            typer.echo(f"  - {text.removeprefix(f'{case}: ')}", err=True)
+        raise typer.Exit(1)
+    typer.echo(f"{case} can be run.")
+    typer.echo(found.summary())
+
+
 def check_folder(folder: Path, targets: Iterable[str] = ()) -> None:
     """Raise an error if a folder does not contain radcal's workflow, or if the workflow lacks a target.
 

@@ -8,8 +8,16 @@ keys are refused. All models are frozen.
 
 from radcal.config.case import Case
 from radcal.config.design import Design
-from radcal.config.inputs import check_reuse, executable_path, expand_path, files_below, input_files, vrt_folders
-from radcal.config.loading import case_from, load
+from radcal.config.inputs import (
+    check_reuse,
+    executable_path,
+    expand_path,
+    files_below,
+    input_files,
+    missing_inputs,
+    vrt_folders,
+)
+from radcal.config.loading import case_from, load, load_with_problems
 from radcal.config.materials import Material, Start
 from radcal.config.measurement import FileMeasurement, MeasurementConfig, Synthetic, SyntheticMeasurement
 from radcal.config.optimiser import Optimiser
@@ -69,6 +77,8 @@ __all__ = [
     "files_below",
     "input_files",
     "load",
+    "load_with_problems",
+    "missing_inputs",
     "nearest",
     "vrt_folders",
 ]

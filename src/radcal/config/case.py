@@ -162,8 +162,11 @@ class Case(Part):
         return value
 
     @model_validator(mode="after")
-    def _consistent(self) -> Self:
-        if found := list(self._contradictions()):
+    def _consistent(self, info: ValidationInfo) -> Self:
+        found = list(self._contradictions())
+        if found and isinstance(info.context, list):  # a list that collects them, and the case is wanted all the same
+            info.context.extend(found)
+        elif found:
             raise Contradictions(found)
         return self
 
