@@ -185,6 +185,38 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     (synthetic(parameters={"dyke": [1, 2]}), ["measurement.synthetic.parameters.dyke", "2 numbers", "takes 4"]),
     (synthetic(parameters={"dyke": [1, 2, 3, "x"]}), ["measurement.synthetic.parameters.dyke.3 is 'x'"]),
     (synthetic(offset_db=float("nan")), ["measurement.synthetic.offset_db is nan"]),
+    (
+        synthetic(laws={"dkye": {"law": "mangia", "parameters": X}}),
+        ["measurement.synthetic.laws.dkye: no such material (did you mean 'dyke'?)"],
+    ),
+    (
+        synthetic(parameters={"dyke": X}, laws={"dyke": {"law": "mangia", "parameters": X}}),
+        ["measurement.synthetic.laws.dyke and measurement.synthetic.parameters.dyke are both given"],
+    ),
+    (
+        synthetic(laws={"dyke": {"law": "oh1992", "parameters": [8, 1, 2]}}),
+        ["radar.frequency_ghz is missing", "'oh1992' of measurement.synthetic.laws.dyke"],
+    ),
+    (
+        synthetic(laws={"dyke": {"law": "mangia", "parameters": X[:3]}}),
+        ["measurement.synthetic.laws.dyke: parameters has 3 numbers, law 'mangia' takes 4"],
+    ),
+    (
+        synthetic(laws={"dyke": {"law": "external", "parameters": X}}),
+        ["measurement.synthetic.laws.dyke: law is 'external', which only an external simulator can evaluate"],
+    ),
+    (
+        {**synthetic(texture_db=1.0), "simulator": COMMAND},
+        ["measurement.synthetic.texture_db is for the built-in simulator", "the scene of the runs alone"],
+    ),
+    (
+        {**synthetic(relief_m=0.3), **flat()},
+        ["measurement.synthetic.relief_m is 0.3, expected 0: a slant-range scene has no heights"],
+    ),
+    (
+        {**synthetic(resolution_factor=0.85), "radar": {"range_resolution_m": 2, "range_spacing_m": 1.5}},
+        ["measurement.synthetic.resolution_factor is 0.85, expected at least 0.888 with radar.range_resolution_m 2"],
+    ),
     (synthetic(warp_px=-1), ["measurement.synthetic.warp_px is -1"]),
     (synthetic(warp_px=float("nan")), ["measurement.synthetic.warp_px is nan"]),
     (synthetic(seed=-1), ["measurement.synthetic.seed is -1"]),

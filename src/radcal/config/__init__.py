@@ -11,7 +11,7 @@ from radcal.config.design import Design
 from radcal.config.inputs import check_reuse, executable_path, expand_path, files_below, input_files, vrt_folders
 from radcal.config.loading import case_from, load
 from radcal.config.materials import Material, Start
-from radcal.config.measurement import FileMeasurement, MeasurementConfig, Synthetic, SyntheticMeasurement
+from radcal.config.measurement import FileMeasurement, HiddenLaw, MeasurementConfig, Synthetic, SyntheticMeasurement
 from radcal.config.optimiser import Optimiser
 from radcal.config.pydantic_errors import nearest
 from radcal.config.radar import Radar
@@ -39,6 +39,7 @@ __all__ = [
     "CommandSimulation",
     "Design",
     "FileMeasurement",
+    "HiddenLaw",
     "InputFile",
     "Material",
     "MeasurementConfig",

@@ -18,7 +18,7 @@ from radcal.config.part import Part
 from radcal.config.pydantic_errors import nearest
 from radcal.config.radar import Radar
 from radcal.config.registration import RegistrationConfig
-from radcal.config.scene import BuiltinScene, SceneConfig
+from radcal.config.scene import BuiltinScene, SceneConfig, SlantRangeScene
 from radcal.config.sections import FURTHER, TAGS, CaseName
 from radcal.config.simulator import BuiltinSimulation, CommandSimulation, SimulatorConfig
 from radcal.config.stop import Stop
@@ -27,6 +27,7 @@ from radcal.config.target import TargetConfig
 from radcal.config.validation import Validation
 from radcal.radar.bands import same_label
 from radcal.radar.laws import EXTERNAL, LAWS
+from radcal.radar.speckle import WIDTH_FACTOR
 
 __all__ = ["Case"]
 
@@ -211,6 +212,7 @@ class Case(Part):
             if measurement.synthetic.is_written:
                 self._check_hidden(measurement.synthetic)
             self._check_truth(measurement.synthetic)
+            self._check_mismatch(measurement.synthetic)
         self._check_laws()
         if isinstance(measurement, FileMeasurement):
             self._check_image(measurement)
@@ -273,6 +275,8 @@ class Case(Part):
         """Refuse a synthetic measurement for which a calibrated law has no hidden parameters."""
         for name, material in self.materials.items():
             key = f"measurement.synthetic.parameters.{name}"
+            if name in synthetic.laws:
+                continue
             if name in synthetic.parameters and (synthetic.is_written or material.law == DEFAULT_LAW):
                 continue
             if name in synthetic.parameters:
@@ -284,6 +288,38 @@ class Case(Part):
                 raise ValueError(
                     f"{key} is missing: hidden parameters are of law {material.law!r}, and "
                     f"materials.{name}.start is of another law"
+                )
+
+    def _check_mismatch(self, synthetic: Synthetic) -> None:
+        """Refuse mismatches of a synthetic measurement that scene, pass, laws or simulator cannot have."""
+        key = "measurement.synthetic"
+        for name, hidden in synthetic.laws.items():
+            if name not in self.materials:
+                raise ValueError(f"{key}.laws.{name}: no such material{nearest(name, self.materials)}")
+            if synthetic.is_written and name in synthetic.parameters:
+                raise ValueError(f"{key}.laws.{name} and {key}.parameters.{name} are both given, expected one of them")
+            if "frequency_ghz" in LAWS[hidden.law].needs and self.radar.frequency_ghz is None:
+                raise ValueError(
+                    f"radar.frequency_ghz is missing: law {hidden.law!r} of {key}.laws.{name} depends on it"
+                )
+        if synthetic.disturbed and isinstance(self.simulator, CommandSimulation):
+            raise ValueError(
+                f"{key}.{synthetic.disturbed[0]} is for the built-in simulator, which images the changed scene; "
+                "simulator.kind: command receives the scene of the runs alone"
+            )
+        if synthetic.relief_m > 0 and isinstance(self.scene, SlantRangeScene):
+            raise ValueError(
+                f"{key}.relief_m is {synthetic.relief_m:g}, expected 0: a slant-range scene has no heights"
+            )
+        for way in ("range", "azimuth"):
+            resolution, spacing = getattr(self.radar, f"{way}_resolution_m"), getattr(self.radar, f"{way}_spacing_m")
+            least = WIDTH_FACTOR * spacing / resolution
+            # a radar that is itself too fine is refused by the simulator, in a sentence of its own
+            if synthetic.resolution_factor < min(1.0, least) * (1 - 1e-9):
+                raise ValueError(
+                    f"{key}.resolution_factor is {synthetic.resolution_factor:g}, expected at least "
+                    f"{min(1.0, least):.3f} with radar.{way}_resolution_m {resolution:g} and radar.{way}_spacing_m "
+                    f"{spacing:g} (the image must be sampled above its bandwidth)"
                 )
 
     def _check_laws(self) -> None:

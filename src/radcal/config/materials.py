@@ -6,7 +6,7 @@ import itertools
 import math
 import re
 from collections.abc import Sequence
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -15,7 +15,7 @@ from radcal.config.pydantic_errors import nearest, shown
 from radcal.config.sections import Section
 from radcal.radar.laws import EXTERNAL, LAWS, Law, external_law
 
-__all__ = ["DEFAULT_LAW", "Material", "Start", "check_parameters", "default_materials"]
+__all__ = ["DEFAULT_LAW", "Material", "OtherLaw", "Start", "check_parameters", "default_materials"]
 
 DEFAULT_LAW = "mangia"
 _LARGEST_WHOLE = 2.0**53
@@ -97,19 +97,27 @@ def check_parameters(key: str, values: Sequence[float], law: Law, name: str) -> 
             raise ValueError(f"{key}: {parameter} of law {name!r} is {x:g}, expected {low:g} to {high:g}")
 
 
-class Start(Section):
-    """Law and parameters of a material in the reference run, if this law differs from the calibrated law."""
+class OtherLaw(Section):
+    """Law and parameters of a material, in an image in which this law may differ from that of section ``materials``."""
 
-    law: str = Field(description="law of the material in the reference run")
+    _cannot_be: ClassVar[str] = "only an external simulator can evaluate"
+
+    law: str = Field(description="law of the material")
     angles_deg: Knots | None = Field(None, description="knots of a tabulated law [deg]")
     parameters: list[Parameter] = Field(description="parameters of this law")
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if self.law == EXTERNAL:
-            raise ValueError(f"law is {EXTERNAL!r}, which cannot be a start, expected one of {sorted(LAWS)}")
+            raise ValueError(f"law is {EXTERNAL!r}, which {self._cannot_be}, expected one of {sorted(LAWS)}")
         check_parameters("parameters", self.parameters, _law_of(self.law, self.angles_deg), self.law)
         return self
+
+
+class Start(OtherLaw):
+    """Law and parameters of a material in the reference run, if this law differs from the calibrated law."""
+
+    _cannot_be: ClassVar[str] = "cannot be a start"
 
 
 class Material(Section):
