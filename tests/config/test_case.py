@@ -213,10 +213,6 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
         {**synthetic(relief_m=0.3), **flat()},
         ["measurement.synthetic.relief_m is 0.3, expected 0: a slant-range scene has no heights"],
     ),
-    (
-        {**synthetic(resolution_factor=0.85), "radar": {"range_resolution_m": 2, "range_spacing_m": 1.5}},
-        ["measurement.synthetic.resolution_factor is 0.85, expected at least 0.888 with radar.range_resolution_m 2"],
-    ),
     (synthetic(warp_px=-1), ["measurement.synthetic.warp_px is -1"]),
     (synthetic(warp_px=float("nan")), ["measurement.synthetic.warp_px is nan"]),
     (synthetic(seed=-1), ["measurement.synthetic.seed is -1"]),

@@ -27,7 +27,6 @@ from radcal.config.target import TargetConfig
 from radcal.config.validation import Validation
 from radcal.radar.bands import same_label
 from radcal.radar.laws import EXTERNAL, LAWS
-from radcal.radar.speckle import WIDTH_FACTOR
 
 __all__ = ["Case"]
 
@@ -311,16 +310,6 @@ class Case(Part):
             raise ValueError(
                 f"{key}.relief_m is {synthetic.relief_m:g}, expected 0: a slant-range scene has no heights"
             )
-        for way in ("range", "azimuth"):
-            resolution, spacing = getattr(self.radar, f"{way}_resolution_m"), getattr(self.radar, f"{way}_spacing_m")
-            least = WIDTH_FACTOR * spacing / resolution
-            # a radar that is itself too fine is refused by the simulator, in a sentence of its own
-            if synthetic.resolution_factor < min(1.0, least) * (1 - 1e-9):
-                raise ValueError(
-                    f"{key}.resolution_factor is {synthetic.resolution_factor:g}, expected at least "
-                    f"{min(1.0, least):.3f} with radar.{way}_resolution_m {resolution:g} and radar.{way}_spacing_m "
-                    f"{spacing:g} (the image must be sampled above its bandwidth)"
-                )
 
     def _check_laws(self) -> None:
         """Refuse laws that the simulator cannot evaluate, and laws that need a missing ``radar.frequency_ghz``."""
