@@ -1,9 +1,8 @@
 """Typed configuration of a case; only this package interprets the configuration.
 
 A case is one YAML file. Each section has a model in a module of its own. Missing keys take the
-defaults of the models, and these defaults are the default case, except that its ``radar.radiometry``
-is the paper's: ``config/config.yaml`` is written from them (``python -m radcal.config``). Unknown
-keys are refused. All models are frozen.
+defaults of the models, and these defaults are the default case: ``config/config.yaml`` is written from
+them (``python -m radcal.config``). Unknown keys are refused. All models are frozen.
 """
 
 from radcal.config.case import Case
@@ -11,7 +10,7 @@ from radcal.config.design import Design
 from radcal.config.inputs import check_reuse, executable_path, expand_path, files_below, input_files, vrt_folders
 from radcal.config.loading import case_from, load
 from radcal.config.materials import Material, Start
-from radcal.config.measurement import FileMeasurement, MeasurementConfig, Synthetic, SyntheticMeasurement
+from radcal.config.measurement import FileMeasurement, HiddenLaw, MeasurementConfig, Synthetic, SyntheticMeasurement
 from radcal.config.optimiser import Optimiser
 from radcal.config.pydantic_errors import nearest
 from radcal.config.radar import Radar
@@ -39,6 +38,7 @@ __all__ = [
     "CommandSimulation",
     "Design",
     "FileMeasurement",
+    "HiddenLaw",
     "InputFile",
     "Material",
     "MeasurementConfig",
