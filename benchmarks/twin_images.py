@@ -68,9 +68,9 @@ def either(rng: np.random.Generator, low: float, high: float) -> float:
 
 
 def relief(rng: np.random.Generator) -> dict[str, Any]:
-    """Relief below the cells: slopes of 2 to 4 degrees (rms) that the elevation model does not show."""
+    """Relief below the cells: slopes of 1 to 3 degrees (rms) that the elevation model does not show."""
     length_m = float(rng.uniform(4.0, 8.0))
-    slope = np.tan(np.radians(rng.uniform(2.0, 4.0)))  # rms along one axis: sqrt(2) rms height / length
+    slope = np.tan(np.radians(rng.uniform(1.0, 3.0)))  # rms along one axis: sqrt(2) rms height / length
     return {"relief_m": float(slope * length_m / np.sqrt(2.0)), "relief_length_m": length_m}
 
 
