@@ -1,9 +1,8 @@
 """Typed configuration of a case; only this package interprets the configuration.
 
 A case is one YAML file. Each section has a model in a module of its own. Missing keys take the
-defaults of the models, and these defaults are the default case, except that its ``radar.radiometry``
-is the paper's: ``config/config.yaml`` is written from them (``python -m radcal.config``). Unknown
-keys are refused. All models are frozen.
+defaults of the models, and these defaults are the default case: ``config/config.yaml`` is written from
+them (``python -m radcal.config``). Unknown keys are refused. All models are frozen.
 """
 
 from radcal.config.case import Case

@@ -11,7 +11,13 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 from radcal.config.design import Design
 from radcal.config.limits import Seed
 from radcal.config.materials import DEFAULT_LAW, Material, check_parameters, default_materials
-from radcal.config.measurement import FileMeasurement, MeasurementConfig, Synthetic, SyntheticMeasurement
+from radcal.config.measurement import (
+    FileMeasurement,
+    MeasurementConfig,
+    Synthetic,
+    SyntheticMeasurement,
+    default_synthetic,
+)
 from radcal.config.objectives import DEFAULT, OBJECTIVES, SINGLE, Objective, names
 from radcal.config.optimiser import Optimiser
 from radcal.config.part import Part
@@ -53,6 +59,12 @@ def _with_fitting_draws(data: dict[str, Any]) -> dict[str, Any]:
     if simulator.get(tag, "builtin") != "builtin":
         return data
     return {**data, "simulator": {**simulator, tag: "builtin", "draws": _DRAWS_IN_BINS}}
+
+
+def _with_fitting_measurement(data: dict[str, Any]) -> dict[str, Any]:
+    """Case data; without a section ``measurement``, a case of scene and materials of the default case has its image."""
+    own = "measurement" in data or "materials" in data or "scene" in data
+    return data if own else {**data, "measurement": SyntheticMeasurement(synthetic=default_synthetic())}
 
 
 def _with_passes(data: dict[str, Any]) -> dict[str, Any]:
@@ -123,7 +135,7 @@ class Case(Part):
         """
         if not isinstance(data, dict):
             return data
-        data = _with_fitting_stop(_with_passes(data))
+        data = _with_fitting_measurement(_with_fitting_stop(_with_passes(data)))
         if "objective" in data:
             return _with_fitting_draws(data)
         target, materials = (data[key] if isinstance(data.get(key), dict) else {} for key in ("target", "materials"))

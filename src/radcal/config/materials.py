@@ -300,16 +300,16 @@ _SYNTHETIC_MATERIALS: dict[str, dict[str, Any]] = {
     "dyke": {
         "calibrate": True,
         "law": "mangia",
-        "bounds": [[0, 50], [0, 50], [0, 50], [0, 50]],
-        # bare soil of Oh et al. 1992 (docs/laws.md), plus 30 dB to reach the level of the other laws of this case
-        "start": [0.0, 13.07, 12.17, 0.09],
+        "bounds": [[-32, -8], [0, 16], [0, 22], [0, 12]],
+        # bare soil of Oh et al. 1992 (docs/laws.md)
+        "start": [-30.0, 13.07, 12.17, 0.09],
     },
-    "water": {"parameters": [2.0, 3.0, 22.0, 6.0]},
-    "grass": {"parameters": [10.0, 14.0, 6.0, 4.0]},
-    "forest": {"parameters": [20.0, 9.0, 2.0, 2.0]},
-    "crops": {"parameters": [12.0, 16.0, 5.0, 4.0]},
-    "bare_soil": {"parameters": [6.0, 15.0, 14.0, 5.0]},
-    "road": {"parameters": [2.0, 10.0, 18.0, 8.0]},
+    "water": {"parameters": [-30.0, 6.0, 22.0, 12.0]},
+    "grass": {"parameters": [-22.0, 9.0, 9.0, 3.5]},
+    "forest": {"parameters": [-15.0, 6.0, 3.0, 2.0]},
+    "crops": {"parameters": [-20.0, 9.0, 7.0, 3.5]},
+    "bare_soil": {"parameters": [-24.0, 10.0, 10.0, 4.0]},
+    "road": {"parameters": [-28.0, 8.0, 14.0, 8.0]},
 }
 
 

@@ -21,10 +21,12 @@ __all__ = [
     "MeasurementConfig",
     "Synthetic",
     "SyntheticMeasurement",
+    "default_synthetic",
 ]
 
 SICD_ENDINGS = (".nitf", ".ntf", ".sicd")  # endings of files that may give the radiometry
 RADIOMETRY_EXPECTED = f"expected {', '.join(get_args(Radiometry)[:-1])} or {get_args(Radiometry)[-1]}"
+_DYKE = (-24.0, 10.0, 14.0, 5.0)  # hidden parameters of the default case's dyke
 _SOURCE = "synthetic or file; each has keys of its own"
 
 
@@ -39,7 +41,7 @@ class Synthetic(Section):
     """
 
     parameters: dict[str, list[Parameter]] = Field(
-        default_factory=lambda: {"dyke": [6.1, 14.2, 21.5, 3.3]},
+        default_factory=lambda: {"dyke": list(_DYKE)},
         description="hidden law parameters by material; a material not listed uses its parameters in section materials",
     )
 
@@ -85,6 +87,29 @@ class Synthetic(Section):
         """Keys by which scene, pass or laws of the synthetic measurement differ from those of the runs."""
         keys = ("laws", "relief_m", "resolution_factor", "looks", "nesz_db", "texture_db", "wrong_labels")
         return tuple(key for key in keys if getattr(self, key) not in (None, {}, type(self).model_fields[key].default))
+
+
+def default_synthetic() -> Synthetic:
+    """Measurement of the default case, made by other settings than the simulator's.
+
+    Relief, point spread, level and the laws of the materials that are not calibrated are slightly off. A case that has
+    a section ``measurement.synthetic`` gets none of these mismatches, unless it configures them.
+    """
+    return Synthetic(
+        parameters={
+            "dyke": list(_DYKE),
+            "water": [-30.0, 6.5, 22.0, 11.0],
+            "grass": [-21.5, 9.0, 9.0, 3.8],
+            "forest": [-15.6, 6.0, 3.0, 2.0],
+            "crops": [-20.0, 9.8, 6.5, 3.5],
+            "bare_soil": [-24.7, 10.0, 10.5, 4.0],
+            "road": [-28.0, 8.0, 15.0, 7.0],
+        },
+        offset_db=0.4,
+        relief_m=0.08,
+        relief_length_m=4.0,
+        resolution_factor=1.1,
+    )
 
 
 class SyntheticMeasurement(Section):
