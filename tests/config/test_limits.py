@@ -95,6 +95,16 @@ FIRST: dict[str, Any] = {
     "surrogate": {"training": "posterior"},
     "optimiser": {"population": 50, "evaluations": 700},
     "stop": {"rms": 1e-4, "max_runs": 150, "stagnation_runs": 15, "law_db": 0.1},
+    "uncertainty": {
+        "known_db": 1.2,
+        "level_db": 0.4,
+        "field_db": 0.6,
+        "point_spread": 0.2,
+        "incidence_error": 0.4,
+        "incidence_floor_deg": 0.3,
+        "walkers": 64,
+        "steps": 3000,
+    },
 }  # fmt: skip
 RASTERS = {
     "source": "raster", "elevation": "a.tif", "materials": "b.tif", "names": "c.json", "cell_m": 2.0,

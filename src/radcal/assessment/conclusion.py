@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.assessment.law_check import LawCheck, check_laws, texture_note
+from radcal.assessment.posterior import Posterior
 from radcal.calibration.history import History
 from radcal.calibration.noise import noise_sentence
 from radcal.calibration.objectives import Comparison, make_objectives
@@ -90,6 +91,7 @@ def conclude(
     geometry: Geometry,
     runs: str | Path,
     final: Sequence[Record],
+    posteriors: Mapping[str, Posterior] | None = None,
 ) -> Conclusion:
     """Decide, check the laws, and score the final runs.
 
@@ -107,6 +109,8 @@ def conclude(
         Folder of the run store.
     final : sequence of two Record
         The calibrated laws with common and with fresh random numbers.
+    posteriors : mapping, optional
+        Posterior by material.
 
     Raises
     ------
@@ -120,7 +124,7 @@ def conclude(
             f"{store.path(key)}: the reference run is missing or without its image; delete "
             f"{Path(runs).parent / 'reference.json'} and type the same command again to make it again."
         )
-    checks = check_laws(case, targets, history)
+    checks = check_laws(case, targets, history, posteriors=posteriors)
     objectives = make_objectives(case, targets)
     first = {name: score.looks for name, score in history.runs[0].scores.items()}
     looks = {name: history.best(name).scores[name].looks for name in targets}

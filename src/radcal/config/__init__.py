@@ -28,6 +28,7 @@ from radcal.config.simulator import (
 from radcal.config.stop import Stop
 from radcal.config.surrogate import SurrogateConfig
 from radcal.config.target import TargetConfig
+from radcal.config.uncertainty import Uncertainty
 from radcal.config.validation import Validation
 from radcal.config.writing import default_case, default_yaml
 
@@ -59,6 +60,7 @@ __all__ = [
     "SyntheticMeasurement",
     "TargetConfig",
     "Template",
+    "Uncertainty",
     "Validation",
     "case_from",
     "check_reuse",

@@ -30,6 +30,7 @@ from radcal.config.simulator import BuiltinSimulation, CommandSimulation, Simula
 from radcal.config.stop import Stop
 from radcal.config.surrogate import SurrogateConfig
 from radcal.config.target import TargetConfig
+from radcal.config.uncertainty import Uncertainty
 from radcal.config.validation import Validation
 from radcal.radar.bands import same_label
 from radcal.radar.laws import EXTERNAL, LAWS
@@ -123,6 +124,7 @@ class Case(Part):
     design: Design = Field(default_factory=Design)
     surrogate: SurrogateConfig = Field(default_factory=SurrogateConfig)
     optimiser: Optimiser = Field(default_factory=Optimiser)
+    uncertainty: Uncertainty = Field(default_factory=Uncertainty)
     stop: Stop = Field(default_factory=Stop)
 
     @model_validator(mode="before")

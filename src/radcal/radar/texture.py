@@ -38,7 +38,9 @@ def log_speckle_cumulants(looks: ArrayLike) -> NDArray[np.float64]:
     n = np.asarray(looks, dtype=np.float64)
     if n.ndim == 0:  # cached, because a search repeats the same looks
         return np.array(_scalar(float(n)))
-    return np.stack([np.array(_scalar(float(one))) for one in n.ravel()]).reshape(*n.shape, 3)
+    from scipy.special import digamma, polygamma
+
+    return np.stack([_DB * (digamma(n) - np.log(n)), _DB**2 * polygamma(1, n), _DB**3 * polygamma(2, n)], axis=-1)
 
 
 @lru_cache(maxsize=4096)

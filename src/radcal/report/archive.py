@@ -13,6 +13,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.assessment.posterior import Posterior
 from radcal.radar.laws import Law, law_for
 from radcal.storage.layout import About, Attribute, Inline, Main, put, table, take
 from radcal.storage.records import read_hdf5, write_hdf5
@@ -209,6 +210,7 @@ class MaterialResult:
         Doubles | None, About("effective number of looks at which each run fits the target best", shape="n")
     ] = None
     fidelity: Annotated[Fidelity | None, About("predictions of the surrogate and the runs that verified them")] = None
+    posterior: Annotated[Posterior | None, About("what is known of the law")] = None
 
 
 @dataclass(frozen=True)
@@ -381,15 +383,7 @@ def read_archive(path: str | Path, images: bool = True) -> Archive:
     Returns
     -------
     Archive
-        Results of the calibration, with the materials in the order of the configuration.
-
-    Raises
-    ------
-    DamagedError
-        The file is damaged, has another version of the format, or belongs to another case; it was renamed to
-        ``*.damaged``.
-    StoreError
-        The file is missing or cannot be read.
+        Results of the calibration, with the materials in the order of the configuration; errors: :func:`.read_hdf5`.
     """
     with read_hdf5(path, _KIND) as file:
         return take(file, Archive, without=() if images else ("images",))

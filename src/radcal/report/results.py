@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, fields
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, fields, replace
 from importlib.metadata import version
 from typing import Any
 
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from radcal.assessment.conclusion import Conclusion
 from radcal.assessment.law_check import LawCheck
+from radcal.assessment.posterior import Posterior
 from radcal.calibration.history import History, Run
 from radcal.calibration.passes import pass_laws
 from radcal.config import Material, Radar, Stop, stages
@@ -63,6 +64,7 @@ def gather(
     conclusion: Conclusion,
     passes: Sequence[Registered] = (),
     final: Sequence[Record] = (),
+    posteriors: Mapping[str, Posterior] | None = None,
 ) -> Archive:
     """Collect the results of a calibration.
 
@@ -86,6 +88,8 @@ def gather(
         Registered measured images of all passes.
     final : sequence of Record
         Final runs of all passes, two for each.
+    posteriors : mapping, optional
+        Posterior by material.
 
     Returns
     -------
@@ -118,7 +122,11 @@ def gather(
         scene=_scene(scene),
         laws={name: _law(parameters[name], item, case.radar) for name, item in case.materials.items()},
         materials={
-            name: _material(name, case, history, targets, conclusion, measurement.hidden.get(name)) for name in targets
+            name: replace(
+                _material(name, case, history, targets, conclusion, measurement.hidden.get(name)),
+                posterior=(posteriors or {}).get(name),
+            )
+            for name in targets
         },
         passes=_passes(case, history, targets, passes, final) if targets.further else None,
         images=Images(

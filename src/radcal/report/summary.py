@@ -89,6 +89,31 @@ def _check(check: Check) -> dict[str, Any]:
     }
 
 
+def _posterior(material: MaterialResult) -> dict[str, Any]:
+    """Interval of incidence in which sigma0 is known, its curve, and intervals of the parameters."""
+    known = material.posterior
+    if known is None:
+        return {}
+    curve, names = known.curve, material.parameter_names
+    return {
+        "known_between_deg": None if known.known_between_deg is None else list(known.known_between_deg),
+        "sigma0_curve": None
+        if curve is None
+        else {key: getattr(curve, key).tolist() for key in ("incidence_deg", "median_db", "p05_db", "p95_db")},
+        "parameters_p05": dict(zip(names, map(float, known.parameters_p05), strict=True)),
+        "parameters_p95": dict(zip(names, map(float, known.parameters_p95), strict=True)),
+        "posterior": {
+            "sampled": known.sampled,
+            "effective_sample_size": known.ess,
+            "r_hat": known.r_hat,
+            "looks": known.looks.tolist(),
+            "field_sd_db": known.between_db.tolist(),
+            "mode_shares": known.mode_share.tolist(),
+            "sentences": list(known.sentences),
+        },
+    }
+
+
 def _numbers(held: HeldOutBlocks) -> dict[str, Any]:
     """Errors of the predictions for held-out blocks, without the values of the individual blocks."""
     return {key: value for key, value in vars(held).items() if not isinstance(value, np.ndarray)}
@@ -111,6 +136,7 @@ def _material(material: MaterialResult, counted: NDArray[np.bool_], tolerance: f
         "stop_reason": material.reason,
         "sentence": material.sentence,
         **_check(material.check),
+        **_posterior(material),
         "target": _theta(target),
         "calibrated": _theta(dp),
         "rms": float(rms[best]),

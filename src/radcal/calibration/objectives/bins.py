@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.calibration.expected import LawForward
-from radcal.calibration.grounds import GroundLaw, curve_prior, ground_residuals, limited
+from radcal.calibration.grounds import GroundLaw, curve_prior, ground_residuals, law_prior, limited
 from radcal.calibration.history import History, Score
 from radcal.calibration.law_fit import Residuals, fit_law
 from radcal.calibration.misfit import BinMisfit, LikelihoodMisfit, Method, Misfit
 from radcal.calibration.moments import from_cumulants, to_cumulants
 from radcal.calibration.objectives.objective import (
+    Compared,
     Doubles,
     Material,
     Objective,
@@ -62,7 +63,7 @@ class Bins(Objective):
         self._prior = curve_prior(self.ground, self.method)
         self.explores = not material.law.has_curve
         if material.law.has_curve:
-            expected = LawForward(material.law, bins.classes.nodes_deg, material.looks, target.noise_db)
+            expected = self.expected = LawForward(material.law, bins.classes.nodes_deg, material.looks, target.noise_db)
             self.baseline = lambda x: from_cumulants(expected(x))
             self.starts = [(bins.first, bins.first_looks)]
 
@@ -71,6 +72,12 @@ class Bins(Objective):
         """Standard deviations of mean [dB], log sd and skewness of the measured bins, shape (n, 3)."""
         misfit = BinMisfit.of(self.ground, self.bins.classes, self.method, self.bins.spread)
         return np.asarray(np.sqrt(np.diag(misfit.covariance)).reshape(3, -1).T)
+
+    def compared(self) -> Compared:
+        """Measured pixels and the statistics of their bins."""
+        measured = from_cumulants(self.bins.classes.cumulants)
+        prior = law_prior(self.ground, self.method)
+        return Compared(self.ground, self.bins.classes, self.method, measured, prior, self.method.priors)
 
     def statistics(self, values_db: Doubles, pixels: NDArray[np.int64] | None = None) -> Doubles:
         """Mean [dB], log sd and skewness of the pixels in each bin, shape (n, 3)."""
