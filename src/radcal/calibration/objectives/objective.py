@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from radcal.calibration.grounds import GroundLaw
 from radcal.calibration.history import History, Proposal, Score
 from radcal.calibration.law_fit import LOOKS, Residuals
-from radcal.calibration.misfit import Misfit
+from radcal.calibration.misfit import BinMisfit, Misfit
 from radcal.config import Stop
 from radcal.measurement.target import Target
 from radcal.radar.laws import Law
@@ -258,6 +258,15 @@ class Objective(Comparison):
     @abstractmethod
     def evidence(self, score: Score) -> Residuals:
         """Residuals of this pass without priors, by X and looks, with what a run shows besides law and speckle."""
+
+    @property
+    def moments(self) -> BinMisfit | None:
+        """Misfit of mean, log sd and skewness of the measured bins; None without bins."""
+        return None
+
+    def moment_residuals(self, score: Score) -> Residuals:
+        """Residuals of :attr:`moments` by X and looks, with what a run shows besides law and speckle."""
+        return self.evidence(score)
 
     def law_in(self, number: int, score: Score) -> GroundLaw:
         """Law of a run with its uncertainty, on the ground of this one pass."""
