@@ -50,7 +50,7 @@ class LawCheck:
     incidence_error_deg : float
         Standard error of the local incidence that was assumed [deg].
     class_deg, class_db, class_error_db : ndarray, shape (n,)
-        Mean incidence of each class [deg]; the level that its measured pixels ask of the law there [dB], and
+        Mean incidence of each class [deg]; the level at which the law would have its measured mean there [dB], and
         the standard error of its mean. Empty for another objective.
     sentences : list of str
         What a user must know before believing the law.
@@ -235,7 +235,7 @@ def _held_sentences(case: stages.Archive, name: str, held: HeldOut | None) -> li
 
 
 def _levels_asked(law: GroundLaw, score: Score, nominal: float) -> tuple[NDArray[np.float64], ...]:
-    """Mean incidence [deg] of each bin, the level [dB] that its pixels ask of the law, and that level's error [dB]."""
+    """Mean incidence [deg] of each bin, the law's level [dB] that has the measured mean there, and its error [dB]."""
     classes, method = law.classes, law.method
     speckle = log_speckle_cumulants(law.fit.looks)[0] - log_speckle_cumulants(nominal)[0]
     expected = np.asarray(score.statistics)[:, 0] + speckle

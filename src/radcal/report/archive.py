@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from radcal.assessment.posterior import Posterior
 from radcal.radar.laws import Law, law_for
+from radcal.report.fitted import Fitted
 from radcal.storage.layout import About, Attribute, Inline, Main, put, table, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
@@ -188,6 +189,7 @@ class MaterialResult:
     calibrated_db: Annotated[Doubles, About("target's pixels in the calibrated run", _UNIT, "p")]
     fresh_db: Annotated[Doubles, About("target's pixels in the calibrated run with another seed", _UNIT, "p")]
     check: Annotated[Check, About("reliability of the calibrated law")]
+    fitted: Annotated[Fitted, About("test of the fit of the calibrated law")]
     final_dp: Annotated[Doubles, About("xi, omega and alpha (no unit) of the calibrated run", _UNIT, "3")]
     fresh_dp: Annotated[
         Doubles, About("xi, omega and alpha (no unit) of the calibrated run with another seed", _UNIT, "3")
@@ -197,9 +199,7 @@ class MaterialResult:
     ]
     floor_rms: Annotated[
         Doubles,
-        About(
-            "smallest rms inside the bounds, less two standard errors of the surrogate; NaN if unknown", _DENSITY, "m"
-        ),
+        About("smallest rms inside the bounds less two standard errors; NaN if unknown", _DENSITY, "m"),
     ]
     mode: Annotated[tuple[str, ...], About("mode of each proposal: exploit, explore, exhausted or ended", shape="m")]
     hidden: Annotated[Doubles | None, About("true X of a synthetic measurement", shape="d")] = None

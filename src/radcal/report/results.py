@@ -40,6 +40,7 @@ from radcal.report.archive import (
     Runs,
     SceneView,
 )
+from radcal.report.fitted import Fitted
 from radcal.report.law_notes import law_notes
 from radcal.scene.model import Scene
 from radcal.storage.disclosure import disclosed
@@ -335,6 +336,7 @@ def _material(
         calibrated_db=found.calibrated,
         fresh_db=found.fresh,
         check=_check(check),
+        fitted=Fitted(verdict=conclusion.verdicts[name], **vars(conclusion.fits[name])),
         final_dp=found.calibrated_dp,
         fresh_dp=found.fresh_dp,
         predicted_rms=_numbers(None if of_classes else proposal.cost for proposal in proposals),

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from radcal import skewnormal
 from radcal.config import stages
 from radcal.report.archive import Archive, Check, HeldOutBlocks, MaterialResult, PassSummary, RegistrationSummary
+from radcal.report.fitted import misfit, overall
 
 __all__ = ["numbered_jobs", "sentences", "summarise", "wall_seconds"]
 
@@ -71,8 +72,16 @@ def wall_seconds(folder: str | Path, jobs: Mapping[str, int] | None = None) -> d
 
 
 def sentences(archive: Archive) -> list[str]:
-    """Sentences on the reason why the search ended for each material, and warnings about each law."""
-    return [*archive.sentences, *(said for material in archive.materials.values() for said in material.check.sentences)]
+    """First line on all materials, verdicts of several, reasons why the search ended, and warnings about each law."""
+    each = [material.fitted.verdict for material in archive.materials.values()]
+    verdicts = [_overall(archive)["verdict"], *(each if len(each) > 1 else [])]
+    warnings = [said for material in archive.materials.values() for said in material.check.sentences]
+    return [*verdicts, *archive.sentences, *warnings]
+
+
+def _overall(archive: Archive) -> dict[str, Any]:
+    """Whether all laws fit, and the first line on all materials."""
+    return overall({name: material.fitted for name, material in archive.materials.items()}, archive.converged)
 
 
 def _check(check: Check) -> dict[str, Any]:
@@ -137,6 +146,9 @@ def _material(material: MaterialResult, counted: NDArray[np.bool_], tolerance: f
         "sentence": material.sentence,
         **_check(material.check),
         **_posterior(material),
+        "fits": material.fitted.fits,
+        "verdict": material.fitted.verdict,
+        "misfit": misfit(material.fitted),
         "target": _theta(target),
         "calibrated": _theta(dp),
         "rms": float(rms[best]),
@@ -231,6 +243,7 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
     summary: dict[str, Any] = {
         "case": archive.case,
         "objective": archive.objective,
+        **_overall(archive),
         "converged": archive.converged,
         "stop_reason": archive.reason,
         "tolerance": archive.tolerance,

@@ -14,7 +14,7 @@ from radcal.calibration.expected import LawForward
 from radcal.calibration.grounds import GroundLaw
 from radcal.calibration.history import History, Proposal, Score
 from radcal.calibration.law_fit import LOOKS, Residuals
-from radcal.calibration.misfit import Method, Misfit
+from radcal.calibration.misfit import BinMisfit, Method, Misfit
 from radcal.calibration.priors import CurvePrior
 from radcal.config import Stop
 from radcal.measurement.classes import Classes
@@ -298,6 +298,15 @@ class Objective(Comparison):
     @abstractmethod
     def evidence(self, score: Score) -> Residuals:
         """Residuals of this pass without priors, by X and looks, with what a run shows besides law and speckle."""
+
+    @property
+    def moments(self) -> BinMisfit | None:
+        """Misfit of mean, log sd and skewness of the measured bins; None without bins."""
+        return None
+
+    def moment_residuals(self, score: Score) -> Residuals:
+        """Residuals of :attr:`moments` by X and looks, with what a run shows besides law and speckle."""
+        return self.evidence(score)
 
     def law_in(self, number: int, score: Score) -> GroundLaw:
         """Law of a run with its uncertainty, on the ground of this one pass."""
