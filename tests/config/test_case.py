@@ -45,8 +45,9 @@ def test_defaults_are_a_valid_case() -> None:
     assert len(case.materials) == 7
     assert isinstance(case.scene, BuiltinScene)
     assert isinstance(case.measurement, SyntheticMeasurement)
-    assert case.measurement.synthetic.parameters == {"dyke": [6.1, 14.2, 21.5, 3.3]}
-    assert case.materials["dyke"].box == [(0.0, 50.0)] * 4
+    assert case.measurement.synthetic.parameters["dyke"] == [-24.0, 10.0, 14.0, 5.0]
+    assert case.materials["dyke"].box == [(-32.0, -8.0), (0.0, 16.0), (0.0, 22.0), (0.0, 12.0)]
+    assert case_from(dyke()).materials["dyke"].box == [(0.0, 50.0)] * 4  # the law's own
     assert (case.stop.rms, case.stop.max_runs, case.stop.stagnation_runs) == (1e-5, 200, 20)
     assert (case.objective, case.design.sampler, case.design_size) == ("classes", "sobol", 2)
     assert case.has_baseline
@@ -185,6 +186,34 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     (synthetic(parameters={"dyke": [1, 2]}), ["measurement.synthetic.parameters.dyke", "2 numbers", "takes 4"]),
     (synthetic(parameters={"dyke": [1, 2, 3, "x"]}), ["measurement.synthetic.parameters.dyke.3 is 'x'"]),
     (synthetic(offset_db=float("nan")), ["measurement.synthetic.offset_db is nan"]),
+    (
+        synthetic(laws={"dkye": {"law": "mangia", "parameters": X}}),
+        ["measurement.synthetic.laws.dkye: no such material (did you mean 'dyke'?)"],
+    ),
+    (
+        synthetic(parameters={"dyke": X}, laws={"dyke": {"law": "mangia", "parameters": X}}),
+        ["measurement.synthetic.laws.dyke and measurement.synthetic.parameters.dyke are both given"],
+    ),
+    (
+        synthetic(laws={"dyke": {"law": "oh1992", "parameters": [8, 1, 2]}}),
+        ["radar.frequency_ghz is missing", "'oh1992' of measurement.synthetic.laws.dyke"],
+    ),
+    (
+        synthetic(laws={"dyke": {"law": "mangia", "parameters": X[:3]}}),
+        ["measurement.synthetic.laws.dyke: parameters has 3 numbers, law 'mangia' takes 4"],
+    ),
+    (
+        synthetic(laws={"dyke": {"law": "external", "parameters": X}}),
+        ["measurement.synthetic.laws.dyke: law is 'external', which only an external simulator can evaluate"],
+    ),
+    (
+        {**synthetic(texture_db=1.0), "simulator": COMMAND},
+        ["measurement.synthetic.texture_db is for the built-in simulator", "the scene of the runs alone"],
+    ),
+    (
+        {**synthetic(relief_m=0.3), **flat()},
+        ["measurement.synthetic.relief_m is 0.3, expected 0: a slant-range scene has no heights"],
+    ),
     (synthetic(warp_px=-1), ["measurement.synthetic.warp_px is -1"]),
     (synthetic(warp_px=float("nan")), ["measurement.synthetic.warp_px is nan"]),
     (synthetic(seed=-1), ["measurement.synthetic.seed is -1"]),

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.assessment.posterior import Posterior
 from radcal.assessment.validation import CrossValidation, HeldOut, cross_validate, held_out
 from radcal.calibration.expected import law_cumulants
 from radcal.calibration.grounds import GroundLaw, marginal_law, refit
@@ -37,9 +38,9 @@ class LawCheck:
     looks, looks_nominal : float
         Effective looks of the material and those of the simulated speckle.
     identified : bool or None
-        Whether the law's change over the incidence seen exceeds its own uncertainty and, where one density of
-        all pixels was matched, whether it predicts blocks of its own ground better than a constant; None for a law
-        without a curve.
+        Whether sigma0 is known somewhere over the incidence seen (:mod:`radcal.assessment.posterior`). Without a
+        posterior: whether the law's change there exceeds its own uncertainty and, where one density of all pixels was
+        matched, whether it predicts blocks of its own ground better than a constant. None for a law without a curve.
     held : HeldOut or None
         How well block means of ground that was kept out are predicted.
     constant_db : float
@@ -49,7 +50,7 @@ class LawCheck:
     incidence_error_deg : float
         Standard error of the local incidence that was assumed [deg].
     class_deg, class_db, class_error_db : ndarray, shape (n,)
-        Mean incidence of each class [deg]; the level that its measured pixels ask of the law there [dB], and
+        Mean incidence of each class [deg]; the level at which the law would have its measured mean there [dB], and
         the standard error of its mean. Empty for another objective.
     sentences : list of str
         What a user must know before believing the law.
@@ -69,7 +70,13 @@ class LawCheck:
     sentences: list[str]
 
 
-def check_laws(case: stages.Archive, targets: Targets, history: History, number: int = 0) -> dict[str, LawCheck]:
+def check_laws(
+    case: stages.Archive,
+    targets: Targets,
+    history: History,
+    number: int = 0,
+    posteriors: Mapping[str, Posterior] | None = None,
+) -> dict[str, LawCheck]:
     """Check the best run's law of every material on the ground of one pass.
 
     Parameters
@@ -82,6 +89,8 @@ def check_laws(case: stages.Archive, targets: Targets, history: History, number:
         All scored runs.
     number : int
         Number of the pass, from 0; the uncertainty of the law is that of all passes.
+    posteriors : mapping, optional
+        Posterior by material, which says whether a law is identified: known somewhere.
 
     Returns
     -------
@@ -101,9 +110,21 @@ def check_laws(case: stages.Archive, targets: Targets, history: History, number:
     }
     binned = any(target.classes is not None for target in targets.values())
     if case.validation is not None and not binned:
-        found = spreads([law.cell_residuals() for law in laws.values()])
-        laws = {name: replace(law, spread=spread) for (name, law), spread in zip(laws.items(), found, strict=True)}
-    return {name: _check(case, name, target, laws.get(name), best[name]) for name, target in targets.items()}
+        known = spreads([law.cell_residuals() for law in laws.values()])
+        laws = {name: replace(law, spread=spread) for (name, law), spread in zip(laws.items(), known, strict=True)}
+    found = {name: _check(case, name, target, laws.get(name), best[name]) for name, target in targets.items()}
+    return {name: _with_posterior(case, name, check, (posteriors or {}).get(name)) for name, check in found.items()}
+
+
+def _with_posterior(case: stages.Archive, name: str, check: LawCheck, posterior: Posterior | None) -> LawCheck:
+    """Check of a law whose posterior says whether it is identified."""
+    if posterior is None or posterior.curve is None or check.identified is None:
+        return check
+    known = posterior.known_between_deg is not None
+    others = [said for said in check.sentences if f"{name}: the law is not identified" not in said]
+    doubt = [] if known else [f"{name}: {posterior.sentence(case.uncertainty.known_db)}"]
+    linear = [] if posterior.sampled else [f"{name}: {posterior.sentences[0]}"]
+    return replace(check, identified=known, sentences=[*doubt, *linear, *others])
 
 
 def texture_note(checks: Mapping[str, LawCheck]) -> str:
@@ -214,7 +235,7 @@ def _held_sentences(case: stages.Archive, name: str, held: HeldOut | None) -> li
 
 
 def _levels_asked(law: GroundLaw, score: Score, nominal: float) -> tuple[NDArray[np.float64], ...]:
-    """Mean incidence [deg] of each bin, the level [dB] that its pixels ask of the law, and that level's error [dB]."""
+    """Mean incidence [deg] of each bin, the law's level [dB] that has the measured mean there, and its error [dB]."""
     classes, method = law.classes, law.method
     speckle = log_speckle_cumulants(law.fit.looks)[0] - log_speckle_cumulants(nominal)[0]
     expected = np.asarray(score.statistics)[:, 0] + speckle

@@ -24,6 +24,7 @@ __all__ = [
     "curve_prior",
     "fit_grounds",
     "ground_residuals",
+    "law_prior",
     "limited",
     "marginal_law",
     "refit",
@@ -132,9 +133,13 @@ def _limited(ground: Ground, method: Method) -> Ground:
 
 def curve_prior(ground: Ground, method: Method) -> Residuals:
     """Residuals of the priors on a material's curve and looks."""
+    return prior_residuals(law_prior(ground, method), method.looks, method.free_looks)
+
+
+def law_prior(ground: Ground, method: Method) -> CurvePrior | None:
+    """Prior on a material's curve; None where it is switched off, or for a law without a curve."""
     level = float(ground.values_db.mean()), float(ground.incidence_deg.mean())
-    prior = CurvePrior(method.law, *level) if method.priors and method.law.has_curve else None
-    return prior_residuals(prior, method.looks, method.free_looks)
+    return CurvePrior(method.law, *level) if method.priors and method.law.has_curve else None
 
 
 def ground_residuals(

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.calibration.expected import expected_cumulants, law_cumulants
 from radcal.calibration.incidence_error import ErrorKind, attenuation, true_nodes
-from radcal.calibration.moments import from_cumulants, sampling_covariance
+from radcal.calibration.moments import from_cumulants, sampled_statistics, sampling_covariance
 from radcal.measurement.classes import Classes
 from radcal.measurement.ground import Ground
 from radcal.measurement.patches import Spread
@@ -127,6 +127,27 @@ class BinMisfit(Misfit):
     @cached_property
     def _whitening(self) -> Doubles:
         return np.asarray(np.linalg.inv(np.linalg.cholesky(self.covariance)))
+
+    def differences(self, residuals: Doubles) -> Doubles:
+        """Expected minus measured mean [dB], log sd and skewness of each bin, (3 n,) to (n, 3), from residuals."""
+        return np.asarray((np.linalg.cholesky(self.covariance) @ residuals).reshape(3, -1).T)
+
+    def replicates(self, count: int, rng: np.random.Generator) -> Doubles:
+        """Residuals of samples that the expected statistics describe, shape (count, 3 n).
+
+        Each bin is drawn anew, with as many log-gamma values as its effective sample size, and so are the effects of
+        fields and cells and the shape of texture: whatever :attr:`covariance` holds, without its normal law.
+        """
+        n = self.classes.size
+        found = np.empty((count, 3, n))
+        for k in range(n):
+            found[:, :, k] = sampled_statistics(self.classes.cumulants[k, 1], self.classes.effective[k], count, rng)
+        fields, cells = (share.shape[1] for share in (self.patch_share, self.cell_share))
+        found[:, 0] += self.between_db * rng.normal(size=(count, fields)) @ self.patch_share.T
+        found[:, 0] += self.within_db * rng.normal(size=(count, cells)) @ self.cell_share.T
+        found[:, 1] += _LOG_SD_PATCH * rng.normal(size=(count, fields)) @ self.patch_share.T
+        found[:, 2] += SKEWNESS_SHAPE * rng.normal(size=(count, 1))
+        return np.asarray(found.reshape(count, 3 * n) @ self._whitening.T)
 
     @cached_property
     def _measured(self) -> Doubles:

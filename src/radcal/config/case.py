@@ -12,19 +12,26 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 from radcal.config.design import Design
 from radcal.config.limits import Seed
 from radcal.config.materials import DEFAULT_LAW, Material, check_parameters, default_materials
-from radcal.config.measurement import FileMeasurement, MeasurementConfig, Synthetic, SyntheticMeasurement
+from radcal.config.measurement import (
+    FileMeasurement,
+    MeasurementConfig,
+    Synthetic,
+    SyntheticMeasurement,
+    default_synthetic,
+)
 from radcal.config.objectives import DEFAULT, OBJECTIVES, SINGLE, Objective, names
 from radcal.config.optimiser import Optimiser
 from radcal.config.part import Part
 from radcal.config.pydantic_errors import Contradictions, nearest
 from radcal.config.radar import Radar
 from radcal.config.registration import RegistrationConfig
-from radcal.config.scene import BuiltinScene, SceneConfig
+from radcal.config.scene import BuiltinScene, SceneConfig, SlantRangeScene
 from radcal.config.sections import FURTHER, TAGS, CaseName
 from radcal.config.simulator import BuiltinSimulation, CommandSimulation, SimulatorConfig
 from radcal.config.stop import Stop
 from radcal.config.surrogate import SurrogateConfig
 from radcal.config.target import TargetConfig
+from radcal.config.uncertainty import Uncertainty
 from radcal.config.validation import Validation
 from radcal.radar.bands import same_label
 from radcal.radar.laws import EXTERNAL, LAWS
@@ -54,6 +61,12 @@ def _with_fitting_draws(data: dict[str, Any]) -> dict[str, Any]:
     if simulator.get(tag, "builtin") != "builtin":
         return data
     return {**data, "simulator": {**simulator, tag: "builtin", "draws": _DRAWS_IN_BINS}}
+
+
+def _with_fitting_measurement(data: dict[str, Any]) -> dict[str, Any]:
+    """Case data; without a section ``measurement``, a case of scene and materials of the default case has its image."""
+    own = "measurement" in data or "materials" in data or "scene" in data
+    return data if own else {**data, "measurement": SyntheticMeasurement(synthetic=default_synthetic())}
 
 
 def _with_passes(data: dict[str, Any]) -> dict[str, Any]:
@@ -112,6 +125,7 @@ class Case(Part):
     design: Design = Field(default_factory=Design)
     surrogate: SurrogateConfig = Field(default_factory=SurrogateConfig)
     optimiser: Optimiser = Field(default_factory=Optimiser)
+    uncertainty: Uncertainty = Field(default_factory=Uncertainty)
     stop: Stop = Field(default_factory=Stop)
 
     @model_validator(mode="before")
@@ -124,7 +138,7 @@ class Case(Part):
         """
         if not isinstance(data, dict):
             return data
-        data = _with_fitting_stop(_with_passes(data))
+        data = _with_fitting_measurement(_with_fitting_stop(_with_passes(data)))
         if "objective" in data:
             return _with_fitting_draws(data)
         target, materials = (data[key] if isinstance(data.get(key), dict) else {} for key in ("target", "materials"))
@@ -213,6 +227,7 @@ class Case(Part):
             if measurement.synthetic.is_written:
                 yield from self._in_hidden(measurement.synthetic)
             yield from self._in_truth(measurement.synthetic)
+            yield from self._in_mismatch(measurement.synthetic)
         yield from self._in_laws()
         if isinstance(measurement, FileMeasurement):
             yield from self._in_image(measurement)
@@ -279,6 +294,8 @@ class Case(Part):
         """A synthetic measurement for which a calibrated law has no hidden parameters."""
         for name, material in self.materials.items():
             key = f"measurement.synthetic.parameters.{name}"
+            if name in synthetic.laws:
+                continue
             if name in synthetic.parameters and (synthetic.is_written or material.law == DEFAULT_LAW):
                 continue
             if name in synthetic.parameters:
@@ -291,6 +308,25 @@ class Case(Part):
                     f"{key} is missing: hidden parameters are of law {material.law!r}, and "
                     f"materials.{name}.start is of another law"
                 )
+
+    def _in_mismatch(self, synthetic: Synthetic) -> Iterator[str]:
+        """Mismatches of a synthetic measurement that scene, pass, laws or simulator cannot have."""
+        key = "measurement.synthetic"
+        for name, hidden in synthetic.laws.items():
+            if name not in self.materials:
+                yield f"{key}.laws.{name}: no such material{nearest(name, self.materials)}"
+                continue
+            if synthetic.is_written and name in synthetic.parameters:
+                yield f"{key}.laws.{name} and {key}.parameters.{name} are both given, expected one of them"
+            if "frequency_ghz" in LAWS[hidden.law].needs and self.radar.frequency_ghz is None:
+                yield f"radar.frequency_ghz is missing: law {hidden.law!r} of {key}.laws.{name} depends on it"
+        if synthetic.disturbed and isinstance(self.simulator, CommandSimulation):
+            yield (
+                f"{key}.{synthetic.disturbed[0]} is for the built-in simulator, which images the changed scene; "
+                "simulator.kind: command receives the scene of the runs alone"
+            )
+        if synthetic.relief_m > 0 and isinstance(self.scene, SlantRangeScene):
+            yield f"{key}.relief_m is {synthetic.relief_m:g}, expected 0: a slant-range scene has no heights"
 
     def _in_laws(self) -> Iterator[str]:
         """Laws that the simulator cannot evaluate, and laws that need a missing ``radar.frequency_ghz``."""

@@ -26,6 +26,7 @@ from radcal.config.simulator import SimulatorConfig
 from radcal.config.stop import Stop
 from radcal.config.surrogate import SurrogateConfig
 from radcal.config.target import TargetConfig
+from radcal.config.uncertainty import Uncertainty
 from radcal.config.validation import Validation
 
 __all__ = [
@@ -36,6 +37,7 @@ __all__ = [
     "FinalRuns",
     "Geometry",
     "Measurement",
+    "Posterior",
     "Propose",
     "ReferenceRun",
     "Registration",
@@ -167,6 +169,12 @@ class Verify(Simulation, Train):
     """Sections that rule ``verify`` reads to run and score the proposals, and to predict a possible improvement."""
 
 
+class Posterior(Train):
+    """Sections that rule ``posterior`` reads to sample what is known of a law."""
+
+    uncertainty: Uncertainty
+
+
 class StopSettings(Stage):
     """Section that rule ``stop_settings`` reads: the stop criteria."""
 
@@ -199,6 +207,7 @@ class Archive(Stage):
     design: Design
     surrogate: SurrogateConfig
     optimiser: Optimiser
+    uncertainty: Uncertainty
 
 
 STAGES: Mapping[str, type[Stage]] = {
@@ -217,6 +226,7 @@ STAGES: Mapping[str, type[Stage]] = {
     "verify": Verify,
     "stop_settings": StopSettings,
     "final_runs": FinalRuns,
+    "posterior": Posterior,
     "archive": Archive,
 }
 """Model of each rule by the name of the rule."""

@@ -14,9 +14,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Cells", "Effects", "Residuals", "Spread", "label_patches", "make_cells", "patch_effects", "spreads"]
+__all__ = [
+    "GRID_DB",
+    "Cells",
+    "Effects",
+    "Residuals",
+    "Spread",
+    "label_patches",
+    "make_cells",
+    "patch_effects",
+    "spread_log_likelihood",
+    "spreads",
+]
 
-_GRID_DB = np.concatenate([[0.0], np.geomspace(0.02, 6.0, 40)])  # grid of both standard deviations
+GRID_DB = np.concatenate([[0.0], np.geomspace(0.02, 6.0, 40)])  # grid of both standard deviations
 _SCALES_DB = np.geomspace(0.1, 4.0, 40)  # scales of the half-normal distribution that the materials share
 _PRIOR_DB = 1.0
 _FREEDOM = 10  # pixels besides the first of each cell that an estimate of the variance inside cells needs
@@ -131,13 +142,13 @@ class Residuals:
     information: NDArray[np.float64]
 
 
-def _log_likelihood(data: Residuals) -> NDArray[np.float64]:
-    """Restricted log likelihood on the grid of (between, within): the law's parameters are integrated out."""
+def spread_log_likelihood(data: Residuals) -> NDArray[np.float64]:
+    """Restricted log likelihood on the grid ``GRID_DB`` of (between, within): the law is integrated out."""
     labels, of = np.unique(data.patch, return_inverse=True)
     columns = np.column_stack([data.slopes, data.residual_db])
-    between = _GRID_DB[:, None, None] ** 2
-    table = np.empty((_GRID_DB.size, _GRID_DB.size))
-    for k, within in enumerate(_GRID_DB):
+    between = GRID_DB[:, None, None] ** 2
+    table = np.empty((GRID_DB.size, GRID_DB.size))
+    for k, within in enumerate(GRID_DB):
         variance = data.sampling + within**2
         weight = np.bincount(of, 1.0 / variance)
         pulled = np.stack([np.bincount(of, column / variance, labels.size) for column in columns.T], axis=-1)
@@ -177,12 +188,12 @@ def spreads(residuals: Sequence[Residuals]) -> list[Spread]:
     (2006): half-normal priors, and that few groups need them.
     """
     # weights of the trapezium rule on an uneven grid, and half-normal densities for each scale
-    step = np.gradient(_GRID_DB)
-    step[[0, -1]] = 0.5 * np.diff(_GRID_DB)[[0, -1]]
-    prior = np.exp(-0.5 * (_GRID_DB / _SCALES_DB[:, None]) ** 2) / _SCALES_DB[:, None] * step
+    step = np.gradient(GRID_DB)
+    step[[0, -1]] = 0.5 * np.diff(GRID_DB)[[0, -1]]
+    prior = np.exp(-0.5 * (GRID_DB / _SCALES_DB[:, None]) ** 2) / _SCALES_DB[:, None] * step
     likelihoods = []
     for data in residuals:
-        table = _log_likelihood(data)
+        table = spread_log_likelihood(data)
         likelihoods.append(np.exp(table - table.max()))
     # rows: scale of ``between``; columns: scale of ``within``
     log_evidence = sum(np.log(np.maximum(prior @ table @ prior.T, 1e-300)) for table in likelihoods)
@@ -193,8 +204,8 @@ def spreads(residuals: Sequence[Residuals]) -> list[Spread]:
     found = []
     for table in likelihoods:
         evidence = np.maximum(prior @ table @ prior.T, 1e-300)
-        between = ((prior * _GRID_DB) @ table @ prior.T) / evidence
-        within = (prior @ table @ (prior * _GRID_DB).T) / evidence
+        between = ((prior * GRID_DB) @ table @ prior.T) / evidence
+        within = (prior @ table @ (prior * GRID_DB).T) / evidence
         found.append(Spread(float((weight * between).sum()), float((weight * within).sum())))
     return found
 

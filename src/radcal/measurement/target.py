@@ -207,8 +207,7 @@ class Targets(dict[str, Target]):
             if self.textured(name):
                 lines.append(
                     f"target of {name}: its neighbours have the speckle of {target.looks:.1f} looks, the image's "
-                    f"homogeneous areas {self.looks:.1f}: texture, buildings or point targets, which no law of a "
-                    "surface describes."
+                    f"homogeneous areas {self.looks:.1f}: texture, buildings or point targets."
                 )
         return lines
 

@@ -13,7 +13,9 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.assessment.posterior import Posterior
 from radcal.radar.laws import Law, law_for
+from radcal.report.fitted import Fitted
 from radcal.storage.layout import About, Attribute, Inline, Main, put, table, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
@@ -187,6 +189,7 @@ class MaterialResult:
     calibrated_db: Annotated[Doubles, About("target's pixels in the calibrated run", _UNIT, "p")]
     fresh_db: Annotated[Doubles, About("target's pixels in the calibrated run with another seed", _UNIT, "p")]
     check: Annotated[Check, About("reliability of the calibrated law")]
+    fitted: Annotated[Fitted, About("test of the fit of the calibrated law")]
     final_dp: Annotated[Doubles, About("xi, omega and alpha (no unit) of the calibrated run", _UNIT, "3")]
     fresh_dp: Annotated[
         Doubles, About("xi, omega and alpha (no unit) of the calibrated run with another seed", _UNIT, "3")
@@ -196,9 +199,7 @@ class MaterialResult:
     ]
     floor_rms: Annotated[
         Doubles,
-        About(
-            "smallest rms inside the bounds, less two standard errors of the surrogate; NaN if unknown", _DENSITY, "m"
-        ),
+        About("smallest rms inside the bounds less two standard errors; NaN if unknown", _DENSITY, "m"),
     ]
     mode: Annotated[tuple[str, ...], About("mode of each proposal: exploit, explore, exhausted or ended", shape="m")]
     hidden: Annotated[Doubles | None, About("true X of a synthetic measurement", shape="d")] = None
@@ -209,6 +210,7 @@ class MaterialResult:
         Doubles | None, About("effective number of looks at which each run fits the target best", shape="n")
     ] = None
     fidelity: Annotated[Fidelity | None, About("predictions of the surrogate and the runs that verified them")] = None
+    posterior: Annotated[Posterior | None, About("what is known of the law")] = None
 
 
 @dataclass(frozen=True)
@@ -381,15 +383,7 @@ def read_archive(path: str | Path, images: bool = True) -> Archive:
     Returns
     -------
     Archive
-        Results of the calibration, with the materials in the order of the configuration.
-
-    Raises
-    ------
-    DamagedError
-        The file is damaged, has another version of the format, or belongs to another case; it was renamed to
-        ``*.damaged``.
-    StoreError
-        The file is missing or cannot be read.
+        Results of the calibration, with the materials in the order of the configuration; errors: :func:`.read_hdf5`.
     """
     with read_hdf5(path, _KIND) as file:
         return take(file, Archive, without=() if images else ("images",))
