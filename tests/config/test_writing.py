@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from config_samples import FIXED, synthetic
+from config_samples import COMMAND, FIXED, synthetic
 
 from radcal.config import Case, Radar, SyntheticMeasurement, case_from, default_case, default_yaml, load
 
@@ -41,7 +41,9 @@ def test_the_default_measurement_is_made_by_other_settings_than_the_runs() -> No
             assert 0.2 < np.abs(off).max() < 1.5, name
 
 
-@pytest.mark.parametrize("data", [{"scene": {"seed": 2}}, {"materials": FIXED}, synthetic(seed=3)])
+@pytest.mark.parametrize(
+    "data", [{"scene": {"seed": 2}}, {"materials": FIXED}, {"simulator": COMMAND}, synthetic(seed=3)]
+)
 def test_a_case_of_its_own_ground_or_image_has_no_mismatch_by_default(data: dict[str, Any]) -> None:
     measurement = case_from(data).measurement
     assert isinstance(measurement, SyntheticMeasurement)
