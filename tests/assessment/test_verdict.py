@@ -29,7 +29,8 @@ def fit_of(fits=True, **changes):
 def test_a_law_that_fits_is_known_somewhere():
     known = Known((10.2, 24.9), 0.68)
     assert verdict("dyke", fit_of(), known=known) == (
-        "dyke fits (residuals 14 of 21): sigma0 known to +-0.7 dB between 10 and 25 degrees; outside that it is the prior."
+        "dyke fits (residuals 14 of 21): sigma0 known to +-0.7 dB between 10 and 25 degrees; "
+        "outside that it is the prior."
     )
     assert verdict("dyke", fit_of()) == "dyke fits (residuals 14 of 21)."
     assert verdict("dyke", fit_of(), known=Known(None, 1.5)) == (
