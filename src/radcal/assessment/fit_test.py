@@ -22,7 +22,7 @@ from radcal.radar.texture import equal_texture
 __all__ = ["DOUBTFUL_SPREAD_DB", "FitTest", "Linearised", "check_fit", "linearised"]
 
 REPLICATES = 999
-LEVEL = 0.02  # share of right laws that may be called wrong
+LEVEL = 0.01  # half of the share of right laws that may be called wrong: replicates are drawn about an estimated law
 MEAN_DB, SPREAD = 0.5, 0.15  # misfit of a bin's mean [dB], and of its standard deviation (relative), that matters
 DOUBTFUL_SPREAD_DB = 3.0  # a larger standard deviation between fields can hide a misfit
 _LIMIT = 1e-3  # log looks, and share of the interval between bounds, within which a value is at its limit
@@ -191,7 +191,7 @@ def check_fit(
 ) -> FitTest:
     """Test whether the law of a run fits the measured bins of all passes.
 
-    It does not fit where the sum of squared residuals, or that of the means alone, is larger than those of all but 2 %
+    It does not fit where the sum of squared residuals, or that of the means alone, is larger than those of all but 1 %
     of parametric replicates (the smaller of both shares, and its law among the replicates) and the misfit matters (a
     bin's mean off by more than 0.5 dB, or its standard deviation by more than 15 %), or where the effective looks end
     at a limit beyond which the pixels ask for them by more than three standard errors.
