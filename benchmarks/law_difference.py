@@ -27,7 +27,6 @@ from radcal.measurement.sources import make_measurement
 from radcal.measurement.target_fit import make_targets
 from radcal.radar.laws import LAWS
 from radcal.radar.projection import make_geometry
-from radcal.report.summary import law_difference_db
 from radcal.scene.sources import make_scene
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.runner import Runner
@@ -69,7 +68,9 @@ def main() -> None:
                 targets = bin_targets(case, targets, geometry, registered)
                 history, decision = calibrate(case, runner, targets)
                 best, hidden = history.best("dyke").scores["dyke"], measurement.hidden["dyke"]
-                difference = law_difference_db(LAWS["mangia"], best.parameters, hidden, targets["dyke"].incidence_deg)
+                difference = LAWS["mangia"].largest_difference_db(
+                    best.parameters, hidden, targets["dyke"].incidence_deg
+                )
                 check = check_laws(case, targets, history)["dyke"]
                 runs = history.count("design") + history.count("infill")
                 rows.append((difference, runs, bool(check.identified), decision.converged))

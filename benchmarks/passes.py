@@ -27,7 +27,6 @@ from radcal.measurement.target import Targets
 from radcal.measurement.target_fit import make_targets
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
-from radcal.report.summary import law_difference_db
 from radcal.scene.model import Scene
 from radcal.scene.sources import make_scene
 from radcal.seeds import derived_rng
@@ -106,7 +105,7 @@ def calibrated(case: Case, scene: Scene, geometries: list[Geometry], truth: np.n
     return {
         "runs": history.count("design") + history.count("infill"),
         "ended": str(decision.reason),
-        "errors": [law_difference_db(law, x, truth, angles) for angles in incidence],
+        "errors": [law.largest_difference_db(x, truth, angles) for angles in incidence],
     }
 
 

@@ -58,9 +58,9 @@ class Blocks:
         block = row // self.rows * (across + 1 - across % 2) + column // step
         return np.asarray(block * self.parts + row % self.rows // self.part_rows)
 
-    def kept(self, part: NDArray[np.int64], keep: Literal["even", "odd", "both"]) -> NDArray[np.bool_]:
+    def kept(self, part: NDArray[np.int64], keep: Literal["even", "odd", "both", "fields"]) -> NDArray[np.bool_]:
         """Whether each part is used for the calibration: parts of blocks with even numbers, odd numbers, or all."""
-        if keep == "both":
+        if keep in ("both", "fields"):
             return np.ones(part.shape, dtype=np.bool_)
         return np.asarray(part // self.parts % 2 == (0 if keep == "even" else 1))
 

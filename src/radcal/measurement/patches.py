@@ -14,7 +14,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Cells", "Effects", "Residuals", "Spread", "label_patches", "make_cells", "patch_effects", "spreads"]
+__all__ = [
+    "Cells",
+    "Effects",
+    "Residuals",
+    "Spread",
+    "gls_mean",
+    "label_patches",
+    "make_cells",
+    "patch_effects",
+    "spreads",
+]
 
 _GRID_DB = np.concatenate([[0.0], np.geomspace(0.02, 6.0, 40)])  # grid of both standard deviations
 _SCALES_DB = np.geomspace(0.1, 4.0, 40)  # scales of the half-normal distribution that the materials share
@@ -197,6 +207,43 @@ def spreads(residuals: Sequence[Residuals]) -> list[Spread]:
         within = (prior @ table @ (prior * _GRID_DB).T) / evidence
         found.append(Spread(float((weight * between).sum()), float((weight * within).sum())))
     return found
+
+
+def gls_mean(
+    mean_db: NDArray[np.float64], sampling: NDArray[np.float64], patch: NDArray[np.int64], spread: Spread
+) -> tuple[float, float]:
+    r"""Generalised least squares mean of cells whose fields and cells have random effects.
+
+    With :math:`w_f = \sum_c (s_c^2 + \sigma^2)^{-1}` over the cells of a field, sampling variances :math:`s_c^2`,
+    within-field variance :math:`\sigma^2` and between-field variance :math:`\tau^2`, a field's mean has the weight
+    :math:`(\tau^2 + 1 / w_f)^{-1}`.
+
+    Parameters
+    ----------
+    mean_db : ndarray, shape (cells,)
+        Cell means [dB].
+    sampling : ndarray, shape (cells,)
+        Sampling variances of the cell means [dB^2].
+    patch : ndarray of int, shape (cells,)
+        Labels.
+    spread : Spread
+        Standard deviations of patches and cells.
+
+    Returns
+    -------
+    mean_db, variance : float
+        Mean [dB] and its variance [dB^2].
+
+    References
+    ----------
+    Searle, Casella and McCulloch, "Variance Components" (1992), section 3.3.
+    """
+    labels, of = np.unique(patch, return_inverse=True)
+    precision = 1.0 / np.maximum(sampling + spread.within**2, 1e-12)
+    inside = np.bincount(of, precision, labels.size)
+    weight = 1.0 / (spread.between**2 + 1.0 / inside)
+    means = np.bincount(of, precision * mean_db, labels.size) / inside
+    return float(weight @ means / weight.sum()), float(1.0 / weight.sum())
 
 
 def patch_effects(
