@@ -271,7 +271,7 @@ def _levels_asked(law: GroundLaw, score: Score, nominal: float) -> tuple[NDArray
     classes, method = law.classes, law.method
     speckle = log_speckle_cumulants(law.fit.looks)[0] - log_speckle_cumulants(nominal)[0]
     expected = np.asarray(score.statistics)[:, 0] + speckle
-    nodes = true_angles(law.ground, method, classes.nodes_deg)
+    nodes = true_angles(law.ground, classes, method, classes.nodes_deg)
     level, there = (law_cumulants(method.law, law.fit.parameters, at)[:, 0] for at in (classes.nodes_deg, nodes))
     # an error of the incidence is part of what is expected, and not of the law
     shown = level + classes.cumulants[:, 0] - (expected + there - level)

@@ -195,7 +195,7 @@ def recommend(found: GroundLaw, check: FieldCheck) -> Recommendation:
     """
     width, gain, identified = half_width_db(found), check.gain, found.identified >= _IDENTIFIED
     if not width <= _KNOWN_DB:
-        return Recommendation("constant", f"the 90 % band of the law is +-{width:.1f} dB, more than {_KNOWN_DB} dB")
+        return Recommendation("constant", f"the 90 % band of the law is +-{width:.2f} dB, more than {_KNOWN_DB} dB")
     if share_among_cells(found) < _INSIDE:
         if identified:
             return Recommendation("law", "its change with incidence is seen inside of the parts of fields")
