@@ -31,7 +31,7 @@ _KNOWN_DB = 1.5  # half-width of a 90 % band within which a law is called known
 _BAND = 1.6448536269514722
 _ANGLES = 41
 _TREND = 4.0  # squared: two standard errors
-_MANY = 3  # fields whose scatter shows the error of a mean over them
+_MANY = 4  # fields from whose scatter the error of a mean over them is taken alone: three degrees of freedom
 _IDENTIFIED = 2.0  # see GroundLaw.identified
 _INSIDE = 0.5  # least share of the law's variance among cells with which means of cells tell of it
 
@@ -178,8 +178,8 @@ def recommend(found: GroundLaw, check: FieldCheck) -> Recommendation:
 
     The law, if the half-width of its 90 % band is at most 1.5 dB over the 5-95 % of the incidence, and if whole
     fields that were left out are predicted better by the law of the others than by their constant, beyond the standard
-    error. Of one or two fields that error is not known: the law must then, in addition (in place of it, of one field),
-    be identified, and explain more than a gradient inside of the fields would. Where all cells hold all angles alike,
+    error. Of up to three fields that error is hardly known: the law must then, in addition (of one field, in place of
+    it), be identified, and explain more than a gradient inside of the fields would. Where all cells hold all angles alike,
     their means tell nothing of the law, and their pixels tell of it whatever the effects of fields: the law, if it is
     identified.
 
