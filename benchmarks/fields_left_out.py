@@ -6,9 +6,9 @@ The fields (connected areas) of each material of the AIRSAR image under RADCAL_D
 times; laws and constants are found from one half and predict the other, both ways. Compared are means of cells (the
 part of a field in 10 rows, 20 pixels or more) at angles between the 5 % and 95 % of those calibrated on. The constant
 is the generalised least squares mean with random effects of fields and cells, its variances estimated over all
-materials together, as the law's are. Which predictor is recommended is decided on the fields calibrated on alone. The laws are
-fitted to the measured pixels with the model of law and speckle, without a simulator. Ratios are geometric means over
-materials and folds.
+materials together, as the law's are. Which predictor is recommended is decided on the fields calibrated on alone. The
+laws are fitted to the measured pixels with the model of law and speckle, without a simulator. Ratios are geometric
+means over materials and folds.
 """
 
 from __future__ import annotations

@@ -179,9 +179,9 @@ def recommend(found: GroundLaw, check: FieldCheck) -> Recommendation:
     The law, if the half-width of its 90 % band is at most 1.5 dB over the 5-95 % of the incidence, and if whole
     fields that were left out are predicted better by the law of the others than by their constant, beyond the standard
     error. Of up to three fields that error is hardly known: the law must then, in addition (of one field, in place of
-    it), be identified, and explain more than a gradient inside of the fields would. Where all cells hold all angles alike,
-    their means tell nothing of the law, and their pixels tell of it whatever the effects of fields: the law, if it is
-    identified.
+    it), be identified, and explain more than a gradient inside of the fields would. Where all cells hold all angles
+    alike, their means tell nothing of the law, and their pixels tell of it whatever the effects of fields: the law, if
+    it is identified.
 
     Parameters
     ----------
