@@ -164,8 +164,12 @@ def test_nothing_is_held_out_without_validation():
 def test_pooled_grounds_count_each_block_once():
     def part(error: float, n: int) -> HeldOut:
         zeros = np.zeros(n)
-        errors, shares = (error,) * 5, (1.0 / n,) * 3
-        return HeldOut(*errors, *shares, *shares, 1.0 / n, n, np.arange(n), zeros, zeros, zeros, zeros)
+        errors, shares = (error,) * 6, (1.0 / n,) * 3
+        cells = [np.arange(n), zeros, zeros, zeros, zeros]
+        # two fields, of which the first is in both parts
+        field, gain = np.array([4, 5 + n]), np.array([error, 2.0])
+        unknown = (float("nan"),) * 4
+        return HeldOut(*errors, *shares, *shares, 1.0 / n, n, 2, *unknown, *cells, field, gain, gain - 1.0)
 
     found = HeldOut.pooled([part(1.0, 2), part(3.0, 6)])
     assert found is not None
@@ -173,6 +177,11 @@ def test_pooled_grounds_count_each_block_once():
     assert found.rmse_law_db == pytest.approx(np.sqrt((2 * 1.0 + 6 * 9.0) / 8))
     assert found.coverage_90 == pytest.approx(2 / 8)
     assert found.n_blocks == found.mean_db.size == 8
+    # fields 4 (mean of 1 and 3), 7 and 11: each counts once
+    assert found.n_fields == 3
+    assert found.law_gain == pytest.approx(2.0)
+    assert found.law_gain_error == pytest.approx(0.0)
+    assert found.patch_gain == pytest.approx(1.0)
     assert HeldOut.pooled([]) is None
 
 

@@ -375,7 +375,7 @@ def test_a_file_that_may_say_its_radiometry_is_not_asked_for_it(path: str) -> No
             r"validation is configured and target\.normalisation is image, .* expected normalisation none or offset",
         ),
         ({"validation": {"rows": 20, "means": 3}}, r"means is 3, expected a divisor of rows \(20\)"),
-        ({"validation": {"keep": "all"}}, r"validation\.keep is 'all', expected 'even', 'odd' or 'both'"),
+        ({"validation": {"keep": "all"}}, r"validation\.keep is 'all', expected 'even', 'odd', 'both' or 'fields'"),
         ({"validation": {"row": 20}}, r"unknown key validation\.row \(did you mean 'rows'"),
         (
             {"target": {"incidence_classes": 0}},

@@ -63,7 +63,7 @@ class GroundLaw:
         """Expected mean of dB values at mapped angles [deg], shape (k,): law, mean of the log speckle, correction."""
         x = self.fit.parameters if parameters is None else parameters
         angle = np.asarray(incidence_deg, dtype=np.float64)
-        nodes = true_angles(self.ground, self.method, angle[:, None])
+        nodes = true_angles(self.ground, self.classes, self.method, angle[:, None])
         level = self.method.law(np.radians(nodes), x).mean(axis=1) + log_speckle_cumulants(self.fit.looks)[0]
         if self.correction_db is not None:
             level = level + self.correction_db[class_of(angle, self.classes.edges_deg)]

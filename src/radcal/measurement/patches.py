@@ -20,6 +20,7 @@ __all__ = [
     "Effects",
     "Residuals",
     "Spread",
+    "gls_mean",
     "label_patches",
     "make_cells",
     "patch_effects",
@@ -208,6 +209,43 @@ def spreads(residuals: Sequence[Residuals]) -> list[Spread]:
         within = (prior @ table @ (prior * GRID_DB).T) / evidence
         found.append(Spread(float((weight * between).sum()), float((weight * within).sum())))
     return found
+
+
+def gls_mean(
+    mean_db: NDArray[np.float64], sampling: NDArray[np.float64], patch: NDArray[np.int64], spread: Spread
+) -> tuple[float, float]:
+    r"""Generalised least squares mean of cells whose fields and cells have random effects.
+
+    With :math:`w_f = \sum_c (s_c^2 + \sigma^2)^{-1}` over the cells of a field, sampling variances :math:`s_c^2`,
+    within-field variance :math:`\sigma^2` and between-field variance :math:`\tau^2`, a field's mean has the weight
+    :math:`(\tau^2 + 1 / w_f)^{-1}`.
+
+    Parameters
+    ----------
+    mean_db : ndarray, shape (cells,)
+        Cell means [dB].
+    sampling : ndarray, shape (cells,)
+        Sampling variances of the cell means [dB^2].
+    patch : ndarray of int, shape (cells,)
+        Labels.
+    spread : Spread
+        Standard deviations of patches and cells.
+
+    Returns
+    -------
+    mean_db, variance : float
+        Mean [dB] and its variance [dB^2].
+
+    References
+    ----------
+    Searle, Casella and McCulloch, "Variance Components" (1992), section 3.3.
+    """
+    labels, of = np.unique(patch, return_inverse=True)
+    precision = 1.0 / np.maximum(sampling + spread.within**2, 1e-12)
+    inside = np.bincount(of, precision, labels.size)
+    weight = 1.0 / (spread.between**2 + 1.0 / inside)
+    means = np.bincount(of, precision * mean_db, labels.size) / inside
+    return float(weight @ means / weight.sum()), float(1.0 / weight.sum())
 
 
 def patch_effects(

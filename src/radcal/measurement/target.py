@@ -101,6 +101,7 @@ class Target:
             patch=self.patch,
             block=self.block,
             independent=self.effective / self.pixels.size,
+            error_deg=self.classes.error_deg if self.classes is not None else None,
         )
 
     @property

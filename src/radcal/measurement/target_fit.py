@@ -114,7 +114,7 @@ def make_target(
     blocks = Blocks.of(validation, geometry.shape[0])
     part = blocks.parts_of(np.arange(geometry.incidence_deg.size), geometry.shape[1])
     out = np.zeros(part.shape, dtype=np.bool_)
-    if validation is not None and validation.keep != "both":
+    if validation is not None and validation.holds_out:
         out = ~blocks.kept(part, validation.keep)
         flags = {**(flags or {}), HELD_OUT: out.reshape(geometry.shape)}
     eligible = eligible_pixels(name, geometry, measurement, config, uncertainty_px, flags)

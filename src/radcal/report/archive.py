@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from radcal.assessment.posterior import Posterior
 from radcal.radar.laws import Law, law_for
 from radcal.report.fitted import Fitted
+from radcal.report.held_out_blocks import HeldOutBlocks, LeftOutFields
 from radcal.storage.layout import About, Attribute, Inline, Main, put, table, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
 __all__ = [
     "Archive",
     "Check",
-    "HeldOutBlocks",
     "Images",
     "LawParameters",
     "LevelSummary",
@@ -88,34 +88,6 @@ class LawParameters:
 
 
 @dataclass(frozen=True)
-class HeldOutBlocks:
-    """Errors of the predictions for held-out blocks (:class:`radcal.assessment.validation.HeldOut`)."""
-
-    rmse_law_db: Annotated[float, About("rms error of the law's prediction of the means of held-out blocks", "dB")]
-    rmse_law_patch_db: Annotated[
-        float, About("rms error of the prediction by the law with random effects of fields known from elsewhere", "dB")
-    ]
-    rmse_constant_db: Annotated[float, About("rms error of the mean of the calibrated ground as a prediction", "dB")]
-    rmse_best_db: Annotated[float, About("rms error of the same law after a fit to the held-out means", "dB")]
-    rmse_start_db: Annotated[float, About("rms error of the starting law; NaN where it has no curve", "dB")]
-    ks_law: Annotated[
-        float, About("Kolmogorov-Smirnov distance of held-out pixels from the density predicted by the law")
-    ]
-    ks_constant: Annotated[float, About("the same distance from the density of the calibrated ground")]
-    ks_start: Annotated[float, About("the same distance from the density predicted by the starting law")]
-    tail_law_db: Annotated[float, About("predicted minus measured 99 % quantile: prediction by the law", "dB")]
-    tail_constant_db: Annotated[float, About("the same difference for the density of the calibrated ground", "dB")]
-    tail_start_db: Annotated[float, About("the same difference for the starting law", "dB")]
-    coverage_90: Annotated[float, About("share of block means inside of the 90 % prediction band")]
-    n_blocks: Annotated[int, About("number of held-out blocks that are compared")]
-    block: Annotated[Integers, About("numbers of the held-out blocks", shape="b")]
-    mean_db: Annotated[Doubles, About("measured means of the held-out blocks", "dB", "b")]
-    predicted_db: Annotated[Doubles, About("means predicted by law and random effects of fields", "dB", "b")]
-    law_db: Annotated[Doubles, About("means predicted by the law alone", "dB", "b")]
-    sd_db: Annotated[Doubles, About("standard deviation of the prediction error", "dB", "b")]
-
-
-@dataclass(frozen=True)
 class Check:
     """Reliability of a calibrated law (:class:`radcal.assessment.law_check.LawCheck`)."""
 
@@ -130,7 +102,10 @@ class Check:
     class_error_db: Annotated[Doubles, About("standard error of `class_db`", "dB", "c")]
     sentences: Annotated[tuple[str, ...], Attribute(), About("warnings about the law")]
     identified: Annotated[bool | None, About("law identified by the image; absent for a law without a curve")] = None
+    recommended: Annotated[str, About("recommended predictor of other fields: law or constant")] = ""
+    recommended_why: Annotated[str, About("reason of the recommendation")] = ""
     held: Annotated[HeldOutBlocks | None, Inline()] = None
+    left_out: Annotated[LeftOutFields | None, About("predictions of whole fields from the others")] = None
 
 
 @dataclass(frozen=True)

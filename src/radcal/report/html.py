@@ -130,7 +130,7 @@ def _belief(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) 
     """Sentence on what was compared where that is the histogram alone, and on laws that are not identified."""
     curves = [m for m in materials if m["identified"] is not None]
     lost = [m for m in curves if not m["identified"]]
-    useless = [m for m in curves if (v := m["validation"]) and not v["rmse_law_patch_db"] < v["rmse_constant_db"]]
+    constant = [m for m in curves if m["recommended_predictor"] == "constant"]
 
     def laws(found: Sequence[Mapping[str, Any]]) -> str:
         whose = f" of {_who(found, len(materials))}" if found and len(materials) > 1 else ""
@@ -142,8 +142,9 @@ def _belief(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) 
         text = f"{compared}: the {no}." if lost else f"{compared}."
     else:
         text = f"The {no} by this image." if lost else ""
-    if useless:
-        text += f" Held-out ground is predicted no better by the {laws(useless)} than by a constant."
+    if constant:
+        whose = f" for {_who(constant, len(materials))}" if len(materials) > 1 else ""
+        text += f" The recommended predictor of other fields{whose} is a constant, not the law."
     return text
 
 
@@ -231,6 +232,7 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) 
         materials=materials,
         within=[m for m in materials if m["within"]],
         checked=[m for m in materials if m["validation"]],
+        left_out=[m for m in materials if m["fields_left_out"]],
         law_sentences=[sentence for m in materials for sentence in m["law_sentences"]],
         known=[m for m in materials if m["known"]],
         external=[m for m in materials if m["truth"] and not m["known"]],

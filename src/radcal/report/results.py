@@ -28,7 +28,6 @@ from radcal.report.archive import (
     Archive,
     Check,
     Fidelity,
-    HeldOutBlocks,
     Images,
     LawParameters,
     LevelSummary,
@@ -41,6 +40,7 @@ from radcal.report.archive import (
     SceneView,
 )
 from radcal.report.fitted import Fitted
+from radcal.report.held_out_blocks import HeldOutBlocks, LeftOutFields
 from radcal.report.law_notes import law_notes
 from radcal.scene.model import Scene
 from radcal.storage.disclosure import disclosed
@@ -373,9 +373,19 @@ def _numbers(values: Iterable[float | None]) -> NDArray[np.float64]:
 
 def _check(check: LawCheck) -> Check:
     """Check of a law, converted to the class of the archive."""
-    known = {key: value for key, value in vars(check).items() if key not in ("sentences", "held")}
+    known = {key: value for key, value in vars(check).items() if key not in ("sentences", "held", "left_out")}
     held = None if check.held is None else HeldOutBlocks(**asdict(check.held))
-    return Check(**known, sentences=tuple(check.sentences), held=held)
+    left_out = None
+    if (fields := check.left_out) is not None:
+        left_out = LeftOutFields(
+            rmse_law_db=fields.rmse_law_db,
+            rmse_constant_db=fields.rmse_constant_db,
+            gain=fields.gain.mean,
+            gain_error=fields.gain.error,
+            n_fields=fields.gain.fields,
+            power=fields.power,
+        )
+    return Check(**known, sentences=tuple(check.sentences), held=held, left_out=left_out)
 
 
 def _versions() -> dict[str, str]:

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from radcal import skewnormal
 from radcal.config import stages
-from radcal.report.archive import Archive, Check, HeldOutBlocks, MaterialResult, PassSummary, RegistrationSummary
+from radcal.report.archive import Archive, Check, MaterialResult, PassSummary, RegistrationSummary
 from radcal.report.fitted import misfit, overall
+from radcal.report.held_out_blocks import HeldOutBlocks
 
 __all__ = ["numbered_jobs", "sentences", "summarise", "wall_seconds"]
 
@@ -91,6 +92,9 @@ def _check(check: Check) -> dict[str, Any]:
         "looks_nominal": check.looks_nominal,
         "identified": check.identified,
         "validation": None if check.held is None else _numbers(check.held),
+        "fields_left_out": None if check.left_out is None else dict(vars(check.left_out)),
+        "recommended_predictor": check.recommended or None,
+        "recommended_why": check.recommended_why or None,
         "patch_spread_db": check.between_db,
         "cell_spread_db": check.within_db,
         "incidence_error_deg": check.incidence_error_deg,
