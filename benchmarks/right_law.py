@@ -152,7 +152,8 @@ def flevoland(folder: Path, polarisation: str, objective: str) -> dict[str, Any]
     print(f"Flevoland {polarisation.upper()}, {objective}: rmse of block means [dB] on held-out rows")
     print(
         f"{'kept':5} {'class':11} {'constant':>8} {'+patch':>6} {'law':>6} {'+patch':>6} {'best':>6} "
-        f"{'in band':>7} {'looks':>6} {'between':>7} {'within':>6}  not shown to be better than a constant with the same effects, by"
+        f"{'in band':>7} {'looks':>6} {'between':>7} {'within':>6}  "
+        "not shown to be better than a constant with the same effects, by"
     )
     rows, early = [], []
     for keep in ("even", "odd"):
@@ -185,7 +186,8 @@ def flevoland(folder: Path, polarisation: str, objective: str) -> dict[str, Any]
             )
             print(
                 f"{keep:5} {name:11} {held.rmse_constant_db:8.2f} {held.rmse_constant_patch_db:6.2f} "
-                f"{held.rmse_law_db:6.2f} {held.rmse_law_patch_db:6.2f} {held.rmse_best_db:6.2f} {held.coverage_90:7.2f} {law.fit.looks:6.2f} "
+                f"{held.rmse_law_db:6.2f} {held.rmse_law_patch_db:6.2f} {held.rmse_best_db:6.2f} "
+                f"{held.coverage_90:7.2f} {law.fit.looks:6.2f} "
                 f"{law.spread.between:7.2f} {law.spread.within:6.2f}  {', '.join(says)}",
                 flush=True,
             )
