@@ -2,7 +2,7 @@
 
     python benchmarks/right_law.py [--quick] [--part synthetic|flevoland] [--objectives classes,density,likelihood]
 
-synthetic: 1,000 pixels of the published dyke's law with independent speckle; the simulator is the law and the
+synthetic: 1,000 pixels of the default case's law with independent speckle; the simulator is the law and the
 cumulants of log-gamma speckle, without images, so that the result depends on the objective and not on a surrogate.
 Largest difference [dB] of hidden and found law over the incidence seen (5-95 %), median and 90 % of the seeds;
 then with an error of 4 degrees of the mapped incidence, with and without ``incidence_error_deg``.
@@ -152,7 +152,8 @@ def flevoland(folder: Path, polarisation: str, objective: str) -> dict[str, Any]
     print(f"Flevoland {polarisation.upper()}, {objective}: rmse of block means [dB] on held-out rows")
     print(
         f"{'kept':5} {'class':11} {'constant':>8} {'+patch':>6} {'law':>6} {'+patch':>6} {'best':>6} "
-        f"{'in band':>7} {'looks':>6} {'between':>7} {'within':>6}  no better than a constant with the same effects, by"
+        f"{'in band':>7} {'looks':>6} {'between':>7} {'within':>6}  "
+        "not shown to be better than a constant with the same effects, by"
     )
     rows, early = [], []
     for keep in ("even", "odd"):

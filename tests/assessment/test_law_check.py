@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from calibration_samples import make_target
 
-from radcal.assessment.law_check import check_laws, texture_note
-from radcal.assessment.validation import HeldOut
+from radcal.assessment.constant import constants
+from radcal.assessment.law_check import _held_sentences, check_laws, texture_note
+from radcal.assessment.validation import CrossValidation, HeldOut, cross_validate
 from radcal.calibration.expected import LawForward
 from radcal.calibration.history import History, Run, Score
 from radcal.calibration.moments import from_cumulants, from_dp
@@ -191,3 +192,58 @@ def test_texture_is_said(right):
     assert "has 4 looks" in said
     assert "(area 2.50)" in said
     assert texture_note({"area": replace(found, looks=4.0)}) == ""
+
+
+def test_whole_fields_are_predicted_from_the_others():
+    """All ground is calibrated on; each fold of fields is predicted without any effect of them."""
+    case, targets, history = made(kept=tuple(range(10)), validation={"rows": 20, "means": 10, "keep": "fields"})
+    assert not case.validation.holds_out
+    check = check_laws(case, targets, history)["area"]
+    held = check.held
+    assert held is not None
+    assert held.n_fields == PATCHES
+    assert held.field.tolist() != sorted(held.field)  # fold by fold
+    assert sorted(held.field) == list(range(1, PATCHES + 1))
+    # no effect is known: with and without, both predictions are the same
+    np.testing.assert_array_equal(held.predicted_db, held.law_db)
+    assert held.rmse_constant_patch_db == held.rmse_constant_db
+    assert held.patch_gain == held.law_gain
+    assert check.left_out.gain.fields == PATCHES
+    assert check.recommended == "law"
+
+
+def test_cross_validation_is_silent_where_folds_hold_all_angles_alike():
+    """Blocks dealt in the order of the incidence: a right law and a constant predict their means alike."""
+    case, targets, history = made(kept=tuple(range(10)), validation=None, objective="density")
+    target = targets["area"]
+    block = np.empty(target.block.size, dtype=np.int64)
+    block[np.argsort(target.incidence_deg)] = np.arange(block.size) % 40
+    alike = Targets({"area": replace(target, block=block)})
+    check = check_laws(case, alike, history)["area"]
+    assert check.identified is True
+    assert not any("blocks of its own ground" in sentence for sentence in check.sentences)
+    law = make_objectives(case, alike)["area"].law(history.runs[0].scores["area"])
+    constant = constants({"area": law.ground})["area"]
+    silent, told = (
+        cross_validate(replace(law, ground=replace(law.ground, block=places)), constant, places // 2)
+        for places in (block, target.block)
+    )
+    assert silent.power < 2.0 < told.power
+    assert not CrossValidation(0.5, 0.4, silent.power).no_better
+    assert CrossValidation(0.5, 0.4, told.power).no_better
+
+
+def test_what_held_out_ground_says():
+    """Worse than a constant is said beyond the standard error, and a band that is too narrow of each material."""
+    case, targets, history = made()
+    held = check_laws(case, targets, history)["area"].held
+    assert held is not None
+    worse = replace(held, patch_gain=-0.5, patch_gain_error=0.2)
+    (sentence,) = _held_sentences(case, "area", worse)
+    assert "worse by law and field effects than by a constant with field effects" in sentence
+    assert "1.65 times the constant's" in sentence
+    assert _held_sentences(case, "area", replace(worse, patch_gain_error=0.6)) == []
+    # 17 of 22 and fewer lie inside of a right band in 5 % of the cases, 15 of 22 in 0.4 %
+    assert _held_sentences(case, "area", replace(held, n_blocks=22, coverage_90=17 / 22)) == []
+    (narrow,) = _held_sentences(case, "area", replace(held, n_blocks=22, coverage_90=15 / 22))
+    assert "68 % of 22 held-out means lie inside" in narrow

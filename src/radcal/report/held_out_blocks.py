@@ -22,13 +22,14 @@ class HeldOutBlocks:
 
     rmse_law_db: Annotated[float, About("rms error of the law's prediction of the means of held-out blocks", "dB")]
     rmse_law_patch_db: Annotated[
-        float, About("rms error of the prediction by the law with random effects of fields known from elsewhere", "dB")
+        float,
+        About("rms error of the prediction by the law with random effects of fields that hold calibrated ground", "dB"),
     ]
     rmse_constant_db: Annotated[
         float, About("rms error of the constant: generalised least squares mean of the calibrated ground", "dB")
     ]
     rmse_constant_patch_db: Annotated[
-        float, About("rms error of the constant with random effects of fields known from elsewhere", "dB")
+        float, About("rms error of the constant with random effects of fields that hold calibrated ground", "dB")
     ]
     rmse_best_db: Annotated[float, About("rms error of the same law after a fit to the held-out means", "dB")]
     rmse_start_db: Annotated[float, About("rms error of the starting law; NaN where it has no curve", "dB")]
