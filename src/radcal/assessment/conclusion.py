@@ -14,7 +14,7 @@ from radcal.assessment.causes import likely_cause
 from radcal.assessment.fit_test import FitTest, check_fit
 from radcal.assessment.law_check import LawCheck, check_laws, texture_note
 from radcal.assessment.posterior import Posterior
-from radcal.assessment.verdict import verdict
+from radcal.assessment.verdict import Known, verdict
 from radcal.calibration.history import History
 from radcal.calibration.noise import noise_sentence
 from radcal.calibration.objectives import Comparison, make_objectives
@@ -161,12 +161,20 @@ def conclude(
                 name,
                 fits[name],
                 _cause(case, name, targets, objectives[name], history, geometry, fits[name]),
+                _known((posteriors or {}).get(name), case.uncertainty.known_db),
                 level_only=targets[name].level_only,
                 between_db=checks[name].between_db,
             )
             for name in targets
         },
     )
+
+
+def _known(posterior: Posterior | None, known_db: float) -> Known | None:
+    """Where sigma0 is known; None without a posterior of a curve."""
+    if posterior is None or posterior.curve is None:
+        return None
+    return Known(posterior.known_between_deg, posterior.largest_half_width_db(known_db))
 
 
 def _fit(

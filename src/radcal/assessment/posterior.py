@@ -95,13 +95,20 @@ class Posterior:
         if self.known_between_deg is None:
             return f"sigma0 is known to +-{known_db:.2g} dB nowhere over the incidence seen."
         low, high = self.known_between_deg
-        angle = self.curve.incidence_deg
-        half = 0.5 * (self.curve.p95_db - self.curve.p05_db)
-        inside = (angle >= np.floor(low)) & (angle <= np.ceil(high))
+        half = self.largest_half_width_db(known_db)
         return (
-            f"sigma0 is known to +-{half[inside].max():.1f} dB (90 %) between {low:.4g} and {high:.4g} degrees; "
-            "outside of that it is the prior."
+            f"sigma0 is known to +-{half:.1f} dB (90 %) between {low:.4g} and {high:.4g} degrees; outside of that it is "
+            "the prior."
         )
+
+    def largest_half_width_db(self, known_db: float) -> float:
+        """Largest half-width of the 90 % band where sigma0 is known; ``known_db`` where it is known nowhere [dB]."""
+        if self.curve is None or self.known_between_deg is None:
+            return known_db
+        low, high = self.known_between_deg
+        angle = self.curve.incidence_deg
+        inside = (angle >= np.floor(low)) & (angle <= np.ceil(high))
+        return float(0.5 * (self.curve.p95_db - self.curve.p05_db)[inside].max())
 
 
 def posterior_of(case: stages.Posterior, targets: Targets, history: History, name: str) -> Posterior:

@@ -28,7 +28,7 @@ class Known:
         Half-width of its 90 % band there; where it is known nowhere, the half-width that was asked for [dB].
     """
 
-    between_deg: tuple[float, float] | None
+    between_deg: tuple[float, ...] | None
     half_width_db: float
 
 
