@@ -119,7 +119,10 @@ def test_the_first_line_is_the_verdict_and_the_next_how_the_search_ended(page, m
     assert "What was compared is the histogram, which does not determine a law" in first
     archive = changed_check(checked(made.archive), "stem beans", identified=True)
     text = render(tmp_path / "report.html", archive)[1].text
-    assert "Converged: the stop criterion is met for the laws of 2 materials after 6 runs. Held-out ground" in text
+    assert (
+        "Converged: the stop criterion is met for the laws of 2 materials after 6 runs. The recommended predictor of "
+        "other fields for stem beans is a constant, not the law."
+    ) in text
     archive = changed_check(archive, "stem beans", identified=False)
     text = render(tmp_path / "report.html", archive)[1].text
     assert (

@@ -97,8 +97,8 @@ class Posterior:
         low, high = self.known_between_deg
         half = self.largest_half_width_db(known_db)
         return (
-            f"sigma0 is known to +-{half:.1f} dB (90 %) between {low:.4g} and {high:.4g} degrees; outside of that it is "
-            "the prior."
+            f"sigma0 is known to +-{half:.1f} dB (90 %) between {low:.4g} and {high:.4g} degrees; outside of that it "
+            "is the prior."
         )
 
     def largest_half_width_db(self, known_db: float) -> float:
