@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
@@ -300,6 +300,8 @@ class Case(Part):
             if name in synthetic.laws:
                 continue
             if name in synthetic.parameters and (synthetic.is_written or material.law == DEFAULT_LAW):
+                if not synthetic.is_written and material.calibrate:
+                    yield from self._out_of_bounds(name, material, synthetic.parameters[name])
                 continue
             if name in synthetic.parameters:
                 yield (
@@ -330,6 +332,17 @@ class Case(Part):
             )
         if synthetic.relief_m > 0 and isinstance(self.scene, SlantRangeScene):
             yield f"{key}.relief_m is {synthetic.relief_m:g}, expected 0: a slant-range scene has no heights"
+
+    @staticmethod
+    def _out_of_bounds(name: str, material: Material, hidden: Sequence[float]) -> Iterator[str]:
+        """Default hidden parameters outside the bounds of a calibrated material, which no search would find."""
+        for label, value, (low, high) in zip(material.parameter_names, hidden, material.box, strict=True):
+            if not low <= value <= high:
+                yield (
+                    f"measurement.synthetic.parameters.{name} is missing: its default has {label} = {value:g}, outside "
+                    f"materials.{name}.bounds, {low:g} to {high:g}"
+                )
+                return
 
     def _in_laws(self) -> Iterator[str]:
         """Laws that the simulator cannot evaluate, and laws that need a missing ``radar.frequency_ghz``."""
