@@ -39,6 +39,7 @@ MESSAGES = {
     "stop settings": "stop_settings",
     "final runs": "final_runs",
     "archive of all runs": "archive",
+    "exports": "export",
 }
 # of no rule's outputs: the treasure, and how long jobs took
 NOT_MADE = ("runs/", "benchmarks/")
