@@ -158,6 +158,31 @@ def _show(
         raise typer.Exit(1) from None
 
 
+_COMPARE_HELP = """Compare the laws of two finished cases: one table, and one figure of both laws with their bands.
+
+A and B are names of cases below results/, results folders, or YAML files. The figure is written beside the results
+folder of A.
+"""
+
+
+@app.command("compare", help=_COMPARE_HELP)
+def _compare(
+    first: Annotated[str, typer.Argument(metavar="A", help="Name, results folder or YAML file.", show_default=False)],
+    second: Annotated[str, typer.Argument(metavar="B", help="The same of the other case.", show_default=False)],
+) -> None:
+    from radcal.errors import RadcalError
+    from radcal.report.comparison import compare
+    from radcal.report.showing import results_folder
+
+    try:
+        folders = [results_folder(first), results_folder(second)]
+        figure = folders[0].with_name(f"{folders[0].name}_and_{folders[1].name}.png")
+        typer.echo("\n".join(compare(folders, figure)))
+    except RadcalError as error:
+        typer.echo(f"radcal: {error}", err=True)
+        raise typer.Exit(1) from None
+
+
 def check_folder(folder: Path, targets: Iterable[str] = ()) -> None:
     """Raise an error if a folder does not contain radcal's workflow, or if the workflow lacks a target.
 

@@ -115,7 +115,7 @@ def test_commands_of_snakemake_behave(finished):
     assert finished.listing() == listing, "a dry run changed something"
     # what a finished case holds is what the rules make, runs and times aside: what is missing of it is made again
     made = set(re.findall(r"(?m)^results/tiny/(\S+)\t", ended(finished, "--summary", *CASE)))
-    assert made == {re.sub("^figures/.*", "figures", name) for name in listing if not name.startswith(NOT_MADE)}
+    assert made == {re.sub("^(figures|export)/.*", r"\1", name) for name in listing if not name.startswith(NOT_MADE)}
     ended(finished, "--report", "snakemake.html", *CASE)
     assert (finished.folder / "snakemake.html").stat().st_size > 10_000
     assert finished.listing() == listing

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from radcal.config import Material, stages
+from radcal.config import stages
 from radcal.radar.geometry import Geometry
 from radcal.report.archive import Archive
 from radcal.report.geotiff import Layer, map_grid, write_geotiff
@@ -23,7 +23,6 @@ from radcal.report.tables import (
 )
 from radcal.scene.model import Scene
 from radcal.seeds import noise_seed
-from radcal.simulators.texturing import orders_of, with_textures
 from radcal.storage.files import atomic
 
 __all__ = ["layers_of", "write_export"]
@@ -60,33 +59,28 @@ def write_export(
     files = [folder / name for name in ("laws.csv", "parameters.csv", "calibrated.yaml")]
     write_csv(files[0], LAWS, law_rows(archive))
     write_csv(files[1], PARAMETERS, parameter_rows(archive))
-    found = calibrated_materials(archive, case.materials)
+    materials = calibrated_materials(archive, case.materials)
     with atomic(files[2]) as partial:
-        text = calibrated_yaml(archive, found, sentences(archive)[0], noise_seed(case, fresh=True))
+        text = calibrated_yaml(archive, materials, sentences(archive)[0], noise_seed(case, fresh=True))
         partial.write_text(text, encoding="utf-8")
-    materials = {name: Material.model_validate(data) for name, data in found.items()}
     grid = map_grid(scene, geometry)
-    for name, layer in layers_of(case, archive, geometry, materials).items():
+    for name, layer in layers_of(case, archive, geometry).items():
         files.append(folder / f"{name}.tif")
         write_geotiff(files[-1], layer, grid)
     return files
 
 
-def layers_of(
-    case: stages.Export, archive: Archive, geometry: Geometry, materials: dict[str, Material]
-) -> dict[str, Layer]:
+def layers_of(case: stages.Export, archive: Archive, geometry: Geometry) -> dict[str, Layer]:
     """Images of the first pass by the name of their file, in slant range.
 
     Parameters
     ----------
     case : stages.Export
-        Pass and seed of the case.
+        Pass of the case.
     archive : Archive
         Results of the calibration.
     geometry : Geometry
         Geometry of the first pass.
-    materials : dict
-        Materials with the effective looks that were found.
 
     Returns
     -------
@@ -101,8 +95,6 @@ def layers_of(
         said = "measured image, registered, after subtraction of its assumed level"
         found["measured"] = Layer(measured, "dB", said, tags)
     if calibrated is not None:
-        orders = orders_of(materials, case.radar, case.radar)
-        calibrated = with_textures(calibrated, geometry, orders, noise_seed(case, fresh=True))
         found["calibrated"] = Layer(calibrated, "dB", "simulated image with the calibrated laws and textures", tags)
     if measured is not None and calibrated is not None:
         found["difference"] = Layer(calibrated - measured, "dB", "calibrated minus measured image", tags)

@@ -140,8 +140,10 @@ def calibrated_materials(archive: Archive, materials: Mapping[str, Material]) ->
         data["parameters"] = [float(x) for x in archive.laws[name].values]
         looks = material.looks
         if name in archive.materials:
-            check = archive.materials[name].check
-            looks = float(check.looks) if check.looks < check.looks_nominal and archive.levels.unit == "dB" else None
+            result = archive.materials[name]
+            # at the looks of the best run, with which the calibrated image was textured; a density has no such looks
+            effective = np.inf if result.run_looks is None else float(result.run_looks[result.best])
+            looks = effective if effective < archive.looks else None
         found[name] = data if looks is None else {**data, "looks": looks}
     return found
 

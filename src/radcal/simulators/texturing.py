@@ -1,4 +1,4 @@
-"""Texture of materials with fixed laws, multiplied onto the pixels of a simulated image."""
+"""Texture of materials, multiplied onto the pixels of a simulated image."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from radcal.config import Material, Radar
 from radcal.radar.geometry import Geometry
 from radcal.radar.texture import equal_texture, texture_db, texture_order
-from radcal.seeds import derived_rng
+from radcal.seeds import derived_seed
 
-__all__ = ["orders_of", "with_textures"]
+__all__ = ["orders_of", "textured", "with_textures"]
 
 
 def orders_of(materials: Mapping[str, Material], first: Radar, radar: Radar) -> dict[str, float]:
@@ -39,10 +39,40 @@ def orders_of(materials: Mapping[str, Material], first: Radar, radar: Radar) -> 
     }
 
 
-def with_textures(
-    image_db: NDArray[np.float32], geometry: Geometry, orders: Mapping[str, float], noise_seed: int
+def textured(
+    pixels_db: NDArray[np.float32], order: float, seed: int, name: str, fresh: bool = False
 ) -> NDArray[np.float32]:
-    """Image with gamma texture of unit mean on all pixels that contain a textured material alone.
+    """Pixels of a material with gamma texture of unit mean.
+
+    Parameters
+    ----------
+    pixels_db : ndarray of float32, shape (n,)
+        All visible pixels of the material [dB].
+    order : float
+        Order of the texture; infinite for none.
+    seed : int
+        Seed of the case, from which the random numbers derive: the same in every run, so that the texture is a smooth
+        function of its order.
+    name : str
+        Name of the material.
+    fresh : bool
+        Whether the random numbers are those of the final check run, instead of those of all other runs.
+
+    Returns
+    -------
+    ndarray of float32, shape (n,)
+        The same array if there is no texture.
+    """
+    if not np.isfinite(order):
+        return pixels_db
+    rng = np.random.default_rng([derived_seed(seed, "texture", name), int(fresh)])
+    return (pixels_db + texture_db(rng.random(pixels_db.shape), order)).astype(np.float32)
+
+
+def with_textures(
+    image_db: NDArray[np.float32], geometry: Geometry, orders: Mapping[str, float], seed: int, fresh: bool
+) -> NDArray[np.float32]:
+    """Image with the texture of each textured material, on all pixels that contain this material alone.
 
     Parameters
     ----------
@@ -52,21 +82,19 @@ def with_textures(
         Geometry of the pass, which states the pixels of each material.
     orders : mapping
         Order of the texture by material (:func:`orders_of`).
-    noise_seed : int
-        Seed of the image's speckle, from which the random numbers of the texture derive.
+    seed, fresh : int, bool
+        As in :func:`textured`.
 
     Returns
     -------
-    ndarray of float32
-        The same array where no material of the image has a texture.
+    ndarray of float32, shape ``geometry.shape``
+        The same array if no material of the image has a texture.
     """
     orders = {name: order for name, order in orders.items() if np.isfinite(order) and name in geometry.names}
     if not orders:
         return image_db
-    textured = image_db.copy()
-    values = textured.reshape(-1)
+    image_db = image_db.copy()
     for name, order in orders.items():
         pixels = geometry.pixels(name)
-        uniform = derived_rng(noise_seed, "texture", name).random(pixels.size)
-        values[pixels] = values[pixels] + texture_db(uniform, order)
-    return textured
+        image_db.ravel()[pixels] = textured(image_db.ravel()[pixels], order, seed, name, fresh)
+    return image_db
