@@ -12,7 +12,7 @@ import yaml
 from archives import changed_check, changed_material
 
 from radcal.assessment.posterior import Curve
-from radcal.config import Radar, stages
+from radcal.config import Radar, case_from, stages
 from radcal.radar.projection import make_geometry
 from radcal.report.export import write_export
 from radcal.report.geotiff import SLANT_RANGE, map_grid, pixel_at_cell
@@ -160,3 +160,19 @@ def test_a_patch_of_relief_lies_at_its_place():
     found += [north_edge + e * (rows.max() + 1), north_edge + e * rows.min()]
     expected = [600_150, 600_350, 5_780_100, 5_780_225]
     np.testing.assert_allclose(found, expected, atol=2.5, rtol=0)  # half a cell
+
+
+def test_an_external_law_has_parameters_and_no_curve(build_archive, tmp_path):
+    made = build_archive(tmp_path / "made", external=("dyke", "unused"))
+    export(made, tmp_path / "out")
+    assert set(pd.read_csv(tmp_path / "out/laws.csv")["material"]) == {"stem beans"}
+    names = pd.read_csv(tmp_path / "out/parameters.csv").query("material == 'dyke'")["parameter"]
+    assert names.tolist() == ["mv", "s", "l", "t"]
+    found = yaml.safe_load((tmp_path / "out/calibrated.yaml").read_text())["materials"]
+    assert (found["dyke"]["law"], found["dyke"]["names"]) == ("external", ["mv", "s", "l", "t"])
+    assert found["unused"] == {"calibrate": False, "law": "external", "parameters": []}
+    lake = {"calibrate": True, "law": "external", "names": ["p"], "bounds": [[0, 9]]}
+    command = {"kind": "command", "command": ["sim"], "output": {"file": "i.npy", "scale": "db"}}
+    image = {"source": "file", "path": "image.tif", "scale": "db", "radiometry": "sigma0_ref"}
+    again = case_from({"materials": {**found, "lake": lake}, "simulator": command, "measurement": image})
+    assert again.materials["dyke"].parameters == made.archive.laws["dyke"].values.tolist()  # noqa: PD011

@@ -87,7 +87,7 @@ def test_what_is_missing_is_named(folder, tmp_path):
 
 def test_the_script_of_the_page_runs(folder, capsys):
     script = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.DOTALL)[0]
-    assert len(script.strip().splitlines()) <= 12
+    assert len([line for line in script.splitlines() if line]) <= 10
     exec(script.replace("results/dyke", str(folder)), {})
     printed = capsys.readouterr().out
     assert "X4" in printed

@@ -59,7 +59,7 @@ def test_an_unfinished_case_says_what_is_missing(folder):
     lines = show(folder)
     missing = "search and final runs, archive, exports, report, summary"
     assert lines[0] == f"small: not finished; missing: {missing}."
-    assert lines[1] == f"runs: 2 kept in {folder / 'runs'}, 1 iterations verified."
+    assert lines[1] == f"records of runs: 2 in {folder / 'runs'}; iterations verified: 1."
 
 
 def test_a_case_is_found_by_name_folder_or_file(folder, tmp_path):

@@ -60,6 +60,7 @@ CHANGES = {
     "design": {"sampler": "latin_hypercube"},
     "surrogate": {"baseline": False},
     "optimiser": {"evaluations": 900},
+    "uncertainty": {"known_db": 2.5},
     "stop": {"rms": 2e-3},
 }
 

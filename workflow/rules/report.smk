@@ -100,7 +100,7 @@ rule export:
     threads: 1
     resources:
         mem_mb=memory("measurement"),
-        runtime=minutes("light"),
+        runtime=minutes("measurement"),
     params:
         case=STAGES["export"].params(CASE),
     message:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from radcal.errors import ConfigError
 from radcal.report.archive import Archive, MaterialResult, read_archive
 from radcal.report.drawing import FOUND, START, STYLE, add_legend, new_canvas, titled
+from radcal.report.summary import summarise
 from radcal.storage.files import atomic
 
 if TYPE_CHECKING:
@@ -168,7 +169,7 @@ def _row(first: Archive, second: Archive, name: str) -> tuple[str, ...]:
     pair = [(archive, archive.materials[name]) for archive in (first, second)]
     fits = [{True: "yes", False: "no", None: "untested"}[material.fitted.fits] for _, material in pair]
     known = [_known(material) for _, material in pair]
-    runs = [str(np.unique(archive.runs.key).size) for archive, _ in pair]
+    runs = [str(summarise(archive)["runs"]["total"]) for archive, _ in pair]
     return (name, *cells, *(" | ".join(each) for each in (fits, known, runs)))
 
 
@@ -188,7 +189,7 @@ def _draw(first: Archive, second: Archive, names: Sequence[str], path: str | Pat
         panels = canvas.subplots(rows, columns, squeeze=False)
         for axes, name in zip(panels.ravel(), names, strict=False):
             for archive, letter, style in ((first, "A", START), (second, "B", FOUND)):
-                _panel(axes, _band(archive, name), f"{letter}: {archive.case}", style["color"])
+                _panel(axes, _band(archive, name), f"{letter}: {archive.case}", style)
             axes.set_title(titled(name))
             axes.set_xlabel("local incidence [deg]")
             axes.set_ylabel("\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} [dB]")
@@ -199,13 +200,14 @@ def _draw(first: Archive, second: Archive, names: Sequence[str], path: str | Pat
             canvas.savefig(partial, format="png", dpi=150, metadata={"Software": None}, facecolor="white")
 
 
-def _panel(axes: Axes, band: _Band | None, label: str, colour: str) -> None:
-    """Draw one law: thick over the incidence seen, with its 90 % band."""
+def _panel(axes: Axes, band: _Band | None, label: str, style: Mapping[str, Any]) -> None:
+    """Draw one law: thick over the incidence seen, with its 90 % band; a dashed law lies on top."""
     if band is None:
         return
     inside = np.linspace(*band.seen_deg, 101)
     around = np.linspace(max(inside[0] - 10.0, 0.0), min(inside[-1] + 10.0, 90.0), 201)
     middle, low, high = band.at(around)
-    axes.plot(around, middle, color=colour, linewidth=1.0)
-    axes.plot(inside, band.at(inside)[0], color=colour, linewidth=3.0, label=label)
-    axes.fill_between(around, low, high, color=colour, alpha=0.25, linewidth=0)
+    line = {"color": style["color"], "linestyle": style["linestyle"], "zorder": 2 if style["linestyle"] == "-" else 3}
+    axes.plot(around, middle, linewidth=1.0, **line)
+    axes.plot(inside, band.at(inside)[0], linewidth=3.0, label=label, **line)
+    axes.fill_between(around, low, high, color=style["color"], alpha=0.25, linewidth=0)

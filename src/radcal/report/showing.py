@@ -85,7 +85,7 @@ def show(folder: str | Path) -> list[str]:
     kept = len(list((folder / "runs").glob("[!.]*.h5")))
     iterations = len(list((folder / "iterations").glob("*/verified.json")))
     lines = [f"{folder.name}: not finished; missing: {', '.join(missing)}."]
-    lines.append(f"runs: {kept} kept in {folder / 'runs'}, {iterations} iterations verified.")
+    lines.append(f"records of runs: {kept} in {folder / 'runs'}; iterations verified: {iterations}.")
     return [*lines, *there, "The command that began the case continues it."]
 
 
