@@ -15,10 +15,12 @@ from scipy.special import polygamma
 from radcal.config import Case, Radar, SyntheticMeasurement, load
 from radcal.radar import SIMULATOR_VERSION
 from radcal.radar.geometry import Geometry
+from radcal.radar.texture import texture_order
 from radcal.scene.sources import make_scene
 from radcal.seeds import noise_seed
 from radcal.simulators import runner as module
 from radcal.simulators.runner import Runner
+from radcal.simulators.texturing import textured as pixels_with_texture
 from radcal.storage.files import digest
 from radcal.storage.runs import RunStore
 
@@ -131,3 +133,8 @@ def test_texture_of_a_fixed_material_changes_its_pixels_and_the_key_alone(
     assert images[2].key == images[3].key
     # of another pass, whose looks the key does not state
     assert runner("e", 0.8, case.radar.model_copy(update={"looks": 9})).run(X, 7).key != images[2].key
+    # the random numbers are those with which runs are scored: the same for every seed but that of the final check
+    for seed, fresh in ((7, False), (8, False), (noise_seed(case, fresh=True), True)):
+        before, after = (one.run(X, seed, image=True).image_db.ravel()[pixels] for one in (plain, textured))
+        order = texture_order(case.radar.looks, 0.8)
+        np.testing.assert_array_equal(after, pixels_with_texture(before, order, case.seed, "grass", fresh))
