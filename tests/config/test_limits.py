@@ -78,7 +78,7 @@ FIRST: dict[str, Any] = {
         "altitude_m": 5000, "depression_deg": 40, "band": "X", "frequency_ghz": 9.6, "range_resolution_m": 2,
         "azimuth_resolution_m": 3, "range_spacing_m": 1.5, "azimuth_spacing_m": 2.5, "looks": 3, "nesz_db": -25,
     },
-    "materials": {"a": LAW, "b": SECOND, "c": {"law": "constant_gamma", "parameters": [-10.0]}},
+    "materials": {"a": LAW, "b": SECOND, "c": {"law": "constant_gamma", "parameters": [-10.0], "looks": 1.5}},
     "measurement": {
         "source": "synthetic",
         "synthetic": {

@@ -84,6 +84,31 @@ rule archive:
         "../scripts/archive.py"
 
 
+rule export:
+    input:
+        archive=rules.archive.output.archive,
+        scene=rules.scene.output.scene,
+        geometry=every_pass(rules.geometry.output.geometry),
+    output:
+        folder=directory(f"{OUT}/export"),
+        checksums=f"{OUT}/export.json",
+    log:
+        f"{OUT}/logs/export.log",
+    benchmark:
+        f"{OUT}/benchmarks/export.tsv"
+    retries: 0
+    threads: 1
+    resources:
+        mem_mb=memory("measurement"),
+        runtime=minutes("measurement"),
+    params:
+        case=STAGES["export"].params(CASE),
+    message:
+        "exports"
+    script:
+        "../scripts/export.py"
+
+
 rule report:
     input:
         archive=rules.archive.output.archive,
@@ -112,6 +137,7 @@ rule summary:
     input:
         archive=rules.archive.output.archive,
         page=rules.report.output.page,
+        export=rules.export.output.checksums,
     output:
         summary=f"{OUT}/summary.json",
     log:

@@ -138,6 +138,11 @@ class Material(Section):
         None, description="names of the parameters that are integers, or true if all are integers (law: external)"
     )
     parameters: list[Parameter] | None = Field(None, description="fixed parameters (calibrate: false)")
+    looks: Annotated[Real, Field(ge=0.01, le=1000)] | None = Field(
+        None,
+        description="effective looks of the pixels, below radar.looks for texture (calibrate: false); by default "
+        "radar.looks",
+    )
     bounds: list[tuple[Parameter, Parameter]] | None = Field(
         None, description="[lower, upper] bound of each calibrated parameter"
     )
@@ -165,6 +170,11 @@ class Material(Section):
             return self
         if self.parameters is not None:
             raise ValueError("a calibrated material takes start and bounds, not parameters")
+        if self.looks is not None:
+            raise ValueError(
+                f"looks is {self.looks:g} and calibrate is true, expected looks only with calibrate: false: those of a "
+                "calibrated material are estimated"
+            )
         if self.law == EXTERNAL and (d == 0 or self.bounds is None):
             raise ValueError("a calibrated material of law external needs names and bounds of its parameters")
         if self.bounds is None and law.bounds is None:

@@ -34,6 +34,7 @@ __all__ = [
     "Archive",
     "DesignChunk",
     "DesignSize",
+    "Export",
     "FinalRuns",
     "Geometry",
     "Measurement",
@@ -187,6 +188,10 @@ class FinalRuns(Simulation):
     further_radar: list[Radar] | None = None
 
 
+class Export(Simulation):
+    """Sections that rule ``export`` reads to write the calibrated materials and the texture of their image."""
+
+
 class Archive(Stage):
     """Sections that rule ``archive`` reads: all but ``replace`` and ``stop``; a file gives the stop criteria."""
 
@@ -228,5 +233,6 @@ STAGES: Mapping[str, type[Stage]] = {
     "final_runs": FinalRuns,
     "posterior": Posterior,
     "archive": Archive,
+    "export": Export,
 }
 """Model of each rule by the name of the rule."""
