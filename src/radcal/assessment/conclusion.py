@@ -14,7 +14,7 @@ from radcal.assessment.causes import likely_cause
 from radcal.assessment.fit_test import FitTest, check_fit
 from radcal.assessment.law_check import LawCheck, check_laws, texture_note
 from radcal.assessment.posterior import Posterior
-from radcal.assessment.verdict import verdict
+from radcal.assessment.verdict import Known, verdict
 from radcal.calibration.history import History
 from radcal.calibration.noise import noise_sentence
 from radcal.calibration.objectives import Comparison, make_objectives
@@ -161,6 +161,7 @@ def conclude(
                 name,
                 fits[name],
                 _cause(case, name, targets, objectives[name], history, geometry, fits[name]),
+                _known(case, (posteriors or {}).get(name)),
                 level_only=targets[name].level_only,
                 between_db=checks[name].between_db,
             )
@@ -197,6 +198,18 @@ def _cause(
         return ""
     law = objective.law_in(0, history.best(name).scores[name])
     return likely_cause(case.materials[name].law, law, fit, targets[name], geometry, targets.looks)
+
+
+def _known(case: stages.Archive, posterior: Posterior | None) -> Known | None:
+    """Where sigma0 is known; None without a curve."""
+    if posterior is None or posterior.curve is None:
+        return None
+    if posterior.known_between_deg is None:
+        return Known(None, case.uncertainty.known_db)
+    low, high = posterior.known_between_deg
+    angle = posterior.curve.incidence_deg
+    half = 0.5 * (posterior.curve.p95_db - posterior.curve.p05_db)
+    return Known((low, high), float(half[(angle >= np.floor(low)) & (angle <= np.ceil(high))].max()))
 
 
 def _textured(
