@@ -155,9 +155,8 @@ def main() -> None:
     count = 20 if arguments.quick else 120
     result: dict[str, Any] = {}
     with threadpool_limits(1):
-        print(
-            f"{'truth':14} {'n':>4} {'does not fit':>12} {'p < 0.05':>9} {'p < 0.02':>9} {'sum/expected':>12} {'looks':>6}"
-        )
+        columns = f"{'does not fit':>12} {'p < 0.05':>9} {'p < 0.02':>9} {'sum/expected':>12} {'looks':>6}"
+        print(f"{'truth':14} {'n':>4} {columns}")
         for kind, looks in [*((kind, LOOKS) for kind in KINDS), ("right", 2.5)]:
             name = kind if looks == LOOKS else f"{kind}_{looks:g}_looks"
             found = grounds_of(kind, arguments.objective, count, looks)

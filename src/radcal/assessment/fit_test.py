@@ -22,7 +22,7 @@ from radcal.radar.texture import equal_texture
 __all__ = ["DOUBTFUL_SPREAD_DB", "FitTest", "Linearised", "check_fit", "linearised"]
 
 REPLICATES = 999
-LEVEL = 0.05  # share of right laws that may be called wrong
+LEVEL = 0.02  # share of right laws that may be called wrong
 MEAN_DB, SPREAD = 0.5, 0.15  # misfit of a bin's mean [dB], and of its standard deviation (relative), that matters
 DOUBTFUL_SPREAD_DB = 3.0  # a larger standard deviation between fields can hide a misfit
 _LIMIT = 1e-3  # log looks, and share of the interval between bounds, within which a value is at its limit
