@@ -52,6 +52,7 @@ from radcal.storage.runs import RunStore
 ANGLES = 19  # between the 5 % and 95 % quantiles of the incidence
 SILENT_DB = 2.0
 WIDE_DEG = 5.0
+WALKERS = 64  # half of the default: enough for the tests of convergence, in half of the time
 WARNINGS = ("which can hide", "at no angle", "has not met")  # in a first line that says "fits"
 MORE = {"none": 2, "all": 3}  # times as many seeds
 
@@ -88,7 +89,8 @@ def twin(factor: str, seed: int) -> dict[str, Any]:
             measured = {
                 "source": "file", "path": str(path), "scale": "power", "radiometry": made.radar.radiometry,
             }  # fmt: skip
-            row |= calibrated(case_from({"measurement": measured, **carrier(b.case)}), simulator, Path(folder), curve)
+            case = case_from({"measurement": measured, "uncertainty": {"walkers": WALKERS}, **carrier(b.case)})
+            row |= calibrated(case, simulator, Path(folder), curve)
     except RadcalError as error:
         row |= {"refused": str(error)}
     return row | {"seconds": round(time.time() - began, 2)}
