@@ -45,8 +45,9 @@ def test_defaults_are_a_valid_case() -> None:
     assert len(case.materials) == 7
     assert isinstance(case.scene, BuiltinScene)
     assert isinstance(case.measurement, SyntheticMeasurement)
-    assert case.measurement.synthetic.parameters == {"dyke": [6.1, 14.2, 21.5, 3.3]}
-    assert case.materials["dyke"].box == [(0.0, 50.0)] * 4
+    assert case.measurement.synthetic.parameters["dyke"] == [-24.0, 10.0, 14.0, 5.0]
+    assert case.materials["dyke"].box == [(-32.0, -8.0), (0.0, 16.0), (0.0, 22.0), (0.0, 12.0)]
+    assert case_from(dyke()).materials["dyke"].box == [(0.0, 50.0)] * 4  # the law's own
     assert (case.stop.rms, case.stop.max_runs, case.stop.stagnation_runs) == (1e-5, 200, 20)
     assert (case.objective, case.design.sampler, case.design_size) == ("classes", "sobol", 2)
     assert case.has_baseline

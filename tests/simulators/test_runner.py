@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,10 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from radcal.config import Case
+from radcal.config import Case, SyntheticMeasurement, load
+from radcal.radar import SIMULATOR_VERSION
 from radcal.radar.geometry import Geometry
+from radcal.scene.sources import make_scene
+from radcal.seeds import noise_seed
 from radcal.simulators import runner as module
 from radcal.simulators.runner import Runner
+from radcal.storage.files import digest
 from radcal.storage.runs import RunStore
 
 X = {"dyke": [6.1, 14.2, 21.5, 3.3], "grass": [10.0, 14.0, 6.0, 4.0]}
@@ -33,6 +38,27 @@ class Counting:
         self.calls += 1
         noise = np.random.default_rng(noise_seed).standard_normal(self.shape)
         return (noise + parameters["dyke"][0]).astype(np.float32)
+
+
+@pytest.mark.parametrize("name", ["dyke_published", "paper", "paper_small"])
+def test_runs_of_the_published_dyke_keep_their_keys(tmp_path: Path, geometry: Geometry, name: str) -> None:
+    """Scene, pass and laws written out in full: no default changes the keys of the runs that stand behind figures."""
+    case = load([Path(__file__).parents[2] / "config" / f"{name}.yaml"])
+
+    class Builtin(Counting):
+        @property
+        def identity(self) -> Mapping[str, Any]:
+            return {"kind": "builtin", "version": SIMULATOR_VERSION}
+
+    scene = make_scene(case.scene, list(case.materials))
+    runner = Runner(RunStore(tmp_path), Builtin(geometry.shape), geometry, scene.identity, case)
+    keys = [digest(runner.description(case.start_parameters, noise_seed(case, fresh))) for fresh in (False, True)]
+    assert keys == ["9a111f839eed409c2869", "b9921bb5d6ffdea09b39"]
+    assert isinstance(case.measurement, SyntheticMeasurement)
+    assert case.measurement.synthetic.disturbed == ()
+    assert case.measurement.synthetic.parameters == {"dyke": [6.1, 14.2, 21.5, 3.3]}
+    bits = hashlib.sha256(scene.elevation_m.tobytes() + scene.material.tobytes()).hexdigest()
+    assert bits.startswith("4b06456ba6d9a9f1")
 
 
 def test_a_run_that_another_process_makes_meanwhile_is_taken(

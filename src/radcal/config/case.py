@@ -63,9 +63,12 @@ def _with_fitting_draws(data: dict[str, Any]) -> dict[str, Any]:
 
 
 def _with_fitting_measurement(data: dict[str, Any]) -> dict[str, Any]:
-    """Case data; without a section ``measurement``, a case of scene and materials of the default case has its image."""
-    own = "measurement" in data or "materials" in data or "scene" in data
-    return data if own else {**data, "measurement": SyntheticMeasurement(synthetic=default_synthetic())}
+    """Case data; without a section ``measurement``, a case of the default case's ground and simulator has its image."""
+    simulator = data.get("simulator", {})
+    kind = simulator.get(TAGS["simulator"]) if isinstance(simulator, dict) else getattr(simulator, "kind", None)
+    if kind == "command" or any(section in data for section in ("measurement", "materials", "scene")):
+        return data
+    return {**data, "measurement": SyntheticMeasurement(synthetic=default_synthetic())}
 
 
 def _with_passes(data: dict[str, Any]) -> dict[str, Any]:

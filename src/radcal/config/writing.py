@@ -12,7 +12,7 @@ _HEADER = """\
 # yaml-language-server: $schema=schema.json
 # The default case. Every key below is a default: a case of your own needs only the keys that differ. The mismatches in
 # measurement.synthetic (offset_db, relief_m, resolution_factor, parameters of fixed materials) are defaults only of a
-# case without the sections scene, materials and measurement.
+# case of the built-in simulator without the sections scene, materials and measurement.
 # Written by: python -m radcal.config > config/config.yaml
 """
 
