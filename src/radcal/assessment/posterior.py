@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.assessment.curves import GRID_DEG
-from radcal.assessment.known import Band, band_of, directions, known_between, modes_of
+from radcal.assessment.known import Band, Modes, band_of, directions, known_between, modes_of
 from radcal.assessment.sampling import Sample, sample
 from radcal.assessment.unknowns import Model
 from radcal.calibration.history import History
@@ -24,11 +25,24 @@ from radcal.seeds import derived_seed
 from radcal.storage.layout import About, put, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
-__all__ = ["Curve", "Posterior", "posterior_of", "posterior_on", "read_posterior", "write_posterior"]
+__all__ = [
+    "Curve",
+    "Draws",
+    "Posterior",
+    "draw",
+    "posterior_of",
+    "posterior_on",
+    "read_posterior",
+    "sigma0_db",
+    "summarised",
+    "write_posterior",
+]
 
 Doubles = NDArray[np.float64]
 
 _PRIOR_DRAWS, _FEWEST = 4000, 400
+_QUANTILES = [0.05, 0.5, 0.95]
+_FINE_DEG = 0.25
 _MEAN_POWER = np.log(10.0) / 20.0  # dB of mean power per dB^2 of variance of the fields: 0.115
 
 
@@ -122,7 +136,7 @@ def posterior_on(
     levels: Levels,
     config: Uncertainty,
     seed: int,
-    best: list[float] | Doubles | None = None,
+    best: Sequence[float] | Doubles | None = None,
 ) -> Posterior:
     """Posterior of a law on a surrogate.
 
@@ -146,67 +160,95 @@ def posterior_on(
     Posterior
     """
     model = Model(objective, surrogate, levels, config)
+    return summarised(model, draw(model, config, seed, best), config.known_db)
+
+
+@dataclass(frozen=True)
+class Draws:
+    """Draws from posterior and prior of a model, shapes (m, dimension) and (k, dimension), and how they were found."""
+
+    posterior: Doubles
+    prior: Doubles
+    sample: Sample
+
+
+def draw(model: Model, config: Uncertainty, seed: int, best: Sequence[float] | Doubles | None = None) -> Draws:
+    """Draws from a model's posterior by the sampler or, without convergence, by its linear covariance.
+
+    Parameters
+    ----------
+    model : Model
+        Log densities.
+    config : Uncertainty
+        Sampler.
+    seed : int
+        Seed of the random numbers.
+    best : array_like, shape (d,), optional
+        X of the best run, from which one walker starts.
+    """
     rng = np.random.default_rng(seed)
     before = model.from_prior(_PRIOR_DRAWS, rng)
     start = model.dispersed(config.walkers, rng)
     if len(before) < _FEWEST:
         before = sample(model.log_prior, None, start, config.steps, derived_seed(seed, "prior")).draws
     if best is not None:
-        start[0, : model.d] = np.clip(surrogate.unit(best), 1e-6, 1.0 - 1e-6)
+        start[0, : model.d] = np.clip(model.surrogate.unit(best), 1e-6, 1.0 - 1e-6)
     found = sample(model.log_prior, model.log_likelihood, start, config.steps, derived_seed(seed, "posterior"))
-    sentences, draws = [], found.draws
-    if not found.converged:
-        draws = model.linear(found.best, rng)
-        sentences.append(
-            f"the sampler has not converged (effective sample size {found.ess:.0f}, R-hat {found.r_hat:.2f} after "
-            f"{found.steps} steps): intervals are those of the linear (Gauss-Newton) covariance, which are too narrow "
-            "where the law bends with its parameters."
-        )
-    return _posterior(model, draws, before, found, sentences, config.known_db)
+    return Draws(found.draws if found.converged else model.linear(found.best, rng), before, found)
 
 
-def _posterior(
-    model: Model, draws: Doubles, prior: Doubles, found: Sample, sentences: list[str], known_db: float
-) -> Posterior:
+def sigma0_db(model: Model, points: Doubles) -> Doubles:
+    """Mean power of the ground [dB] on the grid of incidence, shape (m, dimension) to (m, 361); of a law with a curve.
+
+    Levels of fields scatter in dB about the law, so that their mean power lies above it by ln(10)/20 dB for each dB^2
+    of their variance.
+    """
+    assert model.curves is not None  # noqa: S101
+    fields = model.unknowns(points)
+    more = _MEAN_POWER * (fields.between_db**2 + fields.within_db**2)
+    return np.asarray(model.curves(model.parameters(points)) + more[:, None])
+
+
+def summarised(model: Model, found: Draws, known_db: float) -> Posterior:
     """Quantiles of draws, and what follows from them."""
-    x, before = model.parameters(draws), model.parameters(prior)
-    unknowns = model.unknowns(draws)
-    low, middle, high = np.quantile(x, [0.05, 0.5, 0.95], axis=0)
-    seen = model.seen_deg
-    curve = known = None
-    share, groups = np.ones(1), middle[None]
+    x, before, sampler = model.parameters(found.posterior), model.parameters(found.prior), found.sample
+    unknowns = model.unknowns(found.posterior)
+    low, middle, high = np.quantile(x, _QUANTILES, axis=0)
+    sentences, curve, known = [], None, None
+    if not sampler.converged:
+        sentences.append(
+            f"the sampler has not converged (effective sample size {sampler.ess:.0f}, R-hat {sampler.r_hat:.2f} after "
+            f"{sampler.steps} steps): intervals are those of the linear (Gauss-Newton) covariance, which are too "
+            "narrow where the law bends with its parameters."
+        )
+    modes = Modes(np.ones(1), middle[None])
     if model.curves is not None:
-        more = _MEAN_POWER * (unknowns.between_db**2 + unknowns.within_db**2)
-        curves = model.curves(x) + more[:, None]
-        around = model.curves(before)
+        curves = sigma0_db(model, found.posterior)
         # in steps of a quarter of a degree, of which every fourth is kept
-        fine, fine_prior = band_of(curves, 0.25), band_of(around, 0.25)
-        if not model.level_only:
-            known = known_between(fine, fine_prior, seen, known_db)
-        curve = _curve(fine, fine_prior)
-        modes = modes_of(curves, x, seen)
-        share, groups = modes.share, modes.parameters
-        if len(share) > 1:
-            each = ", ".join(f"{100.0 * one:.0f} %" for one in share)
-            sentences.append(f"{len(share)} distinct laws agree with the pixels, with shares of {each} of the sample.")
+        fine, prior = band_of(curves, _FINE_DEG), band_of(sigma0_db(model, found.prior), _FINE_DEG)
+        known = None if model.level_only else known_between(fine, prior, model.seen_deg, known_db)
+        curve, modes = _curve(fine, prior), modes_of(curves, x, model.seen_deg)
+        if len(modes.share) > 1:
+            each = ", ".join(f"{100.0 * one:.0f} %" for one in modes.share)
+            sentences.append(f"{len(modes.share)} distinct laws agree with the pixels, with shares of {each}.")
     axes = directions(x, before)
     sentences.append(axes.sentence(model.names))
     return Posterior(
-        sampled=found.converged,
-        ess=found.ess,
-        r_hat=found.r_hat,
-        steps=found.steps,
+        sampled=sampler.converged,
+        ess=sampler.ess,
+        r_hat=sampler.r_hat,
+        steps=sampler.steps,
         parameters_p05=low,
         parameters_p50=middle,
         parameters_p95=high,
-        looks=np.quantile(unknowns.looks, [0.05, 0.5, 0.95]),
-        between_db=np.quantile(unknowns.between_db, [0.05, 0.5, 0.95]),
-        within_db=np.quantile(unknowns.within_db, [0.05, 0.5, 0.95]),
-        seen_deg=np.array(seen),
+        looks=np.quantile(unknowns.looks, _QUANTILES),
+        between_db=np.quantile(unknowns.between_db, _QUANTILES),
+        within_db=np.quantile(unknowns.within_db, _QUANTILES),
+        seen_deg=np.array(model.seen_deg),
         combinations=axes.weights,
         combinations_left=axes.ratio,
-        mode_share=share,
-        mode_parameters=groups,
+        mode_share=modes.share,
+        mode_parameters=modes.parameters,
         sentences=tuple(sentences),
         curve=curve,
         known_between_deg=known,
