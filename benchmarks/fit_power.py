@@ -7,7 +7,7 @@ them, seen between 20 and 50 degrees. The truth is a law of the fitted family (`
 texture that the fit does not know of (K distribution, of another order in each field); disturbed laws have a bump of
 2 dB (sd 4 degrees) or a step of 1.5 dB in the middle of the incidence, or a fifth of the pixels is 6 dB brighter. The
 simulator is the law and the cumulants of its speckle. For each: how often the law is said not to fit, how often p is
-below 0.05 and 0.02, medians of the residual sum over its expectation and of the looks found. Last, for the right laws,
+below 0.05 and 0.01, medians of the residual sum over its expectation and of the looks found. Last, for the right laws,
 sums after linearised refits over those after real ones.
 """
 
@@ -115,7 +115,7 @@ def row(results: list[tuple[GroundLaw, FitTest]]) -> dict[str, float]:
         "n": len(tests),
         "does_not_fit": float(np.mean([test.fits is False for test in tests])),
         "p_below_0.05": float(np.mean([test.p < 0.05 for test in tests])),
-        "p_below_0.02": float(np.mean([test.p < 0.02 for test in tests])),
+        "p_below_0.01": float(np.mean([test.p < 0.01 for test in tests])),
         "sum_over_expected": float(np.median([test.residual_sum / test.expected for test in tests])),
         "looks": float(np.median([law.fit.looks for law, _ in results])),
     }
@@ -155,7 +155,7 @@ def main() -> None:
     count = 20 if arguments.quick else 120
     result: dict[str, Any] = {}
     with threadpool_limits(1):
-        columns = f"{'does not fit':>12} {'p < 0.05':>9} {'p < 0.02':>9} {'sum/expected':>12} {'looks':>6}"
+        columns = f"{'does not fit':>12} {'p < 0.05':>9} {'p < 0.01':>9} {'sum/expected':>12} {'looks':>6}"
         print(f"{'truth':14} {'n':>4} {columns}")
         for kind, looks in [*((kind, LOOKS) for kind in KINDS), ("right", 2.5)]:
             name = kind if looks == LOOKS else f"{kind}_{looks:g}_looks"
@@ -163,7 +163,7 @@ def main() -> None:
             line = result[name] = row(found)
             print(
                 f"{name:14} {line['n']:4.0f} {line['does_not_fit']:12.3f} {line['p_below_0.05']:9.3f} "
-                f"{line['p_below_0.02']:9.3f} "
+                f"{line['p_below_0.01']:9.3f} "
                 f"{line['sum_over_expected']:12.2f} {line['looks']:6.2f}",
                 flush=True,
             )

@@ -9,7 +9,7 @@ import pytest
 from calibration_samples import make_material, make_score, make_target
 from scipy import stats
 
-from radcal.assessment.fit_test import LEVEL, Linearised, check_fit, linearised
+from radcal.assessment.fit_test import LEVEL, Linearised, _p, check_fit, linearised
 from radcal.calibration.expected import LawForward
 from radcal.calibration.grounds import fit_grounds
 from radcal.calibration.history import PassScore
@@ -173,6 +173,17 @@ def test_what_does_not_matter_fits_all_the_same():
     assert found.p < LEVEL
     assert abs(found.worst_mean_db) < 0.5
     assert found.fits is True
+
+
+def test_p_is_uniform_whichever_of_two_sums_is_less_likely():
+    rng = np.random.default_rng(1)
+    means = rng.chisquare(5.0, (400, 300))
+    sums = np.stack([means + rng.chisquare(15.0, (400, 300)), means], axis=-1)
+    found = np.array([_p(one[1:], one[0]) for one in sums])
+    assert stats.kstest(found, "uniform").pvalue > 0.01
+    # the third largest of one sum, and one of which ten are larger
+    replicates = np.stack([np.arange(99.0), np.arange(99.0)[::-1]], axis=-1)
+    assert _p(replicates, np.array([96.5, 89.5])) == pytest.approx(0.06)
 
 
 def test_looks_at_a_limit_do_not_fit():

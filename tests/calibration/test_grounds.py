@@ -48,6 +48,15 @@ def test_law_and_looks_are_found(misfit):
     assert found["field"].identified > 20.0
 
 
+@pytest.mark.parametrize("looks", [4.0, 2.5])
+def test_the_prior_hardly_moves_the_looks_of_a_single_field(looks):
+    """Its bins tell the spread of a field, and not of how many looks other fields are."""
+    grounds = {str(k): fields(np.random.default_rng(k), looks=looks, rows=40, width=96) for k in range(6)}
+    found = fit_grounds(grounds, dict.fromkeys(grounds, METHOD))
+    mean = np.exp(np.mean([np.log(law.fit.looks) for law in found.values()]))
+    assert mean == pytest.approx(looks, rel=0.05)
+
+
 def test_one_bin_takes_missing_looks_for_a_law():
     """At looks that are held for known: what one density of all pixels tells."""
     ground = fields(np.random.default_rng(1), looks=2.0)

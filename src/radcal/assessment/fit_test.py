@@ -22,7 +22,7 @@ from radcal.radar.texture import equal_texture
 __all__ = ["DOUBTFUL_SPREAD_DB", "FitTest", "Linearised", "check_fit", "linearised"]
 
 REPLICATES = 999
-LEVEL = 0.02  # share of right laws that may be called wrong
+LEVEL = 0.01  # half of the share of right laws that may be called wrong: replicates are drawn about an estimated law
 MEAN_DB, SPREAD = 0.5, 0.15  # misfit of a bin's mean [dB], and of its standard deviation (relative), that matters
 DOUBTFUL_SPREAD_DB = 3.0  # a larger standard deviation between fields can hide a misfit
 _LIMIT = 1e-3  # log looks, and share of the interval between bounds, within which a value is at its limit
@@ -45,7 +45,7 @@ class FitTest:
     expected : float
         Degrees of freedom m - tr(H): mean of that sum for a right law.
     p : float
-        Share of parametric replicates with a larger sum.
+        Share of parametric replicates of which this sum, or that of the means alone, is as unlikely.
     worst_deg : float
         Mean incidence of the bin with the largest misfit, in units of the misfit that matters [deg].
     worst_mean_db, worst_spread : float
@@ -191,9 +191,10 @@ def check_fit(
 ) -> FitTest:
     """Test whether the law of a run fits the measured bins of all passes.
 
-    It does not fit where the sum of squared residuals is larger than that of all but 2 % of parametric replicates and
-    the misfit matters (a bin's mean off by more than 0.5 dB, or its standard deviation by more than 15 %), or where the
-    effective looks end at a limit beyond which the pixels ask for them by more than three standard errors.
+    It does not fit where the sum of squared residuals, or that of the means alone, is larger than those of all but 1 %
+    of parametric replicates (the smaller of both shares, and its law among the replicates) and the misfit matters (a
+    bin's mean off by more than 0.5 dB, or its standard deviation by more than 15 %), or where the effective looks end
+    at a limit beyond which the pixels ask for them by more than three standard errors.
 
     Parameters
     ----------
@@ -228,17 +229,33 @@ def check_fit(
     found = _linearised(comparison, score, passes)
     disturbance = np.concatenate([one.moments.replicates(REPLICATES, rng) for one in passes], axis=1)
     total = float(found.residuals @ found.residuals)
-    sums = (found.refitted(disturbance, rng) ** 2).sum(axis=1)
+    of_means = np.concatenate([np.arange(3 * one.moments.classes.size) < one.moments.classes.size for one in passes])
+    sums = _sums(found.refitted(disturbance, rng), of_means)
     if not comparison.material.law.has_curve:  # all searched values are taken for determined by the pixels
         searched = len(comparison.material.box) + comparison.free_looks
         sums, expected = sums * (1.0 - searched / found.residuals.size), found.expected - searched
     else:
         expected = found.expected
-    p = (1.0 + float(np.count_nonzero(sums >= total))) / (1.0 + REPLICATES)
+    p = _p(sums, _sums(found.residuals, of_means))
     worst, matters = _worst(passes, found.residuals)
     looks_limit, bounds = _limits(comparison, score, found, names)
     fits = not (p < LEVEL and matters) and not looks_limit
     return FitTest(fits, total, expected, p, *worst, *moments, looks_limit, bounds, distance)
+
+
+def _sums(residuals: Doubles, of_means: NDArray[np.bool_]) -> Doubles:
+    """Sums of squares of all residuals, and of those of the means, shape (..., m) to (..., 2)."""
+    # whitening by Cholesky's factor leaves the first statistic, the means, to themselves
+    return np.stack([(residuals**2).sum(axis=-1), (residuals[..., of_means] ** 2).sum(axis=-1)], axis=-1)
+
+
+def _p(replicates: Doubles, found: Doubles) -> float:
+    """Share of replicates, shape (count, 2), of which one of the two sums is as unlikely as those found, shape (2,)."""
+    every = np.concatenate([found[None], replicates])
+    # rank 1 is the largest; equal sums share the rank of the last
+    ranks = [len(sums) - np.searchsorted(np.sort(sums), sums, side="left") for sums in every.T]
+    least = np.minimum(*ranks)
+    return float(np.mean(least <= least[0]))
 
 
 def _linearised(comparison: Comparison, score: Score, passes: list[_Pass]) -> Linearised:

@@ -11,6 +11,8 @@ from radcal.assessment.fit_test import DOUBTFUL_SPREAD_DB, FitTest
 
 __all__ = ["Known", "all_fit", "first_line", "verdict"]
 
+_COUNTS = ((True, "fits", "fit"), (False, "does not fit", "do not fit"), (None, "cannot be tested", "cannot be tested"))
+_NAMED = 4  # materials that the first line names
 _SPREAD_RATIO, _OFF_DB = 1.15, 0.5  # of all pixels, worth saying before the worst bin
 
 
@@ -117,13 +119,9 @@ def first_line(verdicts: Mapping[str, str], fits: Mapping[str, bool | None], con
     going = "" if converged else " The search has not met its stop criterion."
     if len(verdicts) == 1:
         return next(iter(verdicts.values())) + going
-    counts = {said: [name for name, fit in fits.items() if fit is value] for said, value in _COUNTS.items()}
-    said = [f"{len(names)} {words}{_who(names, words)}" for words, names in counts.items() if names]
+    said = []
+    for value, one, many in _COUNTS:
+        names = [name for name, fit in fits.items() if fit is value]
+        who = f" ({', '.join(names)})" if value is not True and len(names) <= _NAMED else ""
+        said += [f"{len(names)} {one if len(names) == 1 else many}{who}"] if names else []
     return f"Of {len(fits)} materials {', '.join(said)}.{going}"
-
-
-_COUNTS = {"fit": True, "do not fit": False, "cannot be tested": None}
-
-
-def _who(names: Sequence[str], words: str) -> str:
-    return f" ({', '.join(names)})" if words != "fit" and len(names) <= 4 else ""
