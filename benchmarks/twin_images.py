@@ -119,12 +119,13 @@ def outside(rng: np.random.Generator) -> dict[str, Any]:
 
 
 def together(rng: np.random.Generator) -> dict[str, Any]:
-    """All factors but the law's family, with sizes drawn from the configured uncertainty."""
+    """All factors but the law's family; level and resolution are drawn from the configured uncertainty."""
     found: dict[str, Any] = {}
     for factor in (relief, texture, labels, noise, warp):
         found |= factor(rng)
-    found["resolution_factor"] = float(np.clip(rng.normal(1.0, 0.15), 0.9, 1.5))
-    found["offset_db"] = float(rng.normal(0.0, 0.5))
+    budget = bench().case.uncertainty
+    found["resolution_factor"] = float(np.clip(rng.normal(1.0, budget.point_spread), 0.9, 1.5))
+    found["offset_db"] = float(rng.normal(0.0, budget.level_db))
     found["laws"] = shifted({name: float(rng.normal(0.0, 2.0)) for name in neighbours()})
     return found
 

@@ -263,11 +263,13 @@ def main() -> None:
     factors, first = a.factors.split(","), a.first_seed
     if unknown := set(factors) - set(FACTORS):
         parser.error(f"--factors: {', '.join(sorted(unknown))}, expected some of {', '.join(FACTORS)}")
+    times = {factor: 1 if a.quick else MORE.get(factor, 1) for factor in factors}
+    # in turn, so that an unfinished file has all factors in their shares
     wanted = [
-        (factor, seed)
-        for seed in range(first, first + 3 * a.seeds)
-        for factor in factors
-        if seed < first + (1 if a.quick else a.seeds * MORE.get(factor, 1))
+        (factor, first + n * turn + k)
+        for turn in range(1 if a.quick else a.seeds)
+        for factor, n in times.items()
+        for k in range(n)
     ]
     a.out.parent.mkdir(parents=True, exist_ok=True)
     rows = {(row["factor"], row["seed"]): row for row in finished(a.out)}
