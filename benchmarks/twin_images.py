@@ -18,7 +18,7 @@ from radcal.scene.model import Scene
 from radcal.scene.sources import make_scene
 from radcal.seeds import derived_rng
 
-CROP = (slice(120, 280), slice(110, 310))  # cells of the scene: north, east
+CROP = (slice(120, 280), slice(150, 270))  # cells of the scene: north, east
 KNOTS_DEG = [float(angle) for angle in range(0, 91, 5)]
 UNDISTURBED: dict[str, Any] = {
     "laws": {}, "offset_db": 0.0, "warp_px": 0.0, "relief_m": 0.0, "resolution_factor": 1.0, "looks": None,

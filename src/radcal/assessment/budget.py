@@ -15,8 +15,8 @@ __all__ = ["FIELD_FREEDOM", "FLATTENING", "Budget", "log_field_prior"]
 FIELD_FREEDOM = 4.0
 """Degrees of freedom of the half-t priors of the standard deviations between and within fields."""
 
-FLATTENING = 0.35
-"""Share by which a law flattens for resolutions that are coarser by one whole: docs/uncertainty.md."""
+FLATTENING = 0.25
+"""Share by which a law flattens, over the share by which the resolutions are coarser (docs/uncertainty.md)."""
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ __all__ = [
 
 Doubles = NDArray[np.float64]
 
-_PRIOR_DRAWS, _FEWEST = 4000, 400
+_PRIOR_DRAWS, _FEWEST = 2000, 400
 _QUANTILES = [0.05, 0.5, 0.95]
 _FINE_DEG = 0.25
 _MEAN_POWER = np.log(10.0) / 20.0  # dB of mean power per dB^2 of variance of the fields: 0.115

@@ -134,7 +134,8 @@ def _judged(chain: Doubles, log_density: Doubles) -> Sample:
     # all steps of a coordinate that does not move are one
     moving = np.ptp(kept.reshape(-1, kept.shape[-1]), axis=0) > 0.0
     times = np.ones(kept.shape[-1])
-    times[moving] = integrated_time(kept[..., moving], tol=0, has_walkers=True)
+    with np.errstate(invalid="ignore"):  # a walker that does not move has no autocorrelation: the times are then NaN
+        times[moving] = integrated_time(kept[..., moving], tol=0, has_walkers=True)
     longest = float(np.nanmax(np.where(np.isfinite(times), times, np.inf)))
     ess, r_hat = kept.shape[0] * kept.shape[1] / longest, float(split_r_hat(kept).max())
     flat = kept.reshape(-1, kept.shape[-1])

@@ -22,8 +22,8 @@ Doubles = NDArray[np.float64]
 _CHUNK = 256  # points at a time
 _MOST_FIELD_DB = 6.0  # as in the table of their likelihood
 _STEP = 1e-4
-_BATCH, _ROUNDS = 2000, 100
-_LINEAR, _TRIED, _FEWEST = 4000, 100_000, 400  # draws kept, made, and inside of the bounds
+_BATCH, _ROUNDS = 2000, 60
+_LINEAR, _TRIED, _FEWEST = 4000, 20_000, 400  # draws kept, made, and inside of the bounds
 
 
 class Model:
