@@ -83,7 +83,7 @@ def test_looks_of_the_image_tell_a_filter(right):
     )
     assert cause_of(right, misfit_of(), image_looks=5.9) == UNKNOWN
     upper, lower = (cause_of(right, misfit_of(looks_limit=end)) for end in ("upper", "lower"))
-    assert upper == "the pixels spread less than the speckle of radar.looks 4"
+    assert upper == "the pixels spread less than the speckle of radar.looks 4: speckle-filtered?"
     assert lower == "the pixels spread more than any speckle: mixed ground?"
 
 

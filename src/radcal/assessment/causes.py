@@ -49,16 +49,17 @@ def likely_cause(
         Looks of the image's homogeneous areas; NaN where not known.
     """
     causes: list[Callable[[], str]] = [
-        lambda: _bounds(law_name, law, test),
+        lambda: _reach(law_name, law, test),
         lambda: _looks(law, test, image_looks),
         lambda: _radiometry(law, target, geometry),
+        lambda: _held_back(test),
         lambda: _incidence(law),
     ]
     return next((said for cause in causes if (said := cause())), UNKNOWN)
 
 
-def _bounds(law_name: str, law: GroundLaw, test: FitTest) -> str:
-    """Bounds that cannot reach the level of the worst bin, or that hold a parameter back."""
+def _reach(law_name: str, law: GroundLaw, test: FitTest) -> str:
+    """Bounds that cannot reach the level of the worst bin."""
     classes = law.classes
     k = int(np.abs(classes.nodes_deg.mean(axis=1) - test.worst_deg).argmin())
     level, there = law.method.law, classes.nodes_deg[k]
@@ -66,10 +67,14 @@ def _bounds(law_name: str, law: GroundLaw, test: FitTest) -> str:
     asked = float(np.mean(level(np.radians(there), law.fit.parameters))) - test.worst_mean_db
     if not low <= asked <= high and test.bounds:
         return f"{law_name}'s bounds cannot reach {asked:.0f} dB"
-    if test.bounds:
-        held = f"{test.bounds[0]} is" if len(test.bounds) == 1 else f"{' and '.join(test.bounds)} are"
-        return f"{held} held back by {'its bound' if len(test.bounds) == 1 else 'their bounds'}"
     return ""
+
+
+def _held_back(test: FitTest) -> str:
+    """Parameters that their bounds hold back."""
+    if len(test.bounds) == 1:
+        return f"{test.bounds[0]} is held back by its bound"
+    return f"{' and '.join(test.bounds)} are held back by their bounds" if test.bounds else ""
 
 
 def _looks(law: GroundLaw, test: FitTest, image_looks: float) -> str:
@@ -78,7 +83,7 @@ def _looks(law: GroundLaw, test: FitTest, image_looks: float) -> str:
     if image_looks > _FILTERED * sensor:
         return f"the image has {image_looks:.1f} looks, radar.looks is {sensor:g}: speckle-filtered?"
     if test.looks_limit == "upper":
-        return f"the pixels spread less than the speckle of radar.looks {sensor:g}"
+        return f"the pixels spread less than the speckle of radar.looks {sensor:g}: speckle-filtered?"
     if test.looks_limit == "lower":
         return "the pixels spread more than any speckle: mixed ground?"
     return ""

@@ -26,7 +26,7 @@ LEVEL = 0.01  # half of the share of right laws that may be called wrong: replic
 MEAN_DB, SPREAD = 0.5, 0.15  # misfit of a bin's mean [dB], and of its standard deviation (relative), that matters
 DOUBTFUL_SPREAD_DB = 3.0  # a larger standard deviation between fields can hide a misfit
 _LIMIT = 1e-3  # log looks, and share of the interval between bounds, within which a value is at its limit
-_PRESSED, _SUFFERS = 3.0, 2.0  # standard errors by which the pixels ask for looks, and for X, beyond a limit
+_PRESSED = 3.0  # standard errors by which the pixels ask for looks, or for X, beyond a limit
 _STEP = 1e-4  # of the interval between bounds, and of log looks
 
 Doubles = NDArray[np.float64]
@@ -58,7 +58,7 @@ class FitTest:
         Limit at which the effective looks end although the pixels ask for more, or for fewer: ``upper``, ``lower``, or
         empty.
     bounds : tuple of str
-        Parameters at a bound beyond which the pixels ask for them, by more than two standard errors.
+        Parameters at a bound beyond which the pixels ask for them, by more than three standard errors.
     distance : float
         Density rms over that of sampling.
     """
@@ -294,6 +294,6 @@ def _limits(
             if abs(np.log(score.looks / end)) <= _LIMIT and sign * asked[-1] > _PRESSED:
                 looks_limit = limit
     x = (np.asarray(score.parameters) - box[:, 0]) / (box[:, 1] - box[:, 0])
-    beyond = ((x <= _LIMIT) & (asked[: x.size] < -_SUFFERS)) | ((x >= 1.0 - _LIMIT) & (asked[: x.size] > _SUFFERS))
+    beyond = ((x <= _LIMIT) & (asked[: x.size] < -_PRESSED)) | ((x >= 1.0 - _LIMIT) & (asked[: x.size] > _PRESSED))
     called = names or tuple(comparison.material.law.names)
     return looks_limit, tuple(name for name, suffers in zip(called, beyond, strict=True) if suffers)
