@@ -38,6 +38,7 @@ MESSAGES = {
     **{f"{rule} {k}": rule for rule in ("train", "propose", "verify") for k in range(20)},
     "stop settings": "stop_settings",
     "final runs": "final_runs",
+    **{f"posterior of {name}": "posterior" for name in tiny_case()["materials"]},
     "archive of all runs": "archive",
 }
 # of no rule's outputs: the treasure, and how long jobs took
@@ -59,6 +60,7 @@ CHANGES = {
     "design": {"sampler": "latin_hypercube"},
     "surrogate": {"baseline": False},
     "optimiser": {"evaluations": 900},
+    "uncertainty": {"known_db": 1.2},
     "stop": {"rms": 2e-3},
 }
 
