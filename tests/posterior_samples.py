@@ -21,8 +21,12 @@ LINE = law_for("tabulated", angles_deg=(20.0, 60.0))
 LINE_BOX = [[-30.0, 10.0], [-40.0, 0.0]]
 LINE_X = np.array([-6.0, -16.0])
 EXACT = {
-    **{"level_db": 0.0, "noise_db": 0.0, "field_db": 0.0, "point_spread": 0.0},
-    **{"incidence_error": 0.0, "incidence_floor_deg": 0.0},
+    "level_db": 0.0,
+    "noise_db": 0.0,
+    "field_db": 0.0,
+    "point_spread": 0.0,
+    "incidence_error": 0.0,
+    "incidence_floor_deg": 0.0,
 }
 
 
