@@ -18,7 +18,7 @@ from radcal.scene.model import Scene
 from radcal.scene.sources import make_scene
 from radcal.seeds import derived_rng
 
-CROP = (slice(120, 280), slice(110, 310))  # cells of the scene: north, east
+CROP = (slice(120, 280), slice(150, 270))  # cells of the scene: north, east
 KNOTS_DEG = [float(angle) for angle in range(0, 91, 5)]
 UNDISTURBED: dict[str, Any] = {
     "laws": {}, "offset_db": 0.0, "warp_px": 0.0, "relief_m": 0.0, "resolution_factor": 1.0, "looks": None,
@@ -119,12 +119,13 @@ def outside(rng: np.random.Generator) -> dict[str, Any]:
 
 
 def together(rng: np.random.Generator) -> dict[str, Any]:
-    """All factors but the law's family, with sizes drawn from the configured uncertainty."""
+    """All factors but the law's family; level and resolution are drawn from the configured uncertainty."""
     found: dict[str, Any] = {}
     for factor in (relief, texture, labels, noise, warp):
         found |= factor(rng)
-    found["resolution_factor"] = float(np.clip(rng.normal(1.0, 0.15), 0.9, 1.5))
-    found["offset_db"] = float(rng.normal(0.0, 0.5))
+    budget = bench().case.uncertainty
+    found["resolution_factor"] = float(np.clip(rng.normal(1.0, budget.point_spread), 0.9, 1.5))
+    found["offset_db"] = float(rng.normal(0.0, budget.level_db))
     found["laws"] = shifted({name: float(rng.normal(0.0, 2.0)) for name in neighbours()})
     return found
 

@@ -20,7 +20,14 @@ from radcal.radar.laws import Law, law_for
 LINE = law_for("tabulated", angles_deg=(20.0, 60.0))
 LINE_BOX = [[-30.0, 10.0], [-40.0, 0.0]]
 LINE_X = np.array([-6.0, -16.0])
-EXACT = {"level_db": 0.0, "field_db": 0.0, "point_spread": 0.0, "incidence_error": 0.0, "incidence_floor_deg": 0.0}
+EXACT = {
+    "level_db": 0.0,
+    "noise_db": 0.0,
+    "field_db": 0.0,
+    "point_spread": 0.0,
+    "incidence_error": 0.0,
+    "incidence_floor_deg": 0.0,
+}
 
 
 def made_bins(
@@ -35,6 +42,7 @@ def made_bins(
     fields: int = 3,
     pixels: int = 1200,
     shift_db: float = 0.0,
+    noise_db: float = float("-inf"),
 ) -> Bins:
     """Objective of pixels at 40 +- 7 degrees with independent speckle of some looks; the sensor has 4."""
     rng = np.random.default_rng(seed)
@@ -43,7 +51,7 @@ def made_bins(
     classes = make_classes(values, angle, 5)
     bins = ClassTarget(classes, Spread(0.5, 0.3), 1, free_looks, False, error_deg, np.asarray(x), looks)
     patch, block = rng.integers(1, fields + 1, pixels), rng.integers(0, 7, pixels)
-    target = make_target(values, angle, classes=bins, patch=patch, block=block)
+    target = make_target(values, angle, classes=bins, patch=patch, block=block, noise_db=noise_db)
     return Bins(make_material(target, box, law, looks=4.0))
 
 

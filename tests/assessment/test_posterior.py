@@ -44,6 +44,26 @@ def linear_sd_db(model: Model, x: np.ndarray, angle_deg: float) -> float:
     return float(Curves.at(sigma0_db(model, draws), np.array([[angle_deg]])).std())
 
 
+def test_error_of_the_noise_floor():
+    level_db, noise_db = np.array([-22.0, -12.0]), -27.0
+    budget = Budget.of(Uncertainty(noise_db=2.0), Levels())
+    signal = 10.0 ** (level_db / 10.0) - 10.0 ** (noise_db / 10.0)
+    moved = [10.0 * np.log10(signal + 10.0 ** ((noise_db + step) / 10.0)) for step in (0.001, -0.001)]
+    found = budget.noise_errors_db(level_db, noise_db)
+    assert found == pytest.approx(2.0 * (moved[0] - moved[1]) / 0.002, rel=1e-3)
+    assert not budget.noise_errors_db(level_db, -np.inf).any()
+    assert budget.noise_errors_db(np.array([-30.0]), noise_db) == pytest.approx(2.0)
+
+
+def test_error_of_the_noise_floor_widens_the_band_of_dark_ground():
+    def sd_db(noise_db: float, standard_error_db: float) -> float:
+        bins = made_bins(noise_db=noise_db)
+        return linear_sd_db(made_model(bins, noise_db=standard_error_db), LINE_X, 40.0)
+
+    assert sd_db(-17.0, 2.0) > 1.4 * sd_db(-17.0, 0.0)
+    assert sd_db(-47.0, 2.0) == pytest.approx(sd_db(-47.0, 0.0), rel=0.05)
+
+
 def test_residuals_are_those_of_the_objective():
     bins = made_bins(LAWS["mangia"], MANGIA_BOX, MANGIA_X, error_deg=3.0)
     model = made_model(bins)

@@ -36,6 +36,8 @@ class Budget:
         Of the logarithm of the standard error of the local incidence.
     incidence_floor_deg : float
         Part of that error that is not stated [deg].
+    noise_db : float
+        Of the noise floor [dB].
     """
 
     level_db: float
@@ -43,6 +45,7 @@ class Budget:
     point_spread: float
     incidence_log_sd: float
     incidence_floor_deg: float
+    noise_db: float = 0.0
 
     @classmethod
     def of(cls, config: Uncertainty, levels: Levels) -> Budget:
@@ -54,7 +57,16 @@ class Budget:
             point_spread=config.point_spread,
             incidence_log_sd=config.incidence_error,
             incidence_floor_deg=config.incidence_floor_deg,
+            noise_db=config.noise_db,
         )
+
+    def noise_errors_db(self, level_db: NDArray[np.float64], noise_db: float) -> NDArray[np.float64]:
+        """Errors of measured levels [dB] by one standard error of the noise floor [dB], to first order, shape (n,).
+
+        The derivative of 10 log10(signal + noise) by the noise in dB is the share of noise in the measured power, at
+        most 1; 0 where no noise is known (-inf).
+        """
+        return np.asarray(self.noise_db * np.minimum(10.0 ** ((noise_db - level_db) / 10.0), 1.0))
 
     def incidence_error_deg(self, stated_deg: NDArray[np.float64], z: NDArray[np.float64]) -> NDArray[np.float64]:
         """Standard errors of the local incidence [deg], shapes (n,) and (m,) to (m, n), at standard normal z."""

@@ -83,6 +83,9 @@ class Evidence:
         if self.decibels:
             self._base = misfit.covariance.copy()
             self._base[:n, :n] += budget.level_db**2
+            power_db = compared.statistics[:, 0] - log_speckle_cumulants(material.looks)[0]
+            of_noise = budget.noise_errors_db(power_db, material.target.noise_db)
+            self._base[:n, :n] += np.multiply.outer(of_noise, of_noise)
             self._spread = _spread_table(compared.ground)
         else:  # values of normalised images: the moments of a normal sample
             self._base = np.diag((part.scale.T.ravel() ** 2) / np.repeat(compared.classes.effective, 3))

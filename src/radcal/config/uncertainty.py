@@ -26,6 +26,11 @@ class Uncertainty(Section):
         description="standard error of the absolute calibration of the measured image [dB]; default: a third of the "
         "1 dB (three sigma) specified for Sentinel-1",
     )
+    noise_db: Error = Field(
+        2.0,
+        description="standard error of radar.nesz_db [dB], which counts for ground near the noise; default: stated "
+        "floors are worst cases, some dB above those of images",
+    )
     field_db: Error = Field(
         0.5,
         description="scale of the half-normal priors of the standard deviations between and within fields [dB], which "
