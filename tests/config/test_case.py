@@ -493,3 +493,20 @@ def test_lists_of_radar_and_measurement_are_passes() -> None:
 )
 def test_wrong_passes_are_refused_in_a_sentence(changes: dict[str, Any], words: str) -> None:
     assert words in message({**TWO_PASSES, **changes})
+
+
+def test_a_dyke_of_its_own_bounds_has_a_hidden_law_inside_them():
+    published, physical = [6.1, 14.2, 21.5, 3.3], [-24.0, 10.0, 14.0, 5.0]
+
+    def hidden(**dyke):
+        case = case_from(
+            {"materials": {"dyke": {"calibrate": True, **dyke}}, "measurement": {"synthetic": {"seed": 5}}}
+        )
+        assert case.measurement.synthetic.seed == 5
+        return case.measurement.synthetic.parameters["dyke"]
+
+    assert hidden() == published
+    assert hidden(bounds=[[-32, -8], [0, 16], [0, 22], [0, 12]]) == physical
+    assert hidden(bounds=[[-50, 50]] * 4) == physical
+    assert case_from({"materials": {"dyke": {"calibrate": True}}}).measurement.synthetic.parameters["dyke"] == published
+    assert case_from({}).measurement.synthetic.parameters["dyke"] == physical

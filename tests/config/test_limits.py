@@ -97,7 +97,7 @@ FIRST: dict[str, Any] = {
     "stop": {"rms": 1e-4, "max_runs": 150, "stagnation_runs": 15, "law_db": 0.1},
     "uncertainty": {
         "known_db": 1.2,
-        "level_db": 0.4,
+        "noise_db": 1.5, "level_db": 0.4,
         "field_db": 0.6,
         "point_spread": 0.2,
         "incidence_error": 0.4,

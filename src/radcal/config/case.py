@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Sequence
-from typing import Any, Self
+from collections.abc import Iterator
+from typing import Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from radcal.config.design import Design
+from radcal.config.fitting_defaults import (
+    with_fitting_draws,
+    with_fitting_measurement,
+    with_fitting_stop,
+    with_passes,
+)
 from radcal.config.limits import Seed
 from radcal.config.materials import DEFAULT_LAW, Material, check_parameters, default_materials
 from radcal.config.measurement import (
@@ -17,7 +23,6 @@ from radcal.config.measurement import (
     MeasurementConfig,
     Synthetic,
     SyntheticMeasurement,
-    default_synthetic,
 )
 from radcal.config.objectives import DEFAULT, OBJECTIVES, SINGLE, Objective, names
 from radcal.config.optimiser import Optimiser
@@ -26,7 +31,7 @@ from radcal.config.pydantic_errors import Contradictions, nearest
 from radcal.config.radar import Radar
 from radcal.config.registration import RegistrationConfig
 from radcal.config.scene import BuiltinScene, SceneConfig, SlantRangeScene
-from radcal.config.sections import FURTHER, TAGS, CaseName
+from radcal.config.sections import TAGS, CaseName
 from radcal.config.simulator import BuiltinSimulation, CommandSimulation, SimulatorConfig
 from radcal.config.stop import Stop
 from radcal.config.surrogate import SurrogateConfig
@@ -37,57 +42,6 @@ from radcal.radar.bands import same_label
 from radcal.radar.laws import EXTERNAL, LAWS
 
 __all__ = ["Case"]
-
-_DRAWS_IN_BINS = 4
-
-
-def _with_fitting_stop(data: dict[str, Any]) -> dict[str, Any]:
-    """Case data; ``stop.at_sampling_error`` is true by default for an external program without ``stop.rms``."""
-    stop, simulator = data.get("stop", {}), data.get("simulator")
-    # a section that is already a model contains this default
-    if not isinstance(stop, dict) or "rms" in stop or "at_sampling_error" in stop:
-        return data
-    kind = simulator.get("kind") if isinstance(simulator, dict) else getattr(simulator, "kind", None)
-    return {**data, "stop": {**stop, "at_sampling_error": True}} if kind == "command" else data
-
-
-def _with_fitting_draws(data: dict[str, Any]) -> dict[str, Any]:
-    """Case data; ``simulator.draws`` is 4 by default if the built-in simulator and incidence-angle bins are used."""
-    simulator, objective = data.get("simulator", {}), data.get("objective", DEFAULT)
-    traits = OBJECTIVES.get(objective) if isinstance(objective, str) else None
-    if not isinstance(simulator, dict) or "draws" in simulator or traits is None or not traits.bins:
-        return data
-    tag = TAGS["simulator"]
-    if simulator.get(tag, "builtin") != "builtin":
-        return data
-    return {**data, "simulator": {**simulator, tag: "builtin", "draws": _DRAWS_IN_BINS}}
-
-
-def _with_fitting_measurement(data: dict[str, Any]) -> dict[str, Any]:
-    """Case data; without a section ``measurement``, a case of the default case's ground and simulator has its image."""
-    simulator = data.get("simulator", {})
-    kind = simulator.get(TAGS["simulator"]) if isinstance(simulator, dict) else getattr(simulator, "kind", None)
-    if kind == "command" or any(section in data for section in ("measurement", "materials", "scene")):
-        return data
-    return {**data, "measurement": SyntheticMeasurement(synthetic=default_synthetic())}
-
-
-def _with_passes(data: dict[str, Any]) -> dict[str, Any]:
-    """Case data in which lists of ``radar`` and ``measurement`` are divided into the first and the further passes."""
-    for key in FURTHER.values():
-        if data.get(key) is not None:
-            raise ValueError(f"unknown key {key}: further passes are items of a list of radar and of measurement")
-    found = {name: value for name, value in data.items() if name not in FURTHER.values()}
-    counts = {name: len(data[name]) if isinstance(data.get(name), list) else 1 for name in FURTHER}
-    if counts["radar"] != counts["measurement"] or 0 in counts.values():
-        said = " and ".join(f"{name} of {count}" for name, count in counts.items())
-        raise ValueError(f"passes: found {said}, expected lists of equal length, with one item for each pass")
-    for name, further in FURTHER.items():
-        if isinstance(data.get(name), list):
-            found[name], *others = data[name]
-            if others:
-                found[further] = others
-    return found
 
 
 class Case(Part):
@@ -141,16 +95,16 @@ class Case(Part):
         """
         if not isinstance(data, dict):
             return data
-        data = _with_fitting_measurement(_with_fitting_stop(_with_passes(data)))
+        data = with_fitting_measurement(with_fitting_stop(with_passes(data)))
         if "objective" in data:
-            return _with_fitting_draws(data)
+            return with_fitting_draws(data)
         target, materials = (data[key] if isinstance(data.get(key), dict) else {} for key in ("target", "materials"))
         alone = target.get("incidence_classes") in (1, "1") or target.get("normalisation") == "image"
         outside = any(
             isinstance(item, dict) and item.get("calibrate") and item.get("law") == EXTERNAL
             for item in materials.values()
         )
-        return _with_fitting_draws({**data, "objective": SINGLE} if alone or outside else data)
+        return with_fitting_draws({**data, "objective": SINGLE} if alone or outside else data)
 
     @field_validator("scene", "simulator", "measurement", mode="before")
     @classmethod
@@ -300,8 +254,6 @@ class Case(Part):
             if name in synthetic.laws:
                 continue
             if name in synthetic.parameters and (synthetic.is_written or material.law == DEFAULT_LAW):
-                if not synthetic.is_written and material.calibrate:
-                    yield from self._out_of_bounds(name, material, synthetic.parameters[name])
                 continue
             if name in synthetic.parameters:
                 yield (
@@ -332,17 +284,6 @@ class Case(Part):
             )
         if synthetic.relief_m > 0 and isinstance(self.scene, SlantRangeScene):
             yield f"{key}.relief_m is {synthetic.relief_m:g}, expected 0: a slant-range scene has no heights"
-
-    @staticmethod
-    def _out_of_bounds(name: str, material: Material, hidden: Sequence[float]) -> Iterator[str]:
-        """Default hidden parameters outside the bounds of a calibrated material, which no search would find."""
-        for label, value, (low, high) in zip(material.parameter_names, hidden, material.box, strict=True):
-            if not low <= value <= high:
-                yield (
-                    f"measurement.synthetic.parameters.{name} is missing: its default has {label} = {value:g}, outside "
-                    f"materials.{name}.bounds, {low:g} to {high:g}"
-                )
-                return
 
     def _in_laws(self) -> Iterator[str]:
         """Laws that the simulator cannot evaluate, and laws that need a missing ``radar.frequency_ghz``."""

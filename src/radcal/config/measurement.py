@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Literal, get_args
 
 from pydantic import Field, ValidationInfo, field_validator
@@ -14,6 +15,8 @@ from radcal.config.radar import Radiometry
 from radcal.config.sections import Section
 
 __all__ = [
+    "HIDDEN_DYKE",
+    "PUBLISHED_DYKE",
     "RADIOMETRY_EXPECTED",
     "SICD_ENDINGS",
     "FileMeasurement",
@@ -22,11 +25,15 @@ __all__ = [
     "Synthetic",
     "SyntheticMeasurement",
     "default_synthetic",
+    "within",
 ]
 
 SICD_ENDINGS = (".nitf", ".ntf", ".sicd")  # endings of files that may give the radiometry
 RADIOMETRY_EXPECTED = f"expected {', '.join(get_args(Radiometry)[:-1])} or {get_args(Radiometry)[-1]}"
-_DYKE = (-24.0, 10.0, 14.0, 5.0)  # hidden parameters of the default case's dyke
+HIDDEN_DYKE = (-24.0, 10.0, 14.0, 5.0)
+"""Hidden parameters of the default case's dyke."""
+PUBLISHED_DYKE = (6.1, 14.2, 21.5, 3.3)
+"""Hidden parameters of the published case's dyke, inside the law's default bounds."""
 _SOURCE = "synthetic or file; each has keys of its own"
 
 
@@ -41,7 +48,7 @@ class Synthetic(Section):
     """
 
     parameters: dict[str, list[Parameter]] = Field(
-        default_factory=lambda: {"dyke": list(_DYKE)},
+        default_factory=lambda: {"dyke": list(HIDDEN_DYKE)},
         description="hidden law parameters by material; a material not listed uses its parameters in section materials",
     )
 
@@ -89,6 +96,17 @@ class Synthetic(Section):
         return tuple(key for key in keys if getattr(self, key) not in (None, {}, type(self).model_fields[key].default))
 
 
+def within(parameters: Sequence[float], bounds: object) -> bool:
+    """Whether hidden parameters lie inside of bounds; false for bounds that are none, which a model refuses."""
+    try:
+        box = [(float(low), float(high)) for low, high in bounds]  # type: ignore[attr-defined]
+    except (TypeError, ValueError):
+        return False
+    return len(box) == len(parameters) and all(
+        low <= value <= high for value, (low, high) in zip(parameters, box, strict=True)
+    )
+
+
 def default_synthetic() -> Synthetic:
     """Measurement of the default case, made by other settings than the simulator's.
 
@@ -97,7 +115,7 @@ def default_synthetic() -> Synthetic:
     """
     return Synthetic(
         parameters={
-            "dyke": list(_DYKE),
+            "dyke": list(HIDDEN_DYKE),
             "water": [-30.0, 6.5, 22.0, 11.0],
             "grass": [-21.5, 9.0, 9.0, 3.8],
             "forest": [-15.6, 6.0, 3.0, 2.0],
