@@ -54,9 +54,13 @@ UNUSED -= {*every_pass(SIMULATOR), *REUSED}
 
 
 def results(wildcards):
-    """Outputs of a finished case, with one file for each chunk of its design and each of its iterations."""
-    numbers = {"chunk": CHUNKS, "k": range(len(verified(wildcards)))}
-    return expand(sorted(OUTPUTS - UNUSED), **numbers)
+    """Outputs of a finished case: one file for each chunk of its design, iteration and material."""
+    values = {
+        "chunk": CHUNKS,
+        "k": range(len(verified(wildcards))),
+        "material": CASE.calibrated,
+    }
+    return expand(sorted(OUTPUTS - UNUSED), **values)
 
 
 # Damaged files are set aside only by the main process (the processes of the jobs read the Snakefile too), and not in a

@@ -27,6 +27,7 @@ from threadpoolctl import threadpool_limits
 from radcal import skewnormal
 from radcal.calibration.steps import all_parameters, noise_seed
 from radcal.config import load
+from radcal.config.yaml_file import merged, read_case_file
 from radcal.measurement.target import read_targets
 from radcal.radar.geometry import read_geometry
 from radcal.seeds import derived_rng
@@ -40,14 +41,15 @@ def run(name: str, parameters: list[float], seed: int) -> dict[str, Any]:
     folder = ROOT / "results" / name
     folder.mkdir(parents=True, exist_ok=True)
     config = folder / "case.yaml"
-    text = yaml.safe_dump(
-        {
-            "case": name,
-            "measurement": {"synthetic": {"parameters": {"dyke": parameters}, "seed": seed, "warp_px": 0}},
-            "registration": {"method": "none"},
-            "objective": "density",
-        }
-    )
+    published = read_case_file(ROOT / "config/dyke_published.yaml")
+    own = {
+        "case": name,
+        "radar": {"radiometry": "sigma0_ref"},
+        "measurement": {"synthetic": {"parameters": {"dyke": parameters}, "seed": seed, "warp_px": 0}},
+        "registration": {"method": "none"},
+        "objective": "density",
+    }
+    text = yaml.safe_dump(merged(published, own))
     if not config.exists() or config.read_text() != text:
         config.write_text(text)
     command = [sys.executable, "-m", "snakemake", "--cores", "1", "--configfile", str(config)]

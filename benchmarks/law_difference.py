@@ -1,4 +1,4 @@
-"""Error of the law found and number of runs: the default case with several measurements.
+"""Error of the law found and number of runs: the published dyke with several measurements.
 
     python benchmarks/law_difference.py [--quick] [--objectives density,classes] [--design 2,2]
 
@@ -21,17 +21,18 @@ from threadpoolctl import threadpool_limits
 from radcal.assessment.law_check import check_laws
 from radcal.calibration.bin_target import bin_targets
 from radcal.calibration.loop import calibrate
-from radcal.config import default_case
+from radcal.config import load
 from radcal.measurement.registration import register
 from radcal.measurement.sources import make_measurement
 from radcal.measurement.target_fit import make_targets
 from radcal.radar.laws import LAWS
 from radcal.radar.projection import make_geometry
-from radcal.report.summary import law_difference_db
 from radcal.scene.sources import make_scene
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import RunStore
+
+PUBLISHED = Path(__file__).resolve().parents[1] / "config/dyke_published.yaml"
 
 
 def main() -> None:
@@ -43,7 +44,7 @@ def main() -> None:
     arguments = parser.parse_args()
     seeds = range(1, 3 if arguments.quick else 11)
 
-    default = default_case()
+    default = load([PUBLISHED])
     scene = make_scene(default.scene, list(default.materials))
     geometry = make_geometry(scene, default.radar)
     simulator = BuiltinSimulator(geometry, default.radar, {name: m.law for name, m in default.materials.items()})
@@ -69,7 +70,9 @@ def main() -> None:
                 targets = bin_targets(case, targets, geometry, registered)
                 history, decision = calibrate(case, runner, targets)
                 best, hidden = history.best("dyke").scores["dyke"], measurement.hidden["dyke"]
-                difference = law_difference_db(LAWS["mangia"], best.parameters, hidden, targets["dyke"].incidence_deg)
+                difference = LAWS["mangia"].largest_difference_db(
+                    best.parameters, hidden, targets["dyke"].incidence_deg
+                )
                 check = check_laws(case, targets, history)["dyke"]
                 runs = history.count("design") + history.count("infill")
                 rows.append((difference, runs, bool(check.identified), decision.converged))

@@ -2,7 +2,8 @@
 
     python benchmarks/levels.py [--quick]
 
-The default case without registration. First the measurement is raised by 3 dB, which must not change the shape of the
+The published dyke (config/dyke_published.yaml) without registration.
+First the measurement is raised by 3 dB, which must not change the shape of the
 law found (the law minus its mean over the incidence seen, 5-95 %). Then the laws of the six other materials are wrong
 by 3 dB (standard deviation, independent errors), and the largest difference in shape between the law found and the
 hidden one is reported.
@@ -22,7 +23,7 @@ from threadpoolctl import threadpool_limits
 
 from radcal.calibration.loop import calibrate
 from radcal.calibration.steps import noise_seed
-from radcal.config import case_from, default_case
+from radcal.config import load
 from radcal.measurement.registration import register
 from radcal.measurement.sources import make_measurement
 from radcal.measurement.target_fit import make_targets
@@ -33,6 +34,7 @@ from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import RunStore
 
+PUBLISHED = Path(__file__).resolve().parents[1] / "config/dyke_published.yaml"
 TRUTH = {"dyke": [6.1, 14.2, 21.5, 3.3]}
 WRONG_DB = 3.0
 
@@ -44,10 +46,10 @@ def shape_db(parameters: Sequence[float], phi_rad: NDArray[np.float64]) -> NDArr
 
 
 class Bench:
-    """Default case with one run store for all calibrations."""
+    """Published dyke with one run store for all calibrations."""
 
     def __init__(self, folder: Path) -> None:
-        self.default = default_case()
+        self.default = load([PUBLISHED])
         scene = make_scene(self.default.scene, list(self.default.materials))
         self.geometry = make_geometry(scene, self.default.radar)
         laws = {name: material.law for name, material in self.default.materials.items()}
@@ -60,7 +62,8 @@ class Bench:
         self, normalisation: str, seed: int, offset_db: float, hidden: Mapping[str, list[float]]
     ) -> tuple[list[float], str, float]:
         """X of the dyke, reason of the end, and level subtracted [dB]."""
-        case = case_from(
+        case = load(
+            [PUBLISHED],
             {
                 "measurement": {
                     "synthetic": {"parameters": dict(hidden), "seed": seed, "offset_db": offset_db, "warp_px": 0.0}
@@ -68,7 +71,7 @@ class Bench:
                 "registration": {"method": "none"},
                 "objective": "density",
                 "target": {"normalisation": normalisation},
-            }
+            },
         )
         measurement = make_measurement(case, self.geometry, self.simulator)
         reference = self.runner.run(case.start_parameters, noise_seed(case), image=True).image_db

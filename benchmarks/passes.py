@@ -2,7 +2,8 @@
 
     python benchmarks/passes.py [--quick] [--truths 10]
 
-Each hidden law is uniform in the bounds of the default case, and the measured images have independent speckle and no
+Each hidden law is uniform in the bounds of the published dyke (config/dyke_published.yaml),
+and the measured images have independent speckle and no
 misregistration (``benchmarks/registration.py`` measures its correction). Errors are the largest differences of the laws
 over the incidence of the material's pixels [dB].
 """
@@ -20,14 +21,14 @@ from threadpoolctl import threadpool_limits
 
 from radcal.calibration.bin_target import bin_targets
 from radcal.calibration.loop import calibrate
-from radcal.config import Case, case_from, stages
+from radcal.config import Case, load, stages
+from radcal.config.yaml_file import read_case_file
 from radcal.measurement.registration import register
 from radcal.measurement.sources import make_measurement
 from radcal.measurement.target import Targets
 from radcal.measurement.target_fit import make_targets
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
-from radcal.report.summary import law_difference_db
 from radcal.scene.model import Scene
 from radcal.scene.sources import make_scene
 from radcal.seeds import derived_rng
@@ -35,6 +36,7 @@ from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import RunStore
 
+PUBLISHED = Path(__file__).resolve().parents[1] / "config/dyke_published.yaml"
 DEPRESSIONS = (45.0, 30.0)
 
 
@@ -45,7 +47,7 @@ def main() -> None:
     parser.add_argument("--truths", type=int, default=10, help="number of truths")
     arguments = parser.parse_args()
     count = 2 if arguments.quick else arguments.truths
-    base = case_from({})
+    base = case_of([6.1, 14.2, 21.5, 3.3], 0, DEPRESSIONS[:1])
     scene = make_scene(base.scene, list(base.materials))
     geometries = [make_geometry(scene, one.radar) for one in case_of([6.1, 14.2, 21.5, 3.3], 0, DEPRESSIONS).passes]
     low, high = np.array(base.materials["dyke"].box).T
@@ -66,17 +68,22 @@ def main() -> None:
 
 
 def case_of(truth: list[float], number: int, depressions: tuple[float, ...]) -> Case:
-    """Default case with a hidden law and passes of these depression angles [deg]."""
+    """Published dyke with a hidden law and passes of these depression angles [deg]."""
     images = [
         {"synthetic": {"parameters": {"dyke": truth}, "seed": 100 + 10 * number + k, "warp_px": 0}}
         for k in range(len(depressions))
     ]
-    return case_from(
+    published = read_case_file(PUBLISHED)
+    return load(
+        [PUBLISHED],
         {
-            "radar": [{"depression_deg": angle} for angle in depressions],
+            # with the area term, which differs between the passes
+            "radar": [
+                {**published["radar"], "radiometry": "sigma0_ref", "depression_deg": angle} for angle in depressions
+            ],
             "measurement": images,
             "registration": {"method": "none"},
-        }
+        },
     )
 
 
@@ -106,7 +113,7 @@ def calibrated(case: Case, scene: Scene, geometries: list[Geometry], truth: np.n
     return {
         "runs": history.count("design") + history.count("infill"),
         "ended": str(decision.reason),
-        "errors": [law_difference_db(law, x, truth, angles) for angles in incidence],
+        "errors": [law.largest_difference_db(x, truth, angles) for angles in incidence],
     }
 
 

@@ -1,4 +1,4 @@
-"""Number of simulator runs until the densities agree, for random reachable targets of the default case.
+"""Number of simulator runs until the densities agree, for random reachable targets of the published dyke.
 
     python benchmarks/runs_to_tolerance.py [--quick] [--methods radcal]
 
@@ -21,7 +21,7 @@ from threadpoolctl import threadpool_limits
 from radcal import skewnormal
 from radcal.calibration.loop import calibrate
 from radcal.calibration.steps import all_parameters, noise_seed
-from radcal.config import Case, case_from
+from radcal.config import Case, load
 from radcal.measurement.sources import make_measurement
 from radcal.measurement.target import Targets
 from radcal.measurement.target_fit import make_target
@@ -32,6 +32,7 @@ from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import RunStore
 
+PUBLISHED = Path(__file__).resolve().parents[1] / "config/dyke_published.yaml"
 METHODS: dict[str, dict[str, Any]] = {
     "radcal": {"design": {"size": 0}},  # the fewest runs
     "radcal_default": {},
@@ -59,11 +60,10 @@ def measured(method: str, count: int) -> dict[str, Any]:
     """Runs that one method needs for each target."""
     # no misregistration: benchmarks/registration.py measures its correction
     settings = {
-        "radar": {"radiometry": "sigma0_local"},
         "objective": "density",
         "measurement": {"source": "synthetic", "synthetic": {"warp_px": 0}},
     }
-    case: Case = case_from({**settings, **METHODS[method]})
+    case: Case = load([PUBLISHED], {**settings, **METHODS[method]})
     scene = make_scene(case.scene, list(case.materials))
     geometry = make_geometry(scene, case.radar)
     simulator = BuiltinSimulator(geometry, case.radar, {name: m.law for name, m in case.materials.items()})

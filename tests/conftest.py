@@ -97,7 +97,7 @@ def scene(build_scene: Callable[..., Scene]) -> Scene:
 
 @pytest.fixture(scope="session")
 def radar() -> Radar:
-    return Radar(altitude_m=1000.0, radiometry="sigma0_local")
+    return Radar(altitude_m=1000.0, nesz_db=-20.0, radiometry="sigma0_local")
 
 
 @pytest.fixture(scope="session")
@@ -111,7 +111,7 @@ def build_case() -> Callable[..., Case]:
 
     def build(**sections: Any) -> Case:
         data: dict[str, Any] = {
-            "radar": {"altitude_m": 1000.0, "radiometry": "sigma0_local"},
+            "radar": {"altitude_m": 1000.0, "nesz_db": -20.0, "radiometry": "sigma0_local"},
             "materials": {"dyke": {"calibrate": True}, "grass": {"parameters": [10.0, 14.0, 6.0, 4.0]}},
             "measurement": {"source": "synthetic", "synthetic": {"parameters": {"dyke": [6.1, 14.2, 21.5, 3.3]}}},
             "objective": "density",

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import json
 import math
+from pathlib import Path
 
 import h5py
 import numpy as np
 import pandas as pd
+import yaml
 
+import radcal
 from radcal.calibration.loop import calibrate
-from radcal.config import load
+from radcal.config import case_from, load
 from radcal.measurement.target import read_targets
+from radcal.report.showing import show
+from radcal.seeds import noise_seed
 from radcal.simulators.sources import make_runner
 
 
@@ -70,3 +75,18 @@ def test_the_loop_in_one_process_gives_the_same_runs(finished, tmp_path, monkeyp
         np.testing.assert_array_equal(
             [run.scores["field"].rms for run in history.runs], file["materials/field/rms"][()]
         )
+
+
+def test_exported_materials_in_another_case_give_the_calibrated_image_again(finished, tmp_path, monkeypatch):
+    monkeypatch.chdir(finished.folder)
+    own = yaml.safe_load(Path("tiny.yaml").read_text())
+    found = yaml.safe_load((finished.out() / "export/calibrated.yaml").read_text())["materials"]
+    lake = {"calibrate": True, "bounds": [[0, 50]] * 4, "start": found["lake"]["parameters"]}
+    case = case_from({**own, "case": "other", "measurement": {}, "materials": {**found, "lake": lake}})
+    runner = make_runner(case, finished.out() / "scene.h5", finished.out() / "geometry.h5", tmp_path / "runs")
+    parameters = {name: material.start_parameters for name, material in case.materials.items()}
+    image = runner.run(parameters, noise_seed(case, fresh=True), image=True).image_db
+    np.testing.assert_array_equal(radcal.open(finished.out()).array("calibrated"), image)
+    said = show(finished.out())
+    assert said[0] == finished.summary()["verdict"]
+    assert f"exports: {finished.out() / 'export'}" in said

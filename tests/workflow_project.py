@@ -42,6 +42,7 @@ def tiny_case(**changes: Any) -> dict[str, Any]:
             "near_incidence_deg": 15.0,
             "far_incidence_deg": 35.0,
         },
+        "radar": {"nesz_db": -20.0},
         "materials": {
             "field": {"calibrate": True, "law": "mangia", "bounds": [[0, 15], [5, 25], [10, 35], [0, 10]]},
             "lake": {"law": "mangia", "parameters": [5, 5, 5, 5]},

@@ -1,10 +1,38 @@
 """Calibration of the backscatter laws of a SAR simulator against a measured image."""
 
+from __future__ import annotations
+
 import os
 import signal
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from radcal.report.opening import Results
+
+__all__ = ["open"]
 
 # A workflow job ends at Ctrl-C without a traceback, because Snakemake prints the message about the interruption.
 if "RADCAL_OWNER" in os.environ:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 __version__ = "0.1.0"
+
+
+def open(folder: str | Path) -> Results:  # noqa: A001 - called radcal.open
+    """Results of a finished calibration: tables, and images with their units (``docs/exports.md``).
+
+    Parameters
+    ----------
+    folder : path
+        Results folder of a case, as ``results/dyke``.
+
+    Raises
+    ------
+    StoreError
+        The folder holds no finished calibration.
+    """
+    from radcal.report.opening import open_results
+
+    return open_results(folder)

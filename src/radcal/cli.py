@@ -95,6 +95,94 @@ def _run(
     _become(command)
 
 
+_CHECK_HELP = """Check a case without running anything, and list all of its problems at once.
+
+Keys and values, files, scene, geometry and measured image are checked as the calibration checks them. If all is well,
+the command prints what would be read, how many simulator runs the case may take, and how much memory its jobs request.
+
+The exit status is 0 if the case can be run, and 1 if it cannot.
+"""
+
+
+@app.command("check", help=_CHECK_HELP)
+def _check(
+    case: Annotated[
+        Path, typer.Argument(metavar="CASE", readable=False, help="The case's YAML file.", show_default=False)
+    ],
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="One key of the case, as stop.rms=1e-6; may be repeated."),
+    ] = None,
+) -> None:
+    from radcal.errors import RadcalError
+    from radcal.running.case_check import check_case
+
+    try:
+        found = check_case([case], _overrides(settings or []))
+    except RadcalError as error:
+        typer.echo(f"radcal: {error}", err=True)
+        raise typer.Exit(1) from None
+    if found.problems:
+        count = len(found.problems)
+        typer.echo(f"radcal: {case} cannot be run; {count} problem{'s' if count > 1 else ''} found:", err=True)
+        for text in found.problems:
+            typer.echo(f"  - {text.removeprefix(f'{case}: ')}", err=True)
+        raise typer.Exit(1)
+    typer.echo(f"{case} can be run.")
+    typer.echo(found.summary())
+
+
+_SHOW_HELP = """Show the verdict of a case, its runs, and where report, exports and summary lie.
+
+CASE is the name of a case below results/, a results folder, or the case's YAML file. The command also says what is
+missing if the calibration is not finished.
+
+\b
+Examples:
+  radcal show dyke
+  radcal show config/mine.yaml
+"""
+
+
+@app.command("show", help=_SHOW_HELP)
+def _show(
+    case: Annotated[str, typer.Argument(metavar="CASE", help="Name, results folder or YAML file.", show_default=False)],
+) -> None:
+    from radcal.errors import RadcalError
+    from radcal.report.showing import results_folder, show
+
+    try:
+        typer.echo("\n".join(show(results_folder(case))))
+    except RadcalError as error:
+        typer.echo(f"radcal: {error}", err=True)
+        raise typer.Exit(1) from None
+
+
+_COMPARE_HELP = """Compare the laws of two finished cases: one table, and one figure of both laws with their bands.
+
+A and B are names of cases below results/, results folders, or YAML files. The figure is written beside the results
+folder of A.
+"""
+
+
+@app.command("compare", help=_COMPARE_HELP)
+def _compare(
+    first: Annotated[str, typer.Argument(metavar="A", help="Name, results folder or YAML file.", show_default=False)],
+    second: Annotated[str, typer.Argument(metavar="B", help="The same of the other case.", show_default=False)],
+) -> None:
+    from radcal.errors import RadcalError
+    from radcal.report.comparison import compare
+    from radcal.report.showing import results_folder
+
+    try:
+        folders = [results_folder(first), results_folder(second)]
+        figure = folders[0].with_name(f"{folders[0].name}_and_{folders[1].name}.png")
+        typer.echo("\n".join(compare(folders, figure)))
+    except RadcalError as error:
+        typer.echo(f"radcal: {error}", err=True)
+        raise typer.Exit(1) from None
+
+
 def check_folder(folder: Path, targets: Iterable[str] = ()) -> None:
     """Raise an error if a folder does not contain radcal's workflow, or if the workflow lacks a target.
 

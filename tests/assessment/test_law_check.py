@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from calibration_samples import make_target
 
-from radcal.assessment.law_check import check_laws, texture_note
-from radcal.assessment.validation import HeldOut
+from radcal.assessment.constant import constants
+from radcal.assessment.law_check import _held_sentences, check_laws, texture_note
+from radcal.assessment.validation import CrossValidation, HeldOut, cross_validate
 from radcal.calibration.expected import LawForward
 from radcal.calibration.history import History, Run, Score
 from radcal.calibration.moments import from_cumulants, from_dp
@@ -164,8 +165,12 @@ def test_nothing_is_held_out_without_validation():
 def test_pooled_grounds_count_each_block_once():
     def part(error: float, n: int) -> HeldOut:
         zeros = np.zeros(n)
-        errors, shares = (error,) * 5, (1.0 / n,) * 3
-        return HeldOut(*errors, *shares, *shares, 1.0 / n, n, np.arange(n), zeros, zeros, zeros, zeros)
+        errors, shares = (error,) * 6, (1.0 / n,) * 3
+        cells = [np.arange(n), zeros, zeros, zeros, zeros]
+        # two fields, of which the first is in both parts
+        field, gain = np.array([4, 5 + n]), np.array([error, 2.0])
+        unknown = (float("nan"),) * 4
+        return HeldOut(*errors, *shares, *shares, 1.0 / n, n, 2, *unknown, *cells, field, gain, gain - 1.0)
 
     found = HeldOut.pooled([part(1.0, 2), part(3.0, 6)])
     assert found is not None
@@ -173,6 +178,11 @@ def test_pooled_grounds_count_each_block_once():
     assert found.rmse_law_db == pytest.approx(np.sqrt((2 * 1.0 + 6 * 9.0) / 8))
     assert found.coverage_90 == pytest.approx(2 / 8)
     assert found.n_blocks == found.mean_db.size == 8
+    # fields 4 (mean of 1 and 3), 7 and 11: each counts once
+    assert found.n_fields == 3
+    assert found.law_gain == pytest.approx(2.0)
+    assert found.law_gain_error == pytest.approx(0.0)
+    assert found.patch_gain == pytest.approx(1.0)
     assert HeldOut.pooled([]) is None
 
 
@@ -182,3 +192,58 @@ def test_texture_is_said(right):
     assert "has 4 looks" in said
     assert "(area 2.50)" in said
     assert texture_note({"area": replace(found, looks=4.0)}) == ""
+
+
+def test_whole_fields_are_predicted_from_the_others():
+    """All ground is calibrated on; each fold of fields is predicted without any effect of them."""
+    case, targets, history = made(kept=tuple(range(10)), validation={"rows": 20, "means": 10, "keep": "fields"})
+    assert not case.validation.holds_out
+    check = check_laws(case, targets, history)["area"]
+    held = check.held
+    assert held is not None
+    assert held.n_fields == PATCHES
+    assert held.field.tolist() != sorted(held.field)  # fold by fold
+    assert sorted(held.field) == list(range(1, PATCHES + 1))
+    # no effect is known: with and without, both predictions are the same
+    np.testing.assert_array_equal(held.predicted_db, held.law_db)
+    assert held.rmse_constant_patch_db == held.rmse_constant_db
+    assert held.patch_gain == held.law_gain
+    assert check.left_out.gain.fields == PATCHES
+    assert check.recommended == "law"
+
+
+def test_cross_validation_is_silent_where_folds_hold_all_angles_alike():
+    """Blocks dealt in the order of the incidence: a right law and a constant predict their means alike."""
+    case, targets, history = made(kept=tuple(range(10)), validation=None, objective="density")
+    target = targets["area"]
+    block = np.empty(target.block.size, dtype=np.int64)
+    block[np.argsort(target.incidence_deg)] = np.arange(block.size) % 40
+    alike = Targets({"area": replace(target, block=block)})
+    check = check_laws(case, alike, history)["area"]
+    assert check.identified is True
+    assert not any("blocks of its own ground" in sentence for sentence in check.sentences)
+    law = make_objectives(case, alike)["area"].law(history.runs[0].scores["area"])
+    constant = constants({"area": law.ground})["area"]
+    silent, told = (
+        cross_validate(replace(law, ground=replace(law.ground, block=places)), constant, places // 2)
+        for places in (block, target.block)
+    )
+    assert silent.power < 2.0 < told.power
+    assert not CrossValidation(0.5, 0.4, silent.power).no_better
+    assert CrossValidation(0.5, 0.4, told.power).no_better
+
+
+def test_what_held_out_ground_says():
+    """Worse than a constant is said beyond the standard error, and a band that is too narrow of each material."""
+    case, targets, history = made()
+    held = check_laws(case, targets, history)["area"].held
+    assert held is not None
+    worse = replace(held, patch_gain=-0.5, patch_gain_error=0.2)
+    (sentence,) = _held_sentences(case, "area", worse)
+    assert "worse by law and field effects than by a constant with field effects" in sentence
+    assert "1.65 times the constant's" in sentence
+    assert _held_sentences(case, "area", replace(worse, patch_gain_error=0.6)) == []
+    # 17 of 22 and fewer lie inside of a right band in 5 % of the cases, 15 of 22 in 0.4 %
+    assert _held_sentences(case, "area", replace(held, n_blocks=22, coverage_90=17 / 22)) == []
+    (narrow,) = _held_sentences(case, "area", replace(held, n_blocks=22, coverage_90=15 / 22))
+    assert "68 % of 22 held-out means lie inside" in narrow

@@ -95,5 +95,6 @@ def test_a_law_without_a_curve_has_bins_and_a_spread_of_fields(parts, classes):
     if classes == 3:
         np.testing.assert_array_equal(found.classes.cumulants, targets["field"].classes.classes.cumulants)
         assert found.first_looks == pytest.approx(targets["field"].classes.first_looks, rel=0.15)
-        # one bin takes the law itself for a spread
-        assert 0.0 <= found.spread.within < 0.5
+        # one bin takes the law itself for a spread; levels at three angles leave up to 0.8 dB of the curve, a law none
+        assert targets["field"].classes.spread.within < 0.25
+        assert 0.3 < found.spread.within < 0.6

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
 
 from radcal.calibration.expected import LawForward
-from radcal.calibration.misfit import SKEWNESS_SHAPE, BinMisfit, LikelihoodMisfit, Method
+from radcal.calibration.misfit import SKEWNESS_SHAPE, BinMisfit, LikelihoodMisfit, Method, true_angles
 from radcal.calibration.moments import sampling_covariance
 from radcal.measurement.classes import make_classes
 from radcal.measurement.ground import Ground
@@ -159,3 +161,31 @@ def test_the_likelihood_takes_its_levels_from_the_runs_means():
     runs = [LawForward(LAW, classes.nodes_deg, 4.0)(x) for x in (X, higher)]
     np.testing.assert_allclose(misfit(X, 3.0, runs[1]), misfit(higher, 3.0, runs[1]), atol=1e-9)
     assert (misfit(X, 3.0, runs[0]) ** 2).sum() + 50.0 < (misfit(X, 3.0, runs[1]) ** 2).sum()
+
+
+def test_errors_of_pixels_enter_their_bins():
+    """Of one size they say what one number says; where they differ, each bin has its own."""
+    rng = np.random.default_rng(11)
+    mapped = rng.normal(40.0, 6.0, 4000)
+    values = speckled(rng, mapped, 4.0)
+    classes = make_classes(values, mapped, 4)
+    ground = Ground(values, mapped, np.ones(4000, int), np.zeros(4000, int))
+    one = replace(METHOD, incidence_error_deg=2.0)
+    same = replace(ground, error_deg=np.full(4000, 2.0))
+    wanted = true_angles(ground, classes, one, classes.nodes_deg)
+    np.testing.assert_allclose(true_angles(same, classes, METHOD, classes.nodes_deg), wanted, rtol=1e-12)
+    run = LawForward(LAW, classes.nodes_deg, 4.0)(X)
+    whole, each = (
+        BinMisfit.of(g, classes, m, Spread(0.0, 0.0))(X, 4.0, run) for g, m in ((ground, one), (same, METHOD))
+    )
+    np.testing.assert_allclose(each, whole, rtol=1e-12)
+    # an edge inside of the last bin: half of its pixels are 6 degrees off, the others 1 degree
+    last = np.flatnonzero(classes.member == 3)
+    error = np.ones(4000)
+    error[last[::2]] = 6.0
+    nodes = true_angles(
+        replace(ground, error_deg=error), classes, METHOD, np.full((4, 1), 0.0) + classes.nodes_deg[:, 12:13]
+    )
+    rms = np.sqrt([1.0, 1.0, 1.0, 18.5])
+    square = np.var(mapped) - np.mean(error**2)
+    np.testing.assert_allclose(nodes.std(axis=1), rms * np.sqrt(square / (square + rms**2)), rtol=1e-3)

@@ -64,7 +64,7 @@ def test_a_curve_of_impossible_range_is_priced():
     assert (steep[2:-1] ** 2).sum() > 100.0
 
 
-def test_looks_are_log_normal_about_three_quarters_of_the_sensors():
-    assert looks_residuals(3.0, 4.0)[0] == pytest.approx(0.0)
-    assert looks_residuals(3.0 * np.exp(0.3), 4.0)[0] == pytest.approx(1.0)
+def test_looks_are_log_normal_about_nearly_the_sensors():
+    assert looks_residuals(3.6, 4.0)[0] == pytest.approx(0.0)
+    assert looks_residuals(3.6 * np.exp(-0.6), 4.0)[0] == pytest.approx(-1.0)
     assert priors.LOOKS_MOST == 1.1

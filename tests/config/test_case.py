@@ -45,8 +45,9 @@ def test_defaults_are_a_valid_case() -> None:
     assert len(case.materials) == 7
     assert isinstance(case.scene, BuiltinScene)
     assert isinstance(case.measurement, SyntheticMeasurement)
-    assert case.measurement.synthetic.parameters == {"dyke": [6.1, 14.2, 21.5, 3.3]}
-    assert case.materials["dyke"].box == [(0.0, 50.0)] * 4
+    assert case.measurement.synthetic.parameters["dyke"] == [-24.0, 10.0, 14.0, 5.0]
+    assert case.materials["dyke"].box == [(-32.0, -8.0), (0.0, 16.0), (0.0, 22.0), (0.0, 12.0)]
+    assert case_from(dyke()).materials["dyke"].box == [(0.0, 50.0)] * 4  # the law's own
     assert (case.stop.rms, case.stop.max_runs, case.stop.stagnation_runs) == (1e-5, 200, 20)
     assert (case.objective, case.design.sampler, case.design_size) == ("classes", "sobol", 2)
     assert case.has_baseline
@@ -185,6 +186,34 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     (synthetic(parameters={"dyke": [1, 2]}), ["measurement.synthetic.parameters.dyke", "2 numbers", "takes 4"]),
     (synthetic(parameters={"dyke": [1, 2, 3, "x"]}), ["measurement.synthetic.parameters.dyke.3 is 'x'"]),
     (synthetic(offset_db=float("nan")), ["measurement.synthetic.offset_db is nan"]),
+    (
+        synthetic(laws={"dkye": {"law": "mangia", "parameters": X}}),
+        ["measurement.synthetic.laws.dkye: no such material (did you mean 'dyke'?)"],
+    ),
+    (
+        synthetic(parameters={"dyke": X}, laws={"dyke": {"law": "mangia", "parameters": X}}),
+        ["measurement.synthetic.laws.dyke and measurement.synthetic.parameters.dyke are both given"],
+    ),
+    (
+        synthetic(laws={"dyke": {"law": "oh1992", "parameters": [8, 1, 2]}}),
+        ["radar.frequency_ghz is missing", "'oh1992' of measurement.synthetic.laws.dyke"],
+    ),
+    (
+        synthetic(laws={"dyke": {"law": "mangia", "parameters": X[:3]}}),
+        ["measurement.synthetic.laws.dyke: parameters has 3 numbers, law 'mangia' takes 4"],
+    ),
+    (
+        synthetic(laws={"dyke": {"law": "external", "parameters": X}}),
+        ["measurement.synthetic.laws.dyke: law is 'external', which only an external simulator can evaluate"],
+    ),
+    (
+        {**synthetic(texture_db=1.0), "simulator": COMMAND},
+        ["measurement.synthetic.texture_db is for the built-in simulator", "the scene of the runs alone"],
+    ),
+    (
+        {**synthetic(relief_m=0.3), **flat()},
+        ["measurement.synthetic.relief_m is 0.3, expected 0: a slant-range scene has no heights"],
+    ),
     (synthetic(warp_px=-1), ["measurement.synthetic.warp_px is -1"]),
     (synthetic(warp_px=float("nan")), ["measurement.synthetic.warp_px is nan"]),
     (synthetic(seed=-1), ["measurement.synthetic.seed is -1"]),
@@ -346,7 +375,7 @@ def test_a_file_that_may_say_its_radiometry_is_not_asked_for_it(path: str) -> No
             r"validation is configured and target\.normalisation is image, .* expected normalisation none or offset",
         ),
         ({"validation": {"rows": 20, "means": 3}}, r"means is 3, expected a divisor of rows \(20\)"),
-        ({"validation": {"keep": "all"}}, r"validation\.keep is 'all', expected 'even', 'odd' or 'both'"),
+        ({"validation": {"keep": "all"}}, r"validation\.keep is 'all', expected 'even', 'odd', 'both' or 'fields'"),
         ({"validation": {"row": 20}}, r"unknown key validation\.row \(did you mean 'rows'"),
         (
             {"target": {"incidence_classes": 0}},
@@ -464,3 +493,20 @@ def test_lists_of_radar_and_measurement_are_passes() -> None:
 )
 def test_wrong_passes_are_refused_in_a_sentence(changes: dict[str, Any], words: str) -> None:
     assert words in message({**TWO_PASSES, **changes})
+
+
+def test_a_dyke_of_its_own_bounds_has_a_hidden_law_inside_them():
+    published, physical = [6.1, 14.2, 21.5, 3.3], [-24.0, 10.0, 14.0, 5.0]
+
+    def hidden(**dyke):
+        case = case_from(
+            {"materials": {"dyke": {"calibrate": True, **dyke}}, "measurement": {"synthetic": {"seed": 5}}}
+        )
+        assert case.measurement.synthetic.seed == 5
+        return case.measurement.synthetic.parameters["dyke"]
+
+    assert hidden() == published
+    assert hidden(bounds=[[-32, -8], [0, 16], [0, 22], [0, 12]]) == physical
+    assert hidden(bounds=[[-50, 50]] * 4) == physical
+    assert case_from({"materials": {"dyke": {"calibrate": True}}}).measurement.synthetic.parameters["dyke"] == published
+    assert case_from({}).measurement.synthetic.parameters["dyke"] == physical

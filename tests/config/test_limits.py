@@ -78,10 +78,15 @@ FIRST: dict[str, Any] = {
         "altitude_m": 5000, "depression_deg": 40, "band": "X", "frequency_ghz": 9.6, "range_resolution_m": 2,
         "azimuth_resolution_m": 3, "range_spacing_m": 1.5, "azimuth_spacing_m": 2.5, "looks": 3, "nesz_db": -25,
     },
-    "materials": {"a": LAW, "b": SECOND, "c": {"law": "constant_gamma", "parameters": [-10.0]}},
+    "materials": {"a": LAW, "b": SECOND, "c": {"law": "constant_gamma", "parameters": [-10.0], "looks": 1.5}},
     "measurement": {
         "source": "synthetic",
-        "synthetic": {"parameters": {"a": [-9, -8], "b": [-7, -6]}, "seed": 2, "offset_db": 1.0, "warp_px": 2},
+        "synthetic": {
+            "parameters": {"a": [-9, -8], "b": [-7, -6]}, "seed": 2, "offset_db": 1.0, "warp_px": 2,
+            "laws": {"c": {"law": "tabulated", "angles_deg": [15, 55], "parameters": [-9.0, -12.0]}},
+            "relief_m": 0.4, "relief_length_m": 3.0, "resolution_factor": 1.2, "looks": 2, "nesz_db": -26.0,
+            "texture_db": 1.5, "texture_length_m": 12.0, "wrong_labels": 0.02,
+        },
     },
     "registration": {"max_displacement_px": 10},
     "target": {"pixels": 900, "margin_px": 2, "snr_db": 1.0, "incidence_classes": 4, "incidence_error_deg": 1.0},
@@ -90,6 +95,16 @@ FIRST: dict[str, Any] = {
     "surrogate": {"training": "posterior"},
     "optimiser": {"population": 50, "evaluations": 700},
     "stop": {"rms": 1e-4, "max_runs": 150, "stagnation_runs": 15, "law_db": 0.1},
+    "uncertainty": {
+        "known_db": 1.2,
+        "noise_db": 1.5, "level_db": 0.4,
+        "field_db": 0.6,
+        "point_spread": 0.2,
+        "incidence_error": 0.4,
+        "incidence_floor_deg": 0.3,
+        "walkers": 64,
+        "steps": 3000,
+    },
 }  # fmt: skip
 RASTERS = {
     "source": "raster", "elevation": "a.tif", "materials": "b.tif", "names": "c.json", "cell_m": 2.0,
@@ -131,7 +146,8 @@ def general(place: tuple[str | int, ...]) -> str:
     """The path of a number as its annotation has it."""
     parts = ["*" if isinstance(part, int) else part for part in place]
     for k, part in enumerate(parts[:-1]):
-        if part == "aspect" or (part == "materials" and k == 0) or (part == "parameters" and "synthetic" in parts[:k]):
+        hidden = "synthetic" in parts[:k] and "laws" not in parts[:k]
+        if part == "aspect" or (part == "materials" and k == 0) or (part in ("parameters", "laws") and hidden):
             parts[k + 1] = "*"
     return ".".join(parts)
 

@@ -25,6 +25,12 @@ def test_bounds_of_absurd_size_are_refused() -> None:
         case_from({"materials": {"dyke": {"calibrate": True, "bounds": [[0, 1e30]] * 4}}})
 
 
+def test_looks_belong_to_materials_with_fixed_parameters() -> None:
+    grass = {**FIXED["grass"], "looks": 2.5}
+    assert case_from({"materials": {**FIXED, "grass": grass}}).materials["grass"].looks == 2.5
+    assert "looks is 2.5 and calibrate is true, expected looks only with calibrate: false" in message(dyke(looks=2.5))
+
+
 @pytest.mark.parametrize(
     ("data", "words"),
     [

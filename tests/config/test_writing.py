@@ -5,10 +5,14 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+import pytest
 import yaml
+from config_samples import COMMAND, FIXED, synthetic
 
-from radcal.config import Case, default_case, default_yaml, load
+from radcal.config import Case, Radar, SyntheticMeasurement, case_from, default_case, default_yaml, load
 
 
 def test_default_yaml_is_the_default_case(tmp_path: Path) -> None:
@@ -18,10 +22,47 @@ def test_default_yaml_is_the_default_case(tmp_path: Path) -> None:
     assert yaml.safe_load(default_yaml())["stop"]["rms"] == 1e-5  # a number, not text
 
 
-def test_default_case_differs_from_the_defaults_in_radiometry_alone() -> None:
-    case, defaults = default_case().model_dump(), Case().model_dump()
-    assert (case["radar"].pop("radiometry"), defaults["radar"].pop("radiometry")) == ("sigma0_local", "sigma0_ref")
-    assert case == defaults
+def test_default_case_is_the_defaults_of_all_keys() -> None:
+    assert default_case() == Case() == case_from({})
+    assert default_case().radar == Radar()
+
+
+def test_the_default_measurement_is_made_by_other_settings_than_the_runs() -> None:
+    case = default_case()
+    assert isinstance(case.measurement, SyntheticMeasurement)
+    synthetic = case.measurement.synthetic
+    assert synthetic.disturbed == ("relief_m", "resolution_factor")
+    assert 0.3 <= synthetic.offset_db <= 0.5
+    laws = case.laws
+    phi = np.radians(np.linspace(20.0, 60.0, 41))
+    for name, material in case.materials.items():
+        if not material.calibrate:
+            off = laws[name](phi, synthetic.parameters[name]) - laws[name](phi, material.start_parameters)
+            assert 0.2 < np.abs(off).max() < 1.5, name
+
+
+@pytest.mark.parametrize(
+    "data", [{"scene": {"seed": 2}}, {"materials": FIXED}, {"simulator": COMMAND}, synthetic(seed=3)]
+)
+def test_a_case_of_its_own_ground_or_image_has_no_mismatch_by_default(data: dict[str, Any]) -> None:
+    measurement = case_from(data).measurement
+    assert isinstance(measurement, SyntheticMeasurement)
+    assert measurement.synthetic.disturbed == ()
+    assert measurement.synthetic.offset_db == 0.0
+    assert list(measurement.synthetic.parameters) == ["dyke"]
+
+
+def test_levels_and_bounds_of_the_default_case_are_physical() -> None:
+    case = default_case()
+    assert isinstance(case.measurement, SyntheticMeasurement)
+    phi = np.radians(np.linspace(0.0, 80.0, 81))
+    for name, law in case.laws.items():
+        sigma0_db = law(phi, case.measurement.synthetic.parameters[name])
+        assert -32.0 < sigma0_db.min() < sigma0_db.max() < 0.5, name
+    (low, high), *others = case.materials["dyke"].box
+    assert low < high < 0.0
+    assert all(bounds[0] == 0.0 for bounds in others)
+    assert case.radar.radiometry == "sigma0_ref"
 
 
 def test_shipped_config_is_the_default_case() -> None:

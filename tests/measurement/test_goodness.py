@@ -83,5 +83,23 @@ def test_a_slope_of_level_is_not_taken_for_correlation():
     assert effective_sample_size(image.astype(np.float32), inside, drawn) > 800
 
 
+def test_what_the_incidence_explains_is_no_correlation():
+    """Hills of a few pixels, and a law on their slopes."""
+    rng = np.random.default_rng(0)
+    incidence = 35.0 + 30.0 * uniform_filter(rng.normal(size=SHAPE), 5, mode="wrap")
+    noise = rng.normal(size=SHAPE)
+    image = (noise - 0.3 * incidence).astype(np.float32)
+    inside = np.arange(image.size)
+    alone = effective_sample_size(noise.astype(np.float32), inside, inside)
+    without = effective_sample_size(image, inside, inside)
+    residual = effective_sample_size(image, inside, inside, incidence.astype(np.float32))
+    assert without < 0.3 * alone
+    assert residual == pytest.approx(alone, rel=0.05)
+    # correlated pixels stay correlated
+    smooth = uniform_filter(rng.normal(size=SHAPE), (3, 5), mode="wrap") - 0.3 * incidence
+    found = effective_sample_size(smooth.astype(np.float32), inside, inside, incidence.astype(np.float32))
+    assert found == pytest.approx(image.size / 15, rel=0.3)
+
+
 def test_one_level_everywhere_is_one_pixel():
     assert effective_sample_size(np.ones(SHAPE, dtype=np.float32), np.arange(500), np.arange(400)) == 1.0

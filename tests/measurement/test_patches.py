@@ -39,8 +39,8 @@ def test_restricted_likelihood_is_the_marginal_one(example):
         r = example.residual_db
         return -0.5 * (np.linalg.slogdet(c)[1] + r @ np.linalg.solve(c, r))
 
-    table = patches._log_likelihood(example)
-    grid = patches._GRID_DB
+    table = patches.spread_log_likelihood(example)
+    grid = patches.GRID_DB
     places = [(0, 0), (10, 5), (30, 0), (3, 35)]
     wanted = np.array([dense(grid[i], grid[j]) for i, j in places])
     found = np.array([table[i, j] for i, j in places])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from radcal.radar.texture import equal_texture, log_speckle_cumulants, texture_db, texture_order
+from radcal.radar.texture import equal_texture, log_speckle_cumulants, order_of_texture, texture_db, texture_order
 
 
 @pytest.mark.parametrize("looks", [1.0, 2.5, 4.0, 40.0])
@@ -50,3 +50,11 @@ def test_equal_texture_adds_the_same_variance_in_db():
     assert equal_texture(8.0, there, 4.0) == pytest.approx(2.5, rel=1e-9)
     assert equal_texture(4.0, 4.2, 8.0) == pytest.approx(8.4)  # above the sensor's looks there is no texture
     assert equal_texture(4.0, 2.5, 4.0) == 2.5
+
+
+@pytest.mark.parametrize("sd_db", [0.5, 1.5, 6.0])
+def test_a_texture_of_a_standard_deviation_has_it(sd_db):
+    assert texture_db((np.arange(20_000) + 0.5) / 20_000, order_of_texture(sd_db)).std() == pytest.approx(
+        sd_db, rel=0.01
+    )
+    assert order_of_texture(0.0) == np.inf

@@ -40,7 +40,20 @@ def test_materials(made):
     assert "hidden" in dyke
     assert "hidden" not in beans
     assert "law_difference_db" not in beans
-    said = [dyke["sentence"], beans["sentence"], *dyke["law_sentences"], *beans["law_sentences"]]
+    first = "Of 2 materials 2 cannot be tested (dyke, stem beans). The search has not met its stop criterion."
+    assert summarise(made.archive)["verdict"] == first
+    assert summarise(made.archive)["fits"] is dyke["fits"] is None
+    assert beans["misfit"]["distance"] == pytest.approx(beans["rms"] / 0.004)
+    assert beans["misfit"]["residual_sum"] is None
+    said = [
+        first,
+        dyke["verdict"],
+        beans["verdict"],
+        dyke["sentence"],
+        beans["sentence"],
+        *dyke["law_sentences"],
+        *beans["law_sentences"],
+    ]
     assert sentences(made.archive) == said
 
 

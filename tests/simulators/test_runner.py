@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.special import polygamma
 
-from radcal.config import Case
+from radcal.config import Case, Radar, SyntheticMeasurement, load
+from radcal.radar import SIMULATOR_VERSION
 from radcal.radar.geometry import Geometry
+from radcal.radar.texture import texture_order
+from radcal.scene.sources import make_scene
+from radcal.seeds import noise_seed
 from radcal.simulators import runner as module
 from radcal.simulators.runner import Runner
+from radcal.simulators.texturing import textured as pixels_with_texture
+from radcal.storage.files import digest
 from radcal.storage.runs import RunStore
 
 X = {"dyke": [6.1, 14.2, 21.5, 3.3], "grass": [10.0, 14.0, 6.0, 4.0]}
@@ -33,6 +41,27 @@ class Counting:
         self.calls += 1
         noise = np.random.default_rng(noise_seed).standard_normal(self.shape)
         return (noise + parameters["dyke"][0]).astype(np.float32)
+
+
+@pytest.mark.parametrize("name", ["dyke_published", "paper", "paper_small"])
+def test_runs_of_the_published_dyke_keep_their_keys(tmp_path: Path, geometry: Geometry, name: str) -> None:
+    """Scene, pass and laws written out in full: no default changes the keys of the runs that stand behind figures."""
+    case = load([Path(__file__).parents[2] / "config" / f"{name}.yaml"])
+
+    class Builtin(Counting):
+        @property
+        def identity(self) -> Mapping[str, Any]:
+            return {"kind": "builtin", "version": SIMULATOR_VERSION}
+
+    scene = make_scene(case.scene, list(case.materials))
+    runner = Runner(RunStore(tmp_path), Builtin(geometry.shape), geometry, scene.identity, case)
+    keys = [digest(runner.description(case.start_parameters, noise_seed(case, fresh))) for fresh in (False, True)]
+    assert keys == ["9a111f839eed409c2869", "b9921bb5d6ffdea09b39"]
+    assert isinstance(case.measurement, SyntheticMeasurement)
+    assert case.measurement.synthetic.disturbed == ()
+    assert case.measurement.synthetic.parameters == {"dyke": [6.1, 14.2, 21.5, 3.3]}
+    bits = hashlib.sha256(scene.elevation_m.tobytes() + scene.material.tobytes()).hexdigest()
+    assert bits.startswith("4b06456ba6d9a9f1")
 
 
 def test_a_run_that_another_process_makes_meanwhile_is_taken(
@@ -78,3 +107,34 @@ def test_records_of_more_or_fewer_pixels_are_made_again(
     store.put(module.Record(first.key, {"dyke": values}, None, 1.0), runner.description(X, 7))
     assert runner.run(X, 7).pixels_db["dyke"].size == geometry.pixels("dyke").size
     assert simulator.calls == 2
+
+
+def test_texture_of_a_fixed_material_changes_its_pixels_and_the_key_alone(
+    tmp_path: Path, geometry: Geometry, case: Case
+) -> None:
+    def runner(name: str, looks: float | None, further: Radar | None = None) -> Runner:
+        grass = case.materials["grass"].model_copy(update={"looks": looks})
+        one = case.model_copy(update={"materials": {**case.materials, "grass": grass}})
+        return Runner(RunStore(tmp_path / name), Counting(geometry.shape), geometry, "scene", one, first=further)
+
+    plain, none, textured = (runner(name, looks) for name, looks in (("a", None), ("b", 50.0), ("c", 0.8)))
+    images = [one.run(X, 7, image=True) for one in (plain, none, textured, runner("d", 0.8))]
+    values = [record.image_db for record in images]
+    assert all(value is not None for value in values)
+    np.testing.assert_array_equal(values[0], values[1])  # more looks than the image's need no texture
+    np.testing.assert_array_equal(values[2], values[3])
+    difference = np.subtract(values[2], values[0])
+    pixels = geometry.pixels("grass")
+    assert np.count_nonzero(difference) == np.count_nonzero(difference.ravel()[pixels])
+    # variance of the logarithm: trigamma(0.8) - trigamma(looks of the image), in dB^2
+    expected = (10 / np.log(10)) ** 2 * (polygamma(1, 0.8) - polygamma(1, case.radar.looks))
+    assert np.var(difference.ravel()[pixels]) == pytest.approx(expected, rel=0.15)
+    assert len({record.key for record in images[:3]}) == 3
+    assert images[2].key == images[3].key
+    # of another pass, whose looks the key does not state
+    assert runner("e", 0.8, case.radar.model_copy(update={"looks": 9})).run(X, 7).key != images[2].key
+    # the random numbers are those with which runs are scored: the same for every seed but that of the final check
+    for seed, fresh in ((7, False), (8, False), (noise_seed(case, fresh=True), True)):
+        before, after = (one.run(X, seed, image=True).image_db.ravel()[pixels] for one in (plain, textured))
+        order = texture_order(case.radar.looks, 0.8)
+        np.testing.assert_array_equal(after, pixels_with_texture(before, order, case.seed, "grass", fresh))

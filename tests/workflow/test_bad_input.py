@@ -143,11 +143,17 @@ def test_a_broken_name_file(project):
     refused(project, "names.json")
 
 
-def test_an_image_of_another_place_costs_the_reference_run_and_no_other(project):
-    image(project, np.random.default_rng(1).normal(10, 3, (ROWS, COLUMNS)))
+def test_an_image_of_another_place_or_level_costs_the_reference_run_and_no_other(project):
+    image(project, np.random.default_rng(1).normal(-10, 3, (ROWS, COLUMNS)))
     done = project.radcal("tiny.yaml", "--cores", "2", "--set", "registration.method=gefolki")
     assert done.returncode == 1
     assert "radcal: registration: image.tif has nothing in common with the simulated image" in done.stdout
+    assert "Traceback" not in done.stdout
+    assert len(project.records()) == 1
+    done = project.radcal("tiny.yaml", "--cores", "2")
+    assert done.returncode == 1
+    assert "radcal: materials.field.bounds: inside them the law 'mangia' gives 5.9 to 72.2 dB" in done.stdout
+    assert "the measured level is -9.4 dB" in done.stdout
     assert "Traceback" not in done.stdout
     assert len(project.records()) == 1
 

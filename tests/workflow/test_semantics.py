@@ -38,7 +38,9 @@ MESSAGES = {
     **{f"{rule} {k}": rule for rule in ("train", "propose", "verify") for k in range(20)},
     "stop settings": "stop_settings",
     "final runs": "final_runs",
+    **{f"posterior of {name}": "posterior" for name in tiny_case()["materials"]},
     "archive of all runs": "archive",
+    "exports": "export",
 }
 # of no rule's outputs: the treasure, and how long jobs took
 NOT_MADE = ("runs/", "benchmarks/")
@@ -59,6 +61,7 @@ CHANGES = {
     "design": {"sampler": "latin_hypercube"},
     "surrogate": {"baseline": False},
     "optimiser": {"evaluations": 900},
+    "uncertainty": {"known_db": 2.5},
     "stop": {"rms": 2e-3},
 }
 
@@ -114,7 +117,7 @@ def test_commands_of_snakemake_behave(finished):
     assert finished.listing() == listing, "a dry run changed something"
     # what a finished case holds is what the rules make, runs and times aside: what is missing of it is made again
     made = set(re.findall(r"(?m)^results/tiny/(\S+)\t", ended(finished, "--summary", *CASE)))
-    assert made == {re.sub("^figures/.*", "figures", name) for name in listing if not name.startswith(NOT_MADE)}
+    assert made == {re.sub("^(figures|export)/.*", r"\1", name) for name in listing if not name.startswith(NOT_MADE)}
     ended(finished, "--report", "snakemake.html", *CASE)
     assert (finished.folder / "snakemake.html").stat().st_size > 10_000
     assert finished.listing() == listing

@@ -28,6 +28,29 @@ rule final_runs:
         "../scripts/final_runs.py"
 
 
+# How well the law of one material is known. Sampling takes less than a minute, on the surrogate of all runs.
+rule posterior:
+    input:
+        target=every_pass(rules.target.output.target),
+        scores=f"{OUT}/scores.json",
+        verified=verified,
+    output:
+        posterior=f"{OUT}/posterior/{{material}}.h5",
+    log:
+        f"{OUT}/logs/posterior/{{material}}.log",
+    retries: 0
+    threads: 1
+    resources:
+        mem_mb=memory("light"),
+        runtime=minutes("light"),
+    params:
+        case=STAGES["posterior"].params(CASE),
+    message:
+        "posterior of {wildcards.material}"
+    script:
+        "../scripts/posterior.py"
+
+
 rule archive:
     input:
         scene=rules.scene.output.scene,
@@ -38,6 +61,7 @@ rule archive:
         scores=f"{OUT}/scores.json",
         verified=verified,
         final=rules.final_runs.output.final,
+        posterior=expand(rules.posterior.output.posterior, material=CASE.calibrated),
     output:
         archive=f"{OUT}/calibration.h5",
         table=f"{OUT}/runs.csv",
@@ -58,6 +82,31 @@ rule archive:
         "archive of all runs"
     script:
         "../scripts/archive.py"
+
+
+rule export:
+    input:
+        archive=rules.archive.output.archive,
+        scene=rules.scene.output.scene,
+        geometry=every_pass(rules.geometry.output.geometry),
+    output:
+        folder=directory(f"{OUT}/export"),
+        checksums=f"{OUT}/export.json",
+    log:
+        f"{OUT}/logs/export.log",
+    benchmark:
+        f"{OUT}/benchmarks/export.tsv"
+    retries: 0
+    threads: 1
+    resources:
+        mem_mb=memory("measurement"),
+        runtime=minutes("measurement"),
+    params:
+        case=STAGES["export"].params(CASE),
+    message:
+        "exports"
+    script:
+        "../scripts/export.py"
 
 
 rule report:
@@ -88,6 +137,7 @@ rule summary:
     input:
         archive=rules.archive.output.archive,
         page=rules.report.output.page,
+        export=rules.export.output.checksums,
     output:
         summary=f"{OUT}/summary.json",
     log:

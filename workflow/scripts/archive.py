@@ -1,6 +1,7 @@
 """Write every run and iteration to one file, ``calibration.h5``, and all runs to one table, ``runs.csv``."""
 
 from radcal.assessment.conclusion import conclude
+from radcal.assessment.posterior import read_posterior
 from radcal.calibration.history import read_runs
 from radcal.config import Stop, stages
 from radcal.measurement.registration import read_registered
@@ -23,6 +24,7 @@ with logged(snakemake.log[0], snakemake.params.case):
     runs = snakemake.params.runs
     final = [record for record, _ in indexed([snakemake.input.final], runs, case.calibrated)]
     images = [read_registered(path) for path in snakemake.input.registered]
+    posteriors = dict(zip(case.calibrated, map(read_posterior, snakemake.input.posterior), strict=True))
     archive = gather(
         case=case,
         stop=stop,
@@ -31,9 +33,10 @@ with logged(snakemake.log[0], snakemake.params.case):
         geometry=geometry,
         registered=images[0],
         targets=targets,
-        conclusion=conclude(case, stop, history, targets, geometry, runs, final[:2]),
+        conclusion=conclude(case, stop, history, targets, geometry, runs, final[:2], posteriors),
         passes=images,
         final=final,
+        posteriors=posteriors,
     )
     write_archive(snakemake.output.archive, archive)
     write_table(snakemake.output.table, archive)

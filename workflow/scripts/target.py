@@ -1,5 +1,6 @@
 """Draw the target's pixels of every calibrated material at random and fit their densities."""
 
+from radcal.assessment.reach import check_reach
 from radcal.calibration.bin_target import bin_targets
 from radcal.config import stages
 from radcal.measurement.registration import read_registered
@@ -17,6 +18,7 @@ with logged(snakemake.log[0], snakemake.params.case):
     geometry = read_geometry(snakemake.input.geometry)
     targets = make_targets(case, geometry, registered, reference.image_db, partly=bool(snakemake.wildcards.at))
     scene = read_scene(snakemake.input.scene)
+    check_reach(case, targets)
     targets = bin_targets(case, targets, geometry, registered, scene.slope_error_deg)
     write_targets(snakemake.output.target, targets)
     for sentence in targets.sentences():

@@ -10,7 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.assessment.causes import likely_cause
+from radcal.assessment.fit_test import FitTest, check_fit
 from radcal.assessment.law_check import LawCheck, check_laws, texture_note
+from radcal.assessment.posterior import Posterior
+from radcal.assessment.verdict import Known, verdict
 from radcal.calibration.history import History
 from radcal.calibration.noise import noise_sentence
 from radcal.calibration.objectives import Comparison, make_objectives
@@ -19,8 +23,9 @@ from radcal.calibration.steps import not_fresh, repeatability
 from radcal.calibration.stopping import Decision, decide
 from radcal.config import Stop, stages
 from radcal.errors import StoreError
-from radcal.measurement.target import Targets
+from radcal.measurement.target import Target, Targets
 from radcal.radar.geometry import Geometry
+from radcal.seeds import derived_rng
 from radcal.storage.runs import Record, RunStore
 
 __all__ = ["Conclusion", "MaterialPixels", "conclude"]
@@ -70,6 +75,10 @@ class Conclusion:
         Final runs that were not simulated before.
     notes : list of str
         Remarks on simulator and texture.
+    fits : mapping
+        Test of the fit of each calibrated material's law.
+    verdicts : mapping
+        Sentence on each.
     """
 
     decision: Decision
@@ -80,6 +89,8 @@ class Conclusion:
     simulator: Mapping[str, Any]
     new_runs: int
     notes: list[str]
+    fits: Mapping[str, FitTest]
+    verdicts: Mapping[str, str]
 
 
 def conclude(
@@ -90,6 +101,7 @@ def conclude(
     geometry: Geometry,
     runs: str | Path,
     final: Sequence[Record],
+    posteriors: Mapping[str, Posterior] | None = None,
 ) -> Conclusion:
     """Decide, check the laws, and score the final runs.
 
@@ -107,6 +119,8 @@ def conclude(
         Folder of the run store.
     final : sequence of two Record
         The calibrated laws with common and with fresh random numbers.
+    posteriors : mapping, optional
+        Posterior by material.
 
     Raises
     ------
@@ -120,7 +134,7 @@ def conclude(
             f"{store.path(key)}: the reference run is missing or without its image; delete "
             f"{Path(runs).parent / 'reference.json'} and type the same command again to make it again."
         )
-    checks = check_laws(case, targets, history)
+    checks = check_laws(case, targets, history, posteriors=posteriors)
     objectives = make_objectives(case, targets)
     first = {name: score.looks for name, score in history.runs[0].scores.items()}
     looks = {name: history.best(name).scores[name].looks for name in targets}
@@ -130,16 +144,67 @@ def conclude(
         _textured(final[0], objectives, looks, case.seed),
         fresh_db,
     ]
+    materials = _materials(targets, each_db, final)
+    fits = {name: _fit(case, name, targets[name], objectives[name], history, materials[name]) for name in targets}
     return Conclusion(
         decision=decide(history, list(targets), stop, case.objective),
         checks=checks,
-        materials=_materials(targets, each_db, final),
+        materials=materials,
         reference_db=reference.image_db,
         calibrated_db=_picture(final[1], {name: fresh_db[name] for name in targets}, geometry),
         simulator=store.description(key).get("simulator", {}),
         new_runs=len({record.key for record in final} - {run.key for run in history.runs}),
         notes=_notes(case, history, checks, final),
+        fits=fits,
+        verdicts={
+            name: verdict(
+                name,
+                fits[name],
+                _cause(case, name, targets, objectives[name], history, geometry, fits[name]),
+                _known((posteriors or {}).get(name), case.uncertainty.known_db),
+                level_only=targets[name].level_only,
+                between_db=checks[name].between_db,
+            )
+            for name in targets
+        },
     )
+
+
+def _known(posterior: Posterior | None, known_db: float) -> Known | None:
+    """Where sigma0 is known; None without a posterior of a curve."""
+    if posterior is None or posterior.curve is None:
+        return None
+    return Known(posterior.known_between_deg, posterior.largest_half_width_db(known_db))
+
+
+def _fit(
+    case: stages.Archive, name: str, target: Target, objective: Comparison, history: History, pixels: MaterialPixels
+) -> FitTest:
+    """Test of the fit of one material's best run."""
+    score = history.best(name).scores[name]
+    return check_fit(
+        objective,
+        score,
+        (pixels.calibrated, target.values_db),
+        score.rms / target.rms_sampling,
+        derived_rng(case.seed, "fit", name),
+    )
+
+
+def _cause(
+    case: stages.Archive,
+    name: str,
+    targets: Targets,
+    objective: Comparison,
+    history: History,
+    geometry: Geometry,
+    fit: FitTest,
+) -> str:
+    """Likely cause of a law that does not fit; empty where it fits."""
+    if fit.fits is not False or not case.laws[name].has_curve:
+        return ""
+    law = objective.law_in(0, history.best(name).scores[name])
+    return likely_cause(case.materials[name].law, law, fit, targets[name], geometry, targets.looks)
 
 
 def _textured(

@@ -8,9 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.assessment.constant import Constant, constants
+from radcal.assessment.posterior import Posterior
+from radcal.assessment.recommendation import FieldCheck, fold_of_fields, leave_fields_out, recommend
 from radcal.assessment.validation import CrossValidation, HeldOut, cross_validate, held_out
 from radcal.calibration.expected import law_cumulants
-from radcal.calibration.grounds import GroundLaw, marginal_law, refit
+from radcal.calibration.grounds import GroundLaw, fit_grounds, marginal_law
 from radcal.calibration.history import History, Score
 from radcal.calibration.incidence_error import incidence_warnings
 from radcal.calibration.misfit import true_angles
@@ -26,6 +29,7 @@ from radcal.radar.texture import log_speckle_cumulants
 __all__ = ["LawCheck", "check_laws", "texture_note"]
 
 _IDENTIFIED = 2.0  # see GroundLaw.identified
+_FOLDS = 5  # of fields
 
 
 @dataclass(frozen=True)
@@ -37,19 +41,25 @@ class LawCheck:
     looks, looks_nominal : float
         Effective looks of the material and those of the simulated speckle.
     identified : bool or None
-        Whether the law's change over the incidence seen exceeds its own uncertainty and, where one density of
-        all pixels was matched, whether it predicts blocks of its own ground better than a constant; None for a law
-        without a curve.
+        Whether sigma0 is known somewhere over the incidence seen (:mod:`radcal.assessment.posterior`). Without a
+        posterior: whether the law's change there exceeds its own uncertainty and, where one density of all pixels was
+        matched, whether it predicts blocks of its own ground better than a constant. None for a law without a curve.
     held : HeldOut or None
         How well block means of ground that was kept out are predicted.
+    left_out : FieldCheck or None
+        How well whole fields of the calibrated ground are predicted from the others; None for a law without a curve.
+    recommended, recommended_why : str
+        Recommended predictor of other fields, ``law`` or ``constant``, and a clause that says why; empty for a law
+        without a curve.
     constant_db : float
-        Mean of the calibrated ground: the constant that the law is compared with [dB].
+        The constant that the law is compared with: mean of the calibrated ground, by generalised least squares over
+        fields and cells [dB].
     between_db, within_db : float
         Spread among patches and among their cells [dB]; NaN where nothing asked for it.
     incidence_error_deg : float
         Standard error of the local incidence that was assumed [deg].
     class_deg, class_db, class_error_db : ndarray, shape (n,)
-        Mean incidence of each class [deg]; the level that its measured pixels ask of the law there [dB], and
+        Mean incidence of each class [deg]; the level at which the law would have its measured mean there [dB], and
         the standard error of its mean. Empty for another objective.
     sentences : list of str
         What a user must know before believing the law.
@@ -59,6 +69,9 @@ class LawCheck:
     looks_nominal: float
     identified: bool | None
     held: HeldOut | None
+    left_out: FieldCheck | None
+    recommended: str
+    recommended_why: str
     constant_db: float
     between_db: float
     within_db: float
@@ -69,7 +82,13 @@ class LawCheck:
     sentences: list[str]
 
 
-def check_laws(case: stages.Archive, targets: Targets, history: History, number: int = 0) -> dict[str, LawCheck]:
+def check_laws(
+    case: stages.Archive,
+    targets: Targets,
+    history: History,
+    number: int = 0,
+    posteriors: Mapping[str, Posterior] | None = None,
+) -> dict[str, LawCheck]:
     """Check the best run's law of every material on the ground of one pass.
 
     Parameters
@@ -82,6 +101,8 @@ def check_laws(case: stages.Archive, targets: Targets, history: History, number:
         All scored runs.
     number : int
         Number of the pass, from 0; the uncertainty of the law is that of all passes.
+    posteriors : mapping, optional
+        Posterior by material, which says whether a law is identified: known somewhere.
 
     Returns
     -------
@@ -101,9 +122,26 @@ def check_laws(case: stages.Archive, targets: Targets, history: History, number:
     }
     binned = any(target.classes is not None for target in targets.values())
     if case.validation is not None and not binned:
-        found = spreads([law.cell_residuals() for law in laws.values()])
-        laws = {name: replace(law, spread=spread) for (name, law), spread in zip(laws.items(), found, strict=True)}
-    return {name: _check(case, name, target, laws.get(name), best[name]) for name, target in targets.items()}
+        own = spreads([law.cell_residuals() for law in laws.values()])
+        laws = {name: replace(law, spread=spread) for (name, law), spread in zip(laws.items(), own, strict=True)}
+    levels = constants({name: law.ground for name, law in laws.items()})
+    held = _held(case, targets, laws, levels)
+    found = {
+        name: _check(case, name, target, best[name], laws.get(name), levels.get(name), held.get(name))
+        for name, target in targets.items()
+    }
+    return {name: _with_posterior(case, name, check, (posteriors or {}).get(name)) for name, check in found.items()}
+
+
+def _with_posterior(case: stages.Archive, name: str, check: LawCheck, posterior: Posterior | None) -> LawCheck:
+    """Check of a law whose posterior says whether it is identified."""
+    if posterior is None or posterior.curve is None or check.identified is None:
+        return check
+    known = posterior.known_between_deg is not None
+    others = [said for said in check.sentences if f"{name}: the law is not identified" not in said]
+    doubt = [] if known else [f"{name}: {posterior.sentence(case.uncertainty.known_db)}"]
+    linear = [] if posterior.sampled else [f"{name}: {posterior.sentences[0]}"]
+    return replace(check, identified=known, sentences=[*doubt, *linear, *others])
 
 
 def texture_note(checks: Mapping[str, LawCheck]) -> str:
@@ -128,29 +166,51 @@ def _start_db(case: stages.Archive, name: str, ground: Ground) -> NDArray[np.flo
     return np.asarray(level + log_speckle_cumulants(float(case.radar.looks))[0])
 
 
-def _held(case: stages.Archive, name: str, target: Target, law: GroundLaw) -> HeldOut | None:
-    """Prediction of ground that was kept out; with ``both``, of each half from the other."""
+def _held(
+    case: stages.Archive, targets: Targets, laws: Mapping[str, GroundLaw], levels: Mapping[str, Constant]
+) -> dict[str, HeldOut | None]:
+    """Prediction of ground that was kept out; with ``both`` and ``fields``, of each part of it from the others."""
     if case.validation is None:
-        return None
-    if case.validation.keep != "both":
-        out = target.kept_out
-        return held_out(law, out, _start_db(case, name, out)) if out is not None else None
-    even = Blocks.of(case.validation).kept(law.ground.block, "even")
-    parts = []
-    for kept in (even, ~even):
-        if min(kept.sum(), (~kept).sum()) >= FEWEST:
-            out = law.ground.part(~kept)
-            parts.append(held_out(refit(law, law.ground.part(kept)), out, _start_db(case, name, out)))
-    return HeldOut.pooled([part for part in parts if part is not None])
+        return {}
+    if case.validation.holds_out:
+        return {
+            name: held_out(law, levels[name], out, _start_db(case, name, out))
+            for name, law in laws.items()
+            if (out := targets[name].kept_out) is not None
+        }
+    blocks = Blocks.of(case.validation)
+    folds = {
+        name: fold_of_fields(law.ground.patch, _FOLDS)
+        if case.validation.keep == "fields"
+        else np.where(blocks.kept(law.ground.block, "even"), 0, 1)
+        for name, law in laws.items()
+    }
+    parts: dict[str, list[HeldOut]] = {name: [] for name in laws}
+    for k in range(max((int(fold.max()) for fold in folds.values()), default=0) + 1):
+        kept = {name: fold != k for name, fold in folds.items() if min((fold != k).sum(), (fold == k).sum()) >= FEWEST}
+        rest = {name: laws[name].ground.part(mask) for name, mask in kept.items()}
+        # from scratch, variances too: what the calibration found has seen the ground that is predicted
+        again = fit_grounds(rest, {name: laws[name].method for name in rest})
+        constant = constants({name: law.ground for name, law in again.items()})
+        for name, law in again.items():
+            out = laws[name].ground.part(~kept[name])
+            part = held_out(law, constant[name], out, _start_db(case, name, out))
+            parts[name] += [part] if part is not None else []
+    return {name: HeldOut.pooled(found) for name, found in parts.items()}
 
 
-def _check(case: stages.Archive, name: str, target: Target, law: GroundLaw | None, score: Score) -> LawCheck:
+def _check(
+    case: stages.Archive, name: str, target: Target, score: Score,
+    law: GroundLaw | None, constant: Constant | None, held: HeldOut | None,
+) -> LawCheck:  # fmt: skip
     nominal, nothing, unknown = float(case.radar.looks), np.empty(0), float("nan")
     level_db = float(target.values_db.mean())
-    if law is None:
-        return LawCheck(score.looks, nominal, None, None, level_db, *(unknown,) * 3, *(nothing,) * 3, [])
-    held, binned = _held(case, name, target, law), target.classes is not None
-    crossed = cross_validate(law, law.ground.block // Blocks.of(case.validation).parts)
+    if law is None or constant is None:
+        return LawCheck(score.looks, nominal, None, None, None, "", "", level_db, *(unknown,) * 3, *(nothing,) * 3, [])
+    binned = target.classes is not None
+    crossed = cross_validate(law, constant, law.ground.block // Blocks.of(case.validation).parts)
+    left_out = leave_fields_out(law, constant)
+    choice = recommend(law, left_out)
     identified = law.identified >= _IDENTIFIED
     # three moments of all pixels do not say that level goes with incidence as the law has it: blocks do
     worse = identified and not binned and crossed.no_better
@@ -171,7 +231,10 @@ def _check(case: stages.Archive, name: str, target: Target, law: GroundLaw | Non
         looks_nominal=nominal,
         identified=bool(identified and not worse),
         held=held,
-        constant_db=float(law.ground.values_db.mean()),
+        left_out=left_out,
+        recommended=choice.predictor,
+        recommended_why=choice.why,
+        constant_db=constant.level_db,
         between_db=law.spread.between if estimated else unknown,
         within_db=law.spread.within if estimated else unknown,
         incidence_error_deg=law.method.incidence_error_deg,
@@ -194,31 +257,42 @@ def _doubts(name: str, identified: bool, crossed: CrossValidation | None, binned
         return []
     return [
         f"{name}: the law is not identified: blocks of its own ground, each predicted from the others, are "
-        f"{crossed.rmse_law_patch_db:.2f} dB off, from a constant {crossed.rmse_constant_db:.2f} dB.{why}"
+        f"{crossed.rmse_law_patch_db:.2f} dB off by law and field effects, {crossed.rmse_constant_patch_db:.2f} dB by "
+        f"a constant with field effects.{why}"
     ]
 
 
 def _held_sentences(case: stages.Archive, name: str, held: HeldOut | None) -> list[str]:
-    """Sentence on held-out ground that a constant predicts as well, or that there is none."""
+    """Sentences on held-out ground that a constant predicts better, or a band does not hold, or that there is none."""
     if held is None and case.validation is not None:
         return [
             f"{name}: validation checks nothing: no held-out block holds 20 of its pixels "
             f"(validation.rows is {case.validation.rows}, keep {case.validation.keep})."
         ]
-    if held is None or held.rmse_law_patch_db < held.rmse_constant_db:
+    if held is None:
         return []
-    return [
-        f"{name}: its law is no better than a constant: means of {held.n_blocks} held-out blocks are "
-        f"{held.rmse_law_patch_db:.2f} dB off, from a constant {held.rmse_constant_db:.2f} dB."
-    ]
+    lines = []
+    if held.gain.worse:
+        lines.append(
+            f"{name}: held-out ground is predicted worse by law and field effects than by a constant with field "
+            f"effects: means of {held.n_blocks} blocks are {held.rmse_law_patch_db:.2f} and "
+            f"{held.rmse_constant_patch_db:.2f} dB off, the law's error in {held.n_fields} fields is "
+            f"{held.gain.ratio:.2f} times the constant's."
+        )
+    if not held.held_in_band:
+        lines.append(
+            f"{name}: the 90 % band of the predictions is too narrow: {100.0 * held.coverage_90:.0f} % of "
+            f"{held.n_blocks} held-out means lie inside."
+        )
+    return lines
 
 
 def _levels_asked(law: GroundLaw, score: Score, nominal: float) -> tuple[NDArray[np.float64], ...]:
-    """Mean incidence [deg] of each bin, the level [dB] that its pixels ask of the law, and that level's error [dB]."""
+    """Mean incidence [deg] of each bin, the law's level [dB] that has the measured mean there, and its error [dB]."""
     classes, method = law.classes, law.method
     speckle = log_speckle_cumulants(law.fit.looks)[0] - log_speckle_cumulants(nominal)[0]
     expected = np.asarray(score.statistics)[:, 0] + speckle
-    nodes = true_angles(law.ground, method, classes.nodes_deg)
+    nodes = true_angles(law.ground, classes, method, classes.nodes_deg)
     level, there = (law_cumulants(method.law, law.fit.parameters, at)[:, 0] for at in (classes.nodes_deg, nodes))
     # an error of the incidence is part of what is expected, and not of the law
     shown = level + classes.cumulants[:, 0] - (expected + there - level)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from radcal.assessment.constant import Constant
+from radcal.assessment.gain import POWER, Gain, field_gains, power
+from radcal.assessment.prediction import Prediction, predict
 from radcal.calibration.grounds import GroundLaw, refit
 from radcal.calibration.law_fit import fit_law
 from radcal.measurement.classes import FEWEST
@@ -22,6 +25,8 @@ _FEWEST = 20  # pixels in a block whose mean is compared
 _FOLDS = 5
 _LEVELS = 200  # that stand for the pixels of a predicted density
 _TAIL = 0.99
+_CHANCE = 0.01
+_LEAST_DB = 1e-3
 _BAND = 1.6448536269514722  # standard deviations on each side that hold 90 % of a normal law
 
 
@@ -33,8 +38,9 @@ class HeldOut:
     ----------
     rmse_law_db, rmse_law_patch_db : float
         Of the law; of the law with the effects of the patches that were seen.
-    rmse_constant_db : float
-        Of the mean of the calibrated ground.
+    rmse_constant_db, rmse_constant_patch_db : float
+        Of the constant (generalised least squares over fields and cells) of the calibrated ground; of the constant
+        with its own effects of the patches that were seen.
     rmse_best_db : float
         Of the same law fitted to these block means themselves.
     rmse_start_db : float
@@ -46,18 +52,26 @@ class HeldOut:
         How far the 99 % quantile that each predicts lies above the measured one [dB].
     coverage_90 : float
         Share of the block means inside of the 90 % band.
-    n_blocks : int
-        Blocks compared.
+    n_blocks, n_fields : int
+        Blocks and fields compared.
+    law_gain, law_gain_error, patch_gain, patch_gain_error : float
+        Gain of the law over the constant and its standard error (:class:`radcal.assessment.gain.Gain`): of both
+        alone, and of both with the effects of fields.
     block : ndarray of int, shape (n,)
         Their numbers.
     mean_db, predicted_db, law_db, sd_db : ndarray, shape (n,)
         Means measured; predicted by law and patches; by the law; standard deviation of the prediction
         error [dB].
+    field : ndarray of int, shape (f,)
+        Labels of the fields.
+    field_law_gain, field_patch_gain : ndarray, shape (f,)
+        Gains of each.
     """
 
     rmse_law_db: float
     rmse_law_patch_db: float
     rmse_constant_db: float
+    rmse_constant_patch_db: float
     rmse_best_db: float
     rmse_start_db: float
     ks_law: float
@@ -68,11 +82,32 @@ class HeldOut:
     tail_start_db: float
     coverage_90: float
     n_blocks: int
+    n_fields: int
+    law_gain: float
+    law_gain_error: float
+    patch_gain: float
+    patch_gain_error: float
     block: NDArray[np.int64]
     mean_db: NDArray[np.float64]
     predicted_db: NDArray[np.float64]
     law_db: NDArray[np.float64]
     sd_db: NDArray[np.float64]
+    field: NDArray[np.int64]
+    field_law_gain: NDArray[np.float64]
+    field_patch_gain: NDArray[np.float64]
+
+    @property
+    def gain(self) -> Gain:
+        """Gain of like against like: law and constant, both with the effects of the fields that were seen."""
+        return Gain(self.patch_gain, self.patch_gain_error, self.n_fields)
+
+    @property
+    def held_in_band(self) -> bool:
+        """Whether the 90 % band holds; not if so few block means lie inside by chance in 1 % of the cases only."""
+        from scipy.stats import binom
+
+        inside = round(self.coverage_90 * self.n_blocks)
+        return bool(binom.cdf(inside, self.n_blocks, 0.9) >= _CHANCE)
 
     @classmethod
     def pooled(cls, parts: Sequence[HeldOut]) -> HeldOut | None:
@@ -90,61 +125,35 @@ class HeldOut:
         def all_of(key: str) -> NDArray[Any]:
             return np.concatenate([getattr(part, key) for part in parts])
 
-        combined: dict[str, Any] = {"n_blocks": int(n.sum())}
-        for field in fields(cls):
-            if isinstance(getattr(parts[0], field.name), np.ndarray):
-                combined[field.name] = all_of(field.name)
-            elif field.name.startswith("rmse"):
-                combined[field.name] = together(field.name)
-            else:
-                combined.setdefault(field.name, mean(field.name))
+        field = all_of("field")
+        combined: dict[str, Any] = {
+            "n_blocks": int(n.sum()),
+            **_gains(field, all_of("field_law_gain"), all_of("field_patch_gain")),
+        }
+        for item in fields(cls):
+            if isinstance(getattr(parts[0], item.name), np.ndarray):
+                combined[item.name] = all_of(item.name)
+            elif item.name.startswith("rmse"):
+                combined[item.name] = together(item.name)
+            elif item.name not in combined:
+                combined[item.name] = mean(item.name)
         return cls(**combined)
+
+
+def _gains(field: NDArray[np.int64], law: NDArray[np.float64], patch: NDArray[np.float64]) -> dict[str, float | int]:
+    """Gains over all fields, and their number."""
+    alone, both = Gain.of(field, law), Gain.of(field, patch)
+    return {
+        "n_fields": alone.fields,
+        "law_gain": alone.mean,
+        "law_gain_error": alone.error,
+        "patch_gain": both.mean,
+        "patch_gain_error": both.error,
+    }
 
 
 def _rms(values: NDArray[np.float64]) -> float:
     return float(np.sqrt(np.mean(values**2)))
-
-
-def _predict(found: GroundLaw, ground: Ground) -> dict[str, NDArray[np.float64]]:
-    """Prediction of each block's mean, by law and patches, and its standard deviation."""
-    cells, spread, effects = ground.cells, found.spread, found.effects
-    levels = found.levels_db(ground.incidence_deg)
-    law = cells.mean(levels)
-    slope = cells.mean(found.slopes(ground.incidence_deg))
-    # what an error of the law does to the patches' effects, which are taken from residuals of it
-    seen = found.ground
-    pulled = seen.cells.mean(found.slopes(seen.incidence_deg)) * effects.weight[:, None]
-    of = np.searchsorted(effects.patch, seen.cells.patch)
-    taken = np.stack([np.bincount(of, column, effects.patch.size) for column in pulled.T], axis=-1)
-
-    place = np.minimum(np.searchsorted(effects.patch, cells.patch), effects.patch.size - 1)
-    known = effects.patch[place] == cells.patch
-    effect = np.where(known, effects.effect_db[place], 0.0)
-    patch_variance = np.where(known, effects.variance[place], spread.between**2)
-    slope = slope - np.where(known[:, None], taken[place], 0.0)
-
-    block, of_block = np.unique(cells.block, return_inverse=True)
-    count = np.bincount(of_block, cells.count)
-    share = cells.count / count[of_block]
-
-    def over(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.asarray(np.bincount(of_block, values), dtype=np.float64)
-
-    slope = np.stack([over(share * column) for column in slope.T], axis=-1)
-    # no patch has two cells in one block
-    variance = over(share**2 * (patch_variance + spread.within**2 + ground.sampling))
-    variance += np.einsum("kd,de,ke->k", slope, found.fit.covariance, slope)
-    return {
-        "pixels": levels + effect[cells.of_pixel],
-        "pixel_sd": np.sqrt(patch_variance + spread.within**2)[cells.of_pixel],
-        "block": block,
-        "count": count,
-        "mean": over(share * cells.mean(ground.values_db)),
-        "incidence": over(share * cells.mean(ground.incidence_deg)),
-        "law": over(share * law),
-        "patch": over(share * (law + effect)),
-        "sd": np.sqrt(variance),
-    }
 
 
 def _against(
@@ -172,13 +181,17 @@ def _against(
     return float(distance), float(top - np.quantile(values_db, _TAIL))
 
 
-def held_out(found: GroundLaw, ground: Ground, start_db: NDArray[np.float64] | None = None) -> HeldOut | None:
+def held_out(
+    found: GroundLaw, constant: Constant, ground: Ground, start_db: NDArray[np.float64] | None = None
+) -> HeldOut | None:
     """Predict the block means of ground that was kept out, and its density.
 
     Parameters
     ----------
     found : GroundLaw
         Fitted to the ground that was kept.
+    constant : Constant
+        Constant of the same.
     ground : Ground
         Kept out, with the patches' labels of the other.
     start_db : ndarray, shape (pixels,), optional
@@ -188,36 +201,38 @@ def held_out(found: GroundLaw, ground: Ground, start_db: NDArray[np.float64] | N
     -------
     HeldOut or None
         None where no block has 20 pixels.
-
-    References
-    ----------
-    Robinson, "That BLUP is a good thing: the estimation of random effects", Statistical Science 6
-    (1991): predictions and their variances, that of the fixed effects included.
     """
     from scipy.stats import ks_2samp
 
     if not ground.values_db.size:
         return None
-    blocks = _predict(found, ground)
-    many = blocks["count"] >= _FEWEST
+    cells = predict(found, constant, ground)
+    blocks = cells.in_blocks(found.fit.covariance)
+    many = blocks.count >= _FEWEST
     if not many.any():
         return None
-    block, mean, law, patch, sd, angle = (
-        blocks[key][many] for key in ("block", "mean", "law", "patch", "sd", "incidence")
-    )
+    used = cells.part(np.isin(cells.block, blocks.block[many]))
+    blocks = blocks.part(many)
     calibrated, values = found.ground.values_db, ground.values_db
-    ks_law, tail_law = _against(values, blocks["pixels"], found.fit.looks, blocks["pixel_sd"])
+    of = ground.cells.of_pixel
+    expected = found.levels_db(ground.incidence_deg) + (cells.law_patch_db - cells.law_db)[of]
+    spread_db = np.sqrt(cells.effect_variance + found.spread.within**2)[of]
+    ks_law, tail_law = _against(values, expected, found.fit.looks, spread_db)
     start, ks_start, tail_start = (float("nan"),) * 3
     if start_db is not None:
         _, of_block = np.unique(ground.block, return_inverse=True)
-        expected = np.bincount(of_block, start_db) / np.bincount(of_block)
-        start = _rms(mean - expected[many])
+        started = np.bincount(of_block, start_db) / np.bincount(of_block)
+        start = _rms(blocks.mean_db - started[many])
         ks_start, tail_start = _against(values, start_db, found.method.looks)
+    error = blocks.mean_db - blocks.law_patch_db
+    field, law_gain = field_gains(used.patch, used.mean_db - used.law_db, used.mean_db - used.constant_db)
+    _, patch_gain = field_gains(used.patch, used.mean_db - used.law_patch_db, used.mean_db - used.constant_patch_db)
     return HeldOut(
-        rmse_law_db=_rms(mean - law),
-        rmse_law_patch_db=_rms(mean - patch),
-        rmse_constant_db=_rms(mean - found.ground.values_db.mean()),
-        rmse_best_db=_best(found.method.law, found.method.bounds, angle, mean),
+        rmse_law_db=_rms(blocks.mean_db - blocks.law_db),
+        rmse_law_patch_db=_rms(error),
+        rmse_constant_db=_rms(blocks.mean_db - blocks.constant_db),
+        rmse_constant_patch_db=_rms(blocks.mean_db - blocks.constant_patch_db),
+        rmse_best_db=_best(found.method.law, found.method.bounds, blocks.incidence_deg, blocks.mean_db),
         rmse_start_db=start,
         ks_law=ks_law,
         ks_constant=float(ks_2samp(calibrated, values).statistic),
@@ -225,13 +240,17 @@ def held_out(found: GroundLaw, ground: Ground, start_db: NDArray[np.float64] | N
         tail_law_db=tail_law,
         tail_constant_db=float(np.quantile(calibrated, _TAIL) - np.quantile(values, _TAIL)),
         tail_start_db=tail_start,
-        coverage_90=float(np.mean(np.abs(mean - patch) <= _BAND * sd)),
-        n_blocks=int(mean.size),
-        block=block.astype(np.int64),
-        mean_db=mean,
-        predicted_db=patch,
-        law_db=law,
-        sd_db=sd,
+        coverage_90=float(np.mean(np.abs(error) <= _BAND * blocks.sd_db)),
+        n_blocks=int(error.size),
+        **_gains(field, law_gain, patch_gain),  # type: ignore[arg-type]
+        block=blocks.block,
+        mean_db=blocks.mean_db,
+        predicted_db=blocks.law_patch_db,
+        law_db=blocks.law_db,
+        sd_db=blocks.sd_db,
+        field=field,
+        field_law_gain=law_gain,
+        field_patch_gain=patch_gain,
     )
 
 
@@ -248,35 +267,42 @@ class CrossValidation:
 
     Attributes
     ----------
-    rmse_law_patch_db, rmse_constant_db : float
-        Of block means [dB]; NaN where there are too few blocks, or too few pixels in them.
+    rmse_law_patch_db, rmse_constant_patch_db : float
+        Of block means [dB], by law and by constant, both with the effects of the fields that were seen; NaN where
+        there are too few blocks, or too few pixels in them.
+    power : float
+        As :func:`radcal.assessment.gain.power` gives it.
     """
 
     rmse_law_patch_db: float
-    rmse_constant_db: float
+    rmse_constant_patch_db: float
+    power: float = float("inf")
 
     @property
     def no_better(self) -> bool:
-        """Whether the law is seen to be no better than a constant; never where there are too few blocks."""
-        return self.rmse_law_patch_db >= self.rmse_constant_db
+        """Whether the law is seen to be no better than a constant; never without power or with too few blocks."""
+        return self.power >= POWER and self.rmse_law_patch_db >= self.rmse_constant_patch_db
 
     def sentence(self, name: str) -> str:
         """Say so, or nothing."""
         if not self.no_better:
             return ""
         return (
-            f"{name}: its law is no better than a constant: blocks of its own ground, each predicted from the others, "
-            f"are {self.rmse_law_patch_db:.2f} dB off, from a constant {self.rmse_constant_db:.2f} dB."
+            f"{name}: blocks of its own ground, each predicted from the others, are "
+            f"{self.rmse_law_patch_db:.2f} dB off by law and field effects, {self.rmse_constant_patch_db:.2f} dB by a "
+            "constant with field effects: do not use the law's slope."
         )
 
 
-def cross_validate(found: GroundLaw, group: NDArray[np.int64]) -> CrossValidation:
+def cross_validate(found: GroundLaw, constant: Constant, group: NDArray[np.int64]) -> CrossValidation:
     """Leave out each fifth of the calibrated ground's blocks in turn.
 
     Parameters
     ----------
     found : GroundLaw
         Fitted to all of it.
+    constant : Constant
+        Constant of all of it.
     group : ndarray of int, shape (pixels,)
         Block that each pixel is left out with: of several that means are compared in.
 
@@ -291,15 +317,21 @@ def cross_validate(found: GroundLaw, group: NDArray[np.int64]) -> CrossValidatio
     """
     groups = np.unique(group)
     fold = np.searchsorted(groups, group) % min(_FOLDS, groups.size)
-    law, constant = [], []
+    parts: list[Prediction] = []
     for k in range(min(_FOLDS, groups.size) if groups.size > 1 else 0):
         rest, out = found.ground.part(fold != k), found.ground.part(fold == k)
         if rest.values_db.size < FEWEST:
             continue
-        blocks = _predict(refit(found, rest), out)
-        many = blocks["count"] >= _FEWEST
-        law.append((blocks["mean"] - blocks["patch"])[many])
-        constant.append((blocks["mean"] - rest.values_db.mean())[many])
-    if not law or not sum(part.size for part in law):
-        return CrossValidation(float("nan"), float("nan"))
-    return CrossValidation(_rms(np.concatenate(law)), _rms(np.concatenate(constant)))
+        again = refit(found, rest)
+        blocks = predict(again, replace(constant, ground=rest), out).in_blocks(again.fit.covariance)
+        parts.append(blocks.part(blocks.count >= _FEWEST))
+    if not sum(part.count.size for part in parts):
+        return CrossValidation(float("nan"), float("nan"), 0.0)
+    mean, law, level, block = (
+        np.concatenate([getattr(part, key) for part in parts])
+        for key in ("mean_db", "law_patch_db", "constant_patch_db", "block")
+    )
+    errors = _rms(mean - law), _rms(mean - level)
+    # the errors of the better predictor bound those of the right one; a block's are its own, its fields are known
+    own = np.full(mean.size, max(min(errors), _LEAST_DB) ** 2)
+    return CrossValidation(*errors, power(block, law - level, np.zeros(mean.size), own))

@@ -63,11 +63,14 @@ def bin_targets(
         return targets
     grounds, methods = {}, {}
     for name, target in targets.items():
-        error = case.target.incidence_error_deg
+        error, each = case.target.incidence_error_deg, None
         if error is None:
-            moved = registration_error_deg(geometry.incidence_deg, registered.uncertainty_px, target.pixels)
-            error = float(np.hypot(moved, slope_error_deg))
-        grounds[name] = target.ground
+            each = np.hypot(
+                registration_error_deg(geometry.incidence_deg, registered.uncertainty_px, target.pixels),
+                slope_error_deg,
+            )
+            error = float(np.sqrt(np.mean(each**2)))
+        grounds[name] = replace(target.ground, error_deg=each if case.laws[name].has_curve else None)
         method = Method(
             case.laws[name],
             case.materials[name].box,
@@ -96,6 +99,7 @@ def bin_targets(
                     incidence_error_deg=methods[name].incidence_error_deg,
                     first=found[name].fit.parameters if known[name] else np.empty(0),
                     first_looks=found[name].fit.looks,
+                    error_deg=grounds[name].error_deg,
                 ),
             )
             for name, target in targets.items()

@@ -24,6 +24,7 @@ __all__ = [
     "curve_prior",
     "fit_grounds",
     "ground_residuals",
+    "law_prior",
     "limited",
     "marginal_law",
     "refit",
@@ -62,7 +63,7 @@ class GroundLaw:
         """Expected mean of dB values at mapped angles [deg], shape (k,): law, mean of the log speckle, correction."""
         x = self.fit.parameters if parameters is None else parameters
         angle = np.asarray(incidence_deg, dtype=np.float64)
-        nodes = true_angles(self.ground, self.method, angle[:, None])
+        nodes = true_angles(self.ground, self.classes, self.method, angle[:, None])
         level = self.method.law(np.radians(nodes), x).mean(axis=1) + log_speckle_cumulants(self.fit.looks)[0]
         if self.correction_db is not None:
             level = level + self.correction_db[class_of(angle, self.classes.edges_deg)]
@@ -132,9 +133,13 @@ def _limited(ground: Ground, method: Method) -> Ground:
 
 def curve_prior(ground: Ground, method: Method) -> Residuals:
     """Residuals of the priors on a material's curve and looks."""
+    return prior_residuals(law_prior(ground, method), method.looks, method.free_looks)
+
+
+def law_prior(ground: Ground, method: Method) -> CurvePrior | None:
+    """Prior on a material's curve; None where it is switched off, or for a law without a curve."""
     level = float(ground.values_db.mean()), float(ground.incidence_deg.mean())
-    prior = CurvePrior(method.law, *level) if method.priors and method.law.has_curve else None
-    return prior_residuals(prior, method.looks, method.free_looks)
+    return CurvePrior(method.law, *level) if method.priors and method.law.has_curve else None
 
 
 def ground_residuals(

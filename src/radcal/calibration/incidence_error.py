@@ -43,20 +43,41 @@ _LIKELY_DEG = 6.0  # the most that maps are off by: what takes more is texture
 _MOST_OF_SPREAD = 0.75  # times the mapped incidence's own: a map that is mostly error has no classes
 
 
-def attenuation(incidence_deg: ArrayLike, error_deg: float) -> float:
-    """Share of the variance of the mapped incidence [deg] that is not classical error, at least 0.1."""
-    variance = float(np.var(np.asarray(incidence_deg, dtype=np.float64)))
-    return 1.0 if error_deg == 0.0 else max(_LEAST_SHARE, 1.0 - error_deg**2 / max(variance, 1e-12))
+def attenuation(incidence_deg: ArrayLike, error_deg: ArrayLike, rms_deg: float | None = None) -> NDArray[np.float64]:
+    r"""Share of the variance of the mapped incidence that is not classical error, at least 0.1.
+
+    With errors that differ, a place of error e has the share :math:`V_t / (V_t + e^2)`, :math:`V_t` the variance of
+    the true angles: that of the mapped ones less the mean square of the errors (Carroll et al., section 4.4: regression
+    calibration).
+
+    Parameters
+    ----------
+    incidence_deg : array_like, shape (pixels,)
+        Mapped angles [deg].
+    error_deg : array_like, shape (k,) or ()
+        Standard error at the places asked for [deg].
+    rms_deg : float, optional
+        Root mean square of the errors of all pixels [deg]; ``error_deg`` where one number holds for all.
+
+    Returns
+    -------
+    ndarray, shape (k,) or ()
+    """
+    error = np.asarray(error_deg, dtype=np.float64)
+    square = error**2 if rms_deg is None else rms_deg**2
+    variance = max(float(np.var(np.asarray(incidence_deg, dtype=np.float64))), 1e-12)
+    true = np.maximum(variance - square, _LEAST_SHARE * variance)
+    return np.where(error == 0.0, 1.0, np.maximum(_LEAST_SHARE, true / (true + error**2)))
 
 
 def registration_error_deg(
     incidence_deg: NDArray[np.float32], uncertainty_px: NDArray[np.float32], pixels: NDArray[np.int64]
-) -> float:
-    r"""Standard error of the local incidence that a registration leaves.
+) -> NDArray[np.float64]:
+    r"""Standard error of the local incidence that a registration leaves, pixel by pixel.
 
     A pixel that lies a displacement off shows the incidence of another place: to first order the error is
     :math:`|\nabla\phi|\,u / \sqrt 2`, u the standard error of the displacement's length and the square root its
-    share along the gradient.
+    share along the gradient. Edges of the relief, where the gradient is large, have most of it.
 
     Parameters
     ----------
@@ -70,8 +91,9 @@ def registration_error_deg(
 
     Returns
     -------
-    float
-        Root mean square over the pixels [deg].
+    ndarray, shape (pixels,)
+        Standard error [deg]; beside a pixel without incidence the root mean square of the others, and 0 everywhere
+        where none is known.
 
     References
     ----------
@@ -79,28 +101,31 @@ def registration_error_deg(
     uncertainty).
     """
     if not np.any(uncertainty_px > 0):
-        return 0.0
+        return np.zeros(pixels.size)
     down, right = np.gradient(incidence_deg.astype(np.float64))
     variance = 0.5 * (down**2 + right**2) * uncertainty_px.astype(np.float64) ** 2
     found = variance.ravel()[pixels]
-    known = found[np.isfinite(found)]
-    return float(np.sqrt(known.mean())) if known.size else 0.0
+    known = np.isfinite(found)
+    usual = found[known].mean() if known.any() else 0.0
+    return np.asarray(np.sqrt(np.where(known, found, usual)))
 
 
-def true_nodes(nodes_deg: ArrayLike, error_deg: float, kind: ErrorKind, mean_deg: float, share: float) -> NDArray:  # type: ignore[type-arg]
+def true_nodes(
+    nodes_deg: ArrayLike, error_deg: ArrayLike, kind: ErrorKind, mean_deg: float, share: ArrayLike
+) -> NDArray[np.float64]:
     """True angles behind mapped ones.
 
     Parameters
     ----------
     nodes_deg : array_like, shape (n, m)
         Mapped angles that stand for each class [deg].
-    error_deg : float
-        Standard deviation of the error [deg].
+    error_deg : array_like, shape (n,) or ()
+        Standard deviation of the error in each class [deg].
     kind : {'classical', 'berkson'}
         Which of the two the error moves.
     mean_deg : float
         Mean of the material's mapped angles [deg].
-    share : float
+    share : array_like, shape (n,) or ()
         As :func:`attenuation` gave it; not used for ``berkson``.
 
     Returns
@@ -110,14 +135,17 @@ def true_nodes(nodes_deg: ArrayLike, error_deg: float, kind: ErrorKind, mean_deg
         a normal law have its mean, variance and (by symmetry) third moment. Within 0 and 90.
     """
     nodes = np.asarray(nodes_deg, dtype=np.float64)
-    if error_deg == 0.0:
+    sd, kept = (
+        np.broadcast_to(np.asarray(values, dtype=np.float64), len(nodes))[:, None] for values in (error_deg, share)
+    )
+    if not sd.any():
         return nodes
-    centre, sd = nodes, error_deg
+    centre = nodes
     if kind == "classical":
-        centre, sd = mean_deg + share * (nodes - mean_deg), error_deg * np.sqrt(share)
+        centre, sd = mean_deg + kept * (nodes - mean_deg), sd * np.sqrt(kept)
     points = np.arange(_HERMITE) - 0.5 * (_HERMITE - 1)
     points /= points.std()
-    return np.asarray(np.clip(centre[..., None] + sd * points, 0.0, 90.0).reshape(nodes.shape[0], -1))
+    return np.asarray(np.clip(centre[..., None] + sd[..., None] * points, 0.0, 90.0).reshape(nodes.shape[0], -1))
 
 
 def law_gap_db(law: Law, first: LawFit, second: LawFit, incidence_deg: ArrayLike) -> tuple[float, float]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import cho_factor, cho_solve
@@ -77,6 +79,16 @@ class Kriging:
         known = (near * cho_solve(self._factor, near.T).T).sum(axis=1)
         trend = (1.0 - near @ self._ones) ** 2 / self._ones.sum()
         return np.asarray(self.process * np.maximum(1.0 - known + trend, 0.0))
+
+    @cached_property
+    def excess(self) -> float:
+        """Mean square of the standardised leave-one-out errors, at least 1."""
+        if len(self._x) < 2 or self.process <= 0.0:
+            return 1.0
+        inverse = cho_solve(self._factor, np.eye(len(self._x)))
+        projected = np.diag(inverse - np.outer(self._ones, self._ones) / self._ones.sum())
+        standardised = self.leave_one_out() ** 2 * projected[:, None] / self.process
+        return max(1.0, float(standardised.mean()))
 
     def leave_one_out(self) -> NDArray[np.float64]:
         """Error of each point predicted from the others, at these length scales, shape (k, n).

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.calibration.expected import expected_cumulants, law_cumulants
 from radcal.calibration.incidence_error import ErrorKind, attenuation, true_nodes
-from radcal.calibration.moments import from_cumulants, sampling_covariance
-from radcal.measurement.classes import Classes
+from radcal.calibration.moments import from_cumulants, sampled_statistics, sampling_covariance
+from radcal.measurement.classes import Classes, class_of
 from radcal.measurement.ground import Ground
 from radcal.measurement.patches import Spread
 from radcal.radar.laws import Law
@@ -102,7 +102,7 @@ class BinMisfit(Misfit):
         _, patch = np.unique(cells.patch, return_inverse=True)
         shares = classes.shares(patch[cells.of_pixel], int(patch.max()) + 1)
         by_cell = classes.shares(cells.of_pixel, cells.count.size)
-        true_deg = true_angles(ground, method, classes.nodes_deg)
+        true_deg = true_angles(ground, classes, method, classes.nodes_deg)
         return cls(classes, shares, by_cell, spread.between, spread.within, method, true_deg)
 
     @property
@@ -128,6 +128,27 @@ class BinMisfit(Misfit):
     def _whitening(self) -> Doubles:
         return np.asarray(np.linalg.inv(np.linalg.cholesky(self.covariance)))
 
+    def differences(self, residuals: Doubles) -> Doubles:
+        """Expected minus measured mean [dB], log sd and skewness of each bin, (3 n,) to (n, 3), from residuals."""
+        return np.asarray((np.linalg.cholesky(self.covariance) @ residuals).reshape(3, -1).T)
+
+    def replicates(self, count: int, rng: np.random.Generator) -> Doubles:
+        """Residuals of samples that the expected statistics describe, shape (count, 3 n).
+
+        Each bin is drawn anew, with as many log-gamma values as its effective sample size, and so are the effects of
+        fields and cells and the shape of texture: whatever :attr:`covariance` holds, without its normal law.
+        """
+        n = self.classes.size
+        found = np.empty((count, 3, n))
+        for k in range(n):
+            found[:, :, k] = sampled_statistics(self.classes.cumulants[k, 1], self.classes.effective[k], count, rng)
+        fields, cells = (share.shape[1] for share in (self.patch_share, self.cell_share))
+        found[:, 0] += self.between_db * rng.normal(size=(count, fields)) @ self.patch_share.T
+        found[:, 0] += self.within_db * rng.normal(size=(count, cells)) @ self.cell_share.T
+        found[:, 1] += _LOG_SD_PATCH * rng.normal(size=(count, fields)) @ self.patch_share.T
+        found[:, 2] += SKEWNESS_SHAPE * rng.normal(size=(count, 1))
+        return np.asarray(found.reshape(count, 3 * n) @ self._whitening.T)
+
     @cached_property
     def _measured(self) -> Doubles:
         return from_cumulants(self.classes.cumulants).T.ravel()
@@ -135,7 +156,9 @@ class BinMisfit(Misfit):
     def _shift(self, x: Doubles) -> Doubles | float:
         """Change of the cumulants by the error of the incidence."""
         m = self.method
-        if m is None or m.incidence_error_deg == 0.0 or not m.law.has_curve or self.true_deg is None:
+        if m is None or not m.law.has_curve or self.true_deg is None:
+            return 0.0
+        if self.true_deg.shape == self.classes.nodes_deg.shape:  # no error
             return 0.0
         return law_cumulants(m.law, x, self.true_deg) - law_cumulants(m.law, x, self.classes.nodes_deg)
 
@@ -180,7 +203,7 @@ class LikelihoodMisfit(Misfit):
     @classmethod
     def of(cls, ground: Ground, classes: Classes, method: Method, spread: Spread) -> LikelihoodMisfit:
         """Misfit of a material's pixels in their incidence-angle bins, fitted with a method."""
-        return cls(classes, ground.values_db, method, true_angles(ground, method, classes.nodes_deg))
+        return cls(classes, ground.values_db, method, true_angles(ground, classes, method, classes.nodes_deg))
 
     def __call__(self, parameters: Doubles, looks: float, simulated: Doubles, slack: Doubles | float = 0.0) -> Doubles:
         """Deviance residuals of the law's levels, moved to the simulated mean of each bin; no slack is used."""
@@ -276,8 +299,29 @@ class Method:
     incidence_error: ErrorKind = "classical"
 
 
-def true_angles(ground: Ground, method: Method, nodes_deg: Doubles) -> Doubles:
-    """True angles behind mapped ones of a material [deg], (n, m) to (n, k), at the error that the method tells."""
-    mapped, error = ground.incidence_deg, method.incidence_error_deg
-    share = attenuation(mapped, error)
-    return np.asarray(true_nodes(nodes_deg, error, method.incidence_error, float(mapped.mean()), share))
+def true_angles(ground: Ground, classes: Classes, method: Method, nodes_deg: Doubles) -> Doubles:
+    """True angles behind mapped ones of a material.
+
+    Parameters
+    ----------
+    ground : Ground
+        Pixels of the material; where they have errors of their own, each bin has the root mean square of its pixels'.
+    classes : Classes
+        Bins of the same pixels.
+    method : Method
+        Kind of the error, and its size where one number holds for all pixels.
+    nodes_deg : ndarray, shape (n, m)
+        Mapped angles [deg], those of a row in one bin.
+
+    Returns
+    -------
+    ndarray, shape (n, k)
+        Angles [deg], equally likely each.
+    """
+    mapped, error, rms = ground.incidence_deg, np.asarray(method.incidence_error_deg), None
+    if ground.error_deg is not None:
+        square = ground.error_deg**2
+        each = np.sqrt(np.bincount(classes.member, square, classes.size) / classes.count)
+        error, rms = each[class_of(nodes_deg.mean(axis=1), classes.edges_deg)], float(np.sqrt(square.mean()))
+    share = attenuation(mapped, error, rms)
+    return true_nodes(nodes_deg, error, method.incidence_error, float(mapped.mean()), share)

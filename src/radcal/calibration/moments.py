@@ -8,9 +8,18 @@ from numpy.typing import ArrayLike, NDArray
 from radcal import skewnormal
 from radcal.measurement.looks import looks_of_log_variance
 
-__all__ = ["STATISTICS", "from_cumulants", "from_dp", "sampling_covariance", "to_cumulants", "to_dp"]
+__all__ = [
+    "STATISTICS",
+    "from_cumulants",
+    "from_dp",
+    "sampled_statistics",
+    "sampling_covariance",
+    "to_cumulants",
+    "to_dp",
+]
 
 STATISTICS = ("mean", "log sd", "skewness")
+_FEWEST, _MOST = 8, 1000  # values drawn of a sample; larger samples have normal statistics
 _SKEWNESS_LIMIT = 0.995  # that of a skew normal is 0.9953
 
 
@@ -75,3 +84,39 @@ def sampling_covariance(variance_db2: float, effective: float) -> NDArray[np.flo
     )
     to = np.array([[np.sqrt(variance_db2), 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, -1.5 * c3, 1.0]])
     return np.asarray(to @ k @ to.T / effective)
+
+
+def sampled_statistics(
+    variance_db2: float, effective: float, count: int, rng: np.random.Generator
+) -> NDArray[np.float64]:
+    """Errors of mean [dB], log sd and skewness in samples of log-gamma values.
+
+    Parameters
+    ----------
+    variance_db2 : float
+        Variance of the values [dB^2]; the gamma law of so many looks is taken for their shape.
+    effective : float
+        Number of independent values in each sample; above 1,000 the errors are drawn from the normal law of
+        :func:`sampling_covariance`.
+    count : int
+        Number of samples.
+    rng : Generator
+        Random numbers.
+
+    Returns
+    -------
+    ndarray, shape (count, 3)
+        Statistics of the samples minus those of the law.
+    """
+    from scipy.special import polygamma
+
+    if effective > _MOST:
+        return rng.multivariate_normal(np.zeros(3), sampling_covariance(variance_db2, effective), count)
+    looks, size = looks_of_log_variance(variance_db2), max(_FEWEST, round(effective))
+    mean, sd = float(polygamma(0, looks)), float(np.sqrt(polygamma(1, looks)))
+    values = (np.log(rng.gamma(looks, 1.0, (count, size))) - mean) / sd
+    first = values.mean(axis=1)
+    left = values - first[:, None]
+    second = np.mean(left**2, axis=1)
+    skewness = np.mean(left**3, axis=1) / second**1.5 - float(polygamma(2, looks)) / sd**3
+    return np.stack([np.sqrt(variance_db2) * first, 0.5 * np.log(second), skewness], axis=-1)

@@ -13,8 +13,9 @@ from radcal.calibration.history import Kind, PassScore, Run, Score
 from radcal.calibration.noise import noise_variance
 from radcal.calibration.objectives import Comparison, make_objectives
 from radcal.config import stages
-from radcal.radar.texture import equal_texture, texture_db, texture_order
-from radcal.seeds import derived_rng, derived_seed
+from radcal.radar.texture import equal_texture, texture_order
+from radcal.seeds import derived_rng
+from radcal.simulators.texturing import textured
 from radcal.storage.runs import Parameters, Record
 
 if TYPE_CHECKING:
@@ -117,11 +118,11 @@ def _densities(
     seed: int,
 ) -> dict[str, tuple[NDArray[np.float64], float]]:
     """Density of every material in one pass of a run, and its rms difference from the target's [1/dB]."""
-    textured = dict(pixels_db)
+    values_db = dict(pixels_db)
     for name, objective in objectives.items():
         if name in targets:
-            textured[name] = with_texture(pixels_db[name], objective, looks[name], seed, number=number)
-    return targets.score(textured)
+            values_db[name] = with_texture(pixels_db[name], objective, looks[name], seed, number=number)
+    return targets.score(values_db)
 
 
 def with_texture(
@@ -158,10 +159,7 @@ def with_texture(
     assert one is not None  # noqa: S101
     sensor = one.material.looks
     order = texture_order(sensor, equal_texture(objective.material.looks, looks, sensor))
-    if not np.isfinite(order):
-        return pixels_db
-    rng = np.random.default_rng([derived_seed(seed, "texture", objective.material.name), int(fresh)])
-    return (pixels_db + texture_db(rng.random(pixels_db.shape), order)).astype(np.float32)
+    return textured(pixels_db, order, seed, objective.material.name, fresh)
 
 
 def score_reference(case: stages.Scores, records: Sequence[Record], targets: Targets) -> list[Run]:

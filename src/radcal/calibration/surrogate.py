@@ -121,12 +121,38 @@ class Surrogate:
             return np.zeros((len(parameters), *self._shape))
         return np.stack([self._baseline(x) for x in parameters]) * self.training.baseline
 
-    def predict(self, unit: ArrayLike) -> NDArray[np.float64]:
-        """Statistics at points of the unit box, shape (m, d) to (m, n, 3)."""
+    def predict(self, unit: ArrayLike, baseline: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+        """Statistics at points of the unit box, shape (m, d) to (m, n, 3).
+
+        ``baseline`` are the baseline's statistics there, shape (m, n, 3), where they have been computed already.
+        """
         points = np.atleast_2d(np.asarray(unit, dtype=np.float64))
         low, high = self.bounds.T
-        learnt = self._base(low + points * (high - low)) + np.stack([model.mean(points) for model in self._models], -1)
+        base = self._base(low + points * (high - low)) if baseline is None else baseline * self.training.baseline
+        learnt = base + np.stack([model.mean(points) for model in self._models], -1)
         return _statistics(learnt, self.training.direct)
+
+    def error(self, unit: ArrayLike) -> NDArray[np.float64]:
+        """Standard error of the statistics by the runs' own errors, (m, d) to (m, 3); 0 where others are learnt.
+
+        The kriging variance is multiplied by the mean square of the standardised leave-one-out errors where that is
+        above 1: few runs do not tell the length scales, and errors beyond the kriging's own then show. A single run
+        tells nothing of how its difference from the baseline changes; the mean square of this difference is taken for
+        the variance of the process, and one width of the box for its length scale.
+
+        References
+        ----------
+        Bastos and O'Hagan, "Diagnostics for Gaussian process emulators", Technometrics 51 (2009).
+        """
+        points = np.atleast_2d(np.asarray(unit, dtype=np.float64))
+        if self.training.direct:
+            return np.zeros((len(points), len(STATISTICS)))
+        if len(self.parameters) == 1:
+            learnt = _learnt(self.training.statistics, self.training.direct) - self._base(self.parameters)
+            size = np.mean(learnt[0] ** 2, axis=0) * self.training.baseline
+            apart = ((points - self.unit(self.parameters)) ** 2).sum(axis=1)
+            return np.asarray(np.sqrt(size * -np.expm1(-apart)[:, None]))
+        return np.asarray(np.sqrt(np.stack([model.excess * model.variance(points) for model in self._models], axis=-1)))
 
     def standard_error(self, unit: ArrayLike) -> NDArray[np.float64]:
         """Kriging standard error of the statistics, shape (m, d) to (m, n, 3); 0 where others are learnt."""

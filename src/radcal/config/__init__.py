@@ -1,17 +1,24 @@
 """Typed configuration of a case; only this package interprets the configuration.
 
 A case is one YAML file. Each section has a model in a module of its own. Missing keys take the
-defaults of the models, and these defaults are the default case, except that its ``radar.radiometry``
-is the paper's: ``config/config.yaml`` is written from them (``python -m radcal.config``). Unknown
-keys are refused. All models are frozen.
+defaults of the models, and these defaults are the default case: ``config/config.yaml`` is written from
+them (``python -m radcal.config``). Unknown keys are refused. All models are frozen.
 """
 
 from radcal.config.case import Case
 from radcal.config.design import Design
-from radcal.config.inputs import check_reuse, executable_path, expand_path, files_below, input_files, vrt_folders
-from radcal.config.loading import case_from, load
+from radcal.config.inputs import (
+    check_reuse,
+    executable_path,
+    expand_path,
+    files_below,
+    input_files,
+    missing_inputs,
+    vrt_folders,
+)
+from radcal.config.loading import case_from, load, load_with_problems
 from radcal.config.materials import Material, Start
-from radcal.config.measurement import FileMeasurement, MeasurementConfig, Synthetic, SyntheticMeasurement
+from radcal.config.measurement import FileMeasurement, HiddenLaw, MeasurementConfig, Synthetic, SyntheticMeasurement
 from radcal.config.optimiser import Optimiser
 from radcal.config.pydantic_errors import nearest
 from radcal.config.radar import Radar
@@ -29,6 +36,7 @@ from radcal.config.simulator import (
 from radcal.config.stop import Stop
 from radcal.config.surrogate import SurrogateConfig
 from radcal.config.target import TargetConfig
+from radcal.config.uncertainty import Uncertainty
 from radcal.config.validation import Validation
 from radcal.config.writing import default_case, default_yaml
 
@@ -39,6 +47,7 @@ __all__ = [
     "CommandSimulation",
     "Design",
     "FileMeasurement",
+    "HiddenLaw",
     "InputFile",
     "Material",
     "MeasurementConfig",
@@ -59,6 +68,7 @@ __all__ = [
     "SyntheticMeasurement",
     "TargetConfig",
     "Template",
+    "Uncertainty",
     "Validation",
     "case_from",
     "check_reuse",
@@ -69,6 +79,8 @@ __all__ = [
     "files_below",
     "input_files",
     "load",
+    "load_with_problems",
+    "missing_inputs",
     "nearest",
     "vrt_folders",
 ]

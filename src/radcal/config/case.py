@@ -4,73 +4,44 @@ from __future__ import annotations
 
 import math
 import re
-from typing import Any, Self
+from collections.abc import Iterator
+from typing import Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from radcal.config.design import Design
+from radcal.config.fitting_defaults import (
+    with_fitting_draws,
+    with_fitting_measurement,
+    with_fitting_stop,
+    with_passes,
+)
 from radcal.config.limits import Seed
 from radcal.config.materials import DEFAULT_LAW, Material, check_parameters, default_materials
-from radcal.config.measurement import FileMeasurement, MeasurementConfig, Synthetic, SyntheticMeasurement
+from radcal.config.measurement import (
+    FileMeasurement,
+    MeasurementConfig,
+    Synthetic,
+    SyntheticMeasurement,
+)
 from radcal.config.objectives import DEFAULT, OBJECTIVES, SINGLE, Objective, names
 from radcal.config.optimiser import Optimiser
 from radcal.config.part import Part
-from radcal.config.pydantic_errors import nearest
+from radcal.config.pydantic_errors import Contradictions, nearest
 from radcal.config.radar import Radar
 from radcal.config.registration import RegistrationConfig
-from radcal.config.scene import BuiltinScene, SceneConfig
-from radcal.config.sections import FURTHER, TAGS, CaseName
+from radcal.config.scene import BuiltinScene, SceneConfig, SlantRangeScene
+from radcal.config.sections import TAGS, CaseName
 from radcal.config.simulator import BuiltinSimulation, CommandSimulation, SimulatorConfig
 from radcal.config.stop import Stop
 from radcal.config.surrogate import SurrogateConfig
 from radcal.config.target import TargetConfig
+from radcal.config.uncertainty import Uncertainty
 from radcal.config.validation import Validation
 from radcal.radar.bands import same_label
 from radcal.radar.laws import EXTERNAL, LAWS
 
 __all__ = ["Case"]
-
-_DRAWS_IN_BINS = 4
-
-
-def _with_fitting_stop(data: dict[str, Any]) -> dict[str, Any]:
-    """Case data; ``stop.at_sampling_error`` is true by default for an external program without ``stop.rms``."""
-    stop, simulator = data.get("stop", {}), data.get("simulator")
-    # a section that is already a model contains this default
-    if not isinstance(stop, dict) or "rms" in stop or "at_sampling_error" in stop:
-        return data
-    kind = simulator.get("kind") if isinstance(simulator, dict) else getattr(simulator, "kind", None)
-    return {**data, "stop": {**stop, "at_sampling_error": True}} if kind == "command" else data
-
-
-def _with_fitting_draws(data: dict[str, Any]) -> dict[str, Any]:
-    """Case data; ``simulator.draws`` is 4 by default if the built-in simulator and incidence-angle bins are used."""
-    simulator, objective = data.get("simulator", {}), data.get("objective", DEFAULT)
-    traits = OBJECTIVES.get(objective) if isinstance(objective, str) else None
-    if not isinstance(simulator, dict) or "draws" in simulator or traits is None or not traits.bins:
-        return data
-    tag = TAGS["simulator"]
-    if simulator.get(tag, "builtin") != "builtin":
-        return data
-    return {**data, "simulator": {**simulator, tag: "builtin", "draws": _DRAWS_IN_BINS}}
-
-
-def _with_passes(data: dict[str, Any]) -> dict[str, Any]:
-    """Case data in which lists of ``radar`` and ``measurement`` are divided into the first and the further passes."""
-    for key in FURTHER.values():
-        if data.get(key) is not None:
-            raise ValueError(f"unknown key {key}: further passes are items of a list of radar and of measurement")
-    found = {name: value for name, value in data.items() if name not in FURTHER.values()}
-    counts = {name: len(data[name]) if isinstance(data.get(name), list) else 1 for name in FURTHER}
-    if counts["radar"] != counts["measurement"] or 0 in counts.values():
-        said = " and ".join(f"{name} of {count}" for name, count in counts.items())
-        raise ValueError(f"passes: found {said}, expected lists of equal length, with one item for each pass")
-    for name, further in FURTHER.items():
-        if isinstance(data.get(name), list):
-            found[name], *others = data[name]
-            if others:
-                found[further] = others
-    return found
 
 
 class Case(Part):
@@ -111,6 +82,7 @@ class Case(Part):
     design: Design = Field(default_factory=Design)
     surrogate: SurrogateConfig = Field(default_factory=SurrogateConfig)
     optimiser: Optimiser = Field(default_factory=Optimiser)
+    uncertainty: Uncertainty = Field(default_factory=Uncertainty)
     stop: Stop = Field(default_factory=Stop)
 
     @model_validator(mode="before")
@@ -123,16 +95,16 @@ class Case(Part):
         """
         if not isinstance(data, dict):
             return data
-        data = _with_fitting_stop(_with_passes(data))
+        data = with_fitting_measurement(with_fitting_stop(with_passes(data)))
         if "objective" in data:
-            return _with_fitting_draws(data)
+            return with_fitting_draws(data)
         target, materials = (data[key] if isinstance(data.get(key), dict) else {} for key in ("target", "materials"))
         alone = target.get("incidence_classes") in (1, "1") or target.get("normalisation") == "image"
         outside = any(
             isinstance(item, dict) and item.get("calibrate") and item.get("law") == EXTERNAL
             for item in materials.values()
         )
-        return _with_fitting_draws({**data, "objective": SINGLE} if alone or outside else data)
+        return with_fitting_draws({**data, "objective": SINGLE} if alone or outside else data)
 
     @field_validator("scene", "simulator", "measurement", mode="before")
     @classmethod
@@ -161,102 +133,108 @@ class Case(Part):
         return value
 
     @model_validator(mode="after")
-    def _consistent(self) -> Self:
+    def _consistent(self, info: ValidationInfo) -> Self:
+        found = list(self._contradictions())
+        if found and isinstance(info.context, list):  # a list that collects them, and the case is wanted all the same
+            info.context.extend(found)
+        elif found:
+            raise Contradictions(found)
+        return self
+
+    def _contradictions(self) -> Iterator[str]:
+        """Settings of different sections that contradict each other, in the order of the sections."""
         if not self.calibrated:
-            raise ValueError("materials: none is marked calibrate: true, expected at least one")
+            yield "materials: none is marked calibrate: true, expected at least one"
+            return
         for name in self.target.reference_materials or []:
             if name not in self.materials:
-                raise ValueError(f"target.reference_materials: no material {name!r}{nearest(name, self.materials)}")
-            if self.materials[name].calibrate:
-                raise ValueError(
-                    f"target.reference_materials: {name!r} is calibrated, expected a material with fixed parameters"
-                )
+                yield f"target.reference_materials: no material {name!r}{nearest(name, self.materials)}"
+            elif self.materials[name].calibrate:
+                yield (f"target.reference_materials: {name!r} is calibrated, expected a material with fixed parameters")
         if self.target.normalisation == "offset" and not self.reference_materials:
-            raise ValueError(
+            yield (
                 "target.normalisation is offset, expected at least one material with fixed parameters "
                 "(calibrate: false) to give the level, found none"
             )
         for number, one in enumerate(self.passes, start=1):
-            try:
-                one._check_pass()
-            except ValueError as error:
-                if self.further_radar is None:
-                    raise
-                raise ValueError(f"pass {number}: {error}") from None
-        self._check_objective()
+            for text in one._in_pass():
+                yield f"pass {number}: {text}" if self.further_radar else text
+        yield from self._of_objective()
         if self.design.reuse is not None and self.further_radar:
-            raise ValueError(
+            yield (
                 f"design.reuse is {self.design.reuse!r} in a case of {len(self.passes)} passes, expected one pass: "
                 "a pass that is added to a case reuses the case's own runs without it"
             )
         if self.design.reuse == self.case:
-            raise ValueError(f"design.reuse is {self.case!r}, this case itself, expected an earlier one")
-        self._check_whole_box()
+            yield f"design.reuse is {self.case!r}, this case itself, expected an earlier one"
+        yield from self._in_whole_box()
         if self.design_size == 0 and self.start_with_another_law and self.design.reuse is None:
-            raise ValueError(
+            yield (
                 f"design.size is 0 and materials.{self.start_with_another_law[0]}.start is of another law, so that no "
                 "run would train the surrogate, expected design.size of at least 1"
             )
         if self.stop.max_runs < self.design_size:
-            raise ValueError(
-                f"stop.max_runs is {self.stop.max_runs}, expected at least design.size ({self.design_size})"
-            )
-        return self
+            yield (f"stop.max_runs is {self.stop.max_runs}, expected at least design.size ({self.design_size})")
 
-    def _check_pass(self) -> None:
-        """Refuse settings of one pass that do not fit the laws or its measured image."""
+    def _in_pass(self) -> Iterator[str]:
+        """Settings of one pass that do not fit the laws or its measured image."""
         measurement = self.measurement
         # default hidden parameters are for the default case only: elsewhere materials keep their start
         if isinstance(measurement, SyntheticMeasurement):
             if measurement.synthetic.is_written:
-                self._check_hidden(measurement.synthetic)
-            self._check_truth(measurement.synthetic)
-        self._check_laws()
+                yield from self._in_hidden(measurement.synthetic)
+            yield from self._in_truth(measurement.synthetic)
+            yield from self._in_mismatch(measurement.synthetic)
+        yield from self._in_laws()
         if isinstance(measurement, FileMeasurement):
-            self._check_image(measurement)
+            yield from self._in_image(measurement)
 
-    def _check_hidden(self, synthetic: Synthetic) -> None:
-        """Refuse hidden parameters of unknown materials, and those that do not fit their law."""
+    def _in_hidden(self, synthetic: Synthetic) -> Iterator[str]:
+        """Hidden parameters of unknown materials, and those that do not fit their law."""
         for name, x in synthetic.parameters.items():
             key = f"measurement.synthetic.parameters.{name}"
             if name not in self.materials:
-                raise ValueError(f"{key}: no such material{nearest(name, self.materials)}")
+                yield f"{key}: no such material{nearest(name, self.materials)}"
+                continue
             material = self.materials[name]
-            check_parameters(key, x, material.unbound_law, material.law)
-            material.check_whole(key, x)
+            try:
+                check_parameters(key, x, material.unbound_law, material.law)
+                material.check_whole(key, x)
+            except ValueError as error:
+                yield str(error)
 
-    def _check_whole_box(self) -> None:
-        """Refuse bounds that contain fewer combinations of whole numbers than design and reference run need."""
+    def _in_whole_box(self) -> Iterator[str]:
+        """Bounds that contain fewer combinations of whole numbers than design and reference run need."""
         materials = [self.materials[name] for name in self.calibrated]
         if not all(all(material.integers) for material in materials):
             return
         points = math.prod(int(high - low) + 1 for material in materials for low, high in material.box)
         if self.design_size >= points:
-            raise ValueError(
+            yield (
                 f"design.size is {self.design_size}, expected less than {points}, the number of combinations of whole "
                 "parameters inside the bounds, of which the reference run takes one"
             )
 
-    def _check_objective(self) -> None:
-        """Refuse settings that the objective does not use, and settings that contradict the objective."""
+    def _of_objective(self) -> Iterator[str]:
+        """Settings that the objective does not use, and settings that contradict the objective."""
         traits, target = OBJECTIVES[self.objective], self.target
         if not traits.bins and target.incidence_classes not in (1, "auto"):
-            raise ValueError(
+            yield (
                 f"target.incidence_classes is {target.incidence_classes}, which objective: {self.objective} does not "
                 f"use, expected objective: {' or '.join(names(bins=True))}"
             )
         if target.normalisation == "image" and self.validation is not None:
-            raise ValueError(
+            yield (
                 "validation is configured and target.normalisation is image, whose values are not in dB: errors of "
                 "block means would have no unit, expected normalisation none or offset"
             )
         if traits.bins and target.normalisation == "image":
-            raise ValueError(
+            yield (
                 f"objective is {self.objective} and target.normalisation is image, whose values are not in dB: "
                 "looks and priors have no meaning there, expected normalisation none or offset"
             )
         if traits.bins and (self.surrogate.outputs, self.surrogate.training) != ("centred", "posterior"):
-            raise ValueError(
+            yield (
                 f"surrogate.outputs is {self.surrogate.outputs} and surrogate.training {self.surrogate.training}, "
                 f"which objective: {self.objective} does not use, expected centred and posterior"
             )
@@ -264,63 +242,82 @@ class Case(Part):
             key = f"objective is {self.objective}" if traits.curve else "validation is configured"
             for name in self.calibrated:
                 if self.materials[name].law == EXTERNAL:
-                    raise ValueError(
+                    yield (
                         f"{key} and materials.{name}.law is {EXTERNAL}, whose curve only the simulator knows, "
                         f"expected objective: {' or '.join(names(curve=False))}, without validation"
                     )
 
-    def _check_truth(self, synthetic: Synthetic) -> None:
-        """Refuse a synthetic measurement for which a calibrated law has no hidden parameters."""
+    def _in_truth(self, synthetic: Synthetic) -> Iterator[str]:
+        """A synthetic measurement for which a calibrated law has no hidden parameters."""
         for name, material in self.materials.items():
             key = f"measurement.synthetic.parameters.{name}"
+            if name in synthetic.laws:
+                continue
             if name in synthetic.parameters and (synthetic.is_written or material.law == DEFAULT_LAW):
                 continue
             if name in synthetic.parameters:
-                raise ValueError(
+                yield (
                     f"{key} is missing: its default is for law {DEFAULT_LAW!r}, materials.{name}.law is "
                     f"{material.law!r}"
                 )
             if material.starts_with_another_law:
-                raise ValueError(
+                yield (
                     f"{key} is missing: hidden parameters are of law {material.law!r}, and "
                     f"materials.{name}.start is of another law"
                 )
 
-    def _check_laws(self) -> None:
-        """Refuse laws that the simulator cannot evaluate, and laws that need a missing ``radar.frequency_ghz``."""
+    def _in_mismatch(self, synthetic: Synthetic) -> Iterator[str]:
+        """Mismatches of a synthetic measurement that scene, pass, laws or simulator cannot have."""
+        key = "measurement.synthetic"
+        for name, hidden in synthetic.laws.items():
+            if name not in self.materials:
+                yield f"{key}.laws.{name}: no such material{nearest(name, self.materials)}"
+                continue
+            if synthetic.is_written and name in synthetic.parameters:
+                yield f"{key}.laws.{name} and {key}.parameters.{name} are both given, expected one of them"
+            if "frequency_ghz" in LAWS[hidden.law].needs and self.radar.frequency_ghz is None:
+                yield f"radar.frequency_ghz is missing: law {hidden.law!r} of {key}.laws.{name} depends on it"
+        if synthetic.disturbed and isinstance(self.simulator, CommandSimulation):
+            yield (
+                f"{key}.{synthetic.disturbed[0]} is for the built-in simulator, which images the changed scene; "
+                "simulator.kind: command receives the scene of the runs alone"
+            )
+        if synthetic.relief_m > 0 and isinstance(self.scene, SlantRangeScene):
+            yield f"{key}.relief_m is {synthetic.relief_m:g}, expected 0: a slant-range scene has no heights"
+
+    def _in_laws(self) -> Iterator[str]:
+        """Laws that the simulator cannot evaluate, and laws that need a missing ``radar.frequency_ghz``."""
         command = isinstance(self.simulator, CommandSimulation)
         for name, material in self.materials.items():
             if material.law == EXTERNAL and not command:
-                raise ValueError(
+                yield (
                     f"materials.{name}.law is {EXTERNAL}, which only simulator.kind: command can simulate, "
                     f"expected one of {sorted(LAWS)}"
                 )
             if material.starts_with_another_law and command:
-                raise ValueError(
+                yield (
                     f"materials.{name}.start is of law {material.at_start.law!r}, which simulator.kind: command does "
                     f"not receive: expected a list of {len(material.parameter_names)} numbers for law "
                     f"{material.law!r}"
                 )
             for key, seen in ((name, material), (f"{name}.start", material.at_start)):
                 if "frequency_ghz" in seen.unbound_law.needs and self.radar.frequency_ghz is None:
-                    raise ValueError(
-                        f"radar.frequency_ghz is missing: law {seen.law!r} of materials.{key} depends on it"
-                    )
+                    yield (f"radar.frequency_ghz is missing: law {seen.law!r} of materials.{key} depends on it")
 
-    def _check_image(self, measurement: FileMeasurement) -> None:
-        """Refuse an image whose declared radiometry, polarisation or band differs from that of ``radar``."""
+    def _in_image(self, measurement: FileMeasurement) -> Iterator[str]:
+        """An image whose declared radiometry, polarisation or band differs from that of ``radar``."""
         if measurement.radiometry not in (None, self.radar.radiometry):
-            raise ValueError(
+            yield (
                 f"measurement.radiometry is {measurement.radiometry}, radar.radiometry is {self.radar.radiometry}: set "
                 "radar.radiometry to the measurement's, since the simulated image is made in it"
             )
         if measurement.polarisation not in (None, self.radar.polarisation):
-            raise ValueError(
+            yield (
                 f"measurement.polarisation is {measurement.polarisation}, radar.polarisation is "
                 f"{self.radar.polarisation}: polarisations are never mixed, set both to the image's"
             )
         if measurement.carrier_band is not None and not same_label(measurement.carrier_band, self.radar.band):
-            raise ValueError(
+            yield (
                 f"measurement.carrier_band is {measurement.carrier_band!r}, radar.band is {self.radar.band!r}: "
                 "bands are never mixed, set both to the image's"
             )

@@ -6,7 +6,8 @@ import os
 import re
 import shutil
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 
 from radcal.config.case import Case
@@ -17,7 +18,15 @@ from radcal.config.simulator import CommandSimulation
 from radcal.errors import ConfigError
 from radcal.reading.rasters import RasterRefused, raster_files
 
-__all__ = ["check_reuse", "executable_path", "expand_path", "files_below", "input_files", "vrt_folders"]
+__all__ = [
+    "check_reuse",
+    "executable_path",
+    "expand_path",
+    "files_below",
+    "input_files",
+    "missing_inputs",
+    "vrt_folders",
+]
 
 
 def expand_path(text: str, key: str, folder: bool = False) -> Path:
@@ -106,6 +115,24 @@ def input_files(case: Case) -> dict[str, Path]:
         An input file is missing or cannot be read.
     """
     files: dict[str, Path] = {}
+    for source in _sources(case):
+        files |= source()
+    return files
+
+
+def missing_inputs(case: Case) -> list[str]:
+    """One sentence for each input that :func:`input_files` would refuse."""
+    problems = []
+    for source in _sources(case):
+        try:
+            source()
+        except ConfigError as error:
+            problems.append(str(error))
+    return problems
+
+
+def _sources(case: Case) -> Iterator[Callable[[], dict[str, Path]]]:
+    """Functions that find the files of one key each."""
     rasters: tuple[str, ...] = ()
     if isinstance(case.scene, SlantRangeScene):
         rasters = ("labels",)
@@ -113,17 +140,20 @@ def input_files(case: Case) -> dict[str, Path]:
         rasters = ("elevation", "materials")
     if isinstance(case.scene, SlantRangeScene | RasterScene):
         for key in rasters:
-            files |= _raster_inputs(case.scene, key, f"scene.{key}")
-        files["scene.names"] = expand_path(case.scene.names, "scene.names")
+            yield partial(_raster_inputs, case.scene, key, f"scene.{key}")
+        yield partial(_plain, case.scene.names, "scene.names")
     if isinstance(case.scene, BuiltinScene | RasterScene) and case.scene.objects and case.scene.objects.path:
-        files["scene.objects.path"] = expand_path(case.scene.objects.path, "scene.objects.path")
+        yield partial(_plain, case.scene.objects.path, "scene.objects.path")
     for number, one in enumerate(case.passes, start=1):
         if isinstance(one.measurement, FileMeasurement):
             key = "measurement" if number == 1 else f"measurement.{number}"
-            files |= _raster_inputs(one.measurement, "path", f"{key}.path")
+            yield partial(_raster_inputs, one.measurement, "path", f"{key}.path")
     if isinstance(case.simulator, CommandSimulation):
-        files |= _simulator_files(case.simulator)
-    return files
+        yield partial(_simulator_files, case.simulator)
+
+
+def _plain(text: str, key: str) -> dict[str, Path]:
+    return {key: expand_path(text, key)}
 
 
 def check_reuse(case: Case, results: str | Path) -> None:

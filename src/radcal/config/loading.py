@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
 from radcal.config.case import Case
-from radcal.config.pydantic_errors import sentence
+from radcal.config.pydantic_errors import sentence, shown, wrong_keys
 from radcal.errors import ConfigError
 
-__all__ = ["case_from", "load"]
+__all__ = ["case_from", "load", "load_with_problems"]
 
 
 def _parsed(overrides: Mapping[str, Any]) -> dict[str, Any]:
@@ -56,13 +57,84 @@ def load(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None
     ConfigError
         A file is missing, empty or not YAML, a key occurs twice, or a key or value is wrong.
     """
-    from radcal.config.yaml_file import (
-        merged,
-        read_case_file,
-    )  # this module imports PyYAML, which workflow jobs do not need
+    return case_from(_read(files, overrides), _origin(files))
+
+
+def load_with_problems(
+    files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None
+) -> tuple[Case | None, list[str]]:
+    """Read configuration files and list all wrong keys and values, not only the first.
+
+    A wrong key is left out, and its section is left out if the key is missing, until the rest is a case.
+
+    Parameters
+    ----------
+    files, overrides
+        As for :func:`load`.
+
+    Returns
+    -------
+    case : Case or None
+        Case without the wrong keys, with which further checks can go on; None if what is left is no case.
+    problems : list of str
+        One sentence for each wrong key and each contradiction between settings.
+
+    Raises
+    ------
+    ConfigError
+        A file is missing, empty or not YAML, or a key occurs twice.
+    """
+    data, origin = _read(files, overrides), _origin(files)
+    problems: list[str] = []
+    while True:
+        contradictions: list[str] = []
+        try:
+            case = Case.model_validate(data, context=contradictions)
+        except ValidationError as error:
+            wrong = wrong_keys(error, Case)
+            problems += [key.text for key in wrong]
+            rest = deepcopy(data)
+            for key in wrong:
+                _leave_out(rest, key.place)
+            if rest == data:
+                return None, _sentences(origin, problems)
+            data = rest
+        else:
+            return case, _sentences(origin, problems + contradictions)
+
+
+def _sentences(origin: str, problems: Sequence[str]) -> list[str]:
+    # a key that was left out may be missed afterwards, or a section changed in between give a text again
+    return [f"{origin}: {shown(text, 600)}." for text in dict.fromkeys(problems)]
+
+
+def _leave_out(data: dict[str, Any], place: Sequence[int | str]) -> None:
+    """Remove a key that is wrong, or the innermost section around a key that is missing."""
+    inside: Any = data
+    above: list[tuple[dict[str, Any], str]] = []
+    for part in place:
+        if isinstance(inside, dict) and part in inside:
+            above.append((inside, str(part)))
+            inside = inside[part]
+        elif isinstance(inside, list) and isinstance(part, int) and part < len(inside):
+            inside = inside[part]
+        # any other part is a tag that pydantic inserts, or a missing key
+    while above:  # a section without keys would be another mistake
+        section, key = above.pop()
+        del section[key]
+        if section:
+            break
+
+
+def _origin(files: Sequence[str | Path]) -> str:
+    return ", ".join(str(f) for f in files) or "configuration"
+
+
+def _read(files: Sequence[str | Path], overrides: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Merged data of configuration files and overrides."""
+    from radcal.config.yaml_file import merged, read_case_file  # imports PyYAML, which workflow jobs do not need
 
     data: dict[str, Any] = {}
     for file in files:
         data = merged(data, read_case_file(file))
-    data = merged(data, _parsed(overrides or {}))
-    return case_from(data, ", ".join(str(f) for f in files) or "configuration")
+    return merged(data, _parsed(overrides or {}))

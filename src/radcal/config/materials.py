@@ -6,7 +6,7 @@ import itertools
 import math
 import re
 from collections.abc import Sequence
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -15,7 +15,7 @@ from radcal.config.pydantic_errors import nearest, shown
 from radcal.config.sections import Section
 from radcal.radar.laws import EXTERNAL, LAWS, Law, external_law
 
-__all__ = ["DEFAULT_LAW", "Material", "Start", "check_parameters", "default_materials"]
+__all__ = ["DEFAULT_LAW", "Material", "OtherLaw", "Start", "check_parameters", "default_materials"]
 
 DEFAULT_LAW = "mangia"
 _LARGEST_WHOLE = 2.0**53
@@ -97,19 +97,27 @@ def check_parameters(key: str, values: Sequence[float], law: Law, name: str) -> 
             raise ValueError(f"{key}: {parameter} of law {name!r} is {x:g}, expected {low:g} to {high:g}")
 
 
-class Start(Section):
-    """Law and parameters of a material in the reference run, if this law differs from the calibrated law."""
+class OtherLaw(Section):
+    """Law and parameters of a material, in an image in which this law may differ from that of section ``materials``."""
 
-    law: str = Field(description="law of the material in the reference run")
+    _cannot_be: ClassVar[str] = "only an external simulator can evaluate"
+
+    law: str = Field(description="law of the material")
     angles_deg: Knots | None = Field(None, description="knots of a tabulated law [deg]")
     parameters: list[Parameter] = Field(description="parameters of this law")
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if self.law == EXTERNAL:
-            raise ValueError(f"law is {EXTERNAL!r}, which cannot be a start, expected one of {sorted(LAWS)}")
+            raise ValueError(f"law is {EXTERNAL!r}, which {self._cannot_be}, expected one of {sorted(LAWS)}")
         check_parameters("parameters", self.parameters, _law_of(self.law, self.angles_deg), self.law)
         return self
+
+
+class Start(OtherLaw):
+    """Law and parameters of a material in the reference run, if this law differs from the calibrated law."""
+
+    _cannot_be: ClassVar[str] = "cannot be a start"
 
 
 class Material(Section):
@@ -130,6 +138,11 @@ class Material(Section):
         None, description="names of the parameters that are integers, or true if all are integers (law: external)"
     )
     parameters: list[Parameter] | None = Field(None, description="fixed parameters (calibrate: false)")
+    looks: Annotated[Real, Field(ge=0.01, le=1000)] | None = Field(
+        None,
+        description="effective looks of the pixels, below radar.looks for texture (calibrate: false); by default "
+        "radar.looks",
+    )
     bounds: list[tuple[Parameter, Parameter]] | None = Field(
         None, description="[lower, upper] bound of each calibrated parameter"
     )
@@ -157,6 +170,11 @@ class Material(Section):
             return self
         if self.parameters is not None:
             raise ValueError("a calibrated material takes start and bounds, not parameters")
+        if self.looks is not None:
+            raise ValueError(
+                f"looks is {self.looks:g} and calibrate is true, expected looks only with calibrate: false: those of a "
+                "calibrated material are estimated"
+            )
         if self.law == EXTERNAL and (d == 0 or self.bounds is None):
             raise ValueError("a calibrated material of law external needs names and bounds of its parameters")
         if self.bounds is None and law.bounds is None:
@@ -292,16 +310,16 @@ _SYNTHETIC_MATERIALS: dict[str, dict[str, Any]] = {
     "dyke": {
         "calibrate": True,
         "law": "mangia",
-        "bounds": [[0, 50], [0, 50], [0, 50], [0, 50]],
-        # bare soil of Oh et al. 1992 (docs/laws.md), plus 30 dB to reach the level of the other laws of this case
-        "start": [0.0, 13.07, 12.17, 0.09],
+        "bounds": [[-32, -8], [0, 16], [0, 22], [0, 12]],
+        # bare soil of Oh et al. 1992 (docs/laws.md)
+        "start": [-30.0, 13.07, 12.17, 0.09],
     },
-    "water": {"parameters": [2.0, 3.0, 22.0, 6.0]},
-    "grass": {"parameters": [10.0, 14.0, 6.0, 4.0]},
-    "forest": {"parameters": [20.0, 9.0, 2.0, 2.0]},
-    "crops": {"parameters": [12.0, 16.0, 5.0, 4.0]},
-    "bare_soil": {"parameters": [6.0, 15.0, 14.0, 5.0]},
-    "road": {"parameters": [2.0, 10.0, 18.0, 8.0]},
+    "water": {"parameters": [-30.0, 6.0, 22.0, 12.0]},
+    "grass": {"parameters": [-22.0, 9.0, 9.0, 3.5]},
+    "forest": {"parameters": [-15.0, 6.0, 3.0, 2.0]},
+    "crops": {"parameters": [-20.0, 9.0, 7.0, 3.5]},
+    "bare_soil": {"parameters": [-24.0, 10.0, 10.0, 4.0]},
+    "road": {"parameters": [-28.0, 8.0, 14.0, 8.0]},
 }
 
 

@@ -2,35 +2,53 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Literal, get_args
 
 from pydantic import Field, ValidationInfo, field_validator
 from pydantic_core import PydanticCustomError
 
-from radcal.config.limits import Count, Decibels, Parameter, Real, Seed
+from radcal.config.limits import Count, Decibels, Integer, Length, Parameter, Real, Seed
+from radcal.config.materials import OtherLaw
 from radcal.config.pydantic_errors import MISSING
 from radcal.config.radar import Radiometry
 from radcal.config.sections import Section
 
 __all__ = [
+    "HIDDEN_DYKE",
+    "PUBLISHED_DYKE",
     "RADIOMETRY_EXPECTED",
     "SICD_ENDINGS",
     "FileMeasurement",
+    "HiddenLaw",
     "MeasurementConfig",
     "Synthetic",
     "SyntheticMeasurement",
+    "default_synthetic",
+    "within",
 ]
 
 SICD_ENDINGS = (".nitf", ".ntf", ".sicd")  # endings of files that may give the radiometry
 RADIOMETRY_EXPECTED = f"expected {', '.join(get_args(Radiometry)[:-1])} or {get_args(Radiometry)[-1]}"
+HIDDEN_DYKE = (-24.0, 10.0, 14.0, 5.0)
+"""Hidden parameters of the default case's dyke."""
+PUBLISHED_DYKE = (6.1, 14.2, 21.5, 3.3)
+"""Hidden parameters of the published case's dyke, inside the law's default bounds."""
 _SOURCE = "synthetic or file; each has keys of its own"
 
 
+class HiddenLaw(OtherLaw):
+    """Hidden law of a material in the synthetic measurement."""
+
+
 class Synthetic(Section):
-    """Hidden parameters, speckle, level and misregistration of a synthetic measurement."""
+    """Hidden laws, speckle, level, misregistration and other mismatches of a synthetic measurement.
+
+    By default, only the hidden parameters, the speckle and the displacement differ from those of the runs.
+    """
 
     parameters: dict[str, list[Parameter]] = Field(
-        default_factory=lambda: {"dyke": [6.1, 14.2, 21.5, 3.3]},
+        default_factory=lambda: {"dyke": list(HIDDEN_DYKE)},
         description="hidden law parameters by material; a material not listed uses its parameters in section materials",
     )
 
@@ -43,6 +61,72 @@ class Synthetic(Section):
     offset_db: Decibels = Field(0.0, description="offset added to the level of the synthetic measurement [dB]")
     warp_px: Annotated[Real, Field(ge=0, le=50)] = Field(
         2.0, description="rms displacement between synthetic measurement and simulated image [pixels]"
+    )
+    laws: dict[str, HiddenLaw] = Field(
+        default_factory=dict,
+        description="hidden law by material, as {law, parameters}, where it is another one than in section materials",
+    )
+    relief_m: Annotated[Real, Field(ge=0, le=100)] = Field(
+        0.0, description="rms height of random relief that the scene's elevation model does not contain [m]"
+    )
+    relief_length_m: Length = Field(
+        5.0, description="correlation length of this relief [m]; may be shorter than a cell of the scene"
+    )
+    resolution_factor: Annotated[Real, Field(ge=0.1, le=10)] = Field(
+        1.0, description="resolution of the synthetic measurement over that of section radar; above 1 is coarser"
+    )
+    looks: Annotated[Integer, Field(ge=1, le=64)] | None = Field(
+        None, description="looks of the synthetic measurement; by default radar.looks"
+    )
+    nesz_db: Decibels | None = Field(
+        None, description="noise-equivalent sigma0 of the synthetic measurement [dB]; by default radar.nesz_db"
+    )
+    texture_db: Annotated[Real, Field(ge=0, le=20)] = Field(
+        0.0, description="standard deviation of gamma texture, with which pixels are K-distributed [dB]"
+    )
+    texture_length_m: Length = Field(10.0, description="correlation length of this texture on the ground [m]")
+    wrong_labels: Annotated[Real, Field(ge=0, le=0.5)] = Field(
+        0.0, description="share of the scene's cells of another material than in the scene, on borders and in patches"
+    )
+
+    @property
+    def disturbed(self) -> tuple[str, ...]:
+        """Keys by which scene, pass or laws of the synthetic measurement differ from those of the runs."""
+        keys = ("laws", "relief_m", "resolution_factor", "looks", "nesz_db", "texture_db", "wrong_labels")
+        return tuple(key for key in keys if getattr(self, key) not in (None, {}, type(self).model_fields[key].default))
+
+
+def within(parameters: Sequence[float], bounds: object) -> bool:
+    """Whether hidden parameters lie inside of bounds; false for bounds that are none, which a model refuses."""
+    try:
+        box = [(float(low), float(high)) for low, high in bounds]  # type: ignore[attr-defined]
+    except (TypeError, ValueError):
+        return False
+    return len(box) == len(parameters) and all(
+        low <= value <= high for value, (low, high) in zip(parameters, box, strict=True)
+    )
+
+
+def default_synthetic() -> Synthetic:
+    """Measurement of the default case, made by other settings than the simulator's.
+
+    Relief, point spread, level and the laws of the materials that are not calibrated are slightly off. A case that has
+    a section ``measurement.synthetic`` gets none of these mismatches, unless it configures them.
+    """
+    return Synthetic(
+        parameters={
+            "dyke": list(HIDDEN_DYKE),
+            "water": [-30.0, 6.5, 22.0, 11.0],
+            "grass": [-21.5, 9.0, 9.0, 3.8],
+            "forest": [-15.6, 6.0, 3.0, 2.0],
+            "crops": [-20.0, 9.8, 6.5, 3.5],
+            "bare_soil": [-24.7, 10.0, 10.5, 4.0],
+            "road": [-28.0, 8.0, 15.0, 7.0],
+        },
+        offset_db=0.4,
+        relief_m=0.08,
+        relief_length_m=4.0,
+        resolution_factor=1.1,
     )
 
 

@@ -7,14 +7,30 @@ import re
 import types
 import typing
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
 
 from radcal.config.sections import FURTHER, TAGS
 
-__all__ = ["MISSING", "nearest", "sentence", "shown"]
+__all__ = ["MISSING", "Contradictions", "WrongKey", "nearest", "sentence", "shown", "wrong_keys"]
 
 MISSING = "missing_because"  # type of the error of a key that is needed for a reason that the message gives
+
+
+class Contradictions(ValueError):
+    """Contradictions between settings of a case.
+
+    Parameters
+    ----------
+    sentences : list of str
+        One sentence for each of them, without a full stop.
+    """
+
+    def __init__(self, sentences: list[str]) -> None:
+        super().__init__(sentences[0])
+        self.sentences = sentences
 
 
 def shown(text: str, most: int = 60) -> str:
@@ -83,36 +99,66 @@ def sentence(error: ValidationError, origin: str, root: type[BaseModel]) -> str:
     root : type of model
         Model of the data. For an unknown key, the message suggests the most similar key of the model.
     """
+    first, *others = wrong_keys(error, root)
+    more = f" (and {len(others)} more)" if others else ""
+    return f"{origin}: {shown(first.text, 600)}{more}."
+
+
+@dataclass(frozen=True)
+class WrongKey:
+    """Problem of one key.
+
+    Attributes
+    ----------
+    text : str
+        What is wrong, without a full stop.
+    place : tuple
+        Key, and above it the sections that contain it, as pydantic names them; empty for a contradiction between
+        settings.
+    """
+
+    text: str
+    place: tuple[int | str, ...]
+
+
+def wrong_keys(error: ValidationError, root: type[BaseModel]) -> list[WrongKey]:
+    """Problems in a validation error, one for each key; parameters as for :func:`sentence`."""
     # A misspelt required key gives two errors, an unknown key and a missing key: the unknown key comes first.
     details = sorted(error.errors(), key=lambda detail: detail["type"] != "extra_forbidden")
-    first = details[0]
-    key = _key(first["loc"])
-    found = first["input"]
-    match first["type"]:
+    found: dict[str, WrongKey] = {}
+    for detail in details:
+        several = getattr(detail.get("ctx", {}).get("error"), "sentences", None)
+        if several is None:
+            # the errors of all alternatives of one key count as one problem
+            found.setdefault(_key(detail["loc"]), WrongKey(_text(detail, root), detail["loc"]))
+        else:
+            found |= {text: WrongKey(f"{_key(detail['loc'])}: {text}", detail["loc"]) for text in several}
+    return list(found.values())
+
+
+def _text(detail: ErrorDetails, root: type[BaseModel]) -> str:
+    """Text about one error of pydantic."""
+    key, found = _key(detail["loc"]), detail["input"]
+    match detail["type"]:
         case "extra_forbidden":
-            *above, last = first["loc"]
+            *above, last = detail["loc"]
             key = f"{_key(above)}.{last}" if above else str(last)
-            text = f"unknown key {key}{nearest(str(last), _known_keys(first['loc'], root))}"
+            return f"unknown key {key}{nearest(str(last), _known_keys(detail['loc'], root))}"
         case "missing":
-            text = f"{key} is missing"
-        case _ if first["type"] == MISSING:
-            text = f"{key} is missing: {first['msg']}"
+            return f"{key} is missing"
+        case _ if detail["type"] == MISSING:
+            return f"{key} is missing: {detail['msg']}"
         case "value_error":
-            text = f"{key}: {first['msg'].removeprefix('Value error, ')}"
+            return f"{key}: {detail['msg'].removeprefix('Value error, ')}"
         case "union_tag_invalid" | "union_tag_not_found":
             tag = TAGS[key.partition(".")[0]]
-            text = f"{key}.{tag} is {_shown(found, tag)}, expected {first.get('ctx', {}).get('expected_tags', '')}"
+            return f"{key}.{tag} is {_shown(found, tag)}, expected {detail.get('ctx', {}).get('expected_tags', '')}"
         case "int_parsing_size":
-            text = f"{key} is {shown(repr(found))}, expected an integer of fewer digits"
-        case _:
-            message = first["msg"].removeprefix("Input should be ").replace(" after validation", "")
-            message = re.sub(r"^\w+ should have ", "", message)
-            message = re.sub("^a valid (dictionary|tuple).*", _of_kind, message)
-            text = f"{key} is {shown(repr(found))}, expected {message}"
-    # the errors of all alternatives of one key count as one problem
-    others = {_key(detail["loc"]) for detail in details[1:]} - {key}
-    more = f" (and {len(others)} more)" if others else ""
-    return f"{origin}: {shown(text, 600)}{more}."
+            return f"{key} is {shown(repr(found))}, expected an integer of fewer digits"
+    message = detail["msg"].removeprefix("Input should be ").replace(" after validation", "")
+    message = re.sub(r"^\w+ should have ", "", message)
+    message = re.sub("^a valid (dictionary|tuple).*", _of_kind, message)
+    return f"{key} is {shown(repr(found))}, expected {message}"
 
 
 def _key(place: Sequence[int | str]) -> str:

@@ -48,7 +48,7 @@ class Radar(Section):
         | Annotated[list[tuple[Annotated[Real, Field(ge=0, lt=90)], Decibels]], Field(min_length=2), Tag("a table")],
         Discriminator(lambda value: "a table" if isinstance(value, list) else "one level"),
     ] = Field(
-        -20.0,
+        -27.0,
         description="noise-equivalent sigma0 [dB], or a table of [incidence on flat ground in degrees, dB]; for an "
         "external simulator without noise, set a level far below the image",
     )

@@ -66,6 +66,11 @@ class BuiltinScene(Section):
     seed: Seed = Field(
         1, description="seed of the layout of the agricultural fields and of the fine relief of the terrain"
     )
+    landscape: Literal["enclosed", "open"] = Field(
+        "enclosed",
+        description="enclosed: ridged fields between hedges, tall forest, a dyke of varying slope; open: level fields "
+        "and a dyke of one slope",
+    )
     objects: SceneObjects | None = Field(
         None, description="objects on the ground, such as buildings and trees (docs/objects.md)"
     )

@@ -26,6 +26,7 @@ from radcal.config.simulator import SimulatorConfig
 from radcal.config.stop import Stop
 from radcal.config.surrogate import SurrogateConfig
 from radcal.config.target import TargetConfig
+from radcal.config.uncertainty import Uncertainty
 from radcal.config.validation import Validation
 
 __all__ = [
@@ -33,9 +34,11 @@ __all__ = [
     "Archive",
     "DesignChunk",
     "DesignSize",
+    "Export",
     "FinalRuns",
     "Geometry",
     "Measurement",
+    "Posterior",
     "Propose",
     "ReferenceRun",
     "Registration",
@@ -167,6 +170,12 @@ class Verify(Simulation, Train):
     """Sections that rule ``verify`` reads to run and score the proposals, and to predict a possible improvement."""
 
 
+class Posterior(Train):
+    """Sections that rule ``posterior`` reads to sample what is known of a law."""
+
+    uncertainty: Uncertainty
+
+
 class StopSettings(Stage):
     """Section that rule ``stop_settings`` reads: the stop criteria."""
 
@@ -177,6 +186,10 @@ class FinalRuns(Simulation):
     """Sections that rule ``final_runs`` reads to run the calibrated laws of all materials together."""
 
     further_radar: list[Radar] | None = None
+
+
+class Export(Simulation):
+    """Sections that rule ``export`` reads to write the calibrated materials and the texture of their image."""
 
 
 class Archive(Stage):
@@ -199,6 +212,7 @@ class Archive(Stage):
     design: Design
     surrogate: SurrogateConfig
     optimiser: Optimiser
+    uncertainty: Uncertainty
 
 
 STAGES: Mapping[str, type[Stage]] = {
@@ -217,6 +231,8 @@ STAGES: Mapping[str, type[Stage]] = {
     "verify": Verify,
     "stop_settings": StopSettings,
     "final_runs": FinalRuns,
+    "posterior": Posterior,
     "archive": Archive,
+    "export": Export,
 }
 """Model of each rule by the name of the rule."""

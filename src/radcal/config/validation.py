@@ -24,10 +24,17 @@ class Validation(Section):
     means: Count = Field(
         10, description="number of image rows in a part of a block; the mean level of each part is predicted"
     )
-    keep: Literal["even", "odd", "both"] = Field(
+    keep: Literal["even", "odd", "both", "fields"] = Field(
         "even",
-        description="blocks used for the calibration: even, odd, or both (all; each half then predicts the other half)",
+        description="blocks used for the calibration: even, odd, or all of them (both, fields); with both, each half "
+        "of the blocks is then predicted from the other half; with fields, each fifth of the fields (connected areas) "
+        "from the other fields",
     )
+
+    @property
+    def holds_out(self) -> bool:
+        """Whether ground is kept out of the calibration."""
+        return self.keep in ("even", "odd")
 
     @model_validator(mode="after")
     def _whole_parts(self) -> Self:

@@ -5,21 +5,21 @@ from __future__ import annotations
 from pydantic import BaseModel
 
 from radcal.config.case import Case
-from radcal.config.radar import Radar
 
 __all__ = ["default_case", "default_yaml"]
 
 _HEADER = """\
 # yaml-language-server: $schema=schema.json
-# The default case. Every key below but radar.radiometry (default: sigma0_ref) is a default: a case of your own needs
-# only the keys that differ.
+# The default case. Every key below is a default: a case of your own needs only the keys that differ. The mismatches in
+# measurement.synthetic (offset_db, relief_m, resolution_factor, parameters of fixed materials) are defaults only of a
+# case of the built-in simulator without the sections scene, materials and measurement.
 # Written by: python -m radcal.config > config/config.yaml
 """
 
 
 def default_case() -> Case:
-    """Default case: the defaults of all keys, and the paper's radiometry, without an area term."""
-    return Case(radar=Radar(radiometry="sigma0_local"))
+    """Default case: the defaults of all keys."""
+    return Case()
 
 
 def default_yaml() -> str:

@@ -32,12 +32,15 @@ class ClassTarget:
     priors : bool
         Whether weak priors on the curve and on the number of looks enter the objective.
     incidence_error_deg : float
-        Standard error of the local incidence [deg].
+        Standard error of the local incidence [deg], root mean square over the pixels.
     first : ndarray, shape (d,)
         X of the law that is fitted to the target without simulator runs, with a model of law and speckle; empty for a
         law without a curve.
     first_looks : float
         Effective number of looks of that fit.
+    error_deg : ndarray, shape (pixels,), or None
+        Standard error of the local incidence of each pixel [deg], where the registration leaves one; None where one
+        number holds for all.
     """
 
     classes: Classes
@@ -48,6 +51,7 @@ class ClassTarget:
     incidence_error_deg: float
     first: NDArray[np.float64]
     first_looks: float
+    error_deg: NDArray[np.float64] | None = None
 
     def cumulants(self, values_db: NDArray[np.float64], pixels: NDArray[np.int64] | None = None) -> NDArray[np.float64]:
         """Cumulants of the target's pixels in a run, by incidence-angle bin.

@@ -13,6 +13,7 @@ from radcal.errors import FitError
 __all__ = ["Goodness", "effective_sample_size", "goodness_of_fit"]
 
 _DRAWS = 99
+_GROUPS, _GROUP = 24, 30  # groups of incidence in which a mean is taken: their largest number, and their least size
 _REACH_PX = 6  # lag beyond which speckle is assumed to be uncorrelated
 
 
@@ -104,7 +105,21 @@ def goodness_of_fit(
     return Goodness(ks, float(ks_p), ad, float(ad_p))
 
 
-def effective_sample_size(image_db: NDArray[np.float32], inside: NDArray[np.int64], drawn: NDArray[np.int64]) -> float:
+def _without_trend(values: NDArray[np.float64], incidence_deg: ArrayLike) -> NDArray[np.float64]:
+    """Values minus their mean at each incidence: a straight line in each of some groups of about equal size."""
+    angle, left = np.asarray(incidence_deg, dtype=np.float64), values.copy()
+    for group in np.array_split(np.argsort(angle, kind="stable"), max(1, min(_GROUPS, angle.size // _GROUP))):
+        away, level = angle[group] - angle[group].mean(), values[group] - values[group].mean()
+        left[group] = level - away * (away @ level) / max(float(away @ away), 1e-12)
+    return left
+
+
+def effective_sample_size(
+    image_db: NDArray[np.float32],
+    inside: NDArray[np.int64],
+    drawn: NDArray[np.int64],
+    incidence_deg: NDArray[np.float32] | None = None,
+) -> float:
     """Number of independent pixels whose mean would have the same variance as the mean of the correlated pixels drawn.
 
     Parameters
@@ -115,6 +130,9 @@ def effective_sample_size(image_db: NDArray[np.float32], inside: NDArray[np.int6
         Flat indices of the material's finite pixels, from which the correlation is taken.
     drawn : ndarray of int, shape (n,)
         Flat indices of the pixels drawn, among ``inside``.
+    incidence_deg : ndarray, shape (rows, columns), optional
+        Local incidence [deg]. The mean of the material at each incidence is subtracted, because what any law explains
+        is no correlation of the pixels; without it, the mean of the whole material.
 
     Returns
     -------
@@ -141,7 +159,11 @@ def effective_sample_size(image_db: NDArray[np.float32], inside: NDArray[np.int6
     there = np.zeros(image_db.size)
     there[inside] = 1.0
     values = np.zeros(image_db.size)
-    values[inside] = image_db.ravel()[inside] - np.mean(image_db.ravel()[inside], dtype=np.float64)
+    of_material = image_db.ravel()[inside].astype(np.float64)
+    if incidence_deg is None:
+        values[inside] = of_material - of_material.mean()
+    else:
+        values[inside] = _without_trend(of_material, incidence_deg.ravel()[inside])
     count = pairs(there.reshape(shape))
     products = pairs(values.reshape(shape))
     variance = products[_REACH_PX, _REACH_PX] / count[_REACH_PX, _REACH_PX]

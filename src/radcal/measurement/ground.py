@@ -58,9 +58,9 @@ class Blocks:
         block = row // self.rows * (across + 1 - across % 2) + column // step
         return np.asarray(block * self.parts + row % self.rows // self.part_rows)
 
-    def kept(self, part: NDArray[np.int64], keep: Literal["even", "odd", "both"]) -> NDArray[np.bool_]:
+    def kept(self, part: NDArray[np.int64], keep: Literal["even", "odd", "both", "fields"]) -> NDArray[np.bool_]:
         """Whether each part is used for the calibration: parts of blocks with even numbers, odd numbers, or all."""
-        if keep == "both":
+        if keep in ("both", "fields"):
             return np.ones(part.shape, dtype=np.bool_)
         return np.asarray(part // self.parts % 2 == (0 if keep == "even" else 1))
 
@@ -79,6 +79,8 @@ class Ground:
         Field (connected area), and part of a block of the image (see :class:`Blocks`), of each pixel.
     independent : float
         Number of independent pixels for each pixel, at most 1.
+    error_deg : ndarray, shape (pixels,), optional
+        Standard error of the local incidence of each pixel [deg]; missing where one number holds for all.
     """
 
     values_db: NDArray[np.float64]
@@ -86,6 +88,7 @@ class Ground:
     patch: NDArray[np.int64]
     block: NDArray[np.int64]
     independent: float = 1.0
+    error_deg: NDArray[np.float64] | None = None
 
     @cached_property
     def cells(self) -> Cells:
@@ -99,6 +102,5 @@ class Ground:
 
     def part(self, mask: NDArray[np.bool_]) -> Ground:
         """Ground restricted to the pixels of a mask."""
-        return Ground(
-            self.values_db[mask], self.incidence_deg[mask], self.patch[mask], self.block[mask], self.independent
-        )
+        pixels = (self.values_db[mask], self.incidence_deg[mask], self.patch[mask], self.block[mask])
+        return Ground(*pixels, self.independent, None if self.error_deg is None else self.error_deg[mask])

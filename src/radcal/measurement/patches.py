@@ -14,9 +14,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Cells", "Effects", "Residuals", "Spread", "label_patches", "make_cells", "patch_effects", "spreads"]
+__all__ = [
+    "GRID_DB",
+    "Cells",
+    "Effects",
+    "Residuals",
+    "Spread",
+    "gls_mean",
+    "label_patches",
+    "make_cells",
+    "patch_effects",
+    "spread_log_likelihood",
+    "spreads",
+]
 
-_GRID_DB = np.concatenate([[0.0], np.geomspace(0.02, 6.0, 40)])  # grid of both standard deviations
+GRID_DB = np.concatenate([[0.0], np.geomspace(0.02, 6.0, 40)])  # grid of both standard deviations
 _SCALES_DB = np.geomspace(0.1, 4.0, 40)  # scales of the half-normal distribution that the materials share
 _PRIOR_DB = 1.0
 _FREEDOM = 10  # pixels besides the first of each cell that an estimate of the variance inside cells needs
@@ -131,13 +143,13 @@ class Residuals:
     information: NDArray[np.float64]
 
 
-def _log_likelihood(data: Residuals) -> NDArray[np.float64]:
-    """Restricted log likelihood on the grid of (between, within): the law's parameters are integrated out."""
+def spread_log_likelihood(data: Residuals) -> NDArray[np.float64]:
+    """Restricted log likelihood on the grid ``GRID_DB`` of (between, within): the law is integrated out."""
     labels, of = np.unique(data.patch, return_inverse=True)
     columns = np.column_stack([data.slopes, data.residual_db])
-    between = _GRID_DB[:, None, None] ** 2
-    table = np.empty((_GRID_DB.size, _GRID_DB.size))
-    for k, within in enumerate(_GRID_DB):
+    between = GRID_DB[:, None, None] ** 2
+    table = np.empty((GRID_DB.size, GRID_DB.size))
+    for k, within in enumerate(GRID_DB):
         variance = data.sampling + within**2
         weight = np.bincount(of, 1.0 / variance)
         pulled = np.stack([np.bincount(of, column / variance, labels.size) for column in columns.T], axis=-1)
@@ -177,12 +189,12 @@ def spreads(residuals: Sequence[Residuals]) -> list[Spread]:
     (2006): half-normal priors, and that few groups need them.
     """
     # weights of the trapezium rule on an uneven grid, and half-normal densities for each scale
-    step = np.gradient(_GRID_DB)
-    step[[0, -1]] = 0.5 * np.diff(_GRID_DB)[[0, -1]]
-    prior = np.exp(-0.5 * (_GRID_DB / _SCALES_DB[:, None]) ** 2) / _SCALES_DB[:, None] * step
+    step = np.gradient(GRID_DB)
+    step[[0, -1]] = 0.5 * np.diff(GRID_DB)[[0, -1]]
+    prior = np.exp(-0.5 * (GRID_DB / _SCALES_DB[:, None]) ** 2) / _SCALES_DB[:, None] * step
     likelihoods = []
     for data in residuals:
-        table = _log_likelihood(data)
+        table = spread_log_likelihood(data)
         likelihoods.append(np.exp(table - table.max()))
     # rows: scale of ``between``; columns: scale of ``within``
     log_evidence = sum(np.log(np.maximum(prior @ table @ prior.T, 1e-300)) for table in likelihoods)
@@ -193,10 +205,47 @@ def spreads(residuals: Sequence[Residuals]) -> list[Spread]:
     found = []
     for table in likelihoods:
         evidence = np.maximum(prior @ table @ prior.T, 1e-300)
-        between = ((prior * _GRID_DB) @ table @ prior.T) / evidence
-        within = (prior @ table @ (prior * _GRID_DB).T) / evidence
+        between = ((prior * GRID_DB) @ table @ prior.T) / evidence
+        within = (prior @ table @ (prior * GRID_DB).T) / evidence
         found.append(Spread(float((weight * between).sum()), float((weight * within).sum())))
     return found
+
+
+def gls_mean(
+    mean_db: NDArray[np.float64], sampling: NDArray[np.float64], patch: NDArray[np.int64], spread: Spread
+) -> tuple[float, float]:
+    r"""Generalised least squares mean of cells whose fields and cells have random effects.
+
+    With :math:`w_f = \sum_c (s_c^2 + \sigma^2)^{-1}` over the cells of a field, sampling variances :math:`s_c^2`,
+    within-field variance :math:`\sigma^2` and between-field variance :math:`\tau^2`, a field's mean has the weight
+    :math:`(\tau^2 + 1 / w_f)^{-1}`.
+
+    Parameters
+    ----------
+    mean_db : ndarray, shape (cells,)
+        Cell means [dB].
+    sampling : ndarray, shape (cells,)
+        Sampling variances of the cell means [dB^2].
+    patch : ndarray of int, shape (cells,)
+        Labels.
+    spread : Spread
+        Standard deviations of patches and cells.
+
+    Returns
+    -------
+    mean_db, variance : float
+        Mean [dB] and its variance [dB^2].
+
+    References
+    ----------
+    Searle, Casella and McCulloch, "Variance Components" (1992), section 3.3.
+    """
+    labels, of = np.unique(patch, return_inverse=True)
+    precision = 1.0 / np.maximum(sampling + spread.within**2, 1e-12)
+    inside = np.bincount(of, precision, labels.size)
+    weight = 1.0 / (spread.between**2 + 1.0 / inside)
+    means = np.bincount(of, precision * mean_db, labels.size) / inside
+    return float(weight @ means / weight.sum()), float(1.0 / weight.sum())
 
 
 def patch_effects(

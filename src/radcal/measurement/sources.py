@@ -8,13 +8,11 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 
 from radcal import skewnormal
-from radcal.config import FileMeasurement, Radar, Synthetic, TargetConfig, expand_path, stages, vrt_folders
+from radcal.config import FileMeasurement, Radar, TargetConfig, expand_path, stages, vrt_folders
 from radcal.config.measurement import RADIOMETRY_EXPECTED
 from radcal.errors import FitError, MeasurementError
-from radcal.measurement.displacement import invert, warp
 from radcal.measurement.georeference import (
     is_georeferenced,
     places_on_ground,
@@ -26,16 +24,14 @@ from radcal.measurement.model import Measurement
 from radcal.measurement.pixels import IN_THE_NOISE, eligible_pixels, noise_limited
 from radcal.measurement.point_spread import estimate_point_spread, is_filtered, point_spread_note
 from radcal.measurement.readers import ReadImage, image_of, read_image
+from radcal.measurement.synthetic import make_synthetic
 from radcal.radar.bands import LETTER_BANDS_GHZ, letter_band, within_band
 from radcal.radar.geometry import Geometry
 from radcal.radar.radiometry import noise_floor_db
 from radcal.scene.model import Scene
-from radcal.seeds import derived_rng, measurement_seed
 from radcal.simulators.protocol import Simulator
 
-__all__ = ["make_measurement", "smooth_warp"]
-
-_WARP_SIGMA_PX = 60.0  # smoothing of a synthetic displacement field
+__all__ = ["make_measurement"]
 
 
 def make_measurement(
@@ -56,8 +52,8 @@ def make_measurement(
     simulator : Simulator
         Simulator of a synthetic measurement; not called for a file.
     scene : Scene, optional
-        Scene on a map, by which a georeferenced image is resampled; without it every image is assumed to be in slant
-        range.
+        Scene of the geometry. Without it every image file is assumed to be in slant range, and no synthetic measurement
+        is made of another scene.
     partly : bool
         Whether it is enough that one of the calibrated materials can be fitted; for further passes.
 
@@ -70,7 +66,7 @@ def make_measurement(
     if isinstance(case.measurement, FileMeasurement):
         measurement = _from_file(case.measurement, case.radar, geometry, scene)
     else:
-        measurement = _synthetic(case, case.measurement.synthetic, simulator)
+        measurement = make_synthetic(case, case.measurement.synthetic, geometry, simulator, scene)
     flags = {}
     if case.target.normalisation == "none":  # otherwise the level of the noise follows from the reference run
         noise_db = noise_floor_db(case.radar, geometry.flat_incidence_deg)
@@ -98,53 +94,6 @@ def _refusal(
     except FitError as error:
         return MeasurementError(f"materials.{name} in {measurement.source}: {error}")
     return None
-
-
-def smooth_warp(shape: tuple[int, int], rms_px: float, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Smooth random displacement field.
-
-    Parameters
-    ----------
-    shape : (int, int)
-        Image size.
-    rms_px : float
-        Root mean square length of the displacement [pixels].
-    rng : Generator
-        Random generator of the field.
-
-    Returns
-    -------
-    ndarray, shape (2, rows, columns)
-        Displacement along rows and columns [pixels].
-    """
-    field = np.stack([gaussian_filter(rng.standard_normal(shape), _WARP_SIGMA_PX, mode="reflect") for _ in range(2)])
-    return np.asarray(field * rms_px / np.sqrt(np.mean((field**2).sum(axis=0))))
-
-
-def _synthetic(case: stages.Measurement, synthetic: Synthetic, simulator: Simulator) -> Measurement:
-    hidden = {name: material.start_parameters for name, material in case.materials.items()}
-    hidden.update({name: x for name, x in synthetic.parameters.items() if name in hidden})
-    image_db = simulator.run(hidden, measurement_seed(case.simulator, synthetic.seed))
-    field = None
-    if synthetic.warp_px > 0:
-        field = smooth_warp(
-            (image_db.shape[0], image_db.shape[1]),
-            synthetic.warp_px,
-            derived_rng(synthetic.seed, "measurement", "warp"),
-        )
-        try:
-            # nearest pixels, because interpolation would smooth the speckle
-            image_db = warp(image_db, invert(field))
-        except ValueError as error:
-            raise MeasurementError(
-                f"measurement.synthetic.warp_px is {synthetic.warp_px:g}: {error} Expected a smaller one."
-            ) from None
-    return Measurement(
-        image_db + np.float32(synthetic.offset_db),
-        f"synthetic, seed {synthetic.seed}",
-        {name: tuple(hidden[name]) for name in case.calibrated},
-        field.astype(np.float32) if field is not None else None,
-    )
 
 
 def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene: Scene | None) -> Measurement:

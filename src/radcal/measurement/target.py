@@ -101,6 +101,7 @@ class Target:
             patch=self.patch,
             block=self.block,
             independent=self.effective / self.pixels.size,
+            error_deg=self.classes.error_deg if self.classes is not None else None,
         )
 
     @property
@@ -207,8 +208,7 @@ class Targets(dict[str, Target]):
             if self.textured(name):
                 lines.append(
                     f"target of {name}: its neighbours have the speckle of {target.looks:.1f} looks, the image's "
-                    f"homogeneous areas {self.looks:.1f}: texture, buildings or point targets, which no law of a "
-                    "surface describes."
+                    f"homogeneous areas {self.looks:.1f}: texture, buildings or point targets."
                 )
         return lines
 

@@ -114,7 +114,7 @@ def make_target(
     blocks = Blocks.of(validation, geometry.shape[0])
     part = blocks.parts_of(np.arange(geometry.incidence_deg.size), geometry.shape[1])
     out = np.zeros(part.shape, dtype=np.bool_)
-    if validation is not None and validation.keep != "both":
+    if validation is not None and validation.holds_out:
         out = ~blocks.kept(part, validation.keep)
         flags = {**(flags or {}), HELD_OUT: out.reshape(geometry.shape)}
     eligible = eligible_pixels(name, geometry, measurement, config, uncertainty_px, flags)
@@ -123,7 +123,7 @@ def make_target(
     values = Levels.apply(measurement.image_db.ravel()[drawn], (levels or Levels()).measured)
     penalised = config.fit == "penalised"
     fit = skewnormal.fit(values, penalised)
-    effective = effective_sample_size(measurement.image_db, eligible.pixels, drawn)
+    effective = effective_sample_size(measurement.image_db, eligible.pixels, drawn, geometry.incidence_deg)
     patches = label_patches(geometry.material == geometry.names.index(name) + 1).ravel()
     held_out = None
     if out.any():
@@ -157,7 +157,9 @@ def _ground(
     patches: NDArray[np.int64], parts: NDArray[np.int64],
 ) -> Ground:  # fmt: skip
     """Ground of given pixels; ``patches`` and ``parts`` hold the patch and block part of every pixel of the image."""
-    every = effective_sample_size(measurement.image_db, pixels, pixels) / pixels.size if pixels.size else 1.0
+    every = 1.0
+    if pixels.size:
+        every = effective_sample_size(measurement.image_db, pixels, pixels, geometry.incidence_deg) / pixels.size
     return Ground(
         values_db=Levels.apply(measurement.image_db.ravel()[pixels], (levels or Levels()).measured),
         incidence_deg=geometry.incidence_deg.ravel()[pixels].astype(np.float64),

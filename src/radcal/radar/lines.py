@@ -12,7 +12,7 @@ from radcal.radar.facets import ANGLES_PER_RADIAN, LAID_OVER, OBJECT, VISIBLE
 from radcal.radar.footprints import Boxes, Raised, Seen, Spots, add_up, locate, raise_boxes, stand
 from radcal.radar.visibility import FAR_HALF, NEAR_HALF, laid_over
 
-__all__ = ["Lines", "fill_lines", "local_incidence_cosine"]
+__all__ = ["Lines", "fill_lines", "local_incidence_cosine", "refined_elevation"]
 
 _HALO = 12  # cells beyond a block that enter its cubic spline; those further away have no effect in single precision
 
@@ -95,6 +95,30 @@ def _refined(
         steep = map_coordinates(wall.astype(np.uint8), at, order=0, mode="nearest") > 0
         fine = np.where(steep, map_coordinates(block, at, order=1, mode="nearest"), fine)
     return np.asarray(fine)
+
+
+def refined_elevation(elevation: NDArray[np.float64], k: int, cell_m: float) -> NDArray[np.float64]:
+    """Elevation of the facets of a scene, at the middles of k x k parts of each cell.
+
+    Parameters
+    ----------
+    elevation : ndarray, shape (ny, nx)
+        Elevation of the cells' middles [m].
+    k : int
+        Number of parts along each side of a cell.
+    cell_m : float
+        Cell size [m].
+
+    Returns
+    -------
+    ndarray, shape (ny k, nx k)
+        Elevation [m], interpolated as for the facets of an image.
+    """
+    if k == 1:
+        return elevation
+    block = np.pad(elevation, _HALO, mode="reflect", reflect_type="odd")
+    rows, columns = ((np.arange(n * k) + 0.5) / k - 0.5 + _HALO for n in elevation.shape)
+    return _refined(block, rows, columns, cell_m)
 
 
 def fill_lines(

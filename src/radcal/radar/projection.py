@@ -33,8 +33,18 @@ _MOST_NAMES = 254  # largest number of materials, not counting objects
 _CELLS_AT_ONCE = 256  # number of the scene's rows in a block; smaller blocks need less memory
 
 
-def make_geometry(scene: Scene, radar: Radar) -> Geometry:
+def make_geometry(scene: Scene, radar: Radar, onto: Geometry | None = None) -> Geometry:
     """Geometry of the image of a scene in one pass.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene.
+    radar : Radar
+        Pass.
+    onto : Geometry, optional
+        Geometry of the same pass over other relief of the same mean elevation and extent, whose image grid is taken. By
+        default the image covers all slant ranges at which every azimuth line has ground.
 
     Raises
     ------
@@ -47,7 +57,7 @@ def make_geometry(scene: Scene, radar: Radar) -> Geometry:
     if scene.elevation_m is None:
         return _slant_range_geometry(scene, radar)
     check_size(SceneSize(scene.material.size, scene.cell_m, scene.material.size), radar)
-    return _terrain_geometry(scene, radar)
+    return _terrain_geometry(scene, radar, onto)
 
 
 def _slant_range_geometry(scene: Scene, radar: Radar) -> Geometry:
@@ -77,7 +87,7 @@ def _slant_range_geometry(scene: Scene, radar: Radar) -> Geometry:
     )
 
 
-def _terrain_geometry(scene: Scene, radar: Radar) -> Geometry:
+def _terrain_geometry(scene: Scene, radar: Radar, onto: Geometry | None) -> Geometry:
     """Geometry of a scene with terrain: facets of the refined elevation model, seen from a straight track."""
     elevation = scene.elevation_m
     assert elevation is not None  # noqa: S101 - checked by the caller
@@ -112,6 +122,8 @@ def _terrain_geometry(scene: Scene, radar: Radar) -> Geometry:
             elevation, first, last, k, step, edges, track, base, radar.range_spacing_m, lines, standing
         )
         near, far = max(near, near_line), min(far, far_line)
+    if onto is not None:
+        near = _slant_range_m(radar, onto.flat_incidence_deg[0]) - 0.5 * radar.range_spacing_m
     points = Points.none()
     if standing is not None:
         boxes, spots = standing
@@ -121,7 +133,7 @@ def _terrain_geometry(scene: Scene, radar: Radar) -> Geometry:
         points = _points(spots, radar, near, step)
 
     # rows from the first to the last range that every azimuth line reaches, so that the image lies within the scene
-    rows = int((far - near) / radar.range_spacing_m)
+    rows = int((far - near) / radar.range_spacing_m) if onto is None else onto.shape[0]
     columns = int(ny * scene.cell_m / radar.azimuth_spacing_m)
     if rows < 8 or columns < 8:
         raise SceneError(f"the image of the scene would have {rows} x {columns} pixels: use a finer pixel spacing.")
@@ -271,6 +283,11 @@ def _points(spots: Spots, radar: Radar, near: float, step: float) -> Points:
 def _flat_incidence_deg(radar: Radar, slant_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """Incidence on flat ground at a slant range [deg]."""
     return np.degrees(np.arccos(np.minimum(radar.altitude_m / slant_m, 1.0)))
+
+
+def _slant_range_m(radar: Radar, flat_incidence_deg: float) -> float:
+    """Slant range at which flat ground has an incidence [m]."""
+    return float(radar.altitude_m / np.cos(np.radians(flat_incidence_deg)))
 
 
 def _per_area(radar: Radar, flat_incidence_deg: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["equal_texture", "log_speckle_cumulants", "texture_db", "texture_order"]
+__all__ = ["equal_texture", "log_speckle_cumulants", "order_of_texture", "texture_db", "texture_order"]
 
 _DB = 10.0 / np.log(10.0)
 
@@ -38,7 +38,9 @@ def log_speckle_cumulants(looks: ArrayLike) -> NDArray[np.float64]:
     n = np.asarray(looks, dtype=np.float64)
     if n.ndim == 0:  # cached, because a search repeats the same looks
         return np.array(_scalar(float(n)))
-    return np.stack([np.array(_scalar(float(one))) for one in n.ravel()]).reshape(*n.shape, 3)
+    from scipy.special import digamma, polygamma
+
+    return np.stack([_DB * (digamma(n) - np.log(n)), _DB**2 * polygamma(1, n), _DB**3 * polygamma(2, n)], axis=-1)
 
 
 @lru_cache(maxsize=4096)
@@ -77,14 +79,37 @@ def texture_order(looks: float, effective: float) -> float:
     Nicolas (2002), as above; Jakeman and Pusey, "A model for non-Rayleigh sea echo", IEEE Trans.
     Antennas Propag. 24 (1976): the K distribution.
     """
+    from scipy.special import polygamma
+
+    return _order(float(polygamma(1, effective) - polygamma(1, looks)) if effective < looks else 0.0)
+
+
+def order_of_texture(sd_db: float) -> float:
+    r"""Order of the gamma texture with a given standard deviation in dB, :math:`K \sqrt{\psi'(\nu)}`.
+
+    Parameters
+    ----------
+    sd_db : float
+        Standard deviation of the texture [dB].
+
+    Returns
+    -------
+    float
+        Order of the gamma texture; infinite for a standard deviation of 0.
+    """
+    return _order((sd_db / _DB) ** 2)
+
+
+def _order(log_variance: float) -> float:
+    """Order of a gamma distribution with a given variance of its natural logarithm; infinite for 0 and below."""
     from scipy.optimize import brentq
     from scipy.special import polygamma
 
-    wanted = float(polygamma(1, effective) - polygamma(1, looks)) if effective < looks else 0.0
-    if wanted <= 0.0:
+    if log_variance <= 0.0:
         return float("inf")
     # trigamma(x) lies between 1/x and 1/x + 1/x^2
-    return float(brentq(lambda x: polygamma(1, x) - wanted, 0.3 / (1.0 + wanted), 2.0 + 2.0 / wanted, rtol=1e-12))
+    bracket = 0.3 / (1.0 + log_variance), 2.0 + 2.0 / log_variance
+    return float(brentq(lambda x: polygamma(1, x) - log_variance, *bracket, rtol=1e-12))
 
 
 def equal_texture(looks: float, effective: float, others: float) -> float:

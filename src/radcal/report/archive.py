@@ -13,14 +13,16 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.assessment.posterior import Posterior
 from radcal.radar.laws import Law, law_for
+from radcal.report.fitted import Fitted
+from radcal.report.held_out_blocks import HeldOutBlocks, LeftOutFields
 from radcal.storage.layout import About, Attribute, Inline, Main, put, table, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
 __all__ = [
     "Archive",
     "Check",
-    "HeldOutBlocks",
     "Images",
     "LawParameters",
     "LevelSummary",
@@ -86,34 +88,6 @@ class LawParameters:
 
 
 @dataclass(frozen=True)
-class HeldOutBlocks:
-    """Errors of the predictions for held-out blocks (:class:`radcal.assessment.validation.HeldOut`)."""
-
-    rmse_law_db: Annotated[float, About("rms error of the law's prediction of the means of held-out blocks", "dB")]
-    rmse_law_patch_db: Annotated[
-        float, About("rms error of the prediction by the law with random effects of fields known from elsewhere", "dB")
-    ]
-    rmse_constant_db: Annotated[float, About("rms error of the mean of the calibrated ground as a prediction", "dB")]
-    rmse_best_db: Annotated[float, About("rms error of the same law after a fit to the held-out means", "dB")]
-    rmse_start_db: Annotated[float, About("rms error of the starting law; NaN where it has no curve", "dB")]
-    ks_law: Annotated[
-        float, About("Kolmogorov-Smirnov distance of held-out pixels from the density predicted by the law")
-    ]
-    ks_constant: Annotated[float, About("the same distance from the density of the calibrated ground")]
-    ks_start: Annotated[float, About("the same distance from the density predicted by the starting law")]
-    tail_law_db: Annotated[float, About("predicted minus measured 99 % quantile: prediction by the law", "dB")]
-    tail_constant_db: Annotated[float, About("the same difference for the density of the calibrated ground", "dB")]
-    tail_start_db: Annotated[float, About("the same difference for the starting law", "dB")]
-    coverage_90: Annotated[float, About("share of block means inside of the 90 % prediction band")]
-    n_blocks: Annotated[int, About("number of held-out blocks that are compared")]
-    block: Annotated[Integers, About("numbers of the held-out blocks", shape="b")]
-    mean_db: Annotated[Doubles, About("measured means of the held-out blocks", "dB", "b")]
-    predicted_db: Annotated[Doubles, About("means predicted by law and random effects of fields", "dB", "b")]
-    law_db: Annotated[Doubles, About("means predicted by the law alone", "dB", "b")]
-    sd_db: Annotated[Doubles, About("standard deviation of the prediction error", "dB", "b")]
-
-
-@dataclass(frozen=True)
 class Check:
     """Reliability of a calibrated law (:class:`radcal.assessment.law_check.LawCheck`)."""
 
@@ -128,7 +102,10 @@ class Check:
     class_error_db: Annotated[Doubles, About("standard error of `class_db`", "dB", "c")]
     sentences: Annotated[tuple[str, ...], Attribute(), About("warnings about the law")]
     identified: Annotated[bool | None, About("law identified by the image; absent for a law without a curve")] = None
+    recommended: Annotated[str, About("recommended predictor of other fields: law or constant")] = ""
+    recommended_why: Annotated[str, About("reason of the recommendation")] = ""
     held: Annotated[HeldOutBlocks | None, Inline()] = None
+    left_out: Annotated[LeftOutFields | None, About("predictions of whole fields from the others")] = None
 
 
 @dataclass(frozen=True)
@@ -187,6 +164,7 @@ class MaterialResult:
     calibrated_db: Annotated[Doubles, About("target's pixels in the calibrated run", _UNIT, "p")]
     fresh_db: Annotated[Doubles, About("target's pixels in the calibrated run with another seed", _UNIT, "p")]
     check: Annotated[Check, About("reliability of the calibrated law")]
+    fitted: Annotated[Fitted, About("test of the fit of the calibrated law")]
     final_dp: Annotated[Doubles, About("xi, omega and alpha (no unit) of the calibrated run", _UNIT, "3")]
     fresh_dp: Annotated[
         Doubles, About("xi, omega and alpha (no unit) of the calibrated run with another seed", _UNIT, "3")
@@ -196,9 +174,7 @@ class MaterialResult:
     ]
     floor_rms: Annotated[
         Doubles,
-        About(
-            "smallest rms inside the bounds, less two standard errors of the surrogate; NaN if unknown", _DENSITY, "m"
-        ),
+        About("smallest rms inside the bounds less two standard errors; NaN if unknown", _DENSITY, "m"),
     ]
     mode: Annotated[tuple[str, ...], About("mode of each proposal: exploit, explore, exhausted or ended", shape="m")]
     hidden: Annotated[Doubles | None, About("true X of a synthetic measurement", shape="d")] = None
@@ -209,6 +185,7 @@ class MaterialResult:
         Doubles | None, About("effective number of looks at which each run fits the target best", shape="n")
     ] = None
     fidelity: Annotated[Fidelity | None, About("predictions of the surrogate and the runs that verified them")] = None
+    posterior: Annotated[Posterior | None, About("what is known of the law")] = None
 
 
 @dataclass(frozen=True)
@@ -381,15 +358,7 @@ def read_archive(path: str | Path, images: bool = True) -> Archive:
     Returns
     -------
     Archive
-        Results of the calibration, with the materials in the order of the configuration.
-
-    Raises
-    ------
-    DamagedError
-        The file is damaged, has another version of the format, or belongs to another case; it was renamed to
-        ``*.damaged``.
-    StoreError
-        The file is missing or cannot be read.
+        Results of the calibration, with the materials in the order of the configuration; errors: :func:`.read_hdf5`.
     """
     with read_hdf5(path, _KIND) as file:
         return take(file, Archive, without=() if images else ("images",))

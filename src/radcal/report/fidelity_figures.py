@@ -17,6 +17,7 @@ __all__ = ["differences", "fidelity"]
 _STATISTICS = (("mean", "#0072B2", "o"), ("log sd", "#D55E00", "s"), ("skewness", "#009E73", "^"))
 _MOST = 6.0  # standard deviations at which larger differences are drawn
 _NARROW = 0.13
+_EACH = 8  # runs that have a tick each
 
 
 def differences(found: Fidelity) -> Array:
@@ -37,15 +38,18 @@ def fidelity(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     runs = np.flatnonzero(case.runs.kind == "infill")
     positive = np.concatenate([found.predicted_cost, found.verified_cost])
     positive = positive[np.isfinite(positive) & (positive > 0)]
-    bottom = 0.5 * float(positive.min()) if positive.size else 1e-6
+    bottom = float(positive.min()) if positive.size else 1e-6
     for values, label, style in (
         (found.predicted_cost, "predicted cost", {"color": START["color"], "marker": "D", "markerfacecolor": "none"}),
         (found.verified_cost, "verified cost", {"color": FOUND["color"], "marker": "^"}),
     ):
         upper.plot(runs, np.maximum(values, bottom), linestyle="none", markersize=7, label=label, **style)
     upper.set_yscale("log")
+    if positive.size:  # at least a decade, so that equal costs are seen to be equal
+        middle, reach = np.log10(positive).mean(), max(0.5, 0.6 * float(np.ptp(np.log10(positive))))
+        upper.set_ylim(10.0 ** (middle - reach), 10.0 ** (middle + reach))
     upper.set_ylabel("cost")
-    upper.set_title(titled(name, "predictions of the surrogate and the runs that verified them"))
+    upper.set_title(titled(name, "surrogate's predictions and verifying runs"))
     lower.axhspan(-2.0, 2.0, color=PALE, alpha=0.6, linewidth=0, label="two standard deviations")
     lower.axhline(0.0, color=MUTED, linewidth=0.8)
     values = differences(found)
@@ -60,7 +64,10 @@ def fidelity(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     lower.set_xlabel("run (0: reference)")
     from matplotlib.ticker import MaxNLocator
 
-    lower.xaxis.set_major_locator(MaxNLocator(integer=True))
+    if len(runs) <= _EACH:
+        lower.set_xticks(runs)
+    else:
+        lower.xaxis.set_major_locator(MaxNLocator(integer=True))
     lower.set_xlim(runs.min() - 0.6, runs.max() + 0.6)
     handles = [axes.get_legend_handles_labels() for axes in (upper, lower)]
     add_legend(canvas, (handles[0][0] + handles[1][0], handles[0][1] + handles[1][1]), 3)

@@ -97,6 +97,7 @@ def _material(name: str, summary: Mapping[str, Any], result: MaterialResult) -> 
         )
     ]
     words = REASONS[summary["stop_reason"]]
+    missed = summary["fits"] is None and not words.met
     return {
         **summary,
         "name": name,
@@ -104,7 +105,8 @@ def _material(name: str, summary: Mapping[str, Any], result: MaterialResult) -> 
         "reason": words.clause,
         "short_reason": words.cell,
         "parameters": parameters,
-        "at_bounds": [p for p in parameters if p["at"]],
+        # at a bound that neither misfit nor curve suffer from is nothing to warn of
+        "at_bounds": [p for p in parameters if p["at"] and (p["name"] in summary["misfit"]["bounds"] or missed)],
         "target": _theta(summary["target"]),
         "calibrated": _theta(summary["calibrated"]),
         "within": words.met,
@@ -125,10 +127,10 @@ def _who(found: Sequence[Mapping[str, Any]], total: int) -> str:
 
 
 def _belief(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) -> str:
-    """Sentence on whether the histogram or the law was matched, and on laws that are not identified."""
+    """Sentence on what was compared where that is the histogram alone, and on laws that are not identified."""
     curves = [m for m in materials if m["identified"] is not None]
     lost = [m for m in curves if not m["identified"]]
-    useless = [m for m in curves if (v := m["validation"]) and not v["rmse_law_patch_db"] < v["rmse_constant_db"]]
+    constant = [m for m in curves if m["recommended_predictor"] == "constant"]
 
     def laws(found: Sequence[Mapping[str, Any]]) -> str:
         whose = f" of {_who(found, len(materials))}" if found and len(materials) > 1 else ""
@@ -136,20 +138,19 @@ def _belief(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) 
 
     no = f"{laws(lost)} {'are' if len(lost) > 1 else 'is'} not identified"
     if not OBJECTIVES[summary["objective"]].bins:
-        matched = "What was matched is the histogram, not the law"
-        text = f"{matched}: the {no}." if lost else f"{matched}."
-    elif lost:
-        text = f"The {no} by this image."
+        compared = "What was compared is the histogram, which does not determine a law"
+        text = f"{compared}: the {no}." if lost else f"{compared}."
     else:
-        text = "What was matched is the law, by incidence-angle bin."
-    if useless:
-        text += f" Held-out ground is predicted no better by the {laws(useless)} than by a constant."
+        text = f"The {no} by this image." if lost else ""
+    if constant:
+        whose = f" for {_who(constant, len(materials))}" if len(materials) > 1 else ""
+        text += f" The recommended predictor of other fields{whose} is a constant, not the law."
     return text
 
 
-def _verdict(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) -> str:
-    """First line of the page: how the search ended, and whether the histogram or the law was matched."""
-    return f"{_ending(summary, materials)} {_belief(summary, materials)}"
+def _search(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) -> str:
+    """Line after the verdict: how the search ended, and what was compared."""
+    return f"{_ending(summary, materials)} {_belief(summary, materials)}".rstrip()
 
 
 def _ending(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) -> str:
@@ -227,10 +228,11 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) 
     text = environment.get_template("report.html.j2").render(
         summary=summary,
         objective=OBJECTIVES[archive.objective],
-        verdict=_verdict(summary, materials),
+        search=_search(summary, materials),
         materials=materials,
         within=[m for m in materials if m["within"]],
         checked=[m for m in materials if m["validation"]],
+        left_out=[m for m in materials if m["fields_left_out"]],
         law_sentences=[sentence for m in materials for sentence in m["law_sentences"]],
         known=[m for m in materials if m["known"]],
         external=[m for m in materials if m["truth"] and not m["known"]],

@@ -191,6 +191,9 @@ def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
         f"thick: {low:.1f} to {high:.1f} deg, where 90 % of the material's pixels lie (histogram below); outside, the "
         f"law is an extrapolation. {remark}"
     )
+    if material.posterior is not None and material.posterior.curve is not None:
+        caption += " Blue band: 90 % of the laws that agree with the pixels, darker where sigma0 is known. "
+        caption += " ".join(said[0].upper() + said[1:] for said in material.posterior.sentences)
     if material.check.class_deg.size:
         caption += (
             " Dots: level with which the law would give the simulated pixels of each incidence-angle bin the mean "
@@ -211,6 +214,7 @@ def _curves(axes: Axes, material: MaterialResult, seen: Array) -> None:
     ]
     if material.hidden is not None:
         curves.append(("hidden truth", parameters.curve(), material.hidden, HIDDEN))
+    _band(axes, material)
     for label, curve, x, style in curves:
         axes.plot(_ANGLES_DEG, curve(np.radians(_ANGLES_DEG), x), **style | {"linewidth": 1.0})
         axes.plot(seen, curve(np.radians(seen), x), label=label, **style | {"linewidth": 3.2})
@@ -224,6 +228,22 @@ def _curves(axes: Axes, material: MaterialResult, seen: Array) -> None:
         shown = np.radians(_ANGLES_DEG[_ANGLES_DEG <= 85.0])
         values = np.concatenate([curve(shown, x) for _, curve, x, _ in curves])
         axes.set_ylim(float(values.min()) - 3.0, float(values.max()) + 3.0)
+
+
+def _band(axes: Axes, material: MaterialResult) -> None:
+    """Draw the 90 % band of sigma0, pale, and again darker where it is known."""
+    posterior = material.posterior
+    if posterior is None or posterior.curve is None:
+        return
+    angle, low, high = posterior.curve.incidence_deg, posterior.curve.p05_db, posterior.curve.p95_db
+    axes.fill_between(angle, low, high, color=FOUND["color"], alpha=0.13, linewidth=0, label="90 % band")
+    if posterior.known_between_deg is not None:
+        first, last = posterior.known_between_deg
+        there = np.linspace(first, last, 101)
+        axes.fill_between(
+            there, np.interp(there, angle, low), np.interp(there, angle, high), color=FOUND["color"], alpha=0.35,
+            linewidth=0, label="known",
+        )  # fmt: skip
 
 
 def _truth(axes: Axes, material: MaterialResult, hidden: Array, incidence_deg: Array, seen: Array) -> float:

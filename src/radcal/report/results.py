@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, fields
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, fields, replace
 from importlib.metadata import version
 from typing import Any
 
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from radcal.assessment.conclusion import Conclusion
 from radcal.assessment.law_check import LawCheck
+from radcal.assessment.posterior import Posterior
 from radcal.calibration.history import History, Run
 from radcal.calibration.passes import pass_laws
 from radcal.config import Material, Radar, Stop, stages
@@ -27,7 +28,6 @@ from radcal.report.archive import (
     Archive,
     Check,
     Fidelity,
-    HeldOutBlocks,
     Images,
     LawParameters,
     LevelSummary,
@@ -39,6 +39,8 @@ from radcal.report.archive import (
     Runs,
     SceneView,
 )
+from radcal.report.fitted import Fitted
+from radcal.report.held_out_blocks import HeldOutBlocks, LeftOutFields
 from radcal.report.law_notes import law_notes
 from radcal.scene.model import Scene
 from radcal.storage.disclosure import disclosed
@@ -63,6 +65,7 @@ def gather(
     conclusion: Conclusion,
     passes: Sequence[Registered] = (),
     final: Sequence[Record] = (),
+    posteriors: Mapping[str, Posterior] | None = None,
 ) -> Archive:
     """Collect the results of a calibration.
 
@@ -86,6 +89,8 @@ def gather(
         Registered measured images of all passes.
     final : sequence of Record
         Final runs of all passes, two for each.
+    posteriors : mapping, optional
+        Posterior by material.
 
     Returns
     -------
@@ -118,7 +123,11 @@ def gather(
         scene=_scene(scene),
         laws={name: _law(parameters[name], item, case.radar) for name, item in case.materials.items()},
         materials={
-            name: _material(name, case, history, targets, conclusion, measurement.hidden.get(name)) for name in targets
+            name: replace(
+                _material(name, case, history, targets, conclusion, measurement.hidden.get(name)),
+                posterior=(posteriors or {}).get(name),
+            )
+            for name in targets
         },
         passes=_passes(case, history, targets, passes, final) if targets.further else None,
         images=Images(
@@ -327,6 +336,7 @@ def _material(
         calibrated_db=found.calibrated,
         fresh_db=found.fresh,
         check=_check(check),
+        fitted=Fitted(verdict=conclusion.verdicts[name], **vars(conclusion.fits[name])),
         final_dp=found.calibrated_dp,
         fresh_dp=found.fresh_dp,
         predicted_rms=_numbers(None if of_classes else proposal.cost for proposal in proposals),
@@ -363,9 +373,19 @@ def _numbers(values: Iterable[float | None]) -> NDArray[np.float64]:
 
 def _check(check: LawCheck) -> Check:
     """Check of a law, converted to the class of the archive."""
-    known = {key: value for key, value in vars(check).items() if key not in ("sentences", "held")}
+    known = {key: value for key, value in vars(check).items() if key not in ("sentences", "held", "left_out")}
     held = None if check.held is None else HeldOutBlocks(**asdict(check.held))
-    return Check(**known, sentences=tuple(check.sentences), held=held)
+    left_out = None
+    if (fields := check.left_out) is not None:
+        left_out = LeftOutFields(
+            rmse_law_db=fields.rmse_law_db,
+            rmse_constant_db=fields.rmse_constant_db,
+            gain=fields.gain.mean,
+            gain_error=fields.gain.error,
+            n_fields=fields.gain.fields,
+            power=fields.power,
+        )
+    return Check(**known, sentences=tuple(check.sentences), held=held, left_out=left_out)
 
 
 def _versions() -> dict[str, str]:

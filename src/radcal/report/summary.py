@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 
 from radcal import skewnormal
 from radcal.config import stages
-from radcal.report.archive import Archive, Check, HeldOutBlocks, MaterialResult, PassSummary, RegistrationSummary
+from radcal.report.archive import Archive, Check, MaterialResult, PassSummary, RegistrationSummary
+from radcal.report.fitted import misfit, overall
+from radcal.report.held_out_blocks import HeldOutBlocks
 
 __all__ = ["numbered_jobs", "sentences", "summarise", "wall_seconds"]
 
@@ -71,8 +73,16 @@ def wall_seconds(folder: str | Path, jobs: Mapping[str, int] | None = None) -> d
 
 
 def sentences(archive: Archive) -> list[str]:
-    """Sentences on the reason why the search ended for each material, and warnings about each law."""
-    return [*archive.sentences, *(said for material in archive.materials.values() for said in material.check.sentences)]
+    """First line on all materials, verdicts of several, reasons why the search ended, and warnings about each law."""
+    each = [material.fitted.verdict for material in archive.materials.values()]
+    verdicts = [_overall(archive)["verdict"], *(each if len(each) > 1 else [])]
+    warnings = [said for material in archive.materials.values() for said in material.check.sentences]
+    return [*verdicts, *archive.sentences, *warnings]
+
+
+def _overall(archive: Archive) -> dict[str, Any]:
+    """Whether all laws fit, and the first line on all materials."""
+    return overall({name: material.fitted for name, material in archive.materials.items()}, archive.converged)
 
 
 def _check(check: Check) -> dict[str, Any]:
@@ -82,10 +92,38 @@ def _check(check: Check) -> dict[str, Any]:
         "looks_nominal": check.looks_nominal,
         "identified": check.identified,
         "validation": None if check.held is None else _numbers(check.held),
+        "fields_left_out": None if check.left_out is None else dict(vars(check.left_out)),
+        "recommended_predictor": check.recommended or None,
+        "recommended_why": check.recommended_why or None,
         "patch_spread_db": check.between_db,
         "cell_spread_db": check.within_db,
         "incidence_error_deg": check.incidence_error_deg,
         "law_sentences": list(check.sentences),
+    }
+
+
+def _posterior(material: MaterialResult) -> dict[str, Any]:
+    """Interval of incidence in which sigma0 is known, its curve, and intervals of the parameters."""
+    known = material.posterior
+    if known is None:
+        return {}
+    curve, names = known.curve, material.parameter_names
+    return {
+        "known_between_deg": None if known.known_between_deg is None else list(known.known_between_deg),
+        "sigma0_curve": None
+        if curve is None
+        else {key: getattr(curve, key).tolist() for key in ("incidence_deg", "median_db", "p05_db", "p95_db")},
+        "parameters_p05": dict(zip(names, map(float, known.parameters_p05), strict=True)),
+        "parameters_p95": dict(zip(names, map(float, known.parameters_p95), strict=True)),
+        "posterior": {
+            "sampled": known.sampled,
+            "effective_sample_size": known.ess,
+            "r_hat": known.r_hat,
+            "looks": known.looks.tolist(),
+            "field_sd_db": known.between_db.tolist(),
+            "mode_shares": known.mode_share.tolist(),
+            "sentences": list(known.sentences),
+        },
     }
 
 
@@ -111,6 +149,10 @@ def _material(material: MaterialResult, counted: NDArray[np.bool_], tolerance: f
         "stop_reason": material.reason,
         "sentence": material.sentence,
         **_check(material.check),
+        **_posterior(material),
+        "fits": material.fitted.fits,
+        "verdict": material.fitted.verdict,
+        "misfit": misfit(material.fitted),
         "target": _theta(target),
         "calibrated": _theta(dp),
         "rms": float(rms[best]),
@@ -205,6 +247,7 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
     summary: dict[str, Any] = {
         "case": archive.case,
         "objective": archive.objective,
+        **_overall(archive),
         "converged": archive.converged,
         "stop_reason": archive.reason,
         "tolerance": archive.tolerance,

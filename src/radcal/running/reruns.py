@@ -33,6 +33,7 @@ _RUNS: Mapping[str, str] = {
     "surrogate": "those by which the design without a baseline is larger (`design.size: auto`); infill where the "
     "proposals differ",
     "optimiser": "none of the design; infill where the proposals differ",
+    "uncertainty": "none",
     "stop": "none; more infill where the new settings ask for it",
 }
 

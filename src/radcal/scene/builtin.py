@@ -4,11 +4,15 @@ The elevation is the SRTM model of the Jacksboro fault (Tennessee), a sample fil
 km of valley floor at the foot of a ridge, and interpolated to 5 m by cubic splines. Two details finer than SRTM's 3
 arc-seconds are added: a dyke beside a channel, and a random roughness of each material. Owing to this roughness, the
 incidence angle varies within a material as on real ground.
+
+The scene exists in two landscapes. ``open`` has level fields and a dyke of one slope. ``enclosed`` has ridge and furrow
+in the fields, hedges between them, a forest as tall as its trees, and a dyke whose height, and with it the slope of its
+face, varies along its axis. The edges of the forest cast shadows and cause layover.
 """
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +45,11 @@ _SRTM_EAST_M = 74.4  # 3 arc-seconds of longitude at 36.6 degrees north
 _SOUTH_ROW, _WEST_COLUMN = 141.0, 264.0  # the cut's corner in the SRTM array (row 0 is north)
 
 _FACE_M, _CREST_M, _LEE_M, _HEIGHT_M = 42.0, 6.0, 54.0, 25.8  # the dyke's cross-section
+_LOWEST = 0.35  # smallest height of the dyke in the enclosed landscape over its largest height
+_WAVE_M = 700.0  # distance along the axis between two high parts of this dyke
+_RIDGE_M, _RIDGES_M = 0.2, (18.0, 28.0)  # amplitude and range of periods of ridge and furrow
+_HEDGE_M, _CANOPY_M = 3.5, 12.0  # heights of hedges and of the forest
+_STEP_M = 220.0  # distance between the middles of the fields
 _CHANNEL_M = (12.0, 72.0)  # distance of the channel's banks from the foot of the face
 
 
@@ -77,61 +86,107 @@ def _correlated(rng: np.random.Generator, shape: tuple[int, int], length_m: floa
     return np.asarray(field / field.std())
 
 
-def _parcels(rng: np.random.Generator, east_m: NDArray[np.float64], north_m: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Land cover (0 grass, 1 crops, 2 bare soil) of random fields, which are the Voronoi cells of a jittered grid."""
+def _parcels(
+    rng: np.random.Generator, east_m: NDArray[np.float64], north_m: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Random fields, the Voronoi cells of a jittered grid: land cover (0 grass, 1 crops, 2 bare soil) and number."""
     from scipy.spatial import cKDTree
 
-    step = 220.0
-    grid = np.arange(step / 2 - 2 * step, _SIDE_M + 2 * step, step)
+    grid = np.arange(_STEP_M / 2 - 2 * _STEP_M, _SIDE_M + 2 * _STEP_M, _STEP_M)
     seeds = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
-    seeds = seeds + rng.uniform(-0.35 * step, 0.35 * step, seeds.shape)
+    seeds = seeds + rng.uniform(-0.35 * _STEP_M, 0.35 * _STEP_M, seeds.shape)
     kind = rng.choice(3, size=len(seeds), p=[0.35, 0.4, 0.25])
     nearest = cKDTree(seeds).query(np.stack([east_m, north_m], axis=-1).reshape(-1, 2))[1]
-    return np.asarray(kind[nearest].reshape(east_m.shape))
+    return np.asarray(kind[nearest].reshape(east_m.shape)), np.asarray(nearest.reshape(east_m.shape))
 
 
-def builtin_scene(seed: int) -> Scene:
+def _ridges_m(
+    rng: np.random.Generator, field: NDArray[np.int64], east_m: NDArray[np.float64], north_m: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Height of ridge and furrow [m], whose direction, period and phase differ from field to field."""
+    count = int(field.max()) + 1
+    direction, phase = rng.uniform(0.0, np.pi, count), rng.uniform(0.0, 2.0 * np.pi, count)
+    period = rng.uniform(*_RIDGES_M, count)
+    across = east_m * np.cos(direction[field]) + north_m * np.sin(direction[field])
+    return np.asarray(_RIDGE_M * np.sin(2.0 * np.pi * across / period[field] + phase[field]))
+
+
+def _hedges(rng: np.random.Generator, field: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Mask of hedges, one cell wide, along half of the borders between the fields."""
+    hedge = np.zeros(field.shape, dtype=np.bool_)
+    has_hedge = rng.random((int(field.max()) + 1,) * 2) < 0.5
+    for axis in (0, 1):
+        here, there = np.delete(field, -1, axis), np.delete(field, 0, axis)
+        low, high = np.minimum(here, there), np.maximum(here, there)
+        border = (here != there) & has_hedge[low, high]
+        hedge |= np.pad(border, [(0, 1) if k == axis else (0, 0) for k in (0, 1)])
+    return hedge
+
+
+def builtin_scene(seed: int, landscape: Literal["enclosed", "open"] = "open") -> Scene:
     """Build the built-in scene; the same seed gives the same scene.
 
     Parameters
     ----------
     seed : int
         Seed of the random layout of the fields and of the random roughness of the ground.
+    landscape : {"enclosed", "open"}
+        Landscape of the fields and shape of the dyke (see the description of the module).
 
     Returns
     -------
     Scene
         Scene of 400 x 400 cells of 5 m.
     """
-    layout, rough = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
+    layout, rough, enclosing = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3))
     centres = np.arange(CELL_M / 2, _SIDE_M, CELL_M)
     north, east = np.meshgrid(centres, centres, indexing="ij")
     ground = _terrain(east, north)
     across = east - _dyke_axis_m(north)
-    crest = _FACE_M + _CREST_M
-
-    slope_north, slope_east = np.gradient(ground, CELL_M)
-    slope_deg = np.degrees(np.arctan(np.hypot(slope_north, slope_east)))
-    material = np.array([3, 5, 6], dtype=np.uint8)[_parcels(layout, east, north)]
-    material[gaussian_filter(slope_deg, 4.0) > 7.0] = 4
-    near_dyke = (across > -_CHANNEL_M[1] - 15.0) & (across < crest + _LEE_M + 20.0)
-    material[near_dyke] = 3
-    material[(across > -_CHANNEL_M[1]) & (across < -_CHANNEL_M[0])] = 2
-    material[(across >= 0.0) & (across < _FACE_M)] = 1
-    material[(across > crest + _LEE_M + 20.0) & (across < crest + _LEE_M + 32.0)] = 7
+    kind, field = _parcels(layout, east, north)
+    material = _materials(ground, across, kind)
 
     # the channel is level across, so that the ground of channel and dyke is that below the foot of the face
     beside = _terrain(_dyke_axis_m(north), north)
+    crest = _FACE_M + _CREST_M
     weight = np.clip(1.0 - np.maximum(-across - 90.0, across - crest - _LEE_M - 40.0) / 150.0, 0.0, 1.0)
-    elevation = weight * beside + (1.0 - weight) * ground + _dyke_profile_m(across)
+    dyke = _dyke_profile_m(across)
+    if landscape == "enclosed":
+        dyke *= 1.0 - 0.5 * (1.0 - _LOWEST) * (1.0 + np.cos(2.0 * np.pi * north / _WAVE_M))
+    elevation = weight * beside + (1.0 - weight) * ground + dyke
     elevation -= 3.0 * (material == 2)
     for k, name in enumerate(MATERIALS, start=1):
         height_m, length_m = ROUGHNESS[name]
         elevation += (material == k) * height_m * _correlated(rough, north.shape, length_m)
+    identity = {"source": "builtin", "seed": seed, "version": 2}
+    if landscape == "enclosed":
+        identity["landscape"] = landscape
+        in_fields = np.isin(material, [3, 5, 6]) & (weight < 1.0)
+        elevation += np.isin(material, [5, 6]) * in_fields * _ridges_m(enclosing, field, east, north)
+        elevation += _CANOPY_M * (material == 4)
+        hedge = in_fields & _hedges(enclosing, field)
+        elevation += _HEDGE_M * hedge
+        material[hedge] = 4
     return Scene(
-        identity=digest({"source": "builtin", "seed": seed, "version": 2}),
+        identity=digest(identity),
         names=MATERIALS,
         material=material,
         elevation_m=elevation,
         cell_m=CELL_M,
     )
+
+
+def _materials(
+    ground_m: NDArray[np.float64], across_m: NDArray[np.float64], kind: NDArray[np.int64]
+) -> NDArray[np.uint8]:
+    """Material ids: fields, forest on steep ground, dyke and channel, and a road beside the dyke."""
+    crest = _FACE_M + _CREST_M
+    slope_north, slope_east = np.gradient(ground_m, CELL_M)
+    slope_deg = np.degrees(np.arctan(np.hypot(slope_north, slope_east)))
+    material = np.array([3, 5, 6], dtype=np.uint8)[kind]
+    material[gaussian_filter(slope_deg, 4.0) > 7.0] = 4
+    material[(across_m > -_CHANNEL_M[1] - 15.0) & (across_m < crest + _LEE_M + 20.0)] = 3
+    material[(across_m > -_CHANNEL_M[1]) & (across_m < -_CHANNEL_M[0])] = 2
+    material[(across_m >= 0.0) & (across_m < _FACE_M)] = 1
+    material[(across_m > crest + _LEE_M + 20.0) & (across_m < crest + _LEE_M + 32.0)] = 7
+    return np.asarray(material)

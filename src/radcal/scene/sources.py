@@ -26,7 +26,7 @@ def make_scene(config: SceneConfig, materials: list[str]) -> Scene:
         The files of the scene or of its objects cannot be read, or the scene's materials are not the configured ones.
     """
     if isinstance(config, BuiltinScene):
-        scene = builtin_scene(config.seed)
+        scene = builtin_scene(config.seed, config.landscape)
     elif isinstance(config, RasterScene):
         scene = raster_scene(config)
     else:

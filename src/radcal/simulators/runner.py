@@ -15,7 +15,9 @@ import numpy as np
 from radcal.config import Material, Radar, stages
 from radcal.errors import SimulatorError
 from radcal.radar.laws import EXTERNAL
+from radcal.seeds import noise_seed as seed_of_noise
 from radcal.simulators.protocol import Simulator
+from radcal.simulators.texturing import orders_of, with_textures
 from radcal.storage.files import digest
 from radcal.storage.lock import claimed
 from radcal.storage.runs import Parameters, Record, RunStore
@@ -26,14 +28,17 @@ if TYPE_CHECKING:
 __all__ = ["Runner"]
 
 
-def _law_description(material: Material) -> dict[str, Any]:
-    """Part of a run's description that identifies the law of a material, without the values of its parameters."""
+def _law_description(material: Material, first: Radar, radar: Radar, seed: int) -> dict[str, Any]:
+    """Part of a run's description that identifies law and texture of a material, without the law's parameters."""
     description: dict[str, Any] = {"law": material.law}
     # A law gets only the entries that it needs, so that the hashes of earlier runs with other laws do not change.
     if material.angles_deg:
         description["angles_deg"] = material.angles_deg
     if material.law == EXTERNAL:
         description["names"] = list(material.parameter_names)
+    if material.looks is not None:
+        # the texture depends on all of these; an external program's pass is described without its looks
+        description["looks"] = [material.looks, first.looks, radar.looks, seed]
     if any(material.integers):
         description["integer"] = [
             name for name, x in zip(material.parameter_names, material.integers, strict=True) if x
@@ -58,6 +63,8 @@ class Runner:
         Pass, laws, and calibrated materials, whose pixels are recorded.
     further : sequence of Runner
         Runners of the second and later passes.
+    first : Radar, optional
+        First pass of the case, for whose image the keys ``looks`` of the materials hold; by default that of ``case``.
     """
 
     def __init__(
@@ -68,6 +75,7 @@ class Runner:
         scene_identity: str,
         case: stages.Simulation,
         further: Sequence[Runner] = (),
+        first: Radar | None = None,
     ) -> None:
         self.further = tuple(further)
         self._store = store
@@ -77,7 +85,12 @@ class Runner:
         self._radar: Radar = case.radar
         self._not_told = case.simulator.not_told
         self._fuller: dict[str, str] | None = None
-        self._laws = {name: _law_description(material) for name, material in case.materials.items()}
+        first = first or case.radar
+        self._laws = {
+            name: _law_description(material, first, case.radar, case.seed) for name, material in case.materials.items()
+        }
+        self._textures = orders_of(case.materials, first, case.radar)
+        self._seed, self._fresh = case.seed, seed_of_noise(case, fresh=True)
         self._recorded = case.calibrated
         self._keep_images = case.simulator.keep_images
 
@@ -197,6 +210,7 @@ class Runner:
             raise SimulatorError(
                 f"run {key}: the simulator's image has {image_db.shape} pixels, expected {self._geometry.shape}."
             )
+        image_db = with_textures(image_db, self._geometry, self._textures, self._seed, noise_seed == self._fresh)
         pixels = {name: image_db.ravel()[self._geometry.pixels(name)] for name in self._recorded}
         for name, values in pixels.items():
             if not np.isfinite(values).all():

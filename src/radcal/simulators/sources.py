@@ -57,6 +57,6 @@ def make_runner(
         geometry = read_geometry(path)
         simulator = make_simulator(one, geometry, path)
         passes = further if path is paths[0] else []
-        runner = Runner(RunStore(runs), simulator, geometry, identity, one, passes)
+        runner = Runner(RunStore(runs), simulator, geometry, identity, one, passes, each[0].radar)
         further.insert(0, runner)
     return further[0]

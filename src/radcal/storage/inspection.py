@@ -27,6 +27,7 @@ SCHEMAS: Mapping[str, int] = {
     "registered": 2,
     "target": 5,
     "surrogate": 5,
+    "posterior": 1,
     "run": 2,
     "calibration": 3,
 }
@@ -180,7 +181,7 @@ def kind_of(path: str | Path) -> str | None:
     path = Path(path)
     if path.suffix == ".json":
         return None
-    kind = "run" if path.parent.name == "runs" else path.stem
+    kind = {"runs": "run", "posterior": "posterior"}.get(path.parent.name, path.stem)
     if kind not in SCHEMAS:
         raise KeyError(kind)
     return kind

@@ -98,6 +98,9 @@ class Quartiles(Objective):
     def scale(self):
         return np.array([[1.0, 0.1, 1.0]])
 
+    def compared(self):
+        return Density(self.material).compared()
+
     def statistics(self, values_db, pixels=None):
         values = values_db if pixels is None else values_db[pixels]
         low, median, high = np.quantile(np.asarray(values, dtype=np.float64), [0.25, 0.5, 0.75])

@@ -10,13 +10,14 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.calibration.expected import LawForward
-from radcal.calibration.grounds import GroundLaw, curve_prior, ground_residuals, limited
+from radcal.calibration.expected import Forward, LawForward
+from radcal.calibration.grounds import GroundLaw, curve_prior, ground_residuals, law_prior, limited
 from radcal.calibration.history import History, Score
 from radcal.calibration.law_fit import Residuals, fit_law
 from radcal.calibration.misfit import BinMisfit, LikelihoodMisfit, Method, Misfit
 from radcal.calibration.moments import from_cumulants, to_cumulants
 from radcal.calibration.objectives.objective import (
+    Compared,
     Doubles,
     Material,
     Objective,
@@ -62,15 +63,25 @@ class Bins(Objective):
         self._prior = curve_prior(self.ground, self.method)
         self.explores = not material.law.has_curve
         if material.law.has_curve:
-            expected = LawForward(material.law, bins.classes.nodes_deg, material.looks, target.noise_db)
+            expected = self.expected = LawForward(material.law, bins.classes.nodes_deg, material.looks, target.noise_db)
             self.baseline = lambda x: from_cumulants(expected(x))
             self.starts = [(bins.first, bins.first_looks)]
 
     @cached_property
+    def moments(self) -> BinMisfit:
+        """Misfit of mean, log sd and skewness of the measured bins, whichever misfit is minimised."""
+        return BinMisfit.of(self.ground, self.bins.classes, self.method, self.bins.spread)
+
+    @property
     def scale(self) -> Doubles:
         """Standard deviations of mean [dB], log sd and skewness of the measured bins, shape (n, 3)."""
-        misfit = BinMisfit.of(self.ground, self.bins.classes, self.method, self.bins.spread)
-        return np.asarray(np.sqrt(np.diag(misfit.covariance)).reshape(3, -1).T)
+        return np.asarray(np.sqrt(np.diag(self.moments.covariance)).reshape(3, -1).T)
+
+    def compared(self) -> Compared:
+        """Measured pixels and the statistics of their bins."""
+        measured = from_cumulants(self.bins.classes.cumulants)
+        prior = law_prior(self.ground, self.method)
+        return Compared(self.ground, self.bins.classes, self.method, measured, prior, self.method.priors)
 
     def statistics(self, values_db: Doubles, pixels: NDArray[np.int64] | None = None) -> Doubles:
         """Mean [dB], log sd and skewness of the pixels in each bin, shape (n, 3)."""
@@ -102,18 +113,22 @@ class Bins(Objective):
         """Which costs are clearly below the best, and as good as the smallest."""
         return costs <= min(best - _SETTLED, float(costs.min()) + _SETTLED)
 
-    def evidence(self, score: Score) -> Residuals:
-        """Residuals by X and looks; what the run's bins hold besides law and speckle is kept."""
+    def _simulated(self, score: Score) -> Forward:
+        """Cumulants of each bin by X; what the run's bins hold besides law and speckle is kept."""
         x, statistics, baseline = np.asarray(score.parameters), np.asarray(score.statistics), self.baseline
-        assert baseline is not None  # noqa: S101
+        if baseline is None:
+            return lambda _: to_cumulants(statistics)
         discrepancy = statistics - baseline(x)
-        return ground_residuals(
-            self.ground,
-            self.bins.classes,
-            self.method,
-            self.bins.spread,
-            lambda at: to_cumulants(baseline(at) + discrepancy),
-        )
+        return lambda at: to_cumulants(baseline(at) + discrepancy)
+
+    def evidence(self, score: Score) -> Residuals:
+        """Residuals by X and looks; those of a law without a curve are the run's at any X."""
+        return ground_residuals(self.ground, self.bins.classes, self.method, self.bins.spread, self._simulated(score))
+
+    def moment_residuals(self, score: Score) -> Residuals:
+        """The same of mean, log sd and skewness, whichever misfit is minimised."""
+        simulated = self._simulated(score)
+        return lambda x, looks: self.moments(x, looks, simulated(x))
 
     def law(self, score: Score, residuals: Residuals | None = None) -> GroundLaw:
         """Law of a run with its uncertainty; what its bins hold besides law and speckle is its correction."""

@@ -16,7 +16,16 @@ from radcal.calibration.history import History, Proposal, Score
 from radcal.calibration.law_fit import Residuals, fit_law
 from radcal.calibration.misfit import Method
 from radcal.calibration.moments import from_cumulants, from_dp, to_dp
-from radcal.calibration.objectives.objective import Doubles, Material, Objective, Points, Progress, Verdict, drawn
+from radcal.calibration.objectives.objective import (
+    Compared,
+    Doubles,
+    Material,
+    Objective,
+    Points,
+    Progress,
+    Verdict,
+    drawn,
+)
 from radcal.calibration.priors import looks_residuals
 from radcal.config import Stop
 from radcal.measurement.classes import Classes, make_classes
@@ -50,7 +59,7 @@ class Density(Objective):
         if material.law.has_curve and material.decibels:
             shares = (np.arange(_NODES) + 0.5) / _NODES
             nodes = np.quantile(np.asarray(target.incidence_deg, dtype=np.float64), shares)[None]
-            expected = LawForward(material.law, nodes, material.looks, target.noise_db)
+            expected = self.expected = LawForward(material.law, nodes, material.looks, target.noise_db)
             self.baseline = lambda x: from_cumulants(expected(x))
 
     @cached_property
@@ -66,6 +75,12 @@ class Density(Objective):
     def scale(self) -> Doubles:
         """Asymptotic standard errors of a normal sample's moments, without their common factor 1/sqrt(n)."""
         return np.array([[np.exp(self._target[1]), np.sqrt(0.5), np.sqrt(6.0)]])
+
+    def compared(self) -> Compared:
+        """Measured pixels and the centred parameters of their density."""
+        # the simulated density has speckle of its own
+        classes = replace(self._classes, effective=0.5 * self._classes.effective)
+        return Compared(self.material.target.ground, classes, self._method, self._target[None], None, True)
 
     def statistics(self, values_db: Doubles, pixels: NDArray[np.int64] | None = None) -> Doubles:
         """Mean [dB], log sd and skewness of the density fitted to the pixels, shape (1, 3)."""

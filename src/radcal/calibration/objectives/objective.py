@@ -10,16 +10,21 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from radcal.calibration.expected import LawForward
 from radcal.calibration.grounds import GroundLaw
 from radcal.calibration.history import History, Proposal, Score
 from radcal.calibration.law_fit import LOOKS, Residuals
-from radcal.calibration.misfit import Misfit
+from radcal.calibration.misfit import BinMisfit, Method, Misfit
+from radcal.calibration.priors import CurvePrior
 from radcal.config import Stop
+from radcal.measurement.classes import Classes
+from radcal.measurement.ground import Ground
 from radcal.measurement.target import Target
 from radcal.radar.laws import Law
 
 __all__ = [
     "Baseline",
+    "Compared",
     "Comparison",
     "Doubles",
     "Material",
@@ -94,6 +99,34 @@ class Points:
     parameters: Doubles
     looks: Doubles
     slack: Doubles | float = 0.0
+
+
+@dataclass(frozen=True)
+class Compared:
+    """Measured pixels of one pass, and what an objective compares of them.
+
+    Attributes
+    ----------
+    ground : Ground
+        Pixels.
+    classes : Classes
+        Incidence-angle bins, with the effective sample size of the difference of target and run.
+    method : Method
+        Law, looks and error of the incidence.
+    statistics : ndarray, shape (n, 3)
+        Mean [dB], log sd and skewness of the bins.
+    prior : CurvePrior or None
+        Prior on the curve.
+    looks_prior : bool
+        Whether the looks have a prior.
+    """
+
+    ground: Ground
+    classes: Classes
+    method: Method
+    statistics: Doubles
+    prior: CurvePrior | None
+    looks_prior: bool
 
 
 @dataclass(frozen=True)
@@ -231,6 +264,8 @@ class Objective(Comparison):
 
     Attributes
     ----------
+    expected : LawForward or None
+        Law, noise and speckle behind the baseline; None where there is none.
     improvement : float
         Decrease of the cost above which a run is better than those before it.
     misfit : type of Misfit, or None
@@ -239,10 +274,15 @@ class Objective(Comparison):
 
     improvement: ClassVar[float] = 0.0
     misfit: ClassVar[type[Misfit] | None] = None
+    expected: LawForward | None = None
 
     def __init__(self, material: Material) -> None:
         self.material = material
         self.passes = (self,)
+
+    @abstractmethod
+    def compared(self) -> Compared:
+        """Measured pixels and their statistics."""
 
     @abstractmethod
     def statistics(self, values_db: Doubles, pixels: NDArray[np.int64] | None = None) -> Doubles:
@@ -258,6 +298,15 @@ class Objective(Comparison):
     @abstractmethod
     def evidence(self, score: Score) -> Residuals:
         """Residuals of this pass without priors, by X and looks, with what a run shows besides law and speckle."""
+
+    @property
+    def moments(self) -> BinMisfit | None:
+        """Misfit of mean, log sd and skewness of the measured bins; None without bins."""
+        return None
+
+    def moment_residuals(self, score: Score) -> Residuals:
+        """Residuals of :attr:`moments` by X and looks, with what a run shows besides law and speckle."""
+        return self.evidence(score)
 
     def law_in(self, number: int, score: Score) -> GroundLaw:
         """Law of a run with its uncertainty, on the ground of this one pass."""

@@ -1,0 +1,140 @@
+"""Likely cause of a law that does not fit, where one can be shown."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.assessment.fit_test import FitTest
+from radcal.assessment.reach import law_range_db
+from radcal.calibration.grounds import GroundLaw
+from radcal.calibration.incidence_error import error_behind
+from radcal.measurement.target import Target
+from radcal.radar.geometry import Geometry
+
+__all__ = ["UNKNOWN", "area_slope", "likely_cause"]
+
+UNKNOWN = "cause unknown"
+_FILTERED = 1.5  # times the sensor's looks: those of homogeneous areas in a filtered image
+_LEAST_AREA_DB = 0.3  # spread of the area factor at one incidence, below which it shows nothing
+_ERRORS, _ALIKE = 4.0, 0.35  # standard errors, and distance from one, of the slope against the area factor
+_FEW_LOOKS, _LIKELY_DEG = 0.8, 6.0
+
+
+def likely_cause(
+    law_name: str,
+    law: GroundLaw,
+    test: FitTest,
+    target: Target,
+    geometry: Geometry,
+    image_looks: float,
+) -> str:
+    """Words on why a law does not fit.
+
+    Parameters
+    ----------
+    law_name : str
+        Name of the law.
+    law : GroundLaw
+        Law found, on the ground of the target.
+    test : FitTest
+        That says it does not fit.
+    target : Target
+        Measured pixels.
+    geometry : Geometry
+        Of the pass.
+    image_looks : float
+        Looks of the image's homogeneous areas; NaN where not known.
+    """
+    causes: list[Callable[[], str]] = [
+        lambda: _reach(law_name, law, test),
+        lambda: _looks(law, test, image_looks),
+        lambda: _radiometry(law, target, geometry),
+        lambda: _held_back(test),
+        lambda: _incidence(law),
+    ]
+    return next((said for cause in causes if (said := cause())), UNKNOWN)
+
+
+def _reach(law_name: str, law: GroundLaw, test: FitTest) -> str:
+    """Bounds that cannot reach the level of the worst bin."""
+    classes = law.classes
+    k = int(np.abs(classes.nodes_deg.mean(axis=1) - test.worst_deg).argmin())
+    level, there = law.method.law, classes.nodes_deg[k]
+    low, high = law_range_db(level, law.method.bounds, there)
+    asked = float(np.mean(level(np.radians(there), law.fit.parameters))) - test.worst_mean_db
+    if not low <= asked <= high and test.bounds:
+        return f"{law_name}'s bounds cannot reach {asked:.0f} dB"
+    return ""
+
+
+def _held_back(test: FitTest) -> str:
+    """Parameters that their bounds hold back."""
+    if len(test.bounds) == 1:
+        return f"{test.bounds[0]} is held back by its bound"
+    return f"{' and '.join(test.bounds)} are held back by their bounds" if test.bounds else ""
+
+
+def _looks(law: GroundLaw, test: FitTest, image_looks: float) -> str:
+    """Looks at a limit, and those of the image."""
+    sensor = law.method.looks
+    if image_looks > _FILTERED * sensor:
+        return f"the image has {image_looks:.1f} looks, radar.looks is {sensor:g}: speckle-filtered?"
+    if test.looks_limit == "upper":
+        return f"the pixels spread less than the speckle of radar.looks {sensor:g}: speckle-filtered?"
+    if test.looks_limit == "lower":
+        return "the pixels spread more than any speckle: mixed ground?"
+    return ""
+
+
+def _radiometry(law: GroundLaw, target: Target, geometry: Geometry) -> str:
+    """Residuals that go with the area factor, which another radiometry has or has not."""
+    rows = target.pixels // geometry.shape[1]
+    local, flat = np.radians(target.incidence_deg.astype(np.float64)), np.radians(geometry.flat_incidence_deg[rows])
+    area_db = 10.0 * np.log10(np.sin(flat) / np.maximum(np.sin(local), 0.02))
+    slope, error = area_slope(law, area_db)
+    if abs(slope) > _ERRORS * error and abs(abs(slope) - 1.0) < _ALIKE:
+        return f"radiometry: the residuals go with the area of the ground in a pixel ({slope:+.1f} dB for each dB)"
+    return ""
+
+
+def area_slope(law: GroundLaw, area_db: NDArray[np.float64]) -> tuple[float, float]:
+    """Slope of the residuals against the area factor at equal incidence, and its standard error.
+
+    Law and area factor both depend on the incidence, so that only the part of the area factor counts that a polynomial
+    of third degree in the incidence, apart in each bin, does not explain.
+
+    Parameters
+    ----------
+    law : GroundLaw
+        Law found.
+    area_db : ndarray, shape (pixels,)
+        Area of the ground in each pixel over that of level ground [dB].
+    """
+    ground, member = law.ground, law.classes.member
+    residual = ground.values_db - law.levels_db(ground.incidence_deg)
+    left = [residual.copy(), area_db.astype(np.float64)]
+    for k in range(law.classes.size):
+        inside = member == k
+        angle = ground.incidence_deg[inside]
+        scaled = (angle - angle.mean()) / max(float(np.ptp(angle)), 1e-9)
+        basis = np.vander(scaled, 4)
+        for values in left:
+            values[inside] -= basis @ np.linalg.lstsq(basis, values[inside], rcond=None)[0]
+    away, area = left
+    if np.std(area) < _LEAST_AREA_DB:
+        return 0.0, np.inf
+    power = float(area @ area)
+    return float(area @ away / power), float(np.std(away) / np.sqrt(power * ground.independent))
+
+
+def _incidence(law: GroundLaw) -> str:
+    """Error of the incidence that would make the looks found so few."""
+    if law.fit.looks > _FEW_LOOKS * law.method.looks:
+        return ""
+    error, _ = error_behind(law.method.law, law.fit, law.ground.incidence_deg, law.method.looks)
+    if not 0.0 < error <= _LIKELY_DEG:
+        return ""
+    return f"an error of the local incidence of {error:.1f} degrees would spread the pixels so, as would texture"

@@ -1,0 +1,66 @@
+"""Constant level of a material: the fairest rival of a law, with the same random effects of fields and cells."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from radcal.measurement.ground import Ground
+from radcal.measurement.patches import Effects, Residuals, Spread, gls_mean, patch_effects, spreads
+
+__all__ = ["Constant", "constants"]
+
+_UNKNOWN = 1e-9  # information on the level before any pixel [1/dB^2]
+
+
+@dataclass(frozen=True)
+class Constant:
+    """Constant fitted to a material's cells by generalised least squares.
+
+    Attributes
+    ----------
+    ground : Ground
+        Pixels that it is fitted to.
+    spread : Spread
+        Between-field and within-field standard deviation about it [dB].
+    """
+
+    ground: Ground
+    spread: Spread
+
+    @cached_property
+    def _cells(self) -> tuple[float, float]:
+        cells = self.ground.cells
+        return gls_mean(cells.mean(self.ground.values_db), self.ground.sampling, cells.patch, self.spread)
+
+    @property
+    def level_db(self) -> float:
+        """Level [dB]."""
+        return self._cells[0]
+
+    @property
+    def variance(self) -> float:
+        """Variance of the level [dB^2]."""
+        return self._cells[1]
+
+    @cached_property
+    def effects(self) -> Effects:
+        """Effects of the fields seen."""
+        cells = self.ground.cells
+        residual = cells.mean(self.ground.values_db) - self.level_db
+        return patch_effects(residual, self.ground.sampling, cells.patch, self.spread)
+
+
+def constants(grounds: Mapping[str, Ground]) -> dict[str, Constant]:
+    """Constants of several materials, whose variances between and within fields are estimated together."""
+    residuals = []
+    for ground in grounds.values():
+        cells = ground.cells
+        mean = cells.mean(ground.values_db)
+        slopes = np.ones((mean.size, 1))
+        residuals.append(Residuals(mean - mean.mean(), ground.sampling, cells.patch, slopes, np.array([[_UNKNOWN]])))
+    found = spreads(residuals) if residuals else []
+    return {name: Constant(ground, spread) for (name, ground), spread in zip(grounds.items(), found, strict=True)}

@@ -1,0 +1,195 @@
+"""What the bins of one pass say of a law: log likelihood of many X, looks and errors at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.assessment.budget import Budget
+from radcal.assessment.curves import Curves
+from radcal.calibration.misfit import BinMisfit
+from radcal.calibration.moments import from_cumulants, to_cumulants
+from radcal.calibration.objectives.objective import Objective
+from radcal.measurement.classes import class_of, incidence_edges
+from radcal.measurement.ground import Ground
+from radcal.measurement.patches import GRID_DB, Residuals, Spread, spread_log_likelihood
+from radcal.radar.texture import equal_texture, log_speckle_cumulants
+
+__all__ = ["Evidence", "Unknowns"]
+
+Doubles = NDArray[np.float64]
+
+_PER_NEPER = 10.0 / np.log(10.0)
+_EVERY = 3  # of the angles that stand for a bin: enough for the change by an error of the incidence
+_HERMITE = (np.arange(5) - 2.0) / np.sqrt(2.0)  # points of a normal law with its first three moments
+_LEAST_SHARE = 0.1  # as radcal.calibration.incidence_error.attenuation has it
+_LOOKS_TABLE = 200
+_KNOWN = 1e-6  # inverse variance of levels that nothing is known of
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """Unknowns at m points besides X.
+
+    Attributes
+    ----------
+    looks : ndarray, shape (m,)
+        Effective looks in the first pass.
+    between_db, within_db : ndarray, shape (m,)
+        Standard deviations between and within fields [dB].
+    incidence, point_spread : ndarray, shape (m,)
+        Standard normal deviates of the error of the incidence and of the resolutions.
+    """
+
+    looks: Doubles
+    between_db: Doubles
+    within_db: Doubles
+    incidence: Doubles
+    point_spread: Doubles
+
+
+class Evidence:
+    """Likelihood of the bins of one material in one pass.
+
+    Normal in mean, log sd and skewness of all bins. The covariance is that of
+    :class:`radcal.calibration.misfit.BinMisfit` with the level's variance, which is common to all means, and with the
+    error of the surrogate; its log-determinant counts, because it depends on the unknowns.
+
+    Parameters
+    ----------
+    part : Objective
+        Of the pass.
+    budget : Budget
+        Standard errors.
+    sensor : float
+        Looks of the sensor in the first pass.
+    """
+
+    def __init__(self, part: Objective, budget: Budget, sensor: float) -> None:
+        self.part, self.budget = part, budget
+        compared = part.compared()
+        self.compared, self.size = compared, len(compared.statistics)
+        material = part.material
+        self.decibels = material.decibels
+        self.curve = material.law.has_curve and material.decibels
+        misfit = BinMisfit.of(compared.ground, compared.classes, compared.method, Spread(0.0, 0.0))
+        self._measured = compared.statistics.T.ravel()
+        n = self.size
+        self._patches = misfit.patch_share @ misfit.patch_share.T
+        self._cells = misfit.cell_share @ misfit.cell_share.T
+        self._inside = [1.0 - (share**2).sum(axis=1) for share in (misfit.patch_share, misfit.cell_share)]
+        if self.decibels:
+            self._base = misfit.covariance.copy()
+            self._base[:n, :n] += budget.level_db**2
+            power_db = compared.statistics[:, 0] - log_speckle_cumulants(material.looks)[0]
+            of_noise = budget.noise_errors_db(power_db, material.target.noise_db)
+            self._base[:n, :n] += np.multiply.outer(of_noise, of_noise)
+            self._spread = _spread_table(compared.ground)
+        else:  # values of normalised images: the moments of a normal sample
+            self._base = np.diag((part.scale.T.ravel() ** 2) / np.repeat(compared.classes.effective, 3))
+            self._spread = np.zeros((GRID_DB.size, GRID_DB.size))
+        nodes = part.expected.nodes_deg if part.expected is not None else compared.classes.nodes_deg
+        self._nodes, self._few = nodes, nodes[:, _EVERY // 2 :: _EVERY]
+        mapped = compared.ground.incidence_deg
+        self._mean_deg, self._variance = float(mapped.mean()), max(float(np.var(mapped)), 1e-12)
+        self._stated = np.broadcast_to(np.asarray(compared.method.incidence_error_deg, dtype=np.float64), (n,))
+        self._looks = _looks_table(sensor, material.looks)
+        self.has_baseline = part.expected is not None
+
+    def baseline(self, levels_db: Doubles) -> Doubles:
+        """Statistics that law, speckle and noise have, from curves (m, 361) to (m, n, 3)."""
+        expected = self.part.expected
+        assert expected is not None  # noqa: S101
+        at = Curves.at(levels_db, self._nodes[None])
+        if np.isfinite(expected.noise_db):
+            at = _PER_NEPER * np.logaddexp(at / _PER_NEPER, expected.noise_db / _PER_NEPER)
+        return from_cumulants(_cumulants(at) + log_speckle_cumulants(expected.looks))
+
+    def _shift(self, levels_db: Doubles, unknowns: Unknowns) -> Doubles:
+        """Change of the cumulants by the errors of incidence and resolution, shape (m, n, 3)."""
+        error = self.budget.incidence_error_deg(self._stated, unknowns.incidence)
+        share = np.maximum(1.0 - error**2 / self._variance, _LEAST_SHARE)
+        slope = share * self.budget.steepening(unknowns.point_spread)[:, None]
+        centre = self._mean_deg + slope[..., None] * (self._few - self._mean_deg)
+        true = centre[..., None] + (error * np.sqrt(share))[..., None, None] * _HERMITE
+        true = np.clip(true.reshape(*slope.shape, -1), 0.0, 90.0)
+        return _cumulants(Curves.at(levels_db, true)) - _cumulants(Curves.at(levels_db, self._few[None]))
+
+    def difference(self, simulated: Doubles, levels_db: Doubles | None, unknowns: Unknowns) -> Doubles:
+        """Expected minus measured statistics, all means, log sds and skewnesses: (m, n, 3) to (m, 3 n)."""
+        cumulants = to_cumulants(simulated)
+        found = cumulants
+        if self.decibels:
+            here = np.exp(np.interp(np.log(unknowns.looks), *self._looks))
+            nominal = log_speckle_cumulants(self.part.material.looks)
+            found = cumulants + (log_speckle_cumulants(here) - nominal)[:, None]
+            if levels_db is not None and self.curve:
+                found = found + self._shift(levels_db, unknowns)
+            fields = np.multiply.outer(unknowns.between_db**2, self._inside[0])
+            fields = fields + np.multiply.outer(unknowns.within_db**2, self._inside[1])
+            found[..., 1] = np.maximum(found[..., 1] + fields, 1e-3 * cumulants[..., 1])
+        return np.asarray(np.swapaxes(from_cumulants(found), 1, 2).reshape(len(found), -1) - self._measured)
+
+    def factor(self, error: Doubles, unknowns: Unknowns) -> Doubles:
+        """Cholesky factor of the covariance, from the surrogate's standard errors (m, 3), shape (m, 3 n, 3 n)."""
+        n = self.size
+        whole = np.repeat(self._base[None], len(error), axis=0)
+        if self.decibels:
+            between, within = (tau[:, None, None] ** 2 for tau in (unknowns.between_db, unknowns.within_db))
+            whole[:, :n, :n] += between * self._patches + within * self._cells
+        place = np.arange(3 * n)
+        whole[:, place, place] += np.repeat(error**2, n, axis=1)
+        return np.asarray(np.linalg.cholesky(whole))
+
+    def whitened(self, difference: Doubles, factor: Doubles) -> Doubles:
+        """Differences in standard deviations, shape (m, 3 n)."""
+        return np.asarray(np.linalg.solve(factor, difference[..., None])[..., 0])
+
+    def log_likelihood(self, simulated: Doubles, error: Doubles, levels_db: Doubles | None, at: Unknowns) -> Doubles:
+        """Log likelihood of the bins and, of the fields' standard deviations, of the cells inside bins, shape (m,)."""
+        factor = self.factor(error, at)
+        squares = self.whitened(self.difference(simulated, levels_db, at), factor) ** 2
+        determinant = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
+        return np.asarray(-0.5 * squares.sum(axis=1) - determinant + self._of_fields(at))
+
+    def _of_fields(self, at: Unknowns) -> Doubles:
+        """Log likelihood of the fields' standard deviations, interpolated in its table."""
+        places = [np.interp(tau, GRID_DB, np.arange(GRID_DB.size)) for tau in (at.between_db, at.within_db)]
+        first, second = (np.minimum(place.astype(np.intp), GRID_DB.size - 2) for place in places)
+        a, b = places[0] - first, places[1] - second
+        t = self._spread
+        low = (1.0 - b) * t[first, second] + b * t[first, second + 1]
+        high = (1.0 - b) * t[first + 1, second] + b * t[first + 1, second + 1]
+        return np.asarray((1.0 - a) * low + a * high)
+
+
+def _cumulants(levels_db: Doubles) -> Doubles:
+    """Mean [dB], variance [dB^2] and third central moment [dB^3] over the last axis, shape (..., 3)."""
+    mean = levels_db.mean(axis=-1)
+    left = levels_db - mean[..., None]
+    square = left * left
+    return np.stack([mean, square.mean(axis=-1), (square * left).mean(axis=-1)], axis=-1)
+
+
+def _spread_table(ground: Ground) -> Doubles:
+    """Log likelihood of the fields' standard deviations from cells that share a bin, on the grid of both.
+
+    A free level of each bin takes the place of the law: these contrasts are independent of the means of the bins, which
+    the rest of the likelihood is about, and know of no law that might be wrong.
+    """
+    edges = incidence_edges(ground.incidence_deg, "auto")
+    member, cells = class_of(ground.incidence_deg, edges), ground.cells
+    slopes = cells.mean((member[:, None] == np.arange(len(edges) - 1)).astype(np.float64))
+    data = Residuals(
+        cells.mean(ground.values_db), ground.sampling, cells.patch, slopes, _KNOWN * np.eye(slopes.shape[1])
+    )
+    table = spread_log_likelihood(data)
+    return np.asarray(table - table.max())
+
+
+def _looks_table(first: float, here: float) -> tuple[Doubles, Doubles]:
+    """Logarithms of the looks in the first pass and in this one, for interpolation."""
+    log = np.linspace(np.log(0.1), np.log(2.0 * first), _LOOKS_TABLE)
+    return log, np.array([np.log(equal_texture(first, float(looks), here)) for looks in np.exp(log)])

@@ -1,0 +1,183 @@
+"""What a sample of laws says: band of sigma0, where it is known, which combinations of X are fixed, and its modes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.assessment.curves import GRID_DEG
+
+__all__ = ["Band", "Directions", "Modes", "band_of", "directions", "known_between", "modes_of"]
+
+Doubles = NDArray[np.float64]
+
+_LEVELS = (0.05, 0.5, 0.95)
+_OF_PRIOR = 0.5
+_APART_DB = 1.0  # of two modes' nearest curves, root mean square over the incidence seen
+_LEAST_SHARE = 0.05
+_COMPARED = 400  # curves
+
+
+@dataclass(frozen=True)
+class Band:
+    """90 % band of curves at k angles, pointwise.
+
+    Attributes
+    ----------
+    incidence_deg, median_db, p05_db, p95_db : ndarray, shape (k,)
+        Local incidence [deg], and quantiles of sigma0 [dB].
+    """
+
+    incidence_deg: Doubles
+    median_db: Doubles
+    p05_db: Doubles
+    p95_db: Doubles
+
+    @property
+    def half_width_db(self) -> Doubles:
+        """Half of the band's width [dB], shape (k,)."""
+        return np.asarray(0.5 * (self.p95_db - self.p05_db))
+
+
+@dataclass(frozen=True)
+class Directions:
+    """Combinations of X, those first that the data fix best.
+
+    Attributes
+    ----------
+    weights : ndarray, shape (d, d)
+        Rows: combinations of X, each in standard deviations of its prior; unit length.
+    ratio : ndarray, shape (d,)
+        Standard deviation of each combination over the one that it has by the prior.
+    """
+
+    weights: Doubles
+    ratio: Doubles
+
+    def sentence(self, names: Sequence[str]) -> str:
+        """Combinations in words."""
+
+        def said(row: Doubles) -> str:
+            # a sign that makes the largest weight positive
+            row = row * np.sign(row[np.argmax(np.abs(row))])
+            large = [k for k in np.argsort(-np.abs(row)) if abs(row[k]) > _SAID * np.abs(row).max()]
+            return " ".join(f"{'+' if row[k] > 0 else '-'}{abs(row[k]):.2g} {names[k]}" for k in large)
+
+        fixed = [f"{said(w)} ({r:.2g})" for w, r in zip(self.weights, self.ratio, strict=True) if r <= _FIXED]
+        loose = [f"{said(w)} ({r:.2g})" for w, r in zip(self.weights, self.ratio, strict=True) if r > _FIXED]
+        parts = [("fixed by the pixels", fixed), ("not fixed", loose)]
+        each = "; ".join(f"{text}: {', '.join(which)}" for text, which in parts if which)
+        return f"{each} (each in standard deviations of the prior; in brackets, the standard deviation left)."
+
+
+_SAID = 0.25  # of the largest weight
+_FIXED = 0.3
+
+
+@dataclass(frozen=True)
+class Modes:
+    """Distinct groups of curves, the largest first.
+
+    Attributes
+    ----------
+    share : ndarray, shape (g,)
+        Share of the sample.
+    parameters : ndarray, shape (g, d)
+        X whose curve is nearest to the group's median curve.
+    """
+
+    share: Doubles
+    parameters: Doubles
+
+
+def band_of(curves_db: Doubles, step_deg: float = 1.0, last_deg: float = 85.0) -> Band:
+    """Band of curves on the grid, shape (m, 361), at angles from 0 on."""
+    every = round(step_deg / (GRID_DEG[1] - GRID_DEG[0]))
+    which = np.flatnonzero(last_deg >= GRID_DEG)[::every]
+    low, middle, high = np.quantile(curves_db[:, which], _LEVELS, axis=0)
+    return Band(GRID_DEG[which], middle, low, high)
+
+
+def known_between(
+    band: Band, prior: Band, seen_deg: Sequence[tuple[float, float]], known_db: float
+) -> tuple[float, float] | None:
+    """Largest interval of the incidence seen in which a law is known.
+
+    Parameters
+    ----------
+    band, prior : Band
+        Of the posterior and of the prior, at the same angles.
+    seen_deg : sequence of (float, float)
+        5 and 95 % quantiles of the incidence in each pass [deg].
+    known_db : float
+        Largest half-width of the band [dB]; it must also be less than half of the prior's.
+
+    Returns
+    -------
+    (float, float) or None
+        First and last of adjoining angles of the band [deg]; None where there are fewer than two.
+    """
+    angle, half = band.incidence_deg, band.half_width_db
+    seen = np.any([(angle >= low) & (angle <= high) for low, high in seen_deg], axis=0)
+    known = seen & (half <= known_db) & (half < _OF_PRIOR * prior.half_width_db)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(np.int8)))
+    runs = edges.reshape(-1, 2)
+    if not runs.size:
+        return None
+    first, after = runs[np.argmax(runs[:, 1] - runs[:, 0])]
+    return (float(angle[first]), float(angle[after - 1])) if after - first > 1 else None
+
+
+def directions(posterior: Doubles, prior: Doubles) -> Directions:
+    """Combinations of X by how far the data fix them, from samples of posterior and prior, shapes (m, d) and (k, d).
+
+    References
+    ----------
+    Spantini et al., "Optimal low-rank approximations of Bayesian linear inverse problems", SIAM J. Sci. Comput. 37
+    (2015): the generalised eigenvalue problem of both covariances.
+    """
+    from scipy.linalg import eigh
+
+    scale = np.maximum(prior.std(axis=0), 1e-12)
+    before, after = (np.atleast_2d(np.cov(one / scale, rowvar=False)) for one in (prior, posterior))
+    before = before + 1e-9 * np.eye(len(before))
+    values, vectors = eigh(after, before)
+    # the combination itself, whose variance is the eigenvalue: columns of the inverse transposed are its pattern
+    weights = (vectors / np.linalg.norm(vectors, axis=0)).T
+    return Directions(np.asarray(weights), np.sqrt(np.maximum(values, 0.0)))
+
+
+def modes_of(curves_db: Doubles, parameters: Doubles, seen_deg: Sequence[tuple[float, float]]) -> Modes:
+    """Groups of curves that keep 1 dB apart over the incidence seen, with 5 % of the sample or more.
+
+    Parameters
+    ----------
+    curves_db : ndarray, shape (m, 361)
+        Curves [dB] on the grid.
+    parameters : ndarray, shape (m, d)
+        X of each.
+    seen_deg : sequence of (float, float)
+        Incidence seen [deg].
+
+    References
+    ----------
+    Gower and Ross, "Minimum spanning trees and single linkage cluster analysis", Applied Statistics 18 (1969).
+    """
+    from scipy.cluster.hierarchy import fclusterdata
+
+    every = max(1, len(curves_db) // _COMPARED)
+    seen = np.any([(low <= GRID_DEG) & (high >= GRID_DEG) for low, high in seen_deg], axis=0)
+    seen = seen if seen.any() else np.ones(GRID_DEG.size, dtype=np.bool_)
+    curves, x = curves_db[::every][:, seen], parameters[::every]
+    group = fclusterdata(curves / np.sqrt(curves.shape[1]), _APART_DB, criterion="distance", method="single")
+    share = np.array([np.mean(group == k) for k in np.unique(group)])
+    order = [k for k in np.argsort(-share, kind="stable") if share[k] >= _LEAST_SHARE]
+    found = []
+    for k in order:
+        members = group == np.unique(group)[k]
+        away = ((curves[members] - np.median(curves[members], axis=0)) ** 2).sum(axis=1)
+        found.append(x[members][int(np.argmin(away))])
+    return Modes(share[order], np.array(found).reshape(len(order), -1))

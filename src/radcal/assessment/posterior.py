@@ -1,0 +1,285 @@
+"""Posterior of a material's law: how well it is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.assessment.curves import GRID_DEG
+from radcal.assessment.known import Band, Modes, band_of, directions, known_between, modes_of
+from radcal.assessment.sampling import Sample, sample
+from radcal.assessment.unknowns import Model
+from radcal.calibration.history import History
+from radcal.calibration.objectives import Comparison, make_objectives
+from radcal.calibration.steps import train_all
+from radcal.calibration.surrogate import Surrogate
+from radcal.config import Uncertainty, stages
+from radcal.measurement.levels import Levels
+from radcal.measurement.target import Targets
+from radcal.seeds import derived_seed
+from radcal.storage.layout import About, put, take
+from radcal.storage.records import read_hdf5, write_hdf5
+
+__all__ = [
+    "Curve",
+    "Draws",
+    "Posterior",
+    "draw",
+    "posterior_of",
+    "posterior_on",
+    "read_posterior",
+    "sigma0_db",
+    "summarised",
+    "write_posterior",
+]
+
+Doubles = NDArray[np.float64]
+
+_PRIOR_DRAWS, _FEWEST = 2000, 400
+_QUANTILES = [0.05, 0.5, 0.95]
+_FINE_DEG = 0.25
+_MEAN_POWER = np.log(10.0) / 20.0  # dB of mean power per dB^2 of variance of the fields: 0.115
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Sigma0 of the ground, as mean power at each local incidence, with its 90 % band."""
+
+    incidence_deg: Annotated[Doubles, About("local incidence", "deg", "a")]
+    median_db: Annotated[Doubles, About("median of sigma0", "dB", "a")]
+    p05_db: Annotated[Doubles, About("5 % quantile of sigma0", "dB", "a")]
+    p95_db: Annotated[Doubles, About("95 % quantile of sigma0", "dB", "a")]
+    prior_half_width_db: Annotated[Doubles, About("half-width of the 90 % band that priors alone leave", "dB", "a")]
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """What is known of one material's law, of d parameters."""
+
+    sampled: Annotated[
+        bool, About("quantiles by the sampler; false: by the linear (Gauss-Newton) covariance, for lack of convergence")
+    ]
+    ess: Annotated[float, About("smallest effective sample size of an unknown")]
+    r_hat: Annotated[float, About("largest split R-hat of an unknown")]
+    steps: Annotated[int, About("steps of each walker of the sampler")]
+    parameters_p05: Annotated[Doubles, About("5 % quantile of each parameter", shape="d")]
+    parameters_p50: Annotated[Doubles, About("median of each parameter", shape="d")]
+    parameters_p95: Annotated[Doubles, About("95 % quantile of each parameter", shape="d")]
+    looks: Annotated[Doubles, About("5, 50 and 95 % quantile of the effective looks", shape="3")]
+    between_db: Annotated[Doubles, About("5, 50 and 95 % quantile of the standard deviation between fields", "dB", "3")]
+    within_db: Annotated[Doubles, About("5, 50 and 95 % quantile of the standard deviation within fields", "dB", "3")]
+    seen_deg: Annotated[Doubles, About("5 and 95 % quantile of the local incidence of each pass", "deg", "passes, 2")]
+    combinations: Annotated[
+        Doubles, About("combinations of X in standard deviations of the prior, the best known first", shape="d, d")
+    ]
+    combinations_left: Annotated[
+        Doubles, About("standard deviation of each combination over the one by the prior alone", shape="d")
+    ]
+    mode_share: Annotated[Doubles, About("share of the sample of each mode, a distinct group of curves", shape="g")]
+    mode_parameters: Annotated[Doubles, About("X in the middle of each mode", shape="g, d")]
+    sentences: Annotated[tuple[str, ...], About("remarks on sampler, modes and combinations")]
+    curve: Annotated[Curve | None, About("sigma0; absent for a law without a curve and for normalised images")] = None
+    known_between_deg: Annotated[
+        tuple[float, ...] | None, About("incidence between which sigma0 is known; absent where nowhere", "deg")
+    ] = None
+
+    def sentence(self, known_db: float) -> str:
+        """Where sigma0 is known, in words."""
+        if self.curve is None:
+            return "the law has no curve in dB, so that only its parameters have intervals."
+        if self.known_between_deg is None:
+            return f"sigma0 is known to +-{known_db:.2g} dB nowhere over the incidence seen."
+        low, high = self.known_between_deg
+        half = self.largest_half_width_db(known_db)
+        return (
+            f"sigma0 is known to +-{half:.1f} dB (90 %) between {low:.4g} and {high:.4g} degrees; outside of that it "
+            "is the prior."
+        )
+
+    def largest_half_width_db(self, known_db: float) -> float:
+        """Largest half-width of the 90 % band where sigma0 is known; ``known_db`` where it is known nowhere [dB]."""
+        if self.curve is None or self.known_between_deg is None:
+            return known_db
+        low, high = self.known_between_deg
+        angle = self.curve.incidence_deg
+        inside = (angle >= np.floor(low)) & (angle <= np.ceil(high))
+        return float(0.5 * (self.curve.p95_db - self.curve.p05_db)[inside].max())
+
+
+def posterior_of(case: stages.Posterior, targets: Targets, history: History, name: str) -> Posterior:
+    """Posterior of a material's law after a calibration; no simulator run.
+
+    Parameters
+    ----------
+    case : stages.Posterior
+        Budget, sampler and everything that trains the surrogate.
+    targets : Targets
+        By calibrated material, of all passes.
+    history : History
+        All scored runs.
+    name : str
+        Material.
+
+    Returns
+    -------
+    Posterior
+    """
+    objective = make_objectives(case, targets)[name]
+    training = train_all(history, case, {name: objective})[name]
+    surrogate = Surrogate(training, objective)
+    best = history.best(name).scores[name].parameters
+    seed = derived_seed(case.seed, "posterior", name)
+    return posterior_on(objective, surrogate, targets.levels, case.uncertainty, seed, best)
+
+
+def posterior_on(
+    objective: Comparison,
+    surrogate: Surrogate,
+    levels: Levels,
+    config: Uncertainty,
+    seed: int,
+    best: Sequence[float] | Doubles | None = None,
+) -> Posterior:
+    """Posterior of a law on a surrogate.
+
+    Parameters
+    ----------
+    objective : Comparison
+        Target, law and bounds.
+    surrogate : Surrogate
+        Statistics at any X.
+    levels : Levels
+        Level of the measured image.
+    config : Uncertainty
+        Budget and sampler.
+    seed : int
+        Seed of the sampler.
+    best : array_like, shape (d,), optional
+        X of the best run, from which one walker starts.
+
+    Returns
+    -------
+    Posterior
+    """
+    model = Model(objective, surrogate, levels, config)
+    return summarised(model, draw(model, config, seed, best), config.known_db)
+
+
+@dataclass(frozen=True)
+class Draws:
+    """Draws from posterior and prior of a model, shapes (m, dimension) and (k, dimension), and how they were found."""
+
+    posterior: Doubles
+    prior: Doubles
+    sample: Sample
+
+
+def draw(model: Model, config: Uncertainty, seed: int, best: Sequence[float] | Doubles | None = None) -> Draws:
+    """Draws from a model's posterior by the sampler or, without convergence, by its linear covariance.
+
+    Parameters
+    ----------
+    model : Model
+        Log densities.
+    config : Uncertainty
+        Sampler.
+    seed : int
+        Seed of the random numbers.
+    best : array_like, shape (d,), optional
+        X of the best run, from which one walker starts.
+    """
+    rng = np.random.default_rng(seed)
+    before = model.from_prior(_PRIOR_DRAWS, rng)
+    start = model.dispersed(config.walkers, rng)
+    if len(before) < _FEWEST:
+        before = sample(model.log_prior, None, start, config.steps, derived_seed(seed, "prior")).draws
+    if best is not None:
+        start[0, : model.d] = np.clip(model.surrogate.unit(best), 1e-6, 1.0 - 1e-6)
+    found = sample(model.log_prior, model.log_likelihood, start, config.steps, derived_seed(seed, "posterior"))
+    return Draws(found.draws if found.converged else model.linear(found.best, rng), before, found)
+
+
+def sigma0_db(model: Model, points: Doubles) -> Doubles:
+    """Mean power of the ground [dB] on the grid of incidence, shape (m, dimension) to (m, 361); of a law with a curve.
+
+    Levels of fields scatter in dB about the law, so that their mean power lies above it by ln(10)/20 dB for each dB^2
+    of their variance.
+    """
+    assert model.curves is not None  # noqa: S101
+    fields = model.unknowns(points)
+    more = _MEAN_POWER * (fields.between_db**2 + fields.within_db**2)
+    return np.asarray(model.curves(model.parameters(points)) + more[:, None])
+
+
+def summarised(model: Model, found: Draws, known_db: float) -> Posterior:
+    """Quantiles of draws, and what follows from them."""
+    x, before, sampler = model.parameters(found.posterior), model.parameters(found.prior), found.sample
+    unknowns = model.unknowns(found.posterior)
+    low, middle, high = np.quantile(x, _QUANTILES, axis=0)
+    sentences, curve, known = [], None, None
+    if not sampler.converged:
+        sentences.append(
+            f"the sampler has not converged (effective sample size {sampler.ess:.0f}, R-hat {sampler.r_hat:.2f} after "
+            f"{sampler.steps} steps): intervals are those of the linear (Gauss-Newton) covariance, which are too "
+            "narrow where the law bends with its parameters."
+        )
+    modes = Modes(np.ones(1), middle[None])
+    if model.curves is not None:
+        curves = sigma0_db(model, found.posterior)
+        # in steps of a quarter of a degree, of which every fourth is kept
+        fine, prior = band_of(curves, _FINE_DEG), band_of(sigma0_db(model, found.prior), _FINE_DEG)
+        known = None if model.level_only else known_between(fine, prior, model.seen_deg, known_db)
+        curve, modes = _curve(fine, prior), modes_of(curves, x, model.seen_deg)
+        if len(modes.share) > 1:
+            each = ", ".join(f"{100.0 * one:.0f} %" for one in modes.share)
+            sentences.append(f"{len(modes.share)} distinct laws agree with the pixels, with shares of {each}.")
+    axes = directions(x, before)
+    sentences.append(axes.sentence(model.names))
+    return Posterior(
+        sampled=sampler.converged,
+        ess=sampler.ess,
+        r_hat=sampler.r_hat,
+        steps=sampler.steps,
+        parameters_p05=low,
+        parameters_p50=middle,
+        parameters_p95=high,
+        looks=np.quantile(unknowns.looks, _QUANTILES),
+        between_db=np.quantile(unknowns.between_db, _QUANTILES),
+        within_db=np.quantile(unknowns.within_db, _QUANTILES),
+        seen_deg=np.array(model.seen_deg),
+        combinations=axes.weights,
+        combinations_left=axes.ratio,
+        mode_share=modes.share,
+        mode_parameters=modes.parameters,
+        sentences=tuple(sentences),
+        curve=curve,
+        known_between_deg=known,
+    )
+
+
+def _curve(fine: Band, prior: Band) -> Curve:
+    whole = slice(None, None, round(1.0 / (GRID_DEG[1] - GRID_DEG[0])))
+    return Curve(
+        fine.incidence_deg[whole],
+        fine.median_db[whole],
+        fine.p05_db[whole],
+        fine.p95_db[whole],
+        prior.half_width_db[whole],
+    )
+
+
+def write_posterior(path: str | Path, posterior: Posterior) -> None:
+    """Write a posterior to HDF5, atomically."""
+    with write_hdf5(path, "posterior") as file:
+        put(file, posterior)
+
+
+def read_posterior(path: str | Path) -> Posterior:
+    """Read what :func:`write_posterior` wrote; errors: :func:`.read_hdf5`."""
+    with read_hdf5(path, "posterior") as file:
+        return take(file, Posterior)

@@ -1,0 +1,215 @@
+"""Recommended predictor of other ground: the law where it is known and fields bear it out, else a constant."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.assessment.constant import Constant
+from radcal.assessment.gain import Gain, field_gains, power
+from radcal.assessment.prediction import predict
+from radcal.calibration.grounds import GroundLaw, refit
+from radcal.measurement.classes import FEWEST
+
+__all__ = [
+    "FieldCheck",
+    "Recommendation",
+    "fold_of_fields",
+    "half_width_db",
+    "leave_fields_out",
+    "recommend",
+    "share_among_cells",
+    "trend",
+]
+
+_FOLDS = 10
+_FEW_PIXELS = 20  # in a cell whose mean is compared
+_KNOWN_DB = 1.5  # half-width of a 90 % band within which a law is called known
+_BAND = 1.6448536269514722
+_ANGLES = 41
+_TREND = 4.0  # squared: two standard errors
+_MANY = 4  # fields from whose scatter the error of a mean over them is taken alone: three degrees of freedom
+_IDENTIFIED = 2.0  # see GroundLaw.identified
+_INSIDE = 0.5  # least share of the law's variance among cells with which means of cells tell of it
+
+
+@dataclass(frozen=True)
+class FieldCheck:
+    """Predictions of whole fields that were left out, none of whose effects is known.
+
+    Attributes
+    ----------
+    rmse_law_db, rmse_constant_db : float
+        Root mean square error of the means of cells, by the law and by the constant of the other fields [dB];
+        NaN where there are fewer than two fields.
+    gain : Gain
+        Of the law over the constant.
+    power : float
+        As :func:`radcal.assessment.gain.power` gives it.
+    """
+
+    rmse_law_db: float
+    rmse_constant_db: float
+    gain: Gain
+    power: float
+
+
+@dataclass(frozen=True)
+class Recommendation:
+    """Predictor recommended for other fields, and a clause that says why."""
+
+    predictor: Literal["law", "constant"]
+    why: str
+
+
+def fold_of_fields(patch: NDArray[np.int64], folds: int = _FOLDS) -> NDArray[np.int64]:
+    """Fold of each pixel: the fields (labels, in the order of their place in the image) are dealt in turn.
+
+    Returns
+    -------
+    ndarray of int, shape (pixels,)
+        All pixels of a field are in one fold; neighbouring labels are in different ones.
+    """
+    labels, of = np.unique(patch, return_inverse=True)
+    return np.asarray(np.arange(labels.size) % max(1, min(folds, labels.size)))[np.ravel(of)]
+
+
+def leave_fields_out(found: GroundLaw, constant: Constant) -> FieldCheck:
+    """Leave out the fields of a tenth (all but one of up to ten fields) in turn, and predict them from the others.
+
+    Parameters
+    ----------
+    found : GroundLaw
+        Fitted to all fields; refitted to the others with the variances kept.
+    constant : Constant
+        Constant of the same ground.
+
+    Returns
+    -------
+    FieldCheck
+
+    References
+    ----------
+    Roberts et al., "Cross-validation strategies for data with temporal, spatial, hierarchical, or phylogenetic
+    structure", Ecography 40 (2017): whole groups are left out.
+    """
+    ground = found.ground
+    fold = fold_of_fields(ground.patch)
+    parts = []
+    for k in range(int(fold.max()) + 1 if fold.any() else 0):
+        rest, out = ground.part(fold != k), ground.part(fold == k)
+        if rest.values_db.size < FEWEST:
+            continue
+        made = predict(refit(found, rest), replace(constant, ground=rest), out)
+        parts.append(made.part(made.count >= _FEW_PIXELS))
+    parts = [part for part in parts if part.count.size]
+    if not parts:
+        return FieldCheck(float("nan"), float("nan"), Gain(float("nan"), float("inf"), 0), 0.0)
+    mean, law, level, patch, common, own = (
+        np.concatenate([getattr(part, key) for part in parts])
+        for key in ("mean_db", "law_db", "constant_db", "patch", "common", "own")
+    )
+    return FieldCheck(
+        rmse_law_db=float(np.sqrt(np.mean((mean - law) ** 2))),
+        rmse_constant_db=float(np.sqrt(np.mean((mean - level) ** 2))),
+        gain=Gain.of(*field_gains(patch, mean - law, mean - level)),
+        power=power(patch, law - level, common, own),
+    )
+
+
+def half_width_db(found: GroundLaw) -> float:
+    """Largest half-width of the linear (Gauss-Newton) 90 % band of the law over the 5-95 % of the incidence [dB]."""
+    low, high = np.quantile(found.ground.incidence_deg, [0.05, 0.95])
+    slope = found.slopes(np.linspace(low, high, _ANGLES))
+    variance = np.einsum("kd,de,ke->k", slope, found.fit.covariance, slope)
+    return float(_BAND * np.sqrt(variance.max()))
+
+
+def trend(found: GroundLaw) -> float:
+    r"""Evidence that the level goes with incidence as the law has it, and not as a field's own gradient.
+
+    The cell means are regressed on the law with generalised least squares. An effect of a field that varies across
+    it by as much as it does between fields, here :math:`\tau (1, z)`, z the standardised incidence inside of the
+    field, looks like a law where there are few fields.
+
+    Returns
+    -------
+    float
+        Squared coefficient of the law over its variance.
+
+    References
+    ----------
+    Gelman and Hill, "Data Analysis Using Regression and Multilevel/Hierarchical Models" (2007), chapter 13:
+    varying intercepts and slopes.
+    """
+    ground, spread = found.ground, found.spread
+    cells = ground.cells
+    mean, law, incidence = (
+        cells.mean(values) for values in (ground.values_db, found.levels_db(ground.incidence_deg), ground.incidence_deg)
+    )
+    own = ground.sampling + spread.within**2
+    shape = law - np.average(law, weights=cells.count)
+    information, right = np.zeros((2, 2)), np.zeros(2)
+    for patch in np.unique(cells.patch):
+        of = cells.patch == patch
+        z = incidence[of] - incidence[of].mean()
+        z /= max(float(z.std()), 1e-9)
+        covariance = np.diag(own[of]) + spread.between**2 * (1.0 + np.outer(z, z))
+        design = np.stack([np.ones(z.size), shape[of]], axis=-1)
+        weighted = np.linalg.solve(covariance, design)
+        information += design.T @ weighted
+        right += weighted.T @ mean[of]
+    inverse = np.linalg.pinv(information)
+    return float((inverse @ right)[1] ** 2 / max(inverse[1, 1], 1e-12))
+
+
+def share_among_cells(found: GroundLaw) -> float:
+    """Share of the variance of the law's levels over the pixels that lies among the means of cells, 0 to 1."""
+    cells, level = found.ground.cells, found.levels_db(found.ground.incidence_deg)
+    left = level - cells.mean(level)[cells.of_pixel]
+    return 1.0 - float(np.var(left)) / max(float(np.var(level)), 1e-12)
+
+
+def recommend(found: GroundLaw, check: FieldCheck) -> Recommendation:
+    """Predictor for other fields of the material, decided on the ground of the law alone.
+
+    The law, if the half-width of its 90 % band is at most 1.5 dB over the 5-95 % of the incidence, and if whole
+    fields that were left out are predicted better by the law of the others than by their constant, beyond the standard
+    error. Of up to three fields that error is hardly known: the law must then, in addition (of one field, in place of
+    it), be identified, and explain more than a gradient inside of the fields would. Where all cells hold all angles
+    alike, their means tell nothing of the law, and their pixels tell of it whatever the effects of fields: the law, if
+    it is identified.
+
+    Parameters
+    ----------
+    found : GroundLaw
+    check : FieldCheck
+        Of the same.
+
+    Returns
+    -------
+    Recommendation
+    """
+    width, gain, identified = half_width_db(found), check.gain, found.identified >= _IDENTIFIED
+    if not width <= _KNOWN_DB:
+        return Recommendation("constant", f"the 90 % band of the law is +-{width:.2f} dB, more than {_KNOWN_DB} dB")
+    if share_among_cells(found) < _INSIDE:
+        if identified:
+            return Recommendation("law", "its change with incidence is seen inside of the parts of fields")
+        return Recommendation("constant", "the law is not identified")
+    if gain.fields >= 2:
+        error = f"{gain.ratio:.2f} times the constant's, geometric mean over {gain.fields} fields, one standard error "
+        error += f"{np.exp(-gain.mean - gain.error):.2f} to {np.exp(-gain.mean + gain.error):.2f}"
+        if not gain.better:
+            return Recommendation("constant", f"the law's error on fields left out is {error}")
+        if gain.fields >= _MANY:
+            return Recommendation("law", f"the law's error on fields left out is {error}")
+    many = f"{gain.fields} fields" if gain.fields >= 2 else "one field"
+    if identified and trend(found) >= _TREND:
+        return Recommendation("law", f"its change with incidence exceeds what gradients inside of {many} would make")
+    return Recommendation(
+        "constant", f"its change with incidence is no more than gradients inside of {many} would make"
+    )

@@ -1,0 +1,213 @@
+"""Unknowns of a law's posterior, their priors, and their likelihood in all passes."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.assessment.budget import FIELD_FREEDOM, Budget, log_field_prior
+from radcal.assessment.curves import Curves
+from radcal.assessment.evidence import Evidence, Unknowns
+from radcal.calibration.law_fit import LOOKS
+from radcal.calibration.objectives import Comparison
+from radcal.calibration.priors import looks_residuals
+from radcal.calibration.surrogate import Surrogate
+from radcal.config import Uncertainty
+from radcal.measurement.levels import Levels
+
+__all__ = ["Model"]
+
+Doubles = NDArray[np.float64]
+
+_CHUNK = 256  # points at a time
+_MOST_FIELD_DB = 6.0  # as in the table of their likelihood
+_STEP = 1e-4
+_BATCH, _ROUNDS = 2000, 60
+_LINEAR, _TRIED, _FEWEST = 4000, 20_000, 400  # draws kept, made, and inside of the bounds
+
+
+class Model:
+    """Posterior of one material as a log density.
+
+    A point holds X in the unit box; the logarithm of the effective looks, where they are free; the standard deviations
+    between and within fields, over the scale of their priors; and standard normal deviates of the errors of incidence
+    and resolution. The level and the errors of sampling and surrogate are normal and enter as variances, which is the
+    same as if they were sampled.
+
+    Parameters
+    ----------
+    objective : Comparison
+        Target, law and bounds.
+    surrogate : Surrogate
+        Statistics at any X.
+    levels : Levels
+        Level of the measured image.
+    config : Uncertainty
+        Budget.
+    """
+
+    def __init__(self, objective: Comparison, surrogate: Surrogate, levels: Levels, config: Uncertainty) -> None:
+        material = objective.material
+        self.surrogate, self.sensor = surrogate, material.looks
+        self.names, self.d = material.law.names, len(material.box)
+        self.budget = Budget.of(config, levels)
+        parts = [part for part in objective.passes if part is not None]
+        self.evidence = [Evidence(part, self.budget, material.looks) for part in parts]
+        first = self.evidence[0].compared
+        self.prior, self._looks_prior = first.prior, first.looks_prior and material.decibels
+        self.free_looks = first.method.free_looks and material.decibels
+        self._log_looks = np.log([LOOKS[0], LOOKS[1] * material.looks])
+        self.level_only = all(part.material.target.level_only for part in parts)
+        angles = [np.asarray(part.material.target.incidence_deg, dtype=np.float64) for part in parts]
+        self.seen_deg = [(float(a), float(b)) for a, b in (np.quantile(one, [0.05, 0.95]) for one in angles)]
+        self.curves = None
+        if material.law.has_curve and material.decibels:
+            self.curves = Curves(material.law, surrogate.scaled(np.array([[0.3], [0.6]]) * np.ones(self.d)))
+        self._scale = self.budget.field_db if material.decibels else 0.0
+        # one column for each unknown after X
+        self.dimension = self.d + self.free_looks + 2 + 2 * (self.curves is not None)
+
+    def _columns(self, points: Doubles) -> tuple[Doubles | None, Doubles, Doubles]:
+        """Log looks or None, ratios of the fields' standard deviations (m, 2), and deviates (m, 0 or 2)."""
+        rest = points[:, self.d :]
+        looks = rest[:, 0] if self.free_looks else None
+        rest = rest[:, int(self.free_looks) :]
+        return looks, rest[:, :2], rest[:, 2:]
+
+    def parameters(self, points: Doubles) -> Doubles:
+        """X of points, shape (m, d)."""
+        return self.surrogate.scaled(points[:, : self.d])
+
+    def unknowns(self, points: Doubles) -> Unknowns:
+        """Unknowns besides X."""
+        looks, fields, deviates = self._columns(points)
+        zero = np.zeros(len(points))
+        return Unknowns(
+            looks=np.full(len(points), self.sensor) if looks is None else np.exp(looks),
+            between_db=self._scale * fields[:, 0],
+            within_db=self._scale * fields[:, 1],
+            incidence=deviates[:, 0] if deviates.size else zero,
+            point_spread=deviates[:, 1] if deviates.size else zero,
+        )
+
+    def dispersed(self, count: int, rng: np.random.Generator) -> Doubles:
+        """Points drawn from the prior without that of the curve, shape (count, dimension)."""
+        columns = [rng.random((count, self.d))]
+        if self.free_looks:
+            columns.append(rng.uniform(self._log_looks[0], self._log_looks[1], (count, 1)))
+        most = 0.99 * _MOST_FIELD_DB / max(self._scale, 1e-9)
+        columns.append(np.minimum(np.abs(rng.standard_t(FIELD_FREEDOM, (count, 2))), most))
+        if self.curves is not None:
+            columns.append(rng.standard_normal((count, 2)))
+        return np.concatenate(columns, axis=1)
+
+    def _log_box(self, points: Doubles) -> Doubles:
+        """Log density of fields and errors, -inf outside of the bounds, shape (m,)."""
+        unit = points[:, : self.d]
+        looks, fields, deviates = self._columns(points)
+        inside = ((unit >= 0.0) & (unit <= 1.0)).all(axis=1) & (self._scale * fields < _MOST_FIELD_DB).all(axis=1)
+        if looks is not None:
+            inside &= (looks >= self._log_looks[0]) & (looks <= self._log_looks[1])
+        found = log_field_prior(fields).sum(axis=1) - 0.5 * (deviates**2).sum(axis=1)
+        return np.where(inside, found, -np.inf)
+
+    def _log_weight(self, points: Doubles) -> Doubles:
+        """Log density of the priors on looks and curve, at points inside of the bounds, shape (m,)."""
+        looks, _, _ = self._columns(points)
+        found = np.zeros(len(points))
+        if looks is not None and self._looks_prior:
+            residuals = [looks_residuals(float(np.exp(one)), self.sensor) for one in looks]
+            found -= 0.5 * (np.array(residuals).reshape(len(points), -1) ** 2).sum(axis=1)
+        if self.prior is not None and self.curves is not None:
+            x = self.parameters(points)
+            levels = Curves.at(self.curves(x), self.prior.angles_deg[None])
+            found -= 0.5 * (self.prior.of_curves(levels, x) ** 2).sum(axis=1)
+        return found
+
+    def log_prior(self, points: Doubles) -> Doubles:
+        """Log prior density, shape (m, dimension) to (m,); -inf outside the bounds."""
+        found = self._log_box(points)
+        inside = np.isfinite(found)
+        if inside.any():
+            found[inside] += self._log_weight(points[inside])
+        return found
+
+    def from_prior(self, count: int, rng: np.random.Generator) -> Doubles:
+        """Independent draws from the prior, at most ``count``: fewer where hardly a point of the box has a good curve.
+
+        Draws without the priors on looks and curve are kept with the probability that these give them (rejection).
+        """
+        kept: list[Doubles] = []
+        for _ in range(_ROUNDS):
+            drawn = self.dispersed(_BATCH, rng)
+            kept.append(drawn[np.log(rng.random(_BATCH)) < self._log_weight(drawn)])
+            if sum(map(len, kept)) >= count:
+                break
+        return np.concatenate(kept)[:count]
+
+    def _simulated(self, points: Doubles) -> tuple[Doubles, Doubles, Doubles | None]:
+        """Predicted statistics (m, n, 3) of all passes, their errors (m, 3), and curves (m, 361)."""
+        unit = self.surrogate.snapped(points[:, : self.d])
+        levels = self.curves(self.parameters(points)) if self.curves is not None else None
+        baseline = None
+        if levels is not None and all(one.has_baseline for one in self.evidence):
+            baseline = np.concatenate([one.baseline(levels) for one in self.evidence], axis=1)
+        return self.surrogate.predict(unit, baseline), self.surrogate.error(unit), levels
+
+    def log_likelihood(self, points: Doubles) -> Doubles:
+        """Log likelihood of all passes, shape (m, dimension) to (m,)."""
+        parts = np.split(points, range(_CHUNK, len(points), _CHUNK))
+        return np.concatenate([self._log_likelihood(part) for part in parts])
+
+    def _log_likelihood(self, points: Doubles) -> Doubles:
+        simulated, error, levels = self._simulated(points)
+        at = self.unknowns(points)
+        ends = np.cumsum([one.size for one in self.evidence])[:-1]
+        each = zip(self.evidence, np.split(simulated, ends, axis=1), strict=True)
+        return np.asarray(sum(one.log_likelihood(found, error, levels, at) for one, found in each))
+
+    def _whitened(self, points: Doubles, centre: Doubles) -> Doubles:
+        """Residuals of data and priors in standard deviations, the covariance that of one point, shape (m, k)."""
+        simulated, _, levels = self._simulated(points)
+        _, error, _ = self._simulated(centre[None])
+        at, there = self.unknowns(points), self.unknowns(centre[None])
+        ends = np.cumsum([one.size for one in self.evidence])[:-1]
+        columns = []
+        for one, found in zip(self.evidence, np.split(simulated, ends, axis=1), strict=True):
+            columns.append(one.whitened(one.difference(found, levels, at), one.factor(error, there)))
+        if self.prior is not None and levels is not None:
+            columns.append(
+                self.prior.of_curves(Curves.at(levels, self.prior.angles_deg[None]), self.parameters(points))
+            )
+        return np.concatenate(columns, axis=1)
+
+    def linear(self, centre: Doubles, rng: np.random.Generator) -> Doubles:
+        """Draws by the Gauss-Newton covariance at a point, shape (k, dimension), inside the bounds.
+
+        The standard deviations between and within fields keep the point's.
+        """
+        free = np.ones(self.dimension, dtype=np.bool_)
+        fields = self.d + int(self.free_looks)
+        free[fields : fields + 2] = False
+        step = _STEP * np.eye(self.dimension)[free]
+        # differences to the side that lies inside of the bounds
+        step *= np.where(centre < 0.5, 1.0, -1.0)
+        slopes = (self._whitened(centre + step, centre) - self._whitened(centre[None], centre)) / step.sum(axis=1)[
+            :, None
+        ]
+        known = np.ones(self.dimension)
+        known[: self.d] = 12.0  # a uniform law on the unit interval has the variance 1/12
+        if self.free_looks:
+            known[self.d] = 12.0 / np.ptp(self._log_looks) ** 2
+        covariance = np.linalg.inv(slopes @ slopes.T + np.diag(known[free]))
+        draws = np.repeat(centre[None], _TRIED, axis=0)
+        draws[:, free] += rng.multivariate_normal(np.zeros(int(free.sum())), covariance, _TRIED)
+        inside = np.isfinite(self._log_box(draws))
+        return draws[inside][:_LINEAR] if inside.sum() >= _FEWEST else self._limited(draws[:_LINEAR])
+
+    def _limited(self, points: Doubles) -> Doubles:
+        """Points moved to the bounds of X and looks."""
+        points[:, : self.d] = np.clip(points[:, : self.d], 0.0, 1.0)
+        if self.free_looks:
+            points[:, self.d] = np.clip(points[:, self.d], *self._log_looks)
+        return points

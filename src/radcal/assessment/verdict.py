@@ -1,0 +1,127 @@
+"""Verdicts: one sentence on each material, and the first line on all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from radcal.assessment.fit_test import DOUBTFUL_SPREAD_DB, FitTest
+
+__all__ = ["Known", "all_fit", "first_line", "verdict"]
+
+_COUNTS = ((True, "fits", "fit"), (False, "does not fit", "do not fit"), (None, "cannot be tested", "cannot be tested"))
+_NAMED = 4  # materials that the first line names
+_SPREAD_RATIO, _OFF_DB = 1.15, 0.5  # of all pixels, worth saying before the worst bin
+
+
+@dataclass(frozen=True)
+class Known:
+    """Where sigma0 is known.
+
+    Attributes
+    ----------
+    between_deg : (float, float) or None
+        Incidence between which it is known [deg]; None if nowhere.
+    half_width_db : float
+        Half-width of its 90 % band there; where it is known nowhere, the half-width that was asked for [dB].
+    """
+
+    between_deg: tuple[float, ...] | None
+    half_width_db: float
+
+
+def verdict(
+    name: str,
+    test: FitTest,
+    cause: str = "",
+    known: Known | None = None,
+    *,
+    level_only: bool = False,
+    between_db: float = float("nan"),
+) -> str:
+    """Sentence on one material.
+
+    Parameters
+    ----------
+    name : str
+        Material.
+    test : FitTest
+        Whether its law fits.
+    cause : str
+        Likely cause where it does not.
+    known : Known, optional
+        Where sigma0 is known; None where nobody has looked.
+    level_only : bool
+        Whether the material is seen at one incidence.
+    between_db : float
+        Standard deviation between fields [dB].
+    """
+    wide = f"; fields differ by {between_db:.1f} dB (sd), which can hide a misfit" * (between_db > DOUBTFUL_SPREAD_DB)
+    if level_only and test.fits is not False:
+        return f"{name}: level only, seen at one incidence{wide}."
+    if test.fits is None:
+        said = f"{name}: one density leaves no degree of freedom to test the law"
+        distance = f", and its rms is {test.distance:.1f} times the sampling error"
+        return f"{said}{distance if np.isfinite(test.distance) else ''}{_known(known)}."
+    if test.fits:
+        return f"{name} fits (residuals {test.residual_sum:.0f} of {test.expected:.0f}){_known(known)}{wide}."
+    return f"{name}: does not fit: {_misfit(test)}; {cause or 'cause unknown'}."
+
+
+def _known(known: Known | None) -> str:
+    """Words on where sigma0 is known."""
+    if known is None:
+        return ""
+    if known.between_deg is None:
+        return f", but sigma0 is known to +-{known.half_width_db:.1f} dB at no angle: it is the prior"
+    low, high = known.between_deg
+    where = f"between {low:.0f} and {high:.0f} degrees"
+    return f": sigma0 known to +-{known.half_width_db:.1f} dB {where}; outside that it is the prior"
+
+
+def _misfit(test: FitTest) -> str:
+    """Words on the largest misfit: of the spread of all pixels, of their mean, or of a bin."""
+    ratio = test.sd_db / max(test.measured_sd_db, 1e-12)
+    if max(ratio, 1.0 / max(ratio, 1e-12)) > _SPREAD_RATIO:
+        return f"the simulated spread is {test.sd_db:.1f} dB, the measured {test.measured_sd_db:.1f}"
+    residuals = f"residuals {test.residual_sum:.0f} of {test.expected:.0f}"
+    if abs(test.mean_db) > _OFF_DB:
+        return f"{residuals}, the simulated mean {_off(test.mean_db)} the measured"
+    there = f"{residuals}, at {test.worst_deg:.0f} degrees the simulated"
+    if abs(test.worst_mean_db) > _OFF_DB:
+        return f"{there} mean {_off(test.worst_mean_db)} the measured"
+    return f"{there} spread is {test.worst_spread:.2f} times the measured"
+
+
+def _off(difference_db: float) -> str:
+    return f"is {abs(difference_db):.1f} dB {'above' if difference_db > 0 else 'below'}"
+
+
+def all_fit(fits: Sequence[bool | None]) -> bool | None:
+    """Whether all laws fit: False if one does not, None if one could not be tested."""
+    return False if False in fits else None if None in fits or not fits else True
+
+
+def first_line(verdicts: Mapping[str, str], fits: Mapping[str, bool | None], converged: bool) -> str:
+    """First line of terminal, summary and report.
+
+    Parameters
+    ----------
+    verdicts : mapping
+        Sentence on each material.
+    fits : mapping
+        Whether its law fits.
+    converged : bool
+        Whether the search has ended by its criterion.
+    """
+    going = "" if converged else " The search has not met its stop criterion."
+    if len(verdicts) == 1:
+        return next(iter(verdicts.values())) + going
+    said = []
+    for value, one, many in _COUNTS:
+        names = [name for name, fit in fits.items() if fit is value]
+        who = f" ({', '.join(names)})" if value is not True and len(names) <= _NAMED else ""
+        said += [f"{len(names)} {one if len(names) == 1 else many}{who}"] if names else []
+    return f"Of {len(fits)} materials {', '.join(said)}.{going}"

@@ -1,0 +1,96 @@
+"""Default values of a case that depend on other keys, filled in before the models check the data."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from radcal.config.materials import DEFAULT_LAW
+from radcal.config.measurement import HIDDEN_DYKE, PUBLISHED_DYKE, SyntheticMeasurement, default_synthetic, within
+from radcal.config.objectives import DEFAULT, OBJECTIVES
+from radcal.config.sections import FURTHER, TAGS
+from radcal.radar.laws import LAWS
+
+__all__ = ["with_fitting_draws", "with_fitting_measurement", "with_fitting_stop", "with_passes"]
+
+_DRAWS_IN_BINS = 4
+
+
+def with_fitting_stop(data: dict[str, Any]) -> dict[str, Any]:
+    """Case data; ``stop.at_sampling_error`` is true by default for an external program without ``stop.rms``."""
+    stop, simulator = data.get("stop", {}), data.get("simulator")
+    # a section that is already a model contains this default
+    if not isinstance(stop, dict) or "rms" in stop or "at_sampling_error" in stop:
+        return data
+    kind = simulator.get("kind") if isinstance(simulator, dict) else getattr(simulator, "kind", None)
+    return {**data, "stop": {**stop, "at_sampling_error": True}} if kind == "command" else data
+
+
+def with_fitting_draws(data: dict[str, Any]) -> dict[str, Any]:
+    """Case data; ``simulator.draws`` is 4 by default if the built-in simulator and incidence-angle bins are used."""
+    simulator, objective = data.get("simulator", {}), data.get("objective", DEFAULT)
+    traits = OBJECTIVES.get(objective) if isinstance(objective, str) else None
+    if not isinstance(simulator, dict) or "draws" in simulator or traits is None or not traits.bins:
+        return data
+    tag = TAGS["simulator"]
+    if simulator.get(tag, "builtin") != "builtin":
+        return data
+    return {**data, "simulator": {**simulator, tag: "builtin", "draws": _DRAWS_IN_BINS}}
+
+
+def with_fitting_measurement(data: dict[str, Any]) -> dict[str, Any]:
+    """Case data; without a section ``measurement``, a case of the default case's ground and simulator has its image."""
+    simulator = data.get("simulator", {})
+    kind = simulator.get(TAGS["simulator"]) if isinstance(simulator, dict) else getattr(simulator, "kind", None)
+    if "materials" in data:
+        return _with_fitting_truth(data)
+    if kind == "command" or any(section in data for section in ("measurement", "scene")):
+        return data
+    return {**data, "measurement": SyntheticMeasurement(synthetic=default_synthetic())}
+
+
+def _with_fitting_truth(data: dict[str, Any]) -> dict[str, Any]:
+    """Case data; a dyke of its own, with bounds that hold the published hidden law and not the default's, has that."""
+    materials = data["materials"]
+    dyke = materials.get("dyke") if isinstance(materials, dict) else None
+    if not isinstance(dyke, dict) or not dyke.get("calibrate") or dyke.get("law", DEFAULT_LAW) != DEFAULT_LAW:
+        return data
+    box = dyke.get("bounds") or LAWS[DEFAULT_LAW].bounds
+    if within(HIDDEN_DYKE, box) or not within(PUBLISHED_DYKE, box):
+        return data
+    changed = {}
+    for section in ("measurement", FURTHER["measurement"]):
+        each = data.get(section, {} if section == "measurement" else None)
+        several = each if isinstance(each, list) else [each]
+        found = [_with_truth(item) for item in several]
+        if each is not None:
+            changed[section] = found if isinstance(each, list) else found[0]
+    return {**data, **changed}
+
+
+def _with_truth(measurement: Any) -> Any:
+    """Section of a synthetic measurement with the published hidden law, unless it has hidden laws of its own."""
+    if not isinstance(measurement, dict) or measurement.get(TAGS["measurement"], "synthetic") != "synthetic":
+        return measurement
+    synthetic = measurement.get("synthetic", {})
+    if not isinstance(synthetic, dict) or "parameters" in synthetic or "dyke" in (synthetic.get("laws") or {}):
+        return measurement
+    tag = {TAGS["measurement"]: "synthetic"}
+    return {**tag, **measurement, "synthetic": {**synthetic, "parameters": {"dyke": list(PUBLISHED_DYKE)}}}
+
+
+def with_passes(data: dict[str, Any]) -> dict[str, Any]:
+    """Case data in which lists of ``radar`` and ``measurement`` are divided into the first and the further passes."""
+    for key in FURTHER.values():
+        if data.get(key) is not None:
+            raise ValueError(f"unknown key {key}: further passes are items of a list of radar and of measurement")
+    found = {name: value for name, value in data.items() if name not in FURTHER.values()}
+    counts = {name: len(data[name]) if isinstance(data.get(name), list) else 1 for name in FURTHER}
+    if counts["radar"] != counts["measurement"] or 0 in counts.values():
+        said = " and ".join(f"{name} of {count}" for name, count in counts.items())
+        raise ValueError(f"passes: found {said}, expected lists of equal length, with one item for each pass")
+    for name, further in FURTHER.items():
+        if isinstance(data.get(name), list):
+            found[name], *others = data[name]
+            if others:
+                found[further] = others
+    return found

@@ -1,0 +1,213 @@
+"""Comparison of two finished calibrations: one table of the materials in both, and one figure of their laws."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.errors import ConfigError
+from radcal.report.archive import Archive, MaterialResult, read_archive
+from radcal.report.drawing import FOUND, START, STYLE, add_legend, new_canvas, titled
+from radcal.report.summary import summarise
+from radcal.storage.files import atomic
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["LawDifference", "compare", "law_difference"]
+
+Doubles = NDArray[np.float64]
+
+_HEADINGS = ("material", "seen by both", "mean B-A", "largest", "bands meet", "fits", "known between", "runs")
+
+
+@dataclass(frozen=True)
+class _Band:
+    """Sigma0 of one material: median and 90 % band [dB], the incidence seen, and where sigma0 is known [deg]."""
+
+    incidence_deg: Doubles
+    median_db: Doubles
+    p05_db: Doubles
+    p95_db: Doubles
+    seen_deg: tuple[float, float]
+    known_deg: tuple[float, ...] | None
+
+    def at(self, degrees: Doubles) -> tuple[Doubles, Doubles, Doubles]:
+        """Median, 5 % and 95 % quantile at some incidence [dB]."""
+        low, middle, high = (
+            np.interp(degrees, self.incidence_deg, db) for db in (self.p05_db, self.median_db, self.p95_db)
+        )
+        return middle, low, high
+
+
+@dataclass(frozen=True)
+class LawDifference:
+    """Difference between the laws of one material in two calibrations, over the incidence that both have seen.
+
+    Attributes
+    ----------
+    seen_deg : (float, float)
+        Incidence seen by both: 5 to 95 % quantile of the pixels' local incidence.
+    mean_db, largest_db : float
+        Mean of the difference of the medians, the second less the first, and the difference of largest size [dB].
+    bands_meet : float
+        Share of this incidence at which the two 90 % bands overlap; NaN if one of them is unknown.
+    """
+
+    seen_deg: tuple[float, float]
+    mean_db: float
+    largest_db: float
+    bands_meet: float
+
+
+def _band(archive: Archive, name: str) -> _Band | None:
+    """Sigma0 of a material; the law at the calibrated X without a band, if there is no posterior in dB."""
+    material, law = archive.materials[name], archive.laws[name].curve()
+    posterior = material.posterior
+    if posterior is not None and posterior.curve is not None:
+        curve = posterior.curve
+        low, high = posterior.seen_deg[:, 0].min(), posterior.seen_deg[:, 1].max()
+        known = posterior.known_between_deg
+        return _Band(curve.incidence_deg, curve.median_db, curve.p05_db, curve.p95_db, (float(low), float(high)), known)
+    if not law.has_curve:
+        return None
+    degrees = np.arange(91.0)
+    unknown = np.full(91, np.nan)
+    low, high = np.percentile(material.incidence_deg, [5.0, 95.0])
+    at = np.asarray(law(np.radians(degrees), archive.laws[name].values))
+    return _Band(degrees, at, unknown, unknown, (float(low), float(high)), None)
+
+
+def law_difference(first: Archive, second: Archive, name: str) -> LawDifference | None:
+    """Difference between the laws of a material.
+
+    Parameters
+    ----------
+    first, second : Archive
+        Results of two calibrations.
+    name : str
+        A material that both have calibrated.
+
+    Returns
+    -------
+    LawDifference or None
+        None if a law has no curve, or if the two have seen no incidence in common.
+    """
+    a, b = _band(first, name), _band(second, name)
+    if a is None or b is None:
+        return None
+    low, high = max(a.seen_deg[0], b.seen_deg[0]), min(a.seen_deg[1], b.seen_deg[1])
+    if low > high:
+        return None
+    degrees = np.linspace(low, high, 101)
+    (middle_a, low_a, high_a), (middle_b, low_b, high_b) = a.at(degrees), b.at(degrees)
+    difference = middle_b - middle_a
+    known = np.isfinite([low_a, low_b]).all()
+    meet = float(np.mean((low_a <= high_b) & (low_b <= high_a))) if known else float("nan")
+    largest = float(difference[np.argmax(np.abs(difference))])
+    return LawDifference((low, high), float(difference.mean()), largest, meet)
+
+
+def compare(folders: Sequence[str | Path], figure: str | Path) -> list[str]:
+    """Lines of a table that compares two calibrations, and a figure of the laws with their bands.
+
+    Parameters
+    ----------
+    folders : sequence of two paths
+        Results folders of two finished cases.
+    figure : path
+        PNG file, written atomically.
+
+    Returns
+    -------
+    list of str
+        Table, with one line for each material that both have calibrated, and the path of the figure.
+
+    Raises
+    ------
+    ConfigError
+        The cases have no calibrated material in common, or an image is not in dB.
+    DamagedError, StoreError
+        An archive is damaged, or is missing because the calibration is not finished.
+    """
+    first, second = (read_archive(Path(folder) / "calibration.h5", images=False) for folder in folders)
+    shared = [name for name in first.materials if name in second.materials]
+    if not shared:
+        raise ConfigError(
+            f"{folders[0]} and {folders[1]} have calibrated no material in common: found {', '.join(first.materials)} "
+            f"and {', '.join(second.materials)}, expected at least one of the same name."
+        )
+    for folder, archive in zip(folders, (first, second), strict=True):
+        if archive.levels.unit != "dB":
+            raise ConfigError(
+                f"{folder}: levels are in {archive.levels.unit}, expected dB, in which laws are compared."
+            )
+    rows = [_HEADINGS, *(_row(first, second, name) for name in shared)]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = [f"A: {folders[0]}", f"B: {folders[1]}", ""]
+    lines += ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    for one, other, letter in ((first, second, "A"), (second, first, "B")):
+        if alone := [name for name in one.materials if name not in other.materials]:
+            lines.append(f"only in {letter}: {', '.join(alone)}")
+    _draw(first, second, shared, figure)
+    return [*lines, f"figure: {figure}"]
+
+
+def _row(first: Archive, second: Archive, name: str) -> tuple[str, ...]:
+    """Cells of one material."""
+    found = law_difference(first, second, name)
+    cells = ("-",) * 4
+    if found is not None:
+        meet = "-" if np.isnan(found.bands_meet) else f"{100 * found.bands_meet:.0f} %"
+        seen = f"{found.seen_deg[0]:.1f}-{found.seen_deg[1]:.1f} deg"
+        cells = (seen, f"{found.mean_db:+.2f} dB", f"{found.largest_db:+.2f} dB", meet)
+    pair = [(archive, archive.materials[name]) for archive in (first, second)]
+    fits = [{True: "yes", False: "no", None: "untested"}[material.fitted.fits] for _, material in pair]
+    known = [_known(material) for _, material in pair]
+    runs = [str(summarise(archive)["runs"]["total"]) for archive, _ in pair]
+    return (name, *cells, *(" | ".join(each) for each in (fits, known, runs)))
+
+
+def _known(material: MaterialResult) -> str:
+    known = None if material.posterior is None else material.posterior.known_between_deg
+    return "nowhere" if known is None else f"{known[0]:.1f}-{known[1]:.1f}"
+
+
+def _draw(first: Archive, second: Archive, names: Sequence[str], path: str | Path) -> None:
+    """Draw one panel for each material."""
+    import matplotlib as mpl
+
+    with mpl.rc_context(STYLE):
+        columns = min(len(names), 3)
+        rows = -(-len(names) // columns)
+        canvas = new_canvas(0.8 + 4.4 * columns, 0.8 + 3.2 * rows)
+        panels = canvas.subplots(rows, columns, squeeze=False)
+        for axes, name in zip(panels.ravel(), names, strict=False):
+            for archive, letter, style in ((first, "A", START), (second, "B", FOUND)):
+                _panel(axes, _band(archive, name), f"{letter}: {archive.case}", style)
+            axes.set_title(titled(name))
+            axes.set_xlabel("local incidence [deg]")
+            axes.set_ylabel("\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} [dB]")
+        for axes in panels.ravel()[len(names) :]:
+            axes.remove()
+        add_legend(canvas, panels[0, 0].get_legend_handles_labels(), 2)
+        with atomic(path) as partial:
+            canvas.savefig(partial, format="png", dpi=150, metadata={"Software": None}, facecolor="white")
+
+
+def _panel(axes: Axes, band: _Band | None, label: str, style: Mapping[str, Any]) -> None:
+    """Draw one law: thick over the incidence seen, with its 90 % band; a dashed law lies on top."""
+    if band is None:
+        return
+    inside = np.linspace(*band.seen_deg, 101)
+    around = np.linspace(max(inside[0] - 10.0, 0.0), min(inside[-1] + 10.0, 90.0), 201)
+    middle, low, high = band.at(around)
+    line = {"color": style["color"], "linestyle": style["linestyle"], "zorder": 2 if style["linestyle"] == "-" else 3}
+    axes.plot(around, middle, linewidth=1.0, **line)
+    axes.plot(inside, band.at(inside)[0], linewidth=3.0, label=label, **line)
+    axes.fill_between(around, low, high, color=style["color"], alpha=0.25, linewidth=0)

@@ -1,0 +1,45 @@
+"""Test of the fit of each calibrated law: its part of the archive, and of ``summary.json``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from radcal.assessment.verdict import all_fit, first_line
+from radcal.storage.layout import About, Attribute
+
+__all__ = ["Fitted", "misfit", "overall"]
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """Test of the fit of a calibrated law (:class:`radcal.assessment.fit_test.FitTest`), and its verdict."""
+
+    verdict: Annotated[str, About("the result in a sentence")]
+    residual_sum: Annotated[float, About("sum of squared residuals of all incidence-angle bins and passes")]
+    expected: Annotated[float, About("degrees of freedom: mean of this sum for a law that is right")]
+    p: Annotated[float, About("share of parametric replicates with a larger sum")]
+    worst_deg: Annotated[float, About("mean incidence of the bin with the largest misfit", "deg")]
+    worst_mean_db: Annotated[float, About("simulated minus measured mean of this bin", "dB")]
+    worst_spread: Annotated[float, About("simulated over measured standard deviation of this bin")]
+    mean_db: Annotated[float, About("simulated minus measured mean of all target pixels", "dB")]
+    sd_db: Annotated[float, About("standard deviation of the simulated target pixels", "dB")]
+    measured_sd_db: Annotated[float, About("standard deviation of the measured target pixels", "dB")]
+    looks_limit: Annotated[str, About("limit that holds the effective looks back: upper, lower or empty")]
+    bounds: Annotated[tuple[str, ...], Attribute(), About("parameters that their bounds hold back")]
+    distance: Annotated[float, About("density rms over that of sampling")]
+    fits: Annotated[bool | None, About("law fits; absent where it cannot be tested")] = None
+
+
+def misfit(fitted: Fitted) -> dict[str, Any]:
+    """Numbers of the test, for ``summary.json``."""
+    numbers = {key: value for key, value in vars(fitted).items() if key not in ("fits", "verdict")}
+    return {**numbers, "bounds": list(fitted.bounds)}
+
+
+def overall(fitted: Mapping[str, Fitted], converged: bool) -> dict[str, Any]:
+    """Whether the laws of all materials fit, and the first line on them, for ``summary.json``."""
+    fits = {name: one.fits for name, one in fitted.items()}
+    verdicts = {name: one.verdict for name, one in fitted.items()}
+    return {"fits": all_fit(list(fits.values())), "verdict": first_line(verdicts, fits, converged)}

@@ -1,0 +1,175 @@
+"""Images as GeoTIFF: on the map of a georeferenced scene, else in slant range."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.radar.geometry import Geometry
+from radcal.scene.model import Scene
+from radcal.storage.files import atomic
+
+__all__ = ["SLANT_RANGE", "Layer", "MapGrid", "map_grid", "pixel_at_cell", "write_geotiff"]
+
+SLANT_RANGE = "slant range, not georeferenced"
+_MAP = "map of the scene"
+_REACH = 0.75  # of the diagonal of a pixel on the ground: half of it is needed, the rest bridges uneven spacing
+
+
+@dataclass(frozen=True)
+class Layer:
+    """One image of a pass.
+
+    Attributes
+    ----------
+    values : ndarray, shape (rows, columns)
+        Pixels in slant range (axis 0) and azimuth (axis 1); NaN, or 0 for whole numbers, where nothing is known.
+    unit : str
+        Unit of the values.
+    description : str
+        What the values are.
+    tags : mapping
+        Further tags of the file.
+    """
+
+    values: NDArray[Any]
+    unit: str
+    description: str
+    tags: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class MapGrid:
+    """Grid of a georeferenced scene, with north up, and the image's pixel that shows each of its cells.
+
+    Attributes
+    ----------
+    crs : str
+        CRS of the scene.
+    transform : tuple of 6 float
+        Coefficients a to f of the affine transform from (column, row) of cell corners, row 0 in the north.
+    pixel : ndarray of int64, shape (ny, nx)
+        Flat index of the image's pixel, -1 where no pixel shows the cell.
+    """
+
+    crs: str
+    transform: tuple[float, ...]
+    pixel: NDArray[np.int64]
+
+    def on_map(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Values of a slant-range image on the map: NaN, or 0 for whole numbers, where no pixel shows a cell."""
+        nothing = np.nan if values.dtype.kind == "f" else 0
+        found = np.full(self.pixel.shape, nothing, dtype=values.dtype)
+        shown = self.pixel >= 0
+        found[shown] = values.ravel()[self.pixel[shown]]
+        return found
+
+
+def map_grid(scene: Scene, geometry: Geometry) -> MapGrid | None:
+    """Grid of the scene's map; None for a scene without a CRS."""
+    if scene.crs is None or scene.transform is None:
+        return None
+    ny = scene.material.shape[0]
+    a, b, c, d, e, f = scene.transform
+    north_up = (a, -b, c + b * ny, d, -e, f + e * ny)  # row r of the scene is row ny - r of the file
+    pixel = pixel_at_cell(geometry.ground, geometry.layover, scene.material.shape)
+    return MapGrid(scene.crs, north_up, pixel[::-1])
+
+
+def pixel_at_cell(ground: NDArray[np.float32], layover: NDArray[np.bool_], shape: tuple[int, int]) -> NDArray[np.int64]:
+    """Pixel of a slant-range image that shows each cell of the scene's grid: the one with the nearest ground.
+
+    The nearest pixel is taken, and no mean, because a mean of n neighbours has 1/n of the variance of speckle.
+
+    Parameters
+    ----------
+    ground : ndarray, shape (2, rows, columns)
+        Scene row and column that each pixel shows, with cell centres at whole numbers; NaN where it shows none.
+    layover : ndarray of bool, shape (rows, columns)
+        Pixels that show several places, whose mean is no place of theirs.
+    shape : (int, int)
+        Cells of the scene, row 0 in the south.
+
+    Returns
+    -------
+    ndarray of int64, shape ``shape``
+        Flat index of the pixel; -1 in shadow, in layover and outside of the image, where the nearest pixel is farther
+        away than three quarters of its diagonal on the ground.
+    """
+    from scipy.spatial import KDTree
+
+    places = ground.astype(np.float64)
+    usable = np.flatnonzero(np.isfinite(places).all(axis=0) & ~layover)
+    if usable.size == 0:
+        return np.full(shape, -1, dtype=np.int64)
+    reach = _REACH * np.hypot(_spacing(places, 1), _spacing(places, 2)).ravel()[usable]
+    tree = KDTree(places.reshape(2, -1).T[usable])
+    cells = np.stack(np.meshgrid(np.arange(shape[0]), np.arange(shape[1]), indexing="ij"), axis=-1)
+    distance, nearest = tree.query(cells.reshape(-1, 2).astype(np.float64))
+    found = np.where(distance <= np.maximum(reach[nearest], _REACH), usable[nearest], -1)
+    return found.reshape(shape).astype(np.int64)
+
+
+def _spacing(places: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
+    """Distance on the ground to the nearer of a pixel's two neighbours along an axis [cells]; 0 if both are unknown.
+
+    The nearer neighbour is the one on this side of a shadow or of a fold.
+    """
+    step = np.sqrt((np.diff(places, axis=axis) ** 2).sum(axis=0))
+    edge = [(0, 0), (0, 0)]
+    edge[axis - 1] = (1, 1)
+    padded = np.pad(step, edge, constant_values=np.nan)
+    before, after = (padded[:-1], padded[1:]) if axis == 1 else (padded[:, :-1], padded[:, 1:])
+    return np.asarray(np.nan_to_num(np.fmin(before, after), nan=0.0))
+
+
+def write_geotiff(path: str | Path, layer: Layer, grid: MapGrid | None) -> None:
+    """Write an image, atomically: a cloud-optimised GeoTIFF on a map, or a plain GeoTIFF in slant range.
+
+    Parameters
+    ----------
+    path : path
+        Path of the file.
+    layer : Layer
+        The image.
+    grid : MapGrid or None
+        Map; None for slant range, which a tag of the file then states.
+
+    Raises
+    ------
+    StoreError
+        The file cannot be written.
+    """
+    import rasterio
+    from rasterio.crs import CRS
+    from rasterio.errors import NotGeoreferencedWarning
+    from rasterio.io import MemoryFile
+    from rasterio.shutil import copy
+    from rasterio.transform import Affine
+
+    values = layer.values if grid is None else grid.on_map(layer.values)
+    profile: dict[str, Any] = {
+        "driver": "GTiff", "height": values.shape[0], "width": values.shape[1], "count": 1, "dtype": values.dtype,
+        "nodata": np.nan if values.dtype.kind == "f" else 0,
+    }  # fmt: skip
+    if grid is not None:
+        profile |= {"crs": CRS.from_user_input(grid.crs), "transform": Affine(*grid.transform)}
+    # an overview keeps values that occur, because a mean of dB is no level
+    cloud = {"driver": "COG", "predictor": "yes", "overview_resampling": "nearest"}
+    with warnings.catch_warnings(), atomic(path) as partial, MemoryFile() as memory:
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)
+        with memory.open(**profile) as raster:
+            raster.write(values, 1)
+            raster.set_band_description(1, layer.description)
+            raster.units = (layer.unit,)
+            raster.update_tags(
+                unit=layer.unit, description=layer.description, grid=SLANT_RANGE if grid is None else _MAP, **layer.tags
+            )
+        with rasterio.Env(GDAL_PAM_ENABLED="NO"), memory.open() as raster:
+            copy(raster, str(partial), compress="deflate", **({"driver": "GTiff"} if grid is None else cloud))

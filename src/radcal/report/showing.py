@@ -1,0 +1,123 @@
+"""Verdict, runs and files of a case, from its results folder."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from radcal.errors import StoreError
+
+__all__ = ["results_folder", "show"]
+
+# steps of the flow by a file that each of them writes, in every case
+_STEPS = {
+    "scene.h5": "scene",
+    "reference.json": "reference run",
+    "scores.json": "design",
+    "final.json": "search and final runs",
+    "calibration.h5": "archive",
+    "export.json": "exports",
+    "report.json": "report",
+    "summary.json": "summary",
+}
+_FILES = {"report.html": "report", "export": "exports", "summary.json": "summary", "runs.csv": "table of runs"}
+_COUNTED = ("reference", "design", "infill", "final")
+
+
+def results_folder(case: str | Path, results: str | Path = "results") -> Path:
+    """Results folder of a case.
+
+    Parameters
+    ----------
+    case : str or path
+        Results folder, case file (YAML), or name of a case.
+    results : path
+        Folder that contains the results folders of all cases.
+
+    Raises
+    ------
+    ConfigError
+        The case file is wrong.
+    StoreError
+        There is no such folder.
+    """
+    path = Path(case)
+    if path.is_file():
+        from radcal.config import load
+
+        folder = Path(results) / load([path]).case
+    else:
+        named = Path(results) / path
+        folder = named if len(path.parts) == 1 and (named.is_dir() or not path.is_dir()) else path
+    if not folder.is_dir():
+        raise StoreError(
+            f"{case}: there is no folder {folder}, expected the name of a case that has been run, its results folder "
+            "or its YAML file."
+        )
+    return folder
+
+
+def show(folder: str | Path) -> list[str]:
+    """Lines on the results of a case: verdict, materials, runs and files, or what is missing.
+
+    Parameters
+    ----------
+    folder : path
+        ``results/<case>``.
+
+    Returns
+    -------
+    list of str
+        The first line is the verdict on all materials, or says that the case is not finished.
+
+    Raises
+    ------
+    StoreError
+        ``summary.json`` cannot be read.
+    """
+    folder = Path(folder)
+    missing = [name for file, name in _STEPS.items() if not (folder / file).is_file()]
+    there = [f"{title}: {folder / file}" for file, title in _FILES.items() if (folder / file).exists()]
+    if not missing:
+        return [*_finished(_read(folder / "summary.json")), *there]
+    kept = len(list((folder / "runs").glob("[!.]*.h5")))
+    iterations = len(list((folder / "iterations").glob("*/verified.json")))
+    lines = [f"{folder.name}: not finished; missing: {', '.join(missing)}."]
+    lines.append(f"records of runs: {kept} in {folder / 'runs'}; iterations verified: {iterations}.")
+    return [*lines, *there, "The command that began the case continues it."]
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        if isinstance(data, dict) and isinstance(data.get("materials"), dict):
+            return data
+    except (OSError, ValueError):
+        pass
+    raise StoreError(f"{path}: cannot be read; the case's command makes it again.")
+
+
+def _finished(summary: Mapping[str, Any]) -> list[str]:
+    """Lines on a finished calibration."""
+    materials, runs = summary["materials"], summary["runs"]
+    each = ", ".join(f"{runs[kind]} {kind}" for kind in _COUNTED)
+    reused = f"; {runs['reused']} reused" if runs.get("reused") else ""
+    lines = [str(summary["verdict"])]
+    for name, material in materials.items():
+        parameters = ", ".join(f"{key} {value:.4g}" for key, value in material["parameters"].items())
+        # in a case of one material, the first line is its verdict
+        said = f"{material['verdict']} " if len(materials) > 1 else ""
+        lines.append(f"{name}: {said}{material['law']} with {parameters}; {_known(material)}")
+    return [*lines, f"runs: {runs['total']} ({each}{reused}); end: {summary['stop_reason']}."]
+
+
+def _known(material: Mapping[str, Any]) -> str:
+    """Where sigma0 is known, and how well it is known there."""
+    known, curve = material.get("known_between_deg"), material.get("sigma0_curve")
+    if known is None or curve is None:
+        return "sigma0 is known nowhere." if curve is not None else "nothing is known of a curve in dB."
+    bands = zip(curve["incidence_deg"], curve["p05_db"], curve["p95_db"], strict=True)
+    half = max((0.5 * (high - low) for at, low, high in bands if known[0] <= at <= known[1]), default=0.0)
+    return f"sigma0 is known to +-{half:.1f} dB (90 %) from {known[0]:.4g} to {known[1]:.4g} degrees."

@@ -1,0 +1,173 @@
+"""Tables of the calibrated laws and parameters, and the calibrated materials as a section of a case file."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from radcal.config import Material
+from radcal.report.archive import Archive, MaterialResult
+from radcal.storage.files import atomic
+
+__all__ = ["calibrated_materials", "calibrated_yaml", "law_rows", "parameter_rows", "write_csv"]
+
+LAWS = ("material", "incidence_deg", "median_db", "p05_db", "p95_db", "known", "calibrated_db")
+PARAMETERS = (
+    "material", "law", "parameter", "unit", "calibrated", "p05", "p95", "lower", "upper", "looks", "fits",
+    "known_from_deg", "known_to_deg",
+)  # fmt: skip
+
+_HEADING = """\
+# Materials of the case {case}, as radcal calibrated them: {verdict}
+# To simulate with these laws, use this section as the section materials of a case of your own, and replace there the
+# materials that the new case calibrates. Parameters are written with all digits: scene, radar, simulator and seed of
+# the case {case} give its calibrated image again, bit for bit, with the noise seed {noise_seed}.
+# looks are the effective looks of a material's pixels in an image of {looks} looks (radar.looks). Where they are fewer
+# than the image's, gamma texture is multiplied onto the simulated pixels. Without this key, pixels have speckle alone.
+"""
+
+
+def law_rows(archive: Archive) -> Iterator[Sequence[Any]]:
+    """Rows of ``laws.csv``, with the columns :data:`LAWS`.
+
+    Parameters
+    ----------
+    archive : Archive
+        Results of a calibration.
+
+    Yields
+    ------
+    sequence
+        Material, local incidence [deg], median, 5 % and 95 % quantile of sigma0 [dB] (the ground's mean power), whether
+        sigma0 is known at this incidence, and the law at the calibrated X [dB]. A law without a curve has no rows; a
+        law without a posterior in dB has neither median nor quantiles.
+    """
+    for name, material in archive.materials.items():
+        law = archive.laws[name].curve()
+        if not law.has_curve:
+            continue
+        curve = None if material.posterior is None else material.posterior.curve
+        degrees = np.arange(91.0) if curve is None else curve.incidence_deg
+        nothing = np.full(degrees.shape, np.nan)
+        bands = (nothing,) * 3 if curve is None else (curve.median_db, curve.p05_db, curve.p95_db)
+        low, high = _known(material)
+        known = (degrees >= low) & (degrees <= high)
+        at = np.asarray(law(np.radians(degrees), archive.laws[name].values))
+        for row in zip(degrees, *bands, known, at, strict=True):
+            yield (name, *row)
+
+
+def parameter_rows(archive: Archive) -> Iterator[Sequence[Any]]:
+    """Rows of ``parameters.csv``, with the columns :data:`PARAMETERS`.
+
+    Parameters
+    ----------
+    archive : Archive
+        Results of a calibration.
+
+    Yields
+    ------
+    sequence
+        One row for each parameter of each calibrated material: its unit, calibrated value, 5 % and 95 % quantile,
+        bounds; and of its material the effective looks, whether the law fits, and the incidence between which sigma0 is
+        known [deg].
+    """
+    for name, material in archive.materials.items():
+        posterior = material.posterior
+        unknown = np.full(len(material.parameter_names), np.nan)
+        low, high = (unknown, unknown) if posterior is None else (posterior.parameters_p05, posterior.parameters_p95)
+        each = zip(
+            material.parameter_names,
+            material.parameter_units,
+            archive.laws[name].values,
+            low,
+            high,
+            *material.bounds.T,
+            strict=True,
+        )
+        for row in each:
+            yield (name, material.law, *row, material.check.looks, material.fitted.fits, *_known(material))
+
+
+def _known(material: MaterialResult) -> tuple[float, float]:
+    """Incidence between which sigma0 is known [deg]; NaN where it is known nowhere."""
+    known = None if material.posterior is None else material.posterior.known_between_deg
+    return (math.nan, math.nan) if known is None else (known[0], known[1])
+
+
+def write_csv(path: str | Path, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
+    """Write a table, atomically; unknown values are empty, and numbers have all their digits."""
+    with atomic(path) as partial, partial.open("w", newline="", encoding="utf-8") as handle:
+        writer = csv.writer(handle, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows([_cell(value) for value in row] for row in rows)
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, bool | np.bool_):
+        return str(bool(value)).lower()
+    if isinstance(value, float | np.floating):
+        return "" if math.isnan(value) else repr(float(value))
+    return str(value)
+
+
+def calibrated_materials(archive: Archive, materials: Mapping[str, Material]) -> dict[str, dict[str, Any]]:
+    """Materials of a case with the laws and effective looks that were found, none of them to be calibrated.
+
+    Parameters
+    ----------
+    archive : Archive
+        Results of a calibration.
+    materials : mapping
+        Section ``materials`` of its case.
+
+    Returns
+    -------
+    dict
+        Section ``materials`` as plain data. ``looks`` is given where the calibration found texture.
+    """
+    found = {}
+    for name, material in materials.items():
+        kept = ("law", "angles_deg", "names", "units", "integer")
+        data = {"calibrate": False, **material.model_dump(mode="json", include=set(kept), exclude_none=True)}
+        data["parameters"] = [float(x) for x in archive.laws[name].values]
+        looks = material.looks
+        if name in archive.materials:
+            result = archive.materials[name]
+            # at the looks of the best run, with which the calibrated image was textured; a density has no such looks
+            effective = np.inf if result.run_looks is None else float(result.run_looks[result.best])
+            looks = effective if effective < archive.looks else None
+        found[name] = data if looks is None else {**data, "looks": looks}
+    return found
+
+
+def calibrated_yaml(archive: Archive, materials: Mapping[str, Mapping[str, Any]], verdict: str, noise_seed: int) -> str:
+    """Text of ``calibrated.yaml``: a heading that explains it, and the section ``materials``.
+
+    Parameters
+    ----------
+    archive : Archive
+        Results of a calibration.
+    materials : mapping
+        From :func:`calibrated_materials`.
+    verdict : str
+        First line on all materials.
+    noise_seed : int
+        Seed of the calibrated image's speckle.
+    """
+    import yaml
+
+    heading = _HEADING.format(
+        case=archive.case, verdict=" ".join(verdict.split()), looks=archive.looks, noise_seed=noise_seed
+    )
+    plain = {name: dict(material) for name, material in materials.items()}
+    return heading + yaml.safe_dump(
+        {"materials": plain}, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True
+    )

@@ -1,0 +1,104 @@
+"""Likely causes of a law that does not fit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from calibration_samples import make_target
+
+from radcal.assessment.causes import UNKNOWN, area_slope, likely_cause
+from radcal.assessment.fit_test import FitTest
+from radcal.calibration.grounds import fit_grounds
+from radcal.calibration.misfit import Method
+from radcal.measurement.ground import Ground
+from radcal.radar.laws import LAWS
+
+LAW = LAWS["mangia"]
+BOX = np.array([[-60.0, 0.0], [0.0, 40.0], [0.0, 25.0], [0.5, 20.0]])
+TRUTH = np.array([-28.0, 20.0, 6.0, 4.0])
+ROWS, COLUMNS = 60, 50
+FLAT = np.linspace(20.0, 50.0, ROWS)
+NAN = float("nan")
+
+
+def misfit_of(**changes):
+    fields = FitTest(False, 90.0, 20.0, 0.001, 30.0, 2.0, 1.0, 0.0, 2.0, 2.0, "", (), 1.0)
+    return replace(fields, **changes)
+
+
+def made(area=0.0, box=BOX, looks=4.0):
+    """Law of slopes towards and from the radar, with so many times their area in the pixels."""
+    rng = np.random.default_rng(4)
+    row = np.repeat(np.arange(ROWS), COLUMNS)
+    local = FLAT[row] + rng.normal(0.0, 6.0, row.size)
+    area_db = 10.0 * np.log10(np.sin(np.radians(FLAT[row])) / np.sin(np.radians(local)))
+    values = LAW(np.radians(local), TRUTH) + area * area_db + 10.0 * np.log10(rng.gamma(looks, 1.0 / looks, row.size))
+    ground = Ground(values, local, row % 5, row // 30)
+    law = fit_grounds({"a": ground}, {"a": Method(LAW, box, 4.0)})["a"]
+    target = make_target(values, local, dp=np.array([0.0, 1.0, 0.0]))
+    geometry = SimpleNamespace(shape=(ROWS, COLUMNS), flat_incidence_deg=FLAT)
+    return law, target, geometry, area_db
+
+
+@pytest.fixture(scope="module")
+def right():
+    return made()
+
+
+def cause_of(parts, test, image_looks=NAN):
+    law, target, geometry, _ = parts
+    return likely_cause("mangia", law, test, target, geometry, image_looks)
+
+
+def test_nothing_shown_is_unknown(right):
+    assert cause_of(right, misfit_of()) == UNKNOWN
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_area_of_slopes_is_radiometry(sign):
+    parts = made(area=sign)
+    law, *_, area_db = parts
+    slope, error = area_slope(law, area_db)
+    assert slope == pytest.approx(sign, abs=4.0 * error)
+    assert error < 0.1
+    said = "radiometry: the residuals go with the area of the ground in a pixel"
+    assert cause_of(parts, misfit_of()).startswith(said)
+
+
+def test_half_of_the_area_is_not_radiometry():
+    assert not cause_of(made(area=0.4), misfit_of()).startswith("radiometry")
+
+
+def test_the_area_shows_nothing_on_level_ground(right):
+    law, *_, area_db = right
+    assert area_slope(law, 0.05 * area_db) == (0.0, np.inf)
+
+
+def test_looks_of_the_image_tell_a_filter(right):
+    assert (
+        cause_of(right, misfit_of(), image_looks=6.1) == "the image has 6.1 looks, radar.looks is 4: speckle-filtered?"
+    )
+    assert cause_of(right, misfit_of(), image_looks=5.9) == UNKNOWN
+    upper, lower = (cause_of(right, misfit_of(looks_limit=end)) for end in ("upper", "lower"))
+    assert upper == "the pixels spread less than the speckle of radar.looks 4: speckle-filtered?"
+    assert lower == "the pixels spread more than any speckle: mixed ground?"
+
+
+def test_bounds_are_named_by_the_level_that_they_cannot_reach():
+    box = BOX.copy()
+    box[0, 0] = -5.0
+    law = made(box=box)
+    found = cause_of(law, misfit_of(bounds=("X1",), worst_deg=45.0, worst_mean_db=8.0))
+    assert found.startswith("mangia's bounds cannot reach -1")
+    assert cause_of(law, misfit_of(bounds=("X1",), worst_deg=45.0, worst_mean_db=0.1)) == "X1 is held back by its bound"
+    found = cause_of(law, misfit_of(bounds=("X1", "X2"), worst_deg=45.0, worst_mean_db=0.1))
+    assert found == "X1 and X2 are held back by their bounds"
+
+
+def test_few_looks_may_be_an_error_of_the_incidence():
+    found = cause_of(made(looks=2.6), misfit_of())
+    assert found.startswith("an error of the local incidence of ")
+    assert found.endswith(" degrees would spread the pixels so, as would texture")

@@ -1,0 +1,228 @@
+"""Posterior of a law: its likelihood and priors, each term of the budget, and what is written."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from calibration_samples import make_material, make_target
+from posterior_samples import LINE, LINE_X, made_bins, made_model
+
+from radcal.assessment.budget import FLATTENING, Budget
+from radcal.assessment.curves import Curves
+from radcal.assessment.evidence import Unknowns
+from radcal.assessment.posterior import posterior_on, read_posterior, sigma0_db, write_posterior
+from radcal.assessment.sampling import sample
+from radcal.assessment.unknowns import Model
+from radcal.calibration.misfit import BinMisfit
+from radcal.calibration.moments import to_cumulants
+from radcal.calibration.objectives.density import Density
+from radcal.calibration.surrogate import Surrogate, train_surrogate
+from radcal.config import SurrogateConfig, Uncertainty, case_from
+from radcal.errors import ConfigError
+from radcal.measurement.levels import Levels
+from radcal.measurement.patches import Spread
+from radcal.radar.laws import LAWS
+from radcal.storage.inspection import kind_of
+
+MANGIA_BOX = [[-60, 0], [0, 50], [0, 50], [0, 20]]
+MANGIA_X = [-24.0, 12.0, 9.0, 4.0]
+
+
+def unknowns(count: int = 1, **values: float) -> Unknowns:
+    found = {"looks": 4.0, "between_db": 0.0, "within_db": 0.0, "incidence": 0.0, "point_spread": 0.0, **values}
+    return Unknowns(**{name: np.full(count, value) for name, value in found.items()})
+
+
+def linear_sd_db(model: Model, x: np.ndarray, angle_deg: float) -> float:
+    """Standard deviation of sigma0 by the linear covariance at X."""
+    centre = np.zeros(model.dimension)
+    centre[: model.d] = model.surrogate.unit(x)
+    draws = model.linear(centre, np.random.default_rng(7))
+    return float(Curves.at(sigma0_db(model, draws), np.array([[angle_deg]])).std())
+
+
+def test_error_of_the_noise_floor():
+    level_db, noise_db = np.array([-22.0, -12.0]), -27.0
+    budget = Budget.of(Uncertainty(noise_db=2.0), Levels())
+    signal = 10.0 ** (level_db / 10.0) - 10.0 ** (noise_db / 10.0)
+    moved = [10.0 * np.log10(signal + 10.0 ** ((noise_db + step) / 10.0)) for step in (0.001, -0.001)]
+    found = budget.noise_errors_db(level_db, noise_db)
+    assert found == pytest.approx(2.0 * (moved[0] - moved[1]) / 0.002, rel=1e-3)
+    assert not budget.noise_errors_db(level_db, -np.inf).any()
+    assert budget.noise_errors_db(np.array([-30.0]), noise_db) == pytest.approx(2.0)
+
+
+def test_error_of_the_noise_floor_widens_the_band_of_dark_ground():
+    def sd_db(noise_db: float, standard_error_db: float) -> float:
+        bins = made_bins(noise_db=noise_db)
+        return linear_sd_db(made_model(bins, noise_db=standard_error_db), LINE_X, 40.0)
+
+    assert sd_db(-17.0, 2.0) > 1.4 * sd_db(-17.0, 0.0)
+    assert sd_db(-47.0, 2.0) == pytest.approx(sd_db(-47.0, 0.0), rel=0.05)
+
+
+def test_residuals_are_those_of_the_objective():
+    bins = made_bins(LAWS["mangia"], MANGIA_BOX, MANGIA_X, error_deg=3.0)
+    model = made_model(bins)
+    evidence = model.evidence[0]
+    x = np.array([[-20.0, 10.0, 5.0, 6.0]])
+    levels = model.curves(x)
+    simulated = evidence.baseline(levels)
+    assert simulated[0] == pytest.approx(bins.baseline(x[0]), abs=2e-3)
+    at = unknowns(looks=2.9, between_db=0.7, within_db=0.4)
+    found = evidence.whitened(evidence.difference(simulated, levels, at), evidence.factor(np.zeros((1, 3)), at))
+    misfit = BinMisfit.of(bins.ground, bins.bins.classes, bins.method, Spread(0.7, 0.4))
+    wanted = misfit(x[0], 2.9, to_cumulants(simulated[0]))
+    assert found[0] == pytest.approx(wanted, abs=0.06)
+    assert np.abs(wanted).max() > 1.0
+
+
+def test_the_log_determinant_counts():
+    evidence = made_model(made_bins(), field_db=1.0).evidence[0]
+    zero = np.zeros((1, evidence.size, 3))
+    simulated = zero + evidence.compared.statistics
+    found = [evidence.log_likelihood(simulated, np.full((1, 3), error), None, unknowns()) for error in (0.0, 5.0)]
+    # no residual, but a covariance so much wider is worth less by the logarithm of its volume
+    assert found[1] - found[0] < -10.0
+
+
+def test_the_level_adds_in_quadrature():
+    bins = made_bins()
+    alone, level = (linear_sd_db(made_model(bins, level_db=sd), LINE_X, 40.0) for sd in (0.0, 0.6))
+    assert alone == pytest.approx(0.06, rel=0.25)
+    assert np.sqrt(level**2 - alone**2) == pytest.approx(0.6, rel=0.1)
+
+
+def test_the_resolutions_flatten_and_steepen():
+    bins = made_bins()
+    angles = np.array([[30.0, 50.0]])
+
+    def slope_sd(share: float) -> float:
+        model = made_model(bins, point_spread=share)
+        centre = np.zeros(model.dimension)
+        centre[:2] = model.surrogate.unit(LINE_X)
+        curves = sigma0_db(model, model.linear(centre, np.random.default_rng(7)))
+        return float(np.diff(Curves.at(curves, angles), axis=1).std())
+
+    # the line falls by 5 dB between these angles
+    assert np.sqrt(slope_sd(0.4) ** 2 - slope_sd(0.0) ** 2) == pytest.approx(5.0 * FLATTENING * 0.4, rel=0.2)
+
+
+def test_an_error_of_the_incidence_is_uncertain_by_its_factor():
+    budget = Budget(0.3, 0.4, 0.1, 0.5, 0.3)
+    found = budget.incidence_error_deg(np.array([0.4, 1.2]), np.array([-1.0, 0.0, 2.0]))
+    assert found[1] == pytest.approx([0.5, np.hypot(1.2, 0.3)])
+    assert found[2] / found[1] == pytest.approx(np.exp(1.0))
+    assert found[0] / found[1] == pytest.approx(np.exp(-0.5))
+
+
+def test_a_removed_offset_has_its_own_error():
+    config = Uncertainty(level_db=0.7)
+    assert Budget.of(config, Levels()).level_db == 0.7
+    assert Budget.of(config, Levels("offset", 1.2, 0.25)).level_db == 0.25
+
+
+def test_the_linear_band_covers_hidden_laws():
+    """Fifty lines with speckle of their own and a level that is off."""
+    rng = np.random.default_rng(11)
+    held = []
+    for seed in range(50):
+        bins = made_bins(seed=seed, shift_db=rng.normal(0.0, 0.3))
+        model = made_model(bins, level_db=0.3)
+        centre = np.zeros(model.dimension)
+        centre[:2] = model.surrogate.unit(LINE_X)
+        draws = model.linear(centre, np.random.default_rng(seed))[:400]
+        best = draws[np.argmax(model.log_likelihood(draws))]
+        curves = sigma0_db(model, model.linear(best, np.random.default_rng(seed)))
+        low, high = np.quantile(Curves.at(curves, np.array([[33.0, 47.0]])), [0.05, 0.95], axis=0)
+        truth = LINE(np.radians([33.0, 47.0]), LINE_X)
+        held.append((truth >= low) & (truth <= high))
+    assert 0.80 <= np.mean(held) <= 0.98
+
+
+def test_rejection_draws_the_prior_that_the_sampler_sees():
+    bins = made_bins(LAWS["mangia"], MANGIA_BOX, MANGIA_X, free_looks=True)
+    bins.bins = replace(bins.bins, priors=True)
+    bins.method = replace(bins.method, priors=True)
+    model = made_model(bins, field_db=0.4)
+    drawn = model.from_prior(2000, np.random.default_rng(5))
+    walked = sample(model.log_prior, None, model.dispersed(128, np.random.default_rng(6)), 2000, 8).draws
+    assert 600 < len(drawn) <= 2000
+    # X4 and the looks have priors of their own, the level that of the curve
+    for values in ((one[:, 3], one[:, 4]) for one in (drawn, walked)):
+        assert np.median(values[0]) < 0.45  # of the box up to 20: log-normal about 5
+        assert np.exp(np.median(values[1])) == pytest.approx(3.0, rel=0.12)
+    for quantile in (0.25, 0.5, 0.75):
+        gap = np.quantile(drawn, quantile, axis=0) - np.quantile(walked, quantile, axis=0)
+        assert np.abs(gap / drawn.std(axis=0)).max() < 0.2
+
+
+@pytest.fixture(scope="module")
+def of_density():
+    """Posterior of one density at a few steps, with the model's own fall-back."""
+    rng = np.random.default_rng(3)
+    angle = np.clip(rng.normal(40.0, 8.0, 600), 10.0, 80.0)
+    values = LAWS["mangia"](np.radians(angle), MANGIA_X) + 10.0 * np.log10(rng.gamma(4.0, 0.25, 600))
+    objective = Density(make_material(make_target(values, angle), MANGIA_BOX, LAWS["mangia"]))
+    x = np.array([[-30.0, 20.0, 10.0, 5.0], [-20.0, 5.0, 20.0, 9.0]])
+    statistics = np.stack([objective.baseline(one) + 0.02 for one in x])
+    surrogate = Surrogate(train_surrogate(objective, x, statistics, SurrogateConfig()), objective)
+    return lambda seed: posterior_on(objective, surrogate, Levels(), Uncertainty(walkers=40, steps=100), seed, x[0])
+
+
+def test_without_convergence_the_linear_covariance_is_taken_and_said(of_density):
+    found = of_density(4)
+    assert not found.sampled
+    assert "the sampler has not converged" in found.sentences[0]
+    assert "after 100 steps" in found.sentences[0]
+    assert (found.parameters_p05 < found.parameters_p95).all()
+    assert found.curve is not None
+    assert (found.curve.p05_db < found.curve.median_db).all()
+    assert found.curve.incidence_deg == pytest.approx(np.arange(86.0))
+
+
+def test_the_same_seed_gives_the_same_posterior(of_density, tmp_path: Path):
+    first, again, other = of_density(4), of_density(4), of_density(5)
+    assert (first.parameters_p50 == again.parameters_p50).all()
+    assert not (first.parameters_p50 == other.parameters_p50).any()
+    path = tmp_path / "posterior/dyke.h5"
+    path.parent.mkdir()
+    write_posterior(path, replace(first, known_between_deg=(20.25, 41.5)))
+    assert kind_of(path) == "posterior"
+    read = read_posterior(path)
+    assert read.known_between_deg == (20.25, 41.5)
+    assert (read.curve.p95_db == first.curve.p95_db).all()
+    assert read.sentences == first.sentences
+
+
+def test_without_a_curve_only_parameters_have_intervals():
+    rng = np.random.default_rng(3)
+    values = rng.normal(-8.0, 2.0, 400)
+    objective = Density(make_material(make_target(values, np.full(400, 35.0)), [[0.0, 1.0], [-2.0, 2.0]]))
+    x = np.array([[0.1, -1.0], [0.8, 1.0], [0.4, 0.3], [0.9, -1.5]])
+    statistics = np.stack([[[-14.0 + 9.0 * a, 0.6 + 0.1 * b, -0.3]] for a, b in x])
+    surrogate = Surrogate(train_surrogate(objective, x, statistics, SurrogateConfig()), objective)
+    found = posterior_on(objective, surrogate, Levels(), Uncertainty(walkers=40, steps=1500), 2)
+    assert found.curve is None
+    assert found.known_between_deg is None
+    # the level fixes the first parameter at 0.67
+    assert found.parameters_p05[0] < 0.67 < found.parameters_p95[0]
+    assert found.parameters_p95[0] - found.parameters_p05[0] < 0.4
+    assert "no curve" in found.sentence(1.5)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "sentence"),
+    [
+        ({"known_db": 0}, "uncertainty.known_db"),
+        ({"level_db": -0.1}, "uncertainty.level_db"),
+        ({"walkers": 8}, "uncertainty.walkers"),
+        ({"levels_db": 0.3}, "uncertainty.levels_db"),
+    ],
+)
+def test_wrong_settings_are_refused_in_a_sentence(wrong, sentence):
+    with pytest.raises(ConfigError, match=sentence):
+        case_from({"uncertainty": wrong}, "mine.yaml")

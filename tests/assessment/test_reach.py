@@ -1,0 +1,78 @@
+"""Bounds that cannot reach the measured level."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from calibration_samples import make_target
+
+from radcal.assessment.reach import check_reach, law_range_db, level_asked_db
+from radcal.config import case_from
+from radcal.errors import ConfigError
+from radcal.measurement.target import Targets
+from radcal.radar.laws import LAWS, law_for
+
+LAW = LAWS["mangia"]
+
+
+def case_with(**material):
+    return case_from(
+        {
+            "materials": {"crops": {"calibrate": True, **material}},
+            "measurement": {"source": "synthetic", "synthetic": {"parameters": {"crops": [1.0, 2.0, 3.0, 4.0]}}},
+            "radar": {"looks": 4},
+        }
+    )
+
+
+def targets_at(level_db, **changes):
+    """Pixels whose level of law is this, without spread but for four looks' mean."""
+    values = level_db - 0.5655 + np.linspace(-1.0, 1.0, 60)
+    return Targets({"crops": make_target(values, np.linspace(30.0, 40.0, 60), dp=[0.0, 1.0, 0.0], **changes)})
+
+
+def test_range_of_a_law_over_its_bounds():
+    box = [[-20.0, -5.0], [0.0, 30.0], [0.0, 10.0], [1.0, 5.0]]
+    angle = [30.0, 40.0]
+    low, high = law_range_db(LAW, box, angle)
+    assert low == pytest.approx(-20.0)
+    assert high == pytest.approx(LAW(np.radians(angle), [-5.0, 30.0, 10.0, 1.0]).mean(), abs=1e-3)
+
+
+def test_range_of_a_law_with_many_parameters():
+    law = law_for("tabulated", angles_deg=tuple(np.linspace(10.0, 60.0, 12)))
+    low, high = law_range_db(law, [[-30.0, -2.0]] * 12, [20.0, 50.0])
+    assert (low, high) == (pytest.approx(-30.0, abs=0.2), pytest.approx(-2.0, abs=0.2))
+
+
+def test_level_of_a_law_is_above_the_mean_of_its_speckle():
+    values = 10.0 * np.log10(np.random.default_rng(1).gamma(4.0, 0.25, 200_000)) - 9.0
+    assert level_asked_db(values, 4.0) == pytest.approx(-9.0, abs=0.02)
+
+
+@pytest.mark.parametrize(("level", "refused"), [(-2.9, False), (-3.1, True), (12.0, False)])
+def test_a_level_more_than_3_db_below_all_laws_is_refused(level, refused):
+    case, targets = case_with(bounds=[[0, 50]] * 4), targets_at(level)
+    if not refused:
+        check_reach(case, targets)
+        return
+    with pytest.raises(ConfigError) as error:
+        check_reach(case, targets)
+    said = str(error.value)
+    assert said.startswith("materials.crops.bounds: inside them the law 'mangia' gives 0.0 to 1")
+    assert "the measured level is -3.1 dB" in said
+    assert "only the reference run has been made" in said
+
+
+def test_a_level_above_all_laws_is_refused_unless_it_is_the_noises():
+    low = [[-40, -30], [0, 5], [0, 5], [1, 5]]
+    case = case_with(bounds=low, start=[-35, 2, 2, 2])
+    with pytest.raises(ConfigError, match="the measured level is -15.0 dB"):
+        check_reach(case, targets_at(-15.0))
+    check_reach(case, targets_at(-15.0, noise_db=-16.0))
+
+
+def test_normalised_images_and_external_laws_have_no_level():
+    image = case_with(bounds=[[0, 50]] * 4).model_copy(deep=True)
+    image = image.model_copy(update={"target": image.target.model_copy(update={"normalisation": "image"})})
+    check_reach(image, targets_at(-30.0))

@@ -1,0 +1,85 @@
+"""Sampler against densities in closed form."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from radcal.assessment.sampling import sample, split_r_hat
+
+MEAN = np.array([0.3, -2.0, 5.0])
+COVARIANCE = np.array([[0.04, 0.03, 0.0], [0.03, 0.25, -0.2], [0.0, -0.2, 4.0]])
+PRIOR_SD = np.array([3.0, 4.0, 6.0])
+
+
+def log_prior(points):
+    return -0.5 * ((points / PRIOR_SD) ** 2).sum(axis=1)
+
+
+def log_likelihood(points):
+    left = points - MEAN
+    return -0.5 * np.einsum("kd,de,ke->k", left, np.linalg.inv(COVARIANCE), left)
+
+
+def start(seed: int = 3) -> np.ndarray:
+    return np.random.default_rng(seed).standard_normal((64, 3)) * PRIOR_SD
+
+
+@pytest.fixture(scope="module")
+def found():
+    return sample(log_prior, log_likelihood, start(), 4000, 5)
+
+
+def test_a_normal_posterior_is_the_one_in_closed_form(found):
+    precision = np.linalg.inv(COVARIANCE) + np.diag(PRIOR_SD**-2.0)
+    covariance = np.linalg.inv(precision)
+    mean = covariance @ np.linalg.inv(COVARIANCE) @ MEAN
+    sd = np.sqrt(np.diag(covariance))
+    assert found.converged
+    assert found.ess >= 400.0
+    # five standard errors at the effective sample size
+    assert np.abs(found.draws.mean(axis=0) - mean).max() < (5.0 * sd / np.sqrt(found.ess)).max()
+    assert found.draws.std(axis=0) / sd == pytest.approx(1.0, abs=5.0 / np.sqrt(2.0 * found.ess))
+    there = np.corrcoef(found.draws, rowvar=False)[0, 1]
+    assert there == pytest.approx(covariance[0, 1] / (sd[0] * sd[1]), abs=0.12)
+    assert found.best == pytest.approx(mean, abs=(0.5 * sd).max())
+
+
+def test_the_prior_alone_is_sampled_without_a_likelihood():
+    alone = sample(log_prior, None, start(), 4000, 5)
+    assert alone.draws.std(axis=0) / PRIOR_SD == pytest.approx(1.0, abs=5.0 / np.sqrt(2.0 * alone.ess))
+
+
+def test_a_seed_gives_the_same_draws_and_another_gives_others(found):
+    again, other = (sample(log_prior, log_likelihood, start(), 500, seed) for seed in (5, 6))
+    twice = sample(log_prior, log_likelihood, start(), 500, 5)
+    assert (again.draws == twice.draws).all()
+    assert not np.isin(other.draws[-64:], again.draws).any()
+    assert found.steps >= 500
+
+
+def test_too_few_steps_have_not_converged():
+    assert not sample(log_prior, log_likelihood, start(), 100, 5).converged
+
+
+def test_two_modes_keep_their_shares():
+    def log_two(points):
+        return np.logaddexp(
+            np.log(0.7) - 2.0 * ((points - 2.0) ** 2).sum(axis=1), np.log(0.3) - 2.0 * ((points + 2.0) ** 2).sum(axis=1)
+        )
+
+    found = sample(log_prior, log_two, start(), 6000, 5)
+    assert (found.draws[:, 0] > 0.0).mean() == pytest.approx(0.7, abs=0.12)
+
+
+def test_r_hat_tells_groups_of_walkers_that_differ():
+    rng = np.random.default_rng(1)
+    chains = rng.standard_normal((400, 32, 2))
+    apart = chains.copy()
+    apart[:, ::8, 1] += 2.0  # one group of eight
+    drifting = chains.copy()
+    drifting[200:, :, 0] += 1.0
+    assert split_r_hat(chains).max() < 1.01
+    assert split_r_hat(apart)[1] > 1.1
+    assert split_r_hat(apart)[0] < 1.01
+    assert split_r_hat(drifting)[0] > 1.1

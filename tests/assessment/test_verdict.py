@@ -1,0 +1,107 @@
+"""Sentences on the fit of each material, and the first line."""
+
+from __future__ import annotations
+
+import pytest
+
+from radcal.assessment.fit_test import FitTest
+from radcal.assessment.verdict import Known, all_fit, first_line, verdict
+
+
+def fit_of(fits=True, **changes):
+    values = {
+        "residual_sum": 14.2,
+        "expected": 21.4,
+        "p": 0.6,
+        "worst_deg": 33.6,
+        "worst_mean_db": 0.3,
+        "worst_spread": 1.04,
+        "mean_db": 0.1,
+        "sd_db": 2.2,
+        "measured_sd_db": 2.1,
+        "looks_limit": "",
+        "bounds": (),
+        "distance": 0.4,
+    }
+    return FitTest(fits=fits, **{**values, **changes})
+
+
+def test_a_law_that_fits_is_known_somewhere():
+    known = Known((10.2, 24.9), 0.68)
+    assert verdict("dyke", fit_of(), known=known) == (
+        "dyke fits (residuals 14 of 21): sigma0 known to +-0.7 dB between 10 and 25 degrees; "
+        "outside that it is the prior."
+    )
+    assert verdict("dyke", fit_of()) == "dyke fits (residuals 14 of 21)."
+    assert verdict("dyke", fit_of(), known=Known(None, 1.5)) == (
+        "dyke fits (residuals 14 of 21), but sigma0 is known to +-1.5 dB at no angle: it is the prior."
+    )
+
+
+def test_a_law_that_does_not_fit_is_not_called_known():
+    test = fit_of(False, sd_db=14.5, measured_sd_db=2.1)
+    said = verdict("crops", test, "mangia's bounds cannot reach -9 dB", Known((10.0, 25.0), 0.7))
+    assert said == (
+        "crops: does not fit: the simulated spread is 14.5 dB, the measured 2.1; mangia's bounds cannot reach -9 dB."
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (
+            {"residual_sum": 160.0, "mean_db": -1.3},
+            "residuals 160 of 21, the simulated mean is 1.3 dB below the measured",
+        ),
+        (
+            {"worst_mean_db": 1.26, "residual_sum": 60.0},
+            "residuals 60 of 21, at 34 degrees the simulated mean is 1.3 dB above the measured",
+        ),
+        (
+            {"worst_spread": 1.3, "residual_sum": 60.0},
+            "residuals 60 of 21, at 34 degrees the simulated spread is 1.30 times the measured",
+        ),
+        ({"sd_db": 1.7}, "the simulated spread is 1.7 dB, the measured 2.1"),
+    ],
+)
+def test_the_largest_misfit_is_said_and_an_unknown_cause(changes, said):
+    assert verdict("crops", fit_of(False, **changes)) == f"crops: does not fit: {said}; cause unknown."
+
+
+def test_one_incidence_is_a_level_only():
+    assert verdict("water", fit_of(), level_only=True) == "water: level only, seen at one incidence."
+    assert "does not fit" in verdict("water", fit_of(False, mean_db=3.0), level_only=True)
+
+
+def test_one_density_is_not_tested():
+    nan = float("nan")
+    said = verdict("dyke", fit_of(None, residual_sum=nan, expected=nan, p=nan))
+    assert said == (
+        "dyke: one density leaves no degree of freedom to test the law, and its rms is 0.4 times the sampling error."
+    )
+
+
+@pytest.mark.parametrize(("between", "said"), [(3.1, True), (3.0, False), (float("nan"), False)])
+def test_fields_that_differ_much_are_said(between, said):
+    assert (
+        "fields differ by 3.1 dB (sd), which can hide a misfit" in verdict("a", fit_of(), between_db=between)
+    ) is said
+
+
+def test_all_fit():
+    assert all_fit([True, True]) is True
+    assert all_fit([True, None]) is None
+    assert all_fit([None, False, True]) is False
+    assert all_fit([]) is None
+
+
+def test_the_first_line_counts_several():
+    one = {"dyke": "dyke fits (residuals 14 of 21)."}
+    assert first_line(one, {"dyke": True}, True) == "dyke fits (residuals 14 of 21)."
+    assert first_line(one, {"dyke": True}, False) == (
+        "dyke fits (residuals 14 of 21). The search has not met its stop criterion."
+    )
+    names = ["a", "b", "c", "d"]
+    fits = dict(zip(names, [True, False, True, None], strict=True))
+    line = first_line(dict.fromkeys(names, "-"), fits, True)
+    assert line == "Of 4 materials 2 fit, 1 does not fit (b), 1 cannot be tested (d)."

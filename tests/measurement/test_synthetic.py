@@ -1,0 +1,190 @@
+"""Synthetic measurements made by other settings than the runs'."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from radcal.config import Case, Radar
+from radcal.errors import MeasurementError
+from radcal.measurement.model import Measurement
+from radcal.measurement.sources import make_measurement
+from radcal.measurement.synthetic import relabelled, roughened, textured
+from radcal.radar.geometry import Geometry
+from radcal.radar.projection import make_geometry
+from radcal.scene.model import Scene
+from radcal.simulators.builtin import BuiltinSimulator
+
+TRUTH = [6.1, 14.2, 21.5, 3.3]
+GRASS = [10.0, 14.0, 6.0, 4.0]
+Make = Callable[..., Measurement]
+
+
+@pytest.fixture(scope="module")
+def make(geometry: Geometry, scene: Scene, build_case: Callable[..., Case]) -> Make:
+    def made(**keys: Any) -> Measurement:
+        hidden = {"parameters": {"dyke": TRUTH}} if "laws" not in keys else {"parameters": {}}
+        case = build_case(measurement={"synthetic": {**hidden, "warp_px": 0, **keys}})
+        return make_measurement(case, geometry, BuiltinSimulator(geometry, case.radar, case.laws), scene)
+
+    return made
+
+
+@pytest.fixture(scope="module")
+def plain(make: Make) -> Measurement:
+    return make()
+
+
+def mean_db(measurement: Measurement, pixels: np.ndarray) -> float:
+    return float(10 * np.log10(np.mean(10 ** (measurement.image_db.ravel()[pixels].astype(float) / 10))))
+
+
+def correlation(measurement: Measurement, axis: int, pixels: np.ndarray) -> float:
+    """Correlation of the power of neighbours."""
+    power = 10 ** (measurement.image_db.astype(float) / 10)
+    here = np.zeros(power.shape, bool)
+    here.ravel()[pixels] = True
+    both = here & np.roll(here, -1, axis)
+    return float(np.corrcoef(power[both], np.roll(power, -1, axis)[both])[0, 1])
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {"relief_m": 0.2},
+        {"resolution_factor": 1.2},
+        {"looks": 2},
+        {"nesz_db": 0.0},
+        {"texture_db": 1.0},
+        {"wrong_labels": 0.05},
+        {"laws": {"dyke": {"law": "mangia", "parameters": [6.2, *TRUTH[1:]]}}},
+    ],
+    ids=lambda keys: next(iter(keys)),
+)
+def test_a_mismatch_changes_the_image_and_not_its_grid(make: Make, plain: Measurement, keys: dict[str, Any]) -> None:
+    image = make(**keys)
+    assert image.image_db.shape == plain.image_db.shape
+    assert np.isfinite(image.image_db).all()
+    assert not np.array_equal(image.image_db, plain.image_db)
+    np.testing.assert_array_equal(make(**keys).image_db, image.image_db)
+
+
+@pytest.mark.parametrize("keys", [{"relief_length_m": 2.0}, {"texture_length_m": 3.0}, {"looks": None}])
+def test_a_length_without_a_height_changes_nothing(make: Make, plain: Measurement, keys: dict[str, Any]) -> None:
+    np.testing.assert_array_equal(make(**keys).image_db, plain.image_db)
+
+
+def test_looks_noise_and_resolution_are_those_of_the_measurement(
+    make: Make, plain: Measurement, geometry: Geometry
+) -> None:
+    pixels = geometry.pixels("grass", 3)
+    # log-variance of speckle: K^2 trigamma(2) is 12.2 dB^2, trigamma(4) 5.35 dB^2
+    gained = np.var(make(looks=2).image_db.ravel()[pixels]) - np.var(plain.image_db.ravel()[pixels])
+    assert gained == pytest.approx(12.16 - 5.35, rel=0.2)
+    coarse = make(resolution_factor=1.5)
+    assert correlation(coarse, 0, pixels) > 1.3 * correlation(plain, 0, pixels)
+    assert correlation(coarse, 1, pixels) > 1.3 * correlation(plain, 1, pixels)
+    level = 10 ** (mean_db(plain, pixels) / 10) + 10**2.0
+    assert mean_db(make(nesz_db=20.0), pixels) == pytest.approx(10 * np.log10(level), abs=0.15)
+
+
+def test_a_hidden_law_of_another_kind(make: Make, plain: Measurement, geometry: Geometry) -> None:
+    flat = {"law": "tabulated", "angles_deg": [10.0, 70.0], "parameters": [30.0, 30.0]}
+    image = make(laws={"dyke": flat})
+    assert mean_db(image, geometry.pixels("dyke", 3)) == pytest.approx(30.0, abs=0.2)
+    assert mean_db(image, geometry.pixels("grass", 3)) == pytest.approx(
+        mean_db(plain, geometry.pixels("grass", 3)), abs=0.01
+    )
+    # X of another law means nothing in the calibrated one
+    assert (image.hidden, plain.hidden) == ({}, {"dyke": tuple(TRUTH)})
+
+
+def test_parameters_may_be_those_of_a_fixed_material(make: Make, plain: Measurement, geometry: Geometry) -> None:
+    brighter = make(parameters={"dyke": TRUTH, "grass": [12.5, *GRASS[1:]]})
+    change = (brighter.image_db - plain.image_db).ravel()
+    assert np.median(change[geometry.pixels("grass", 3)]) == pytest.approx(2.5, abs=0.01)
+    assert np.median(change[geometry.pixels("dyke", 3)]) == pytest.approx(0.0, abs=0.01)
+
+
+def test_a_resolution_below_the_pixel_spacing_is_refused(make: Make) -> None:
+    with pytest.raises(
+        MeasurementError, match=r"resolution_factor is 0\.85, which makes radar\.range_resolution_m 1\.7 m"
+    ):
+        make(resolution_factor=0.85)
+
+
+@pytest.mark.parametrize("length_m", [4.0, 12.0])
+def test_relief_has_its_height_and_its_slope(build_scene: Callable[..., Scene], length_m: float) -> None:
+    level = build_scene(lambda east, north: 0 * east + 7.0, cells=(80, 120))
+    rough = roughened(level, 0.3, length_m, 5, np.random.default_rng(1))
+    assert (rough.material.shape, rough.cell_m) == ((400, 600), 1.0)
+    assert rough.elevation_m is not None
+    assert rough.elevation_m.mean() == pytest.approx(7.0, abs=1e-9)
+    assert rough.elevation_m.std() == pytest.approx(0.3, rel=1e-9)
+    for axis in (0, 1):
+        slope = np.gradient(rough.elevation_m, 1.0, axis=axis).std()
+        assert slope == pytest.approx(np.sqrt(2) * 0.3 / length_m, rel=0.12)  # central differences of 1 m smooth
+
+
+def test_no_relief_on_divided_cells_is_the_same_ground(scene: Scene, radar: Radar, geometry: Geometry) -> None:
+    divided = roughened(scene, 0.0, 5.0, 3, np.random.default_rng(1))
+    seen = make_geometry(divided, radar, onto=geometry)
+    assert seen.shape == geometry.shape
+    np.testing.assert_allclose(seen.flat_incidence_deg, geometry.flat_incidence_deg, atol=1e-6)
+    np.testing.assert_allclose(seen.incidence_deg, geometry.incidence_deg, atol=0.05)
+    np.testing.assert_array_equal(seen.material, geometry.material)
+
+
+def test_relief_spreads_the_incidence(scene: Scene, radar: Radar, geometry: Geometry) -> None:
+    rough = roughened(scene, 0.4, 6.0, 3, np.random.default_rng(1))
+    seen = make_geometry(rough, radar, onto=geometry)
+    assert seen.shape == geometry.shape
+    both = np.isfinite(seen.incidence_deg) & np.isfinite(geometry.incidence_deg)
+    change = (seen.incidence_deg - geometry.incidence_deg)[both]
+    # rms slope along ground range: atan(sqrt(2) 0.4 / 6) is 5.4 degrees, less what a pixel of several facets averages
+    assert 2.0 < change.std() < 5.4
+    assert abs(change.mean()) < 1.0
+
+
+@pytest.mark.parametrize("share", [0.02, 0.1])
+def test_wrong_labels_are_as_many_as_configured(scene: Scene, share: float) -> None:
+    empty = scene.material.copy()
+    empty[:3] = 0
+    part = replace(scene, material=empty)
+    wrong = relabelled(part, share, np.random.default_rng(2)).material
+    assert wrong.dtype == np.uint8
+    changed = wrong != empty
+    assert changed.sum() == round(share * np.count_nonzero(empty))
+    assert (wrong[:3] == 0).all()
+    assert set(np.unique(wrong)) == {0, 1, 2}
+    away = np.abs(np.arange(40) - 21.5) > 1  # columns that do not lie on the border between the two materials
+    assert changed[:, away].any()
+    assert changed[:, ~away].any()
+
+
+def test_one_material_cannot_be_mislabelled(build_scene: Callable[..., Scene]) -> None:
+    alone = build_scene(lambda east, north: 0 * east)
+    assert relabelled(alone, 0.2, np.random.default_rng(2)) is alone
+
+
+def test_texture_has_its_spread_its_mean_and_its_length(build_scene: Callable[..., Scene], radar: Radar) -> None:
+    flat = make_geometry(build_scene(lambda east, north: 0 * east, cells=(160, 160)), radar)
+    weights = {
+        length_m: textured(flat, radar, 1.7, length_m, np.random.default_rng(4)).facet_weight / flat.facet_weight
+        for length_m in (5.0, 20.0)
+    }
+    first = flat.facet_start[flat.cell_start[:-1]]
+    for length_m, weight in weights.items():
+        image = weight[first].reshape(flat.shape)
+        assert (10 * np.log10(image)).std() == pytest.approx(1.7, rel=0.12)
+        assert image.mean() == pytest.approx(1.0, abs=0.08)
+        # after one correlation length the correlation is exp(-1), in both directions on the ground
+        for axis, pixel_m in ((0, radar.range_spacing_m * np.sqrt(2)), (1, radar.azimuth_spacing_m)):
+            steps = round(length_m / pixel_m)
+            a, b = np.delete(image, range(steps), axis), np.delete(image, range(-steps, 0), axis)
+            expected = np.exp(-((steps * pixel_m / length_m) ** 2))
+            assert np.corrcoef(a.ravel(), b.ravel())[0, 1] == pytest.approx(expected, abs=0.13)

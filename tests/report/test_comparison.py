@@ -1,0 +1,79 @@
+"""Two calibrations side by side."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from archives import changed_material
+from typer.testing import CliRunner
+
+from radcal.assessment.posterior import Curve, Posterior
+from radcal.cli import app
+from radcal.errors import ConfigError
+from radcal.report.archive import write_archive
+from radcal.report.comparison import compare, law_difference
+
+
+def known(slope, level, seen, half=1.0, between=None):
+    """Posterior of a straight curve of sigma0 [dB], with a band of twice the half-width downwards."""
+    degrees = np.arange(10.0, 61.0)
+    middle = level + slope * degrees
+    curve = Curve(degrees, middle, middle - 2 * half, middle + half, np.full(51, 9.0))
+    four, three = np.arange(4.0), np.arange(3.0)
+    return Posterior(
+        True, 400.0, 1.01, 500, four, four, four, three, three, three, np.array([seen]), np.eye(4), four,
+        np.array([1.0]), four[None], (), curve, between,
+    )  # fmt: skip
+
+
+@pytest.fixture
+def pair(made):
+    """A and B: B is 4 dB above A at 30 degrees, and falls by 0.1 dB per degree more."""
+    a = changed_material(made.archive, "dyke", posterior=known(-0.3, -5.0, (20.0, 40.0), between=(21.5, 38.0)))
+    b = changed_material(made.archive, "dyke", posterior=known(-0.4, 2.0, (30.0, 50.0), half=2.2))
+    return a, replace(b, case="other")
+
+
+def test_differences_are_those_over_the_incidence_that_both_have_seen(pair):
+    found = law_difference(*pair, "dyke")
+    assert found.seen_deg == (30.0, 40.0)
+    assert found.mean_db == pytest.approx(3.5)
+    assert found.largest_db == pytest.approx(4.0)
+    back = law_difference(*reversed(pair), "dyke")
+    assert (back.mean_db, back.largest_db) == (pytest.approx(-3.5), pytest.approx(-4.0))
+    # A's upper edge lies 1 dB above it, B's lower edge 4.4 dB below B: they always meet; narrower ones from 36 deg on
+    assert found.bands_meet == 1.0
+    narrow = changed_material(pair[1], "dyke", posterior=known(-0.4, 2.0, (30.0, 50.0), half=1.2))
+    assert law_difference(pair[0], narrow, "dyke").bands_meet == pytest.approx(0.4, abs=0.02)
+    far = changed_material(pair[1], "dyke", posterior=known(-0.4, 2.0, (41.0, 50.0)))
+    assert law_difference(pair[0], far, "dyke") is None
+
+
+def test_the_command_prints_a_table_and_draws_a_figure(pair, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for archive, name in zip(pair, ("small", "other"), strict=True):
+        write_archive(tmp_path / "results" / name / "calibration.h5", archive)
+    done = CliRunner().invoke(app, ["compare", "small", "other"])
+    assert done.exit_code == 0, done.output
+    lines = done.stdout.splitlines()
+    assert lines[:2] == ["A: results/small", "B: results/other"]
+    assert [cell.strip() for cell in lines[4].split("  ") if cell] == [
+        "dyke", "30.0-40.0 deg", "+3.50 dB", "+4.00 dB", "100 %", "untested | untested", "21.5-38.0 | nowhere", "8 | 8",
+    ]  # fmt: skip
+    assert lines[5].startswith("stem beans")
+    assert lines[-1] == "figure: results/small_and_other.png"
+    assert (tmp_path / "results/small_and_other.png").read_bytes().startswith(b"\x89PNG")
+    missing = CliRunner().invoke(app, ["compare", "small", "gone"])
+    assert missing.exit_code == 1
+    assert missing.stderr.startswith("radcal: gone: there is no folder results/gone")
+
+
+def test_cases_without_a_common_material_are_refused(pair, tmp_path):
+    write_archive(tmp_path / "a/calibration.h5", pair[0])
+    only = {"stem": pair[1].materials["stem beans"]}
+    write_archive(tmp_path / "b/calibration.h5", replace(pair[1], materials=only))
+    with pytest.raises(ConfigError, match="no material in common: found dyke, stem beans and stem, expected"):
+        compare([tmp_path / "a", tmp_path / "b"], tmp_path / "figure.png")
+    assert not (tmp_path / "figure.png").exists()

@@ -1,0 +1,63 @@
+"""What is known of a law, in archive, summary, checks and figure."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from archives import changed_material, posterior
+
+from radcal.assessment.law_check import check_laws
+from radcal.config import stages
+from radcal.report.archive import read_archive, write_archive
+from radcal.report.law_figures import law
+from radcal.report.summary import summarise
+
+
+def test_the_summary_holds_curve_intervals_and_where_the_law_is_known(made, tmp_path):
+    write_archive(tmp_path / "calibration.h5", changed_material(made.archive, "dyke", posterior=posterior()))
+    archive = read_archive(tmp_path / "calibration.h5")
+    found = summarise(archive)["materials"]["dyke"]
+    assert found["known_between_deg"] == [22.25, 39.5]
+    assert set(found["sigma0_curve"]) == {"incidence_deg", "median_db", "p05_db", "p95_db"}
+    assert found["sigma0_curve"]["incidence_deg"] == list(range(86))
+    assert found["sigma0_curve"]["p95_db"][10] == pytest.approx(-5.0)
+    assert list(found["parameters_p05"].values()) == [1.0, 2.0, 3.0, 4.0]
+    assert found["parameters_p95"]["X4"] == pytest.approx(5.9)
+    assert found["posterior"]["mode_shares"] == [0.8, 0.2]
+    # known nowhere, and no curve
+    nothing = changed_material(archive, "dyke", posterior=posterior(curve=None, known_between_deg=None))
+    found = summarise(nothing)["materials"]["dyke"]
+    assert found["known_between_deg"] is None
+    assert found["sigma0_curve"] is None
+
+
+def test_a_law_is_identified_where_it_is_known_somewhere(made):
+    case = stages.Archive.of(made.case)
+    here, nowhere = posterior(), posterior(known_between_deg=None, sampled=False, sentences=("the sampler has not.",))
+    known = check_laws(case, made.targets, made.history, posteriors={"dyke": here})["dyke"]
+    lost = check_laws(case, made.targets, made.history, posteriors={"dyke": nowhere})["dyke"]
+    assert (known.identified, lost.identified) == (True, False)
+    assert not any("not identified" in said for said in (*known.sentences, *lost.sentences))
+    assert lost.sentences[0] == "dyke: sigma0 is known to +-1.5 dB nowhere over the incidence seen."
+    assert lost.sentences[1] == "dyke: the sampler has not."
+
+
+def test_the_words_tell_width_and_angles():
+    # half of the band's width is 0.9 dB at 0 degrees and grows by 0.015 dB per degree: 1.5 dB at 40
+    assert posterior().sentence(1.5) == (
+        "sigma0 is known to +-1.5 dB (90 %) between 22.25 and 39.5 degrees; outside of that it is the prior."
+    )
+    assert "known to +-1.2 dB (90 %) between 12 and 20" in posterior(known_between_deg=(12.0, 20.0)).sentence(1.5)
+
+
+def test_the_figure_shows_the_band_and_where_it_is_known(made):
+    archive = changed_material(made.archive, "dyke", posterior=posterior())
+    canvas, caption, _ = law(archive, "dyke")
+    band, known = canvas.axes[0].collections[:2]
+    assert (band.get_label(), known.get_label()) == ("90 % band", "known")
+    angles = known.get_paths()[0].vertices[:, 0]
+    assert (angles.min(), angles.max()) == pytest.approx((22.25, 39.5))
+    assert "2 distinct laws agree with the pixels." in caption
+    bare = law(changed_material(made.archive, "dyke", posterior=replace(posterior(), known_between_deg=None)), "dyke")
+    assert "known" not in [one.get_label() for one in bare[0].axes[0].collections]

@@ -1,0 +1,82 @@
+"""What is said of a case at the terminal."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from typer.testing import CliRunner
+
+from radcal.cli import app
+from radcal.errors import StoreError
+from radcal.report.showing import results_folder, show
+from radcal.report.summary import summarise
+from radcal.storage.records import write_json
+
+FILES = ("scene.h5", "reference.json", "scores.json", "final.json", "calibration.h5", "export.json", "report.json")
+
+
+@pytest.fixture
+def folder(made, tmp_path, monkeypatch):
+    """Folder ``results/small`` of a finished case, in the working folder."""
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "results" / "small"
+    (folder / "export").mkdir(parents=True)
+    for name in (*FILES, "report.html", "runs.csv"):
+        (folder / name).touch()
+    write_json(folder / "summary.json", summarise(made.archive), flat=True)
+    return folder
+
+
+def test_a_finished_case(folder, made):
+    lines = show(folder)
+    assert lines[0] == summarise(made.archive)["verdict"]
+    assert lines[1].startswith(f"dyke: {summarise(made.archive)['materials']['dyke']['verdict']} mangia with X1 ")
+    assert lines[3] == "runs: 8 (1 reference, 4 design, 2 infill, 1 final); end: unreachable."
+    assert lines[4:] == [
+        f"report: {folder / 'report.html'}",
+        f"exports: {folder / 'export'}",
+        f"summary: {folder / 'summary.json'}",
+        f"table of runs: {folder / 'runs.csv'}",
+    ]
+
+
+def test_where_sigma0_is_known(folder):
+    data = json.loads((folder / "summary.json").read_text())
+    curve = {"incidence_deg": [19, 20, 21, 22], "p05_db": [-30, -12, -11, -9], "p95_db": [0, -9, -10, 0]}
+    data["materials"]["dyke"] |= {"known_between_deg": [19.5, 21.25], "sigma0_curve": curve}
+    (folder / "summary.json").write_text(json.dumps(data))
+    assert show(folder)[1].endswith("sigma0 is known to +-1.5 dB (90 %) from 19.5 to 21.25 degrees.")
+
+
+def test_an_unfinished_case_says_what_is_missing(folder):
+    for name in ("final.json", "calibration.h5", "export.json", "report.json", "report.html", "summary.json"):
+        (folder / name).unlink()
+    (folder / "export").rmdir()
+    for name in ("runs/aa.h5", "runs/bb.h5", "runs/.partial-x-cc.h5", "iterations/0/verified.json"):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).touch()
+    lines = show(folder)
+    missing = "search and final runs, archive, exports, report, summary"
+    assert lines[0] == f"small: not finished; missing: {missing}."
+    assert lines[1] == f"records of runs: 2 in {folder / 'runs'}; iterations verified: 1."
+
+
+def test_a_case_is_found_by_name_folder_or_file(folder, tmp_path):
+    (tmp_path / "mine.yaml").write_text("case: small\n")
+    (tmp_path / "small").mkdir()  # a folder of this name is not meant
+    for case in ("small", "results/small", str(folder), "mine.yaml"):
+        assert results_folder(case).resolve() == folder
+    with pytest.raises(StoreError, match=r"gone: there is no folder results/gone, expected the name of a case"):
+        results_folder("gone")
+    done = CliRunner().invoke(app, ["show", "mine.yaml"])
+    assert (done.exit_code, done.stdout.splitlines()[3]) == (0, show(folder)[3])
+    failed = CliRunner().invoke(app, ["show", "gone"])
+    assert (failed.exit_code, failed.stdout) == (1, "")
+    assert failed.stderr.startswith("radcal: gone: there is no folder")
+
+
+def test_a_damaged_summary_is_one_sentence(folder):
+    (folder / "summary.json").write_text("[1")
+    with pytest.raises(StoreError, match=r"summary.json: cannot be read"):
+        show(folder)

@@ -1,0 +1,108 @@
+"""Check of a case: every mistake is listed at once, and the need of a right one is told."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rasterio
+from typer.testing import CliRunner
+
+from radcal.cli import app
+from radcal.running.case_check import check_case
+
+TEN_MISTAKES = """
+case: my case
+seeed: 2
+radar: {looks: 0, depression_deg: 95}
+materials:
+  dyke: {calibrate: yes, law: mangja}
+  water: {calibrate: false, parameters: [1, 2]}
+measurement: {source: file, path: gone.tif, scale: db, radiometry: sigma0_ref}
+scene: {source: slant_range, labels: none.tif, names: names.json, near_incidence_deg: 20, far_incidence_deg: 40}
+stop: {max_runs: 1}
+"""
+SAID = {
+    "unknown key seeed (did you mean 'seed'?)",
+    "case: is 'my case'",
+    "radar.looks is 0",
+    "radar.depression_deg is 95",
+    "materials.dyke: law is 'mangja'",
+    "materials.water: parameters has 2 numbers",
+    "measurement.path: the file gone.tif does not exist",
+    "scene.labels: the file none.tif does not exist",
+    "scene.names: the file names.json does not exist",
+    "stop.max_runs is 1, expected at least design.size",
+}
+
+
+def test_ten_mistakes_are_found_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("mine.yaml").write_text(TEN_MISTAKES)
+    found = check_case(["mine.yaml"])
+    assert len(found.problems) == len(SAID)
+    for text in SAID:
+        assert sum(text in problem for problem in found.problems) == 1, text
+    done = CliRunner().invoke(app, ["check", "mine.yaml"])
+    assert done.exit_code == 1
+    assert done.stderr.startswith("radcal: mine.yaml cannot be run; 10 problems found:\n")
+    assert all(text in done.stderr for text in SAID)
+
+
+def slant_range(folder: Path, names: str, shape: tuple[int, int] = (60, 50)) -> Path:
+    labels = np.ones((60, 50), dtype=np.uint8)
+    labels[:, 20:] = 2
+    settings = {"height": 60, "width": 50, "count": 1, "dtype": "uint8"}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
+        with rasterio.open(folder / "labels.tif", "w", driver="GTiff", **settings) as raster:
+            raster.write(labels, 1)
+    (folder / "names.json").write_text(names)
+    power = np.random.default_rng(3).gamma(4.0, 0.25, shape)
+    np.save(folder / "image.npy", power.astype(np.float32))
+    path = folder / "mine.yaml"
+    path.write_text(
+        f"""
+case: mine
+radar: {{looks: 4, nesz_db: -40}}
+scene: {{source: slant_range, labels: {folder}/labels.tif, names: {folder}/names.json,
+        near_incidence_deg: 20, far_incidence_deg: 40}}
+measurement: {{source: file, path: {folder}/image.npy, scale: power, radiometry: sigma0_ref}}
+materials:
+  field: {{calibrate: true, law: mangia, bounds: [[-40, 0], [0, 30], [0, 20], [0, 20]]}}
+  lake: {{calibrate: false, law: mangia, parameters: [-20, 3, 2, 6]}}
+target: {{pixels: 300}}
+design: {{size: 3}}
+stop: {{max_runs: 12}}
+"""
+    )
+    return path
+
+
+def test_what_a_right_case_needs_is_told(tmp_path: Path) -> None:
+    path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+    found = check_case([path])
+    assert found.problems == []
+    assert found.shape == (60, 50)
+    assert dict(found.runs) == {"reference": 1, "design": 3, "infill": 9, "final": 2}
+    assert set(found.files) == {"scene.labels", "scene.names", "measurement.path"}
+    done = CliRunner().invoke(app, ["check", str(path)])
+    assert done.exit_code == 0
+    assert "simulator runs: at most 15 (1 reference, 3 design, 9 infill, 2 final)" in done.stdout
+    assert "60 x 50 pixels" in done.stdout
+
+
+def test_what_only_the_files_show_is_found(tmp_path: Path) -> None:
+    found = check_case([slant_range(tmp_path, '{"1": "field", "2": "sea"}')])
+    assert any("lake" in text for text in found.problems)
+    found = check_case([slant_range(tmp_path, '{"1": "field", "2": "lake"}', (61, 50))])
+    assert any("image.npy" in text and "61 x 50" in text for text in found.problems)
+    changed = check_case([tmp_path / "mine.yaml"], {"design": {"reuse": "another"}}, tmp_path / "results")
+    assert any("design.reuse is 'another'" in text for text in changed.problems)
+
+
+def test_a_file_that_is_no_yaml_is_one_problem(tmp_path: Path) -> None:
+    (tmp_path / "mine.yaml").write_text("a: [")
+    assert len(check_case([tmp_path / "mine.yaml"]).problems) == 1

@@ -1,0 +1,15 @@
+"""Sample what is known of one material's law."""
+
+from radcal.assessment.posterior import posterior_of, write_posterior
+from radcal.calibration.history import read_runs
+from radcal.config import stages
+from radcal.measurement.target import read_targets
+from radcal.running.jobs import logged, progress
+
+with logged(snakemake.log[0], snakemake.params.case):
+    case = stages.Posterior.model_validate(snakemake.params.case)
+    history = read_runs([snakemake.input.scores, *snakemake.input.verified])
+    name = snakemake.wildcards.material
+    posterior = posterior_of(case, read_targets(*snakemake.input.target), history, name)
+    write_posterior(snakemake.output.posterior, posterior)
+    progress(f"{name}: {posterior.sentence(case.uncertainty.known_db)}")
