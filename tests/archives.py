@@ -67,6 +67,7 @@ def posterior(**changes: Any) -> Posterior:
         "sentences": ("2 distinct laws agree with the pixels.",),
         "curve": curve,
         "known_between_deg": (22.25, 39.5),
+        "known_half_width_db": 1.5,
         **changes,
     }
     return Posterior(**keys)

@@ -57,6 +57,7 @@ def tiny_case(**changes: Any) -> dict[str, Any]:
         "design": {"sampler": "sobol", "size": 12, "chunk": 6},
         "optimiser": {"population": 40, "evaluations": 800},
         "stop": {"rms": 1e-3, "max_runs": 60, "stagnation_runs": 20},
+        "uncertainty": {"walkers": 32, "steps": 100},  # too few to converge: the sampler has tests of its own
     }
     for key, value in changes.items():
         case[key] = {**case[key], **value} if isinstance(value, dict) and key in case and key != "scene" else value

@@ -100,7 +100,8 @@ _CHECK_HELP = """Check a case without running anything, and list all of its prob
 Keys and values, files, scene, geometry and measured image are checked as the calibration checks them. If all is well,
 the command prints what would be read, how many simulator runs the case may take, and how much memory its jobs request.
 
-The exit status is 0 if the case can be run, and 1 if it cannot.
+What only the calibration can find out, such as the registration, is not checked. The exit status is 1 if a problem was
+found, else 0.
 """
 
 
@@ -128,7 +129,7 @@ def _check(
         for text in found.problems:
             typer.echo(f"  - {text.removeprefix(f'{case}: ')}", err=True)
         raise typer.Exit(1)
-    typer.echo(f"{case} can be run.")
+    typer.echo(f"{case}: no problem found.")
     typer.echo(found.summary())
 
 

@@ -30,11 +30,11 @@ def test_a_law_that_fits_is_known_somewhere():
     known = Known((10.2, 24.9), 0.68)
     assert verdict("dyke", fit_of(), known=known) == (
         "dyke fits (residuals 14 of 21): sigma0 known to +-0.7 dB between 10 and 25 degrees; "
-        "outside that it is the prior."
+        "outside that it is not called known."
     )
     assert verdict("dyke", fit_of()) == "dyke fits (residuals 14 of 21)."
-    assert verdict("dyke", fit_of(), known=Known(None, 1.5)) == (
-        "dyke fits (residuals 14 of 21), but sigma0 is known to +-1.5 dB at no angle: it is the prior."
+    assert verdict("dyke", fit_of(), known=Known(None, None)) == (
+        "dyke fits (residuals 14 of 21), but sigma0 is known well enough at no angle."
     )
 
 
@@ -105,3 +105,12 @@ def test_the_first_line_counts_several():
     fits = dict(zip(names, [True, False, True, None], strict=True))
     line = first_line(dict.fromkeys(names, "-"), fits, True)
     assert line == "Of 4 materials 2 fit, 1 does not fit (b), 1 cannot be tested (d)."
+
+
+def test_a_band_without_convergence_and_a_level_are_said():
+    known = Known((10.2, 24.9), 0.68, linear=True)
+    assert "(linear covariance: the sampler has not converged)" in verdict("dyke", fit_of(), known=known)
+    said = {name: verdict(name, fit_of(), level_only=name == "water") for name in ("dyke", "water")}
+    assert (
+        first_line(said, {"dyke": True, "water": True}, True) == "Of 2 materials 1 fits, 1 known by level only (water)."
+    )

@@ -39,16 +39,18 @@ def test_a_law_is_identified_where_it_is_known_somewhere(made):
     lost = check_laws(case, made.targets, made.history, posteriors={"dyke": nowhere})["dyke"]
     assert (known.identified, lost.identified) == (True, False)
     assert not any("not identified" in said for said in (*known.sentences, *lost.sentences))
-    assert lost.sentences[0] == "dyke: sigma0 is known to +-1.5 dB nowhere over the incidence seen."
+    assert lost.sentences[0].startswith(
+        "dyke: sigma0 is called known nowhere over the incidence seen: the law does not"
+    )
     assert lost.sentences[1] == "dyke: the sampler has not."
 
 
 def test_the_words_tell_width_and_angles():
-    # half of the band's width is 0.9 dB at 0 degrees and grows by 0.015 dB per degree: 1.5 dB at 40
     assert posterior().sentence(1.5) == (
-        "sigma0 is known to +-1.5 dB (90 %) between 22.25 and 39.5 degrees; outside of that it is the prior."
+        "sigma0 is known to +-1.5 dB (90 %) between 22.25 and 39.5 degrees; outside that it is not called known."
     )
-    assert "known to +-1.2 dB (90 %) between 12 and 20" in posterior(known_between_deg=(12.0, 20.0)).sentence(1.5)
+    narrow = posterior(known_between_deg=(12.0, 20.0), known_half_width_db=1.2)
+    assert "known to +-1.2 dB (90 %) between 12 and 20" in narrow.sentence(1.5)
 
 
 def test_the_figure_shows_the_band_and_where_it_is_known(made):

@@ -43,8 +43,8 @@ def test_a_finished_case(folder, made):
 
 def test_where_sigma0_is_known(folder):
     data = json.loads((folder / "summary.json").read_text())
-    curve = {"incidence_deg": [19, 20, 21, 22], "p05_db": [-30, -12, -11, -9], "p95_db": [0, -9, -10, 0]}
-    data["materials"]["dyke"] |= {"known_between_deg": [19.5, 21.25], "sigma0_curve": curve}
+    posterior = {"known_half_width_db": 1.5}
+    data["materials"]["dyke"] |= {"known_between_deg": [19.5, 21.25], "sigma0_curve": {}, "posterior": posterior}
     (folder / "summary.json").write_text(json.dumps(data))
     assert show(folder)[1].endswith("sigma0 is known to +-1.5 dB (90 %) from 19.5 to 21.25 degrees.")
 

@@ -36,7 +36,6 @@ with logged(snakemake.log[0], snakemake.params.case):
         conclusion=conclude(case, stop, history, targets, geometry, runs, final[:2], posteriors),
         passes=images,
         final=final,
-        posteriors=posteriors,
     )
     write_archive(snakemake.output.archive, archive)
     write_table(snakemake.output.table, archive)

@@ -12,4 +12,4 @@ with logged(snakemake.log[0], snakemake.params.case):
     name = snakemake.wildcards.material
     posterior = posterior_of(case, read_targets(*snakemake.input.target), history, name)
     write_posterior(snakemake.output.posterior, posterior)
-    progress(f"{name}: {posterior.sentence(case.uncertainty.known_db)}")
+    progress(f"{name}: if its law fits, {posterior.sentence(case.uncertainty.known_db)}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -77,6 +77,8 @@ class Conclusion:
         Remarks on simulator and texture.
     fits : mapping
         Test of the fit of each calibrated material's law.
+    posteriors : mapping
+        Posterior of each law; known nowhere where the law does not fit.
     verdicts : mapping
         Sentence on each.
     """
@@ -90,6 +92,7 @@ class Conclusion:
     new_runs: int
     notes: list[str]
     fits: Mapping[str, FitTest]
+    posteriors: Mapping[str, Posterior]
     verdicts: Mapping[str, str]
 
 
@@ -134,7 +137,6 @@ def conclude(
             f"{store.path(key)}: the reference run is missing or without its image; delete "
             f"{Path(runs).parent / 'reference.json'} and type the same command again to make it again."
         )
-    checks = check_laws(case, targets, history, posteriors=posteriors)
     objectives = make_objectives(case, targets)
     first = {name: score.looks for name, score in history.runs[0].scores.items()}
     looks = {name: history.best(name).scores[name].looks for name in targets}
@@ -146,6 +148,8 @@ def conclude(
     ]
     materials = _materials(targets, each_db, final)
     fits = {name: _fit(case, name, targets[name], objectives[name], history, materials[name]) for name in targets}
+    believed = {name: _believed(posterior, fits[name]) for name, posterior in (posteriors or {}).items()}
+    checks = check_laws(case, targets, history, posteriors=believed)
     return Conclusion(
         decision=decide(history, list(targets), stop, case.objective),
         checks=checks,
@@ -156,13 +160,14 @@ def conclude(
         new_runs=len({record.key for record in final} - {run.key for run in history.runs}),
         notes=_notes(case, history, checks, final),
         fits=fits,
+        posteriors=believed,
         verdicts={
             name: verdict(
                 name,
                 fits[name],
                 _cause(case, name, targets, objectives[name], history, geometry, fits[name]),
-                _known((posteriors or {}).get(name), case.uncertainty.known_db),
-                level_only=targets[name].level_only,
+                _known(believed.get(name)),
+                level_only=all(one[name].level_only for one in targets.passes if name in one),
                 between_db=checks[name].between_db,
             )
             for name in targets
@@ -170,11 +175,16 @@ def conclude(
     )
 
 
-def _known(posterior: Posterior | None, known_db: float) -> Known | None:
+def _believed(posterior: Posterior, fit: FitTest) -> Posterior:
+    """Posterior that calls sigma0 known nowhere where the law does not fit: a wrong form is not in its budget."""
+    return replace(posterior, known_between_deg=None, known_half_width_db=None) if fit.fits is False else posterior
+
+
+def _known(posterior: Posterior | None) -> Known | None:
     """Where sigma0 is known; None without a posterior of a curve."""
     if posterior is None or posterior.curve is None:
         return None
-    return Known(posterior.known_between_deg, posterior.largest_half_width_db(known_db))
+    return Known(posterior.known_between_deg, posterior.known_half_width_db, linear=not posterior.sampled)
 
 
 def _fit(
@@ -201,7 +211,8 @@ def _cause(
     fit: FitTest,
 ) -> str:
     """Likely cause of a law that does not fit; empty where it fits."""
-    if fit.fits is not False or not case.laws[name].has_curve:
+    # with several passes the misfit may be another pass's than the law and pixels that are looked at here
+    if fit.fits is not False or not case.laws[name].has_curve or targets.further:
         return ""
     law = objective.law_in(0, history.best(name).scores[name])
     return likely_cause(case.materials[name].law, law, fit, targets[name], geometry, targets.looks)

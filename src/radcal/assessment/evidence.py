@@ -95,6 +95,11 @@ class Evidence:
         mapped = compared.ground.incidence_deg
         self._mean_deg, self._variance = float(mapped.mean()), max(float(np.var(mapped)), 1e-12)
         self._stated = np.broadcast_to(np.asarray(compared.method.incidence_error_deg, dtype=np.float64), (n,))
+        self._rms = np.sqrt(np.mean(self._stated**2, keepdims=True))
+        if compared.ground.error_deg is not None:  # pixels have errors of their own
+            square, classes = compared.ground.error_deg**2, compared.classes
+            self._stated = np.sqrt(np.bincount(classes.member, square, n) / classes.count)
+            self._rms = np.sqrt(np.mean(square, keepdims=True))
         self._looks = _looks_table(sensor, material.looks)
         self.has_baseline = part.expected is not None
 
@@ -110,7 +115,10 @@ class Evidence:
     def _shift(self, levels_db: Doubles, unknowns: Unknowns) -> Doubles:
         """Change of the cumulants by the errors of incidence and resolution, shape (m, n, 3)."""
         error = self.budget.incidence_error_deg(self._stated, unknowns.incidence)
-        share = np.maximum(1.0 - error**2 / self._variance, _LEAST_SHARE)
+        # as radcal.calibration.incidence_error.attenuation has it
+        rms = self.budget.incidence_error_deg(self._rms, unknowns.incidence)
+        of_true = np.maximum(self._variance - rms**2, _LEAST_SHARE * self._variance)
+        share = np.maximum(of_true / (of_true + error**2), _LEAST_SHARE)
         slope = share * self.budget.steepening(unknowns.point_spread)[:, None]
         centre = self._mean_deg + slope[..., None] * (self._few - self._mean_deg)
         true = centre[..., None] + (error * np.sqrt(share))[..., None, None] * _HERMITE

@@ -233,6 +233,8 @@ def check_fit(
     sums = _sums(found.refitted(disturbance, rng), of_means)
     if not comparison.material.law.has_curve:  # all searched values are taken for determined by the pixels
         searched = len(comparison.material.box) + comparison.free_looks
+        if searched >= found.residuals.size:  # no degree of freedom is left
+            return FitTest(None, *(float("nan"),) * 6, *moments, "", (), distance)
         sums, expected = sums * (1.0 - searched / found.residuals.size), found.expected - searched
     else:
         expected = found.expected

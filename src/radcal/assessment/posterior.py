@@ -87,28 +87,24 @@ class Posterior:
     known_between_deg: Annotated[
         tuple[float, ...] | None, About("incidence between which sigma0 is known; absent where nowhere", "deg")
     ] = None
+    known_half_width_db: Annotated[
+        float | None, About("largest half-width of the 90 % band between these angles; absent where nowhere", "dB")
+    ] = None
 
     def sentence(self, known_db: float) -> str:
         """Where sigma0 is known, in words."""
         if self.curve is None:
             return "the law has no curve in dB, so that only its parameters have intervals."
-        if self.known_between_deg is None:
-            return f"sigma0 is known to +-{known_db:.2g} dB nowhere over the incidence seen."
+        if self.known_between_deg is None or self.known_half_width_db is None:
+            return (
+                "sigma0 is called known nowhere over the incidence seen: the law does not fit, its 90 % band is wider "
+                f"than +-{known_db:.2g} dB, or not half as wide as that of the priors."
+            )
         low, high = self.known_between_deg
-        half = self.largest_half_width_db(known_db)
         return (
-            f"sigma0 is known to +-{half:.1f} dB (90 %) between {low:.4g} and {high:.4g} degrees; outside of that it "
-            "is the prior."
+            f"sigma0 is known to +-{self.known_half_width_db:.1f} dB (90 %) between {low:.4g} and {high:.4g} degrees; "
+            "outside that it is not called known."
         )
-
-    def largest_half_width_db(self, known_db: float) -> float:
-        """Largest half-width of the 90 % band where sigma0 is known; ``known_db`` where it is known nowhere [dB]."""
-        if self.curve is None or self.known_between_deg is None:
-            return known_db
-        low, high = self.known_between_deg
-        angle = self.curve.incidence_deg
-        inside = (angle >= np.floor(low)) & (angle <= np.ceil(high))
-        return float(0.5 * (self.curve.p95_db - self.curve.p05_db)[inside].max())
 
 
 def posterior_of(case: stages.Posterior, targets: Targets, history: History, name: str) -> Posterior:
@@ -221,7 +217,7 @@ def summarised(model: Model, found: Draws, known_db: float) -> Posterior:
     x, before, sampler = model.parameters(found.posterior), model.parameters(found.prior), found.sample
     unknowns = model.unknowns(found.posterior)
     low, middle, high = np.quantile(x, _QUANTILES, axis=0)
-    sentences, curve, known = [], None, None
+    sentences, curve, known, half = [], None, None, None
     if not sampler.converged:
         sentences.append(
             f"the sampler has not converged (effective sample size {sampler.ess:.0f}, R-hat {sampler.r_hat:.2f} after "
@@ -234,10 +230,15 @@ def summarised(model: Model, found: Draws, known_db: float) -> Posterior:
         # in steps of a quarter of a degree, of which every fourth is kept
         fine, prior = band_of(curves, _FINE_DEG), band_of(sigma0_db(model, found.prior), _FINE_DEG)
         known = None if model.level_only else known_between(fine, prior, model.seen_deg, known_db)
+        if known is not None:
+            half = float(fine.half_width_db[(fine.incidence_deg >= known[0]) & (fine.incidence_deg <= known[1])].max())
         curve, modes = _curve(fine, prior), modes_of(curves, x, model.seen_deg)
         if len(modes.share) > 1:
             each = ", ".join(f"{100.0 * one:.0f} %" for one in modes.share)
-            sentences.append(f"{len(modes.share)} distinct laws agree with the pixels, with shares of {each}.")
+            sentences.append(
+                f"{len(modes.share)} distinct laws agree with the pixels ({each} of the sample; walkers seldom change "
+                "from one to another, so that these shares are rough)."
+            )
     axes = directions(x, before)
     sentences.append(axes.sentence(model.names))
     return Posterior(
@@ -259,6 +260,7 @@ def summarised(model: Model, found: Draws, known_db: float) -> Posterior:
         sentences=tuple(sentences),
         curve=curve,
         known_between_deg=known,
+        known_half_width_db=half,
     )
 
 

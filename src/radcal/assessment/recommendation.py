@@ -211,5 +211,5 @@ def recommend(found: GroundLaw, check: FieldCheck) -> Recommendation:
     if identified and trend(found) >= _TREND:
         return Recommendation("law", f"its change with incidence exceeds what gradients inside of {many} would make")
     return Recommendation(
-        "constant", f"its change with incidence is no more than gradients inside of {many} would make"
+        "constant", f"its change with incidence is not shown to exceed what gradients inside of {many} would make"
     )

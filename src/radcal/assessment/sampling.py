@@ -15,7 +15,7 @@ LogDensity = Callable[[Doubles], Doubles]
 """Points, shape (m, d), to log densities, shape (m,)."""
 
 ESS, R_HAT = 400.0, 1.05
-_ENOUGH_TIMES, _LEAST_TIMES = 50.0, 20.0  # autocorrelation times; a shorter chain underestimates them
+_LEAST_TIMES = 20.0  # autocorrelation times; a shorter chain underestimates them
 _GROUPS = 8  # of walkers, for R-hat
 _DROPPED = 0.25  # of the steps, at the start
 _POWERS = (0.003, 0.01, 0.03, 0.1, 0.3)  # of the likelihood, on the way from prior to posterior
@@ -145,7 +145,6 @@ def _judged(chain: Doubles, log_density: Doubles) -> Sample:
         ess=ess,
         r_hat=r_hat,
         steps=len(chain),
-        converged=len(kept) >= _ENOUGH_TIMES * longest
-        or (ess >= ESS and r_hat < R_HAT and len(kept) >= _LEAST_TIMES * longest),
+        converged=ess >= ESS and r_hat < R_HAT and len(kept) >= _LEAST_TIMES * longest,
         best=chain[place],
     )

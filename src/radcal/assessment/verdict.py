@@ -24,12 +24,15 @@ class Known:
     ----------
     between_deg : (float, float) or None
         Incidence between which it is known [deg]; None if nowhere.
-    half_width_db : float
-        Half-width of its 90 % band there; where it is known nowhere, the half-width that was asked for [dB].
+    half_width_db : float or None
+        Largest half-width of its 90 % band there [dB].
+    linear : bool
+        Whether the band is that of the linear covariance, for lack of convergence of the sampler.
     """
 
     between_deg: tuple[float, ...] | None
-    half_width_db: float
+    half_width_db: float | None
+    linear: bool = False
 
 
 def verdict(
@@ -74,11 +77,12 @@ def _known(known: Known | None) -> str:
     """Words on where sigma0 is known."""
     if known is None:
         return ""
-    if known.between_deg is None:
-        return f", but sigma0 is known to +-{known.half_width_db:.1f} dB at no angle: it is the prior"
+    linear = " (linear covariance: the sampler has not converged)" * known.linear
+    if known.between_deg is None or known.half_width_db is None:
+        return f", but sigma0 is known well enough at no angle{linear}"
     low, high = known.between_deg
     where = f"between {low:.0f} and {high:.0f} degrees"
-    return f": sigma0 known to +-{known.half_width_db:.1f} dB {where}; outside that it is the prior"
+    return f": sigma0 known to +-{known.half_width_db:.1f} dB {where}{linear}; outside that it is not called known"
 
 
 def _misfit(test: FitTest) -> str:
@@ -120,8 +124,12 @@ def first_line(verdicts: Mapping[str, str], fits: Mapping[str, bool | None], con
     if len(verdicts) == 1:
         return next(iter(verdicts.values())) + going
     said = []
+    level = [name for name, text in verdicts.items() if text.startswith(f"{name}: level only")]
     for value, one, many in _COUNTS:
-        names = [name for name, fit in fits.items() if fit is value]
+        names = [name for name, fit in fits.items() if fit is value and name not in level]
         who = f" ({', '.join(names)})" if value is not True and len(names) <= _NAMED else ""
         said += [f"{len(names)} {one if len(names) == 1 else many}{who}"] if names else []
+    if level:
+        who = f" ({', '.join(level)})" if len(level) <= _NAMED else ""
+        said.append(f"{len(level)} known by level only{who}")
     return f"Of {len(fits)} materials {', '.join(said)}.{going}"

@@ -33,7 +33,7 @@ class Uncertainty(Section):
     )
     field_db: Error = Field(
         0.5,
-        description="scale of the half-normal priors of the standard deviations between and within fields [dB], which "
+        description="scale of the half-t priors of the standard deviations between and within fields [dB], which "
         "count where the pixels hardly show them, as in a single field",
     )
     point_spread: Share = Field(

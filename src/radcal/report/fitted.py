@@ -19,7 +19,9 @@ class Fitted:
     verdict: Annotated[str, About("the result in a sentence")]
     residual_sum: Annotated[float, About("sum of squared residuals of all incidence-angle bins and passes")]
     expected: Annotated[float, About("degrees of freedom: mean of this sum for a law that is right")]
-    p: Annotated[float, About("share of parametric replicates with a larger sum")]
+    p: Annotated[
+        float, About("share of parametric replicates of which this sum, or that of the means alone, is as unlikely")
+    ]
     worst_deg: Annotated[float, About("mean incidence of the bin with the largest misfit", "deg")]
     worst_mean_db: Annotated[float, About("simulated minus measured mean of this bin", "dB")]
     worst_spread: Annotated[float, About("simulated over measured standard deviation of this bin")]

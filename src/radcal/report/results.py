@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, fields, replace
 from importlib.metadata import version
 from typing import Any
@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from radcal.assessment.conclusion import Conclusion
 from radcal.assessment.law_check import LawCheck
-from radcal.assessment.posterior import Posterior
 from radcal.calibration.history import History, Run
 from radcal.calibration.passes import pass_laws
 from radcal.config import Material, Radar, Stop, stages
@@ -65,7 +64,6 @@ def gather(
     conclusion: Conclusion,
     passes: Sequence[Registered] = (),
     final: Sequence[Record] = (),
-    posteriors: Mapping[str, Posterior] | None = None,
 ) -> Archive:
     """Collect the results of a calibration.
 
@@ -89,8 +87,6 @@ def gather(
         Registered measured images of all passes.
     final : sequence of Record
         Final runs of all passes, two for each.
-    posteriors : mapping, optional
-        Posterior by material.
 
     Returns
     -------
@@ -125,7 +121,7 @@ def gather(
         materials={
             name: replace(
                 _material(name, case, history, targets, conclusion, measurement.hidden.get(name)),
-                posterior=(posteriors or {}).get(name),
+                posterior=conclusion.posteriors.get(name),
             )
             for name in targets
         },

@@ -118,6 +118,5 @@ def _known(material: Mapping[str, Any]) -> str:
     known, curve = material.get("known_between_deg"), material.get("sigma0_curve")
     if known is None or curve is None:
         return "sigma0 is known nowhere." if curve is not None else "nothing is known of a curve in dB."
-    bands = zip(curve["incidence_deg"], curve["p05_db"], curve["p95_db"], strict=True)
-    half = max((0.5 * (high - low) for at, low, high in bands if known[0] <= at <= known[1]), default=0.0)
+    half = material["posterior"]["known_half_width_db"]
     return f"sigma0 is known to +-{half:.1f} dB (90 %) from {known[0]:.4g} to {known[1]:.4g} degrees."

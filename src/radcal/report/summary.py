@@ -116,6 +116,7 @@ def _posterior(material: MaterialResult) -> dict[str, Any]:
         "parameters_p05": dict(zip(names, map(float, known.parameters_p05), strict=True)),
         "parameters_p95": dict(zip(names, map(float, known.parameters_p95), strict=True)),
         "posterior": {
+            "known_half_width_db": known.known_half_width_db,
             "sampled": known.sampled,
             "effective_sample_size": known.ess,
             "r_hat": known.r_hat,
