@@ -59,7 +59,7 @@ def test_a_seed_gives_the_same_draws_and_another_gives_others(found):
 
 
 def test_too_few_steps_have_not_converged():
-    assert not sample(log_prior, log_likelihood, start(), 100, 5).converged
+    assert not sample(log_prior, log_likelihood, start(), 10, 5).converged
 
 
 def test_two_modes_keep_their_shares():

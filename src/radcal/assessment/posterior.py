@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri
+from threadpoolctl import threadpool_limits
 
 from radcal.assessment.curves import GRID_DEG
 from radcal.assessment.known import Band, Modes, band_of, directions, known_between, modes_of
 from radcal.assessment.sampling import Sample, sample
-from radcal.assessment.unknowns import Model
 from radcal.calibration.history import History
 from radcal.calibration.objectives import Comparison, make_objectives
 from radcal.calibration.steps import train_all
@@ -24,6 +25,9 @@ from radcal.measurement.target import Targets
 from radcal.seeds import derived_seed
 from radcal.storage.layout import About, put, take
 from radcal.storage.records import read_hdf5, write_hdf5
+
+if TYPE_CHECKING:
+    from radcal.assessment.unknowns import Model
 
 __all__ = [
     "Curve",
@@ -162,6 +166,8 @@ def posterior_on(
     -------
     Posterior
     """
+    from radcal.assessment.unknowns import Model  # with compiled functions, which readers of a posterior do not need
+
     model = Model(objective, surrogate, levels, config)
     return summarised(model, draw(model, config, seed, best), config.known_db)
 
@@ -189,15 +195,27 @@ def draw(model: Model, config: Uncertainty, seed: int, best: Sequence[float] | D
     best : array_like, shape (d,), optional
         X of the best run, from which one walker starts.
     """
+    with threadpool_limits(1):  # a fixed order of the sums
+        return _drawn(model, config, seed, best)
+
+
+def _drawn(model: Model, config: Uncertainty, seed: int, best: Sequence[float] | Doubles | None) -> Draws:
     rng = np.random.default_rng(seed)
     before = model.from_prior(_PRIOR_DRAWS, rng)
-    start = model.dispersed(config.walkers, rng)
+    start = rng.standard_normal((config.walkers, model.dimension))
     if len(before) < _FEWEST:
-        before = sample(model.log_prior, None, start, config.steps, derived_seed(seed, "prior")).draws
+        before = model.points(sample(model.log_prior, None, start, config.steps, derived_seed(seed, "prior")).draws)
     if best is not None:
-        start[0, : model.d] = np.clip(model.surrogate.unit(best), 1e-6, 1.0 - 1e-6)
-    found = sample(model.log_prior, model.log_likelihood, start, config.steps, derived_seed(seed, "posterior"))
-    return Draws(found.draws if found.converged else model.linear(found.best, rng), before, found)
+        start[0, : model.d] = ndtri(np.clip(model.surrogate.unit(best), 1e-6, 1.0 - 1e-6))
+    found = sample(
+        model.log_prior,
+        lambda deviates: model.log_likelihood(model.points(deviates)),
+        start,
+        config.steps,
+        derived_seed(seed, "posterior"),
+    )
+    points = model.points(found.draws) if found.converged else model.linear(model.points(found.best[None])[0], rng)
+    return Draws(points, before, found)
 
 
 def sigma0_db(model: Model, points: Doubles) -> Doubles:
