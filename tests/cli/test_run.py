@@ -1,4 +1,4 @@
-"""The command radcal, up to where Snakemake takes over; tests/workflow goes on from there."""
+"""The command radcal run, up to where Snakemake takes over; tests/workflow goes on from there."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from radcal.config import load
 from radcal.config.yaml_file import check_words
 from radcal.errors import ConfigError
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture

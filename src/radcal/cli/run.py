@@ -1,7 +1,7 @@
-"""Command ``radcal``, which checks a case before it starts Snakemake.
+"""Command ``radcal run``, which checks a case before it starts Snakemake.
 
 Snakemake alone would load the case file before any code of the workflow runs, and would print a traceback if the file
-cannot be read. Each command of this module imports slow modules only when it needs them.
+cannot be read.
 """
 
 from __future__ import annotations
@@ -15,15 +15,12 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
+from radcal.cli.arguments import CaseFile, Settings, overrides, sentences
+
 if TYPE_CHECKING:
     from radcal.config import Case
 
-__all__ = ["app", "check_folder", "checked_case", "snakemake_command"]
-
-app = typer.Typer(
-    add_completion=False, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)  # fmt: skip
+__all__ = ["HELP", "check_folder", "checked_case", "main", "snakemake_command"]
 
 _TARGETS = ("all", "reference", "design")  # documented targets; every other rule of the workflow is also a valid target
 _OURS = ("--conf", "-C")  # prefixes of Snakemake's options --configfile and --config, however they are abbreviated
@@ -37,7 +34,7 @@ _ELSEWHERE = (
     "-e",
 )  # with any of these options, --cores all is not added
 
-_RUN_HELP = """Check a case and calibrate it, in the folder of your clone.
+HELP = """Check a case and calibrate it, in the folder of your clone.
 
 The case is checked first; a fault in it is reported in one sentence. Then Snakemake runs the workflow, up to the
 TARGETS if any are named: reference (one run, to test the setup), design (the initial runs), all (the default),
@@ -55,16 +52,8 @@ The exit status is Snakemake's: 0 when all is done.
 """
 
 
-@app.callback()
-def _radcal() -> None:
-    """Calibrate the backscatter laws of a SAR simulator against a measured image."""
-
-
-@app.command("run", help=_RUN_HELP)
-def _run(
-    case: Annotated[
-        Path, typer.Argument(metavar="CASE", readable=False, help="The case's YAML file.", show_default=False)
-    ],
+def main(
+    case: CaseFile,
     targets: Annotated[
         list[str] | None,
         typer.Argument(
@@ -75,113 +64,17 @@ def _run(
         str | None, typer.Option("--cores", "-c", metavar="N", help="Cores to use; all of this machine if missing.")
     ] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", "-n", help="Say what would run, and run nothing.")] = False,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="One key of the case, as stop.rms=1e-6; may be repeated."),
-    ] = None,
+    settings: Settings = None,
 ) -> None:
-    from radcal.errors import RadcalError
-
+    """Check a case and calibrate it."""
     words = targets or []
     first = next((k for k, word in enumerate(words) if word.startswith("-")), len(words))
-    try:
+    with sentences():
         check_folder(Path.cwd(), words[:first])
-        overrides = _overrides(settings or [])
-        command = snakemake_command(case, words[:first], words[first:], overrides, cores, dry_run)
-        checked_case(case, overrides)
-    except RadcalError as error:
-        typer.echo(f"radcal: {error}", err=True)
-        raise typer.Exit(1) from None
+        changes = overrides(settings)
+        command = snakemake_command(case, words[:first], words[first:], changes, cores, dry_run)
+        checked_case(case, changes)
     _become(command)
-
-
-_CHECK_HELP = """Check a case without running anything, and list all of its problems at once.
-
-Keys and values, files, scene, geometry and measured image are checked as the calibration checks them. If all is well,
-the command prints what would be read, how many simulator runs the case may take, and how much memory its jobs request.
-
-What only the calibration can find out, such as the registration, is not checked. The exit status is 1 if a problem was
-found, else 0.
-"""
-
-
-@app.command("check", help=_CHECK_HELP)
-def _check(
-    case: Annotated[
-        Path, typer.Argument(metavar="CASE", readable=False, help="The case's YAML file.", show_default=False)
-    ],
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="One key of the case, as stop.rms=1e-6; may be repeated."),
-    ] = None,
-) -> None:
-    from radcal.errors import RadcalError
-    from radcal.running.case_check import check_case
-
-    try:
-        found = check_case([case], _overrides(settings or []))
-    except RadcalError as error:
-        typer.echo(f"radcal: {error}", err=True)
-        raise typer.Exit(1) from None
-    if found.problems:
-        count = len(found.problems)
-        typer.echo(f"radcal: {case} cannot be run; {count} problem{'s' if count > 1 else ''} found:", err=True)
-        for text in found.problems:
-            typer.echo(f"  - {text.removeprefix(f'{case}: ')}", err=True)
-        raise typer.Exit(1)
-    typer.echo(f"{case}: no problem found.")
-    typer.echo(found.summary())
-
-
-_SHOW_HELP = """Show the verdict of a case, its runs, and where report, exports and summary lie.
-
-CASE is the name of a case below results/, a results folder, or the case's YAML file. The command also says what is
-missing if the calibration is not finished.
-
-\b
-Examples:
-  radcal show dyke
-  radcal show config/mine.yaml
-"""
-
-
-@app.command("show", help=_SHOW_HELP)
-def _show(
-    case: Annotated[str, typer.Argument(metavar="CASE", help="Name, results folder or YAML file.", show_default=False)],
-) -> None:
-    from radcal.errors import RadcalError
-    from radcal.report.showing import results_folder, show
-
-    try:
-        typer.echo("\n".join(show(results_folder(case))))
-    except RadcalError as error:
-        typer.echo(f"radcal: {error}", err=True)
-        raise typer.Exit(1) from None
-
-
-_COMPARE_HELP = """Compare the laws of two finished cases: one table, and one figure of both laws with their bands.
-
-A and B are names of cases below results/, results folders, or YAML files. The figure is written beside the results
-folder of A.
-"""
-
-
-@app.command("compare", help=_COMPARE_HELP)
-def _compare(
-    first: Annotated[str, typer.Argument(metavar="A", help="Name, results folder or YAML file.", show_default=False)],
-    second: Annotated[str, typer.Argument(metavar="B", help="The same of the other case.", show_default=False)],
-) -> None:
-    from radcal.errors import RadcalError
-    from radcal.report.comparison import compare
-    from radcal.report.showing import results_folder
-
-    try:
-        folders = [results_folder(first), results_folder(second)]
-        figure = folders[0].with_name(f"{folders[0].name}_and_{folders[1].name}.png")
-        typer.echo("\n".join(compare(folders, figure)))
-    except RadcalError as error:
-        typer.echo(f"radcal: {error}", err=True)
-        raise typer.Exit(1) from None
 
 
 def check_folder(folder: Path, targets: Iterable[str] = ()) -> None:
@@ -287,17 +180,6 @@ def snakemake_command(
     if cores is not None:
         command += ["--cores", cores]
     return [*command, *["--dry-run"] * dry_run, *further]
-
-
-def _overrides(words: Sequence[str]) -> dict[str, Any]:
-    """Parse the settings of the command line and merge them, section by section."""
-    from radcal.config.yaml_file import check_words, merged, setting
-
-    check_words(words, "--set")
-    data: dict[str, Any] = {}
-    for word in words:
-        data = merged(data, setting(word, "--set"))
-    return data
 
 
 def _for_snakemake(value: Any) -> str:
