@@ -11,10 +11,14 @@ import typer
 
 from radcal.errors import RadcalError
 
-__all__ = ["CaseFile", "Settings", "overrides", "sentences"]
+__all__ = ["CaseFiles", "Results", "Settings", "overrides", "sentences"]
 
-CaseFile = Annotated[
-    Path, typer.Argument(metavar="CASE", readable=False, help="The case's YAML file.", show_default=False)
+CaseFiles = Annotated[
+    list[Path], typer.Argument(metavar="CASE...", readable=False, help="YAML files of cases.", show_default=False)
+]
+Results = Annotated[
+    Path,
+    typer.Option("--results", metavar="FOLDER", envvar="RADCAL_RESULTS", help="Folder of the results of all cases."),
 ]
 Settings = Annotated[
     list[str] | None,

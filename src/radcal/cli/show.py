@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from radcal.cli.arguments import sentences
+from radcal.cli.arguments import Results, sentences
 
 __all__ = ["HELP", "main"]
 
-HELP = """Show the verdict of a case, its runs, and where report, exports and summary lie.
+HELP = """Show the verdict of cases, their runs, and where report, exports and summary lie.
 
 CASE is the name of a case below results/, a results folder, or the case's YAML file. The command also says what is
 missing if the calibration is not finished.
@@ -18,15 +19,27 @@ missing if the calibration is not finished.
 \b
 Examples:
   radcal show dyke
-  radcal show config/mine.yaml
+  radcal show config/mine.yaml config/other.yaml
 """
 
 
 def main(
-    case: Annotated[str, typer.Argument(metavar="CASE", help="Name, results folder or YAML file.", show_default=False)],
+    cases: Annotated[
+        list[str], typer.Argument(metavar="CASE...", help="Names, results folders or YAML files.", show_default=False)
+    ],
+    results: Results = Path("results"),
 ) -> None:
-    """Show the results of a case."""
+    """Show the results of cases."""
     from radcal.report.showing import results_folder, show
 
-    with sentences():
-        typer.echo("\n".join(show(results_folder(case))))
+    failed = False
+    for number, case in enumerate(cases):
+        if number:
+            typer.echo()
+        try:
+            with sentences():
+                typer.echo("\n".join(show(results_folder(case, results))))
+        except typer.Exit:
+            failed = True
+    if failed:
+        raise typer.Exit(1)

@@ -14,7 +14,7 @@ from typing import Any
 from radcal.config import Case, check_reuse, input_files, load
 from radcal.config.yaml_file import check_words
 from radcal.errors import RadcalError, StoreError
-from radcal.running.jobs import CASE, FAILURE, OWNER, PROGRESS, STARTED, Follower
+from radcal.running.jobs import CASE, FAILURE, OWNER, PROGRESS, RESULTS, STARTED, Follower
 from radcal.running.salvage import files_of, salvage
 from radcal.running.simulator_change import simulator_change
 from radcal.running.slurm import cancel_leftovers, remember
@@ -28,7 +28,7 @@ from radcal.storage.records import REPLACE
 __all__ = ["Session", "is_dry_run", "open_session"]
 
 _SNAKEMAKE = Path(".snakemake")
-_RESULTS = Path("results")
+_RESULTS = "results"
 
 
 def open_session(
@@ -52,13 +52,14 @@ def open_session(
         Snakemake's logger, to which the session adds its filter of messages.
     """
     guard(logger)
+    results = os.environ.get(RESULTS) or _RESULTS
     try:
         check_words(words)
-        case = with_seed_bits(load(files, config), _RESULTS)
+        case = with_seed_bits(load(files, config), results)
         inputs = input_files(case)
         check_command(case)
-        check_reuse(case, _RESULTS)
-        session = Session(case, remote, inputs=inputs)
+        check_reuse(case, results)
+        session = Session(case, remote, results, inputs)
     except RadcalError as error:
         sys.exit(f"radcal: {error}")
     logger.addFilter(session.messages)
