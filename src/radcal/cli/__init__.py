@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import typer
 
-from radcal.cli import check, compare, run, show
+from radcal.cli import check, compare, new, run, show
 from radcal.cli.run import check_folder, checked_case, snakemake_command
 
 __all__ = ["app", "check_folder", "checked_case", "snakemake_command"]
@@ -23,6 +23,7 @@ def _radcal() -> None:
     """Calibrate the backscatter laws of a SAR simulator against a measured image."""
 
 
+app.command("new", help=new.HELP)(new.main)
 app.command("check", help=check.HELP)(check.main)
 app.command("run", help=run.HELP)(run.main)
 app.command("show", help=show.HELP)(show.main)

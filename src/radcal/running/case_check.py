@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from radcal.config import Case, check_reuse, load_with_problems, missing_inputs
+from radcal.config import FILL_IN, Case, check_reuse, load_with_problems, missing_inputs
 from radcal.config.inputs import input_files
 from radcal.errors import ConfigError, RadcalError
 from radcal.running.memory_and_time import Stage, memory_mb, values_of
@@ -81,6 +82,18 @@ def check_case(
         return CaseCheck([str(error)], [], {}, None, {}, {})
     if case is None:
         return CaseCheck(problems, [], {}, None, {}, {})
+    found = _checked(case, problems, results)
+    return replace(found, problems=_once(found.problems))
+
+
+def _once(problems: Sequence[str]) -> list[str]:
+    """Problems without those that only say that a key is missing which is known to be undecided."""
+    undecided = [match[1] for text in problems if (match := re.search(rf"(\S+) is {FILL_IN}, ", text))]
+    return [text for text in problems if not any(f"{key} is missing" in text for key in undecided)]
+
+
+def _checked(case: Case, problems: list[str], results: str | Path) -> CaseCheck:
+    """What further checks of a case find, after those of its keys."""
     missing = missing_inputs(case)
     problems += missing
     files = {} if missing else input_files(case)
