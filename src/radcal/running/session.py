@@ -25,7 +25,7 @@ from radcal.storage.files import sweep_scripts, unwritable
 from radcal.storage.lock import CaseLock, leave
 from radcal.storage.records import REPLACE
 
-__all__ = ["Session", "is_dry_run", "open_session"]
+__all__ = ["Session", "is_dry_run", "is_planned", "open_session"]
 
 _SNAKEMAKE = Path(".snakemake")
 _RESULTS = "results"
@@ -69,6 +69,18 @@ def open_session(
 def is_dry_run(words: Iterable[str]) -> bool:
     """Whether a command line contains the dry-run option, which a Snakefile cannot query from Snakemake."""
     return any(re.fullmatch("--dry-?run|-[a-z]*n[a-z]*", word) for word in words)
+
+
+def is_planned(workflow: Any) -> bool:
+    """Whether a Snakemake command is a dry run whose jobs are known.
+
+    Parameters
+    ----------
+    workflow : snakemake.workflow.Workflow
+        Workflow at the end of its command.
+    """
+    # a command that lists rules or unlocks has no executor, and one that failed no scheduler
+    return workflow._executor_plugin is not None and workflow.dryrun and workflow.scheduler is not None
 
 
 class Session:
@@ -208,6 +220,10 @@ class Session:
                 f"stopped. Finished runs are kept in {runs}, logs in {self.folder / 'logs'}; once the cause is "
                 "removed, the same command continues."
             )
+
+    def say(self, sentence: str) -> None:
+        """Print a sentence on the terminal."""
+        _say(sentence)
 
     def _refusal(self) -> str | None:
         """Message about the first folder or result file that is not writable; None if all are writable."""
