@@ -124,7 +124,9 @@ def test_elsewhere_radcals_own_workflow_is_run(
     if folder == "others":
         (clone / "others/Snakefile").write_text("rule all:\n    input: []\n")
     monkeypatch.chdir(clone / folder)
-    done = run("../mine.yaml", "--results", "found")
+    done = run("../mine.yaml", "--results", "found", "--", "--profile", "profiles/slurm")
+    assert started[0][-2:] == ["--profile", str(ROOT / "profiles/slurm")]
+    started[0][-2:] = []
     found = parse_args(started[0][4:])[1]
     assert (Path(found.snakefile), Path(found.workflow_profile)) == (ROOT / "Snakefile", ROOT / "profiles/default")
     assert found.nolock  # radcal's own lock dies with its process; from the profile

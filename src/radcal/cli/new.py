@@ -36,13 +36,14 @@ def main(case: str, **answers: Any) -> None:
     asked = not answers["no_questions"] and _at_terminal()
     with sentences():
         path = case_path(case)
-        new = NewCase(path, given)
+        keys = {entry.key: entry.optional for entry in ENTRIES}
+        new = NewCase(path, given, keys)
         seen = set(given)
         # an answer may answer later questions: a file tells its bands, a band its scale
         while asked and (left := [one for one in ENTRIES if one.key not in seen and _is_open(one, new)]):
             seen.add(left[0].key)
             given |= _asked(left[0])
-            new = NewCase(path, given)
+            new = NewCase(path, given, keys)
         written = new.write({entry.key: entry.text for entry in ENTRIES})
     for line in written:
         typer.echo(line)

@@ -26,6 +26,8 @@ class Entry:
         Type of the value: str, float or int.
     several : bool
         Whether the option may be repeated.
+    optional : bool
+        Whether the key is neither asked for nor marked without an answer, because its default mostly holds.
     """
 
     option: str
@@ -33,6 +35,7 @@ class Entry:
     text: str
     kind: type[str | float | int] = str
     several: bool = False
+    optional: bool = False
 
     @property
     def name(self) -> str:
@@ -49,7 +52,7 @@ ENTRIES = (
     Entry("--far-incidence", "scene.far_incidence_deg", "incidence angle at the last row [deg]", float),
     Entry("--image", "measurement.path", "file of the measured image, or the word synthetic"),
     Entry("--band", "measurement.band", "number of the raster band, from 1", int),
-    Entry("--dataset", "measurement.dataset", "name of the array in an npz, mat or HDF5 file"),
+    Entry("--dataset", "measurement.dataset", "name of the array in an npz, mat or HDF5 file", optional=True),
     Entry("--scale", "measurement.scale", "scale of the image's numbers: db, power, amplitude or complex"),
     Entry("--radiometry", "radar.radiometry", "quantity: sigma0_ref, sigma0_local, beta0, gamma0 or gamma0_rtc"),
     Entry("--polarisation", "radar.polarisation", "transmitted and received polarisation: HH, HV, VH or VV"),

@@ -88,6 +88,9 @@ def main(
         changes = overrides(settings)
         files = [carried_case(case) for case in cases]
         elsewhere = None if folder == here else folder
+        if elsewhere is not None:  # radcal's own profiles, by the name that they have in a clone
+            own = {word: str(folder / word) for word in further if word.startswith("profiles/")}
+            further = [word if Path(word).exists() else own.get(word, word) for word in further]
         commands = [snakemake_command(case, targets, further, changes, cores, dry_run, elsewhere) for case in files]
         names = _checked(files, changes)
     os.environ["RADCAL_RESULTS"] = str(results)  # radcal.running.jobs.RESULTS, whose import takes a second

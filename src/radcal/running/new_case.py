@@ -26,10 +26,6 @@ _DEPRESSION_DEG, _SAMPLING = 45.0, 1.4  # of the default pass: depression, and r
 _FILES = ("scene.elevation", "scene.materials", "scene.labels", "measurement.path")
 _PLAIN = re.compile(r"[A-Za-z./~$][A-Za-z0-9_./${}-]*")
 _NOT_TEXT = ("y", "n", "yes", "no", "on", "off", "true", "false", "null", "~")
-_RADAR = (
-    "altitude_m", "depression_deg", "look_side", "frequency_ghz", "band", "polarisation", "range_resolution_m",
-    "azimuth_resolution_m", "range_spacing_m", "azimuth_spacing_m", "looks", "nesz_db", "radiometry",
-)  # fmt: skip
 
 
 def case_path(case: str) -> Path:
@@ -56,6 +52,8 @@ class NewCase:
         Case file to be written.
     answers : mapping
         Values by key, such as ``radar.looks``; ``measurement.path`` may be ``synthetic``.
+    keys : mapping
+        Whether a key is optional, by key, in the order of the lines of section ``radar``.
 
     Attributes
     ----------
@@ -70,10 +68,10 @@ class NewCase:
         The case exists, its name is none, or a file cannot be read.
     """
 
-    def __init__(self, path: Path, answers: Mapping[str, Any]) -> None:
+    def __init__(self, path: Path, answers: Mapping[str, Any], keys: Mapping[str, bool]) -> None:
         if path.exists():
             raise ConfigError(f"{path}: exists, and radcal new overwrites nothing: type another name.")
-        self.path, self.name = path, path.stem
+        self.path, self.name, self._keys = path, path.stem, keys
         check_case_name(self.name, str(path))
         self._values: dict[str, Any] = {"scene.source": "raster", **answers}
         self._notes: dict[str, str] = {}
@@ -198,12 +196,14 @@ class NewCase:
         return ["source", "path", "band", *optional, "scale", "radiometry"]
 
     def _radar_keys(self) -> list[str]:
-        unseen = {"altitude_m", "depression_deg", "look_side"} if self._slant else set[str]()
-        if "radar.frequency_ghz" not in self._values:
-            unseen.add("band")
-        if self._synthetic:  # of an invented pass the defaults are as good as any
-            unseen |= {key for key in _RADAR if f"radar.{key}" not in self._values}
-        return [key for key in _RADAR if key not in unseen]
+        # a land cover in slant range has no track, and of an invented pass the defaults are as good as any
+        unseen = {"radar.altitude_m", "radar.depression_deg", "radar.look_side"} if self._slant else set[str]()
+        keys = {**self._keys, "radar.band": True}
+        return [
+            key.removeprefix("radar.")
+            for key, may_lack in keys.items()
+            if key.startswith("radar.") and (key in self._values or not (may_lack or self._synthetic or key in unseen))
+        ]
 
     def _material_lines(self) -> list[str]:
         """Lines of the materials: those to calibrate with bounds, the others with a constant gamma."""
