@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rasterio
+import yaml
 from typer.testing import CliRunner
 
 from radcal.cli import app
@@ -90,8 +91,16 @@ def test_what_a_right_case_needs_is_told(tmp_path: Path) -> None:
     assert set(found.files) == {"scene.labels", "scene.names", "measurement.path"}
     done = CliRunner().invoke(app, ["check", str(path)])
     assert done.exit_code == 0
-    assert "simulator runs: at most 15 (1 reference, 3 design, 9 infill, 2 final)" in done.stdout
+    assert (
+        "simulator runs: at most 15 (1 reference, 3 design, 9 infill, 2 final, each of 4 speckle draws); most"
+        in done.stdout
+    )
     assert "60 x 50 pixels" in done.stdout
+    assert "memory: about 240 MB in the largest job (run); a cluster is asked for 1,100 MB" in done.stdout
+    twice = CliRunner().invoke(app, ["check", str(path), str(tmp_path / "gone.yaml")])
+    assert twice.exit_code == 1
+    assert "60 x 50 pixels" in twice.stdout
+    assert twice.stderr.splitlines()[-1] == f"radcal: 1 of 2 cases cannot be run: {tmp_path / 'gone.yaml'}"
 
 
 def test_what_only_the_files_show_is_found(tmp_path: Path) -> None:
@@ -106,3 +115,19 @@ def test_what_only_the_files_show_is_found(tmp_path: Path) -> None:
 def test_a_file_that_is_no_yaml_is_one_problem(tmp_path: Path) -> None:
     (tmp_path / "mine.yaml").write_text("a: [")
     assert len(check_case([tmp_path / "mine.yaml"]).problems) == 1
+
+
+def test_the_settings_of_a_synthetic_measurement_are_tried(tmp_path: Path) -> None:
+    path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+    own = yaml.safe_load(path.read_text())
+
+    def problems(**changes: float) -> list[str]:
+        own["measurement"] = {"source": "synthetic", "synthetic": {"warp_px": 0.5, **changes}}
+        path.write_text(yaml.safe_dump(own))
+        return check_case([path]).problems
+
+    assert problems() == []
+    (fine,) = problems(resolution_factor=0.5)
+    assert "measurement.synthetic.resolution_factor is 0.5, which makes radar.range_resolution_m 1 m, exp" in fine
+    (dark,) = problems(offset_db=-90.0)
+    assert "materials.field" in dark

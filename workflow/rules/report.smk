@@ -125,8 +125,8 @@ rule report:
     retries: 0
     threads: 1
     resources:
-        mem_mb=memory("light"),
-        runtime=minutes("light"),
+        mem_mb=memory("report"),
+        runtime=minutes("report"),
     message:
         "figures and report"
     script:
@@ -145,8 +145,8 @@ rule summary:
     retries: 0
     threads: 1
     resources:
-        mem_mb=memory("light"),
-        runtime=minutes("light"),
+        mem_mb=memory("report"),
+        runtime=minutes("report"),
     params:
         benchmarks=f"{OUT}/benchmarks",
     message:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,9 @@ from radcal.config.case import Case
 from radcal.config.pydantic_errors import sentence, shown, wrong_keys
 from radcal.errors import ConfigError
 
-__all__ = ["case_from", "load", "load_with_problems"]
+__all__ = ["FILL_IN", "case_from", "load", "load_with_problems"]
+
+FILL_IN = "FILL_IN"  # mark of a value that is still to be decided, in a case that radcal new has written
 
 
 def _parsed(overrides: Mapping[str, Any]) -> dict[str, Any]:
@@ -57,7 +59,11 @@ def load(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None
     ConfigError
         A file is missing, empty or not YAML, a key occurs twice, or a key or value is wrong.
     """
-    return case_from(_read(files, overrides), _origin(files))
+    data, origin = _read(files, overrides), _origin(files)
+    if undecided := list(_undecided(data)):
+        more = f" (and {len(undecided) - 1} more)" if len(undecided) > 1 else ""
+        raise ConfigError(f"{origin}: {_still(undecided[0])}{more}.")
+    return case_from(data, origin)
 
 
 def load_with_problems(
@@ -85,7 +91,11 @@ def load_with_problems(
         A file is missing, empty or not YAML, or a key occurs twice.
     """
     data, origin = _read(files, overrides), _origin(files)
-    problems: list[str] = []
+    undecided = list(_undecided(data))
+    problems: list[str] = [_still(place) for place in undecided]
+    data = deepcopy(data)
+    for place in undecided:
+        _leave_out(data, place)
     while True:
         contradictions: list[str] = []
         try:
@@ -124,6 +134,21 @@ def _leave_out(data: dict[str, Any], place: Sequence[int | str]) -> None:
         del section[key]
         if section:
             break
+
+
+def _undecided(data: Any, above: tuple[int | str, ...] = ()) -> Iterator[tuple[int | str, ...]]:
+    """Places of values, or of names of keys, that are still to be decided."""
+    for key, value in data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ():
+        place = (*above, key)
+        if FILL_IN in (value, key):
+            # an item of a list is decided together with its list
+            yield above if isinstance(data, list) else place
+        else:
+            yield from _undecided(value, place)
+
+
+def _still(place: Sequence[int | str]) -> str:
+    return f"{'.'.join(map(str, place))} is {FILL_IN}, expected a value, which is still to be decided"
 
 
 def _origin(files: Sequence[str | Path]) -> str:

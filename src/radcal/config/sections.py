@@ -7,7 +7,9 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict
 
-__all__ = ["FURTHER", "TAGS", "CaseName", "Section"]
+from radcal.errors import ConfigError
+
+__all__ = ["FURTHER", "TAGS", "CaseName", "Section", "check_case_name"]
 
 _LONGEST_NAME = 100  # file systems allow names of 255 bytes, and files named after a case have longer names
 
@@ -24,6 +26,27 @@ def _case_name(value: str) -> str:
     if len(value) > _LONGEST_NAME:
         raise ValueError(f"has {len(value)} letters, expected at most {_LONGEST_NAME}: it names a folder")
     return value
+
+
+def check_case_name(name: str, origin: str) -> None:
+    """Raise an error if a name cannot be that of a case.
+
+    Parameters
+    ----------
+    name : str
+        Name of a case.
+    origin : str
+        Where the name comes from, for the message.
+
+    Raises
+    ------
+    ConfigError
+        The name is no letter followed by letters, digits, _ or -, or it is too long.
+    """
+    try:
+        _case_name(name)
+    except ValueError as error:
+        raise ConfigError(f"{origin}: the name of the case {error}.") from None
 
 
 CaseName = Annotated[str, AfterValidator(_case_name)]

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from radcal.config import Case, check_reuse, load_with_problems, missing_inputs
+from radcal.config import FILL_IN, Case, check_reuse, load_with_problems, missing_inputs
 from radcal.config.inputs import input_files
 from radcal.errors import ConfigError, RadcalError
+from radcal.running.expected_memory import expected_mb
 from radcal.running.memory_and_time import Stage, memory_mb, values_of
+from radcal.running.time_left import largest_runs
 
 __all__ = ["CaseCheck", "check_case"]
 
+_LARGEST_RUN = 5_000_000  # pixels of a synthetic image that is made for the check, in some seconds
 _LARGEST = 20_000_000  # values of a scene that is made for the check: more would take minutes
 
 
@@ -35,6 +39,10 @@ class CaseCheck:
         Largest number of simulator runs by kind: reference, design, infill, final.
     memory_mb : mapping
         Memory [MB] that the largest jobs request, by stage.
+    peak_mb : mapping
+        Memory [MB] that they will probably take, by kind of job.
+    draws : int
+        Number of speckle draws of a run.
     """
 
     problems: list[str]
@@ -43,6 +51,8 @@ class CaseCheck:
     shape: tuple[int, int] | None
     runs: Mapping[str, int]
     memory_mb: Mapping[Stage, int]
+    peak_mb: Mapping[str, float] = field(default_factory=dict)
+    draws: int = 1
 
     def summary(self) -> str:
         """Lines on what would be read, made and needed."""
@@ -50,9 +60,15 @@ class CaseCheck:
         if self.shape is not None:
             lines.append(f"  simulated image: {self.shape[0]} x {self.shape[1]} pixels")
         kinds = ", ".join(f"{count} {kind}" for kind, count in self.runs.items() if count)
-        lines.append(f"  simulator runs: at most {sum(self.runs.values())} ({kinds}); most cases need far fewer infill")
-        stage = max(self.memory_mb, key=lambda name: self.memory_mb[name])
-        lines.append(f"  memory: at most {self.memory_mb[stage]:,} MB a job ({stage})")
+        each = f", each of {self.draws} speckle draws" if self.draws > 1 else ""
+        most = sum(self.runs.values())
+        lines.append(f"  simulator runs: at most {most} ({kinds}{each}); most cases need far fewer infill")
+        if self.peak_mb:
+            job = max(self.peak_mb, key=lambda name: self.peak_mb[name])
+            peak, asked = round(self.peak_mb[job], -1), max(self.memory_mb.values())
+            lines.append(
+                f"  memory: about {peak:,.0f} MB in the largest job ({job}); a cluster is asked for {asked:,} MB"
+            )
         return "\n".join([*lines, *(f"  note: {text}" for text in self.notes)])
 
 
@@ -81,6 +97,18 @@ def check_case(
         return CaseCheck([str(error)], [], {}, None, {}, {})
     if case is None:
         return CaseCheck(problems, [], {}, None, {}, {})
+    found = _checked(case, problems, results)
+    return replace(found, problems=_once(found.problems))
+
+
+def _once(problems: Sequence[str]) -> list[str]:
+    """Problems without those that only say that a key is missing which is known to be undecided."""
+    undecided = [match[1] for text in problems if (match := re.search(rf"(\S+) is {FILL_IN}, ", text))]
+    return [text for text in problems if not any(f"{key} is missing" in text for key in undecided)]
+
+
+def _checked(case: Case, problems: list[str], results: str | Path) -> CaseCheck:
+    """What further checks of a case find, after those of its keys."""
     missing = missing_inputs(case)
     problems += missing
     files = {} if missing else input_files(case)
@@ -90,26 +118,19 @@ def check_case(
         problems += _refused(check_command, case)
     problems += _refused(check_reuse, case, results)
     notes: list[str] = []
-    shape, demands = None, dict[Stage, int]()
+    shape, demands, peaks = None, dict[Stage, int](), dict[str, float]()
     if not missing:
         try:
             values = values_of(case)
             demands = {stage: memory_mb(stage, values["scene" if stage == "scene" else "image"]) for stage in _STAGES}
+            peaks = expected_mb(case)
             if max(values.values()) <= _LARGEST:
                 notes, shape = _made(case, problems)
             else:
                 notes.append("the scene is large: it is read when the calibration starts, not in this check.")
         except RadcalError as error:
             problems.append(str(error))
-    passes = len(case.passes)
-    runs = {
-        # an external program is run twice, to find out whether it repeats
-        "reference": passes * (2 if case.simulator.kind == "command" else 1),
-        "design": passes * case.design_size,
-        "infill": passes * (case.stop.max_runs - case.design_size),
-        "final": passes * 2,
-    }
-    return CaseCheck(problems, notes, files, shape, runs, demands)
+    return CaseCheck(problems, notes, files, shape, largest_runs(case), demands, peaks, case.simulator.draws)
 
 
 _STAGES: tuple[Stage, ...] = ("scene", "geometry", "measurement", "run", "registration", "target", "report")
@@ -127,9 +148,11 @@ def _made(case: Case, problems: list[str]) -> tuple[list[str], tuple[int, int] |
     """Remarks and image size of scene, geometry and measured images, which are made in memory as the workflow does."""
     from radcal.config import FileMeasurement, stages
     from radcal.measurement.sources import make_measurement
+    from radcal.measurement.synthetic import check_synthetic
     from radcal.radar.projection import make_geometry
     from radcal.scene.sources import make_scene
     from radcal.simulators.protocol import Simulator
+    from radcal.simulators.sources import make_simulator
 
     try:
         scene = make_scene(case.scene, list(case.materials))
@@ -141,10 +164,15 @@ def _made(case: Case, problems: list[str]) -> tuple[list[str], tuple[int, int] |
         try:
             geometry = make_geometry(scene, one.radar)
             shape = shape or (int(geometry.shape[0]), int(geometry.shape[1]))
+            stage = stages.Measurement.of(one)
             if isinstance(one.measurement, FileMeasurement):
                 nothing: Simulator = None  # type: ignore[assignment]  # a file needs no simulator
-                measured = make_measurement(stages.Measurement.of(one), geometry, nothing, scene, partly=number > 0)
-                notes += measured.notes
+                notes += make_measurement(stage, geometry, nothing, scene, partly=number > 0).notes
+            elif one.simulator.kind == "builtin" and geometry.material.size <= _LARGEST_RUN:
+                simulator = make_simulator(stage, geometry, "")
+                notes += make_measurement(stage, geometry, simulator, scene, partly=number > 0).notes
+            else:
+                check_synthetic(one.radar, one.measurement.synthetic, (geometry.shape[0], geometry.shape[1]))
         except RadcalError as error:
             problems.append(str(error))
     return notes, shape

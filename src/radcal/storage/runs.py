@@ -66,6 +66,11 @@ class Record:
         """Runs of all passes with these parameters, this one first."""
         return (self, *self.further)
 
+    @property
+    def all_seconds(self) -> float:
+        """Wall time of the simulator in all draws and passes [s]."""
+        return sum(draw.seconds for one in self.passes for draw in (one, *one.draws))
+
     def largest_difference_db(self, other: Record) -> float:
         """Largest absolute difference between the pixels of this run and those of another run [dB]."""
         each = [

@@ -1,21 +1,27 @@
-"""The command radcal, up to where Snakemake takes over; tests/workflow goes on from there."""
+"""The command radcal run, up to where Snakemake takes over; tests/workflow goes on from there."""
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
+from types import SimpleNamespace
+from typing import NoReturn
 
 import pytest
 from snakemake.cli import parse_args, parse_config
 from typer.testing import CliRunner, Result
 
 from radcal.cli import app, snakemake_command
+from radcal.cli.run import sorted_words
 from radcal.config import load
 from radcal.config.yaml_file import check_words
 from radcal.errors import ConfigError
+from radcal.running import workflow_files
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture
@@ -72,7 +78,9 @@ def test_what_snakemake_would_answer_with_a_traceback_ends_in_a_sentence(clone: 
         (["config"], "config: cannot be read (a folder, expected a YAML file)."),
         (["a\nb.yaml"], "a\\nb.yaml: cannot be read (No such file or directory)."),
         (["mine.yaml", "desing"], "there is no target 'desing' (did you mean 'design'?)."),
-        (["mine.yaml", "other.yaml"], "there is no target 'other.yaml' (known: all, reference, design)."),
+        (["mine.yaml", "other.yaml"], "other.yaml: cannot be read (No such file or directory)."),
+        (["mine.yaml", "report", "mine.yaml"], "mine.yaml: case is 'mine', which mine.yaml is called, too, expected"),
+        (["mine.yaml", "--results", "{a}"], "--results is '{a}', expected a folder without braces in its name."),
         (["mine.yaml", "--cores", "0"], "--cores is '0', expected a number from 1 on, or all."),
         (["mine.yaml", "-c", "1.5"], "--cores is '1.5', expected a number from 1 on, or all."),
         (["mine.yaml", "--set", "stop.rms"], "--set stop.rms: expected KEY=VALUE such as stop.rms=1e-6."),
@@ -88,14 +96,120 @@ def test_wrong_commands_end_in_a_sentence(clone: Path, arguments: list[str], sai
     assert refused(*arguments).startswith(said)
 
 
-def test_a_folder_without_the_workflow_is_refused(clone: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("elsewhere", "others"):
-        (clone / name).mkdir()
-    (clone / "others/Snakefile").write_text("rule all:\n    input: []\n")
-    for name in ("elsewhere", "others"):
-        monkeypatch.chdir(clone / name)
-        said = f"{clone / name} is not the folder of a clone of radcal, with Snakefile, workflow and config: go there"
-        assert refused("../mine.yaml").startswith(said)
+@pytest.fixture
+def started(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
+    """Commands that were to take the place of this process, in a command of one case."""
+    commands: list[list[str]] = []
+
+    def execv(_: str, words: list[str]) -> NoReturn:
+        commands.append(words)
+        raise SystemExit(0)
+
+    monkeypatch.setattr("radcal.cli.run.os.execv", execv)
+    monkeypatch.setenv("RADCAL_RESULTS", "")  # put back after the test
+    return commands
+
+
+def test_a_clones_own_workflow_is_run_in_its_folder(clone: Path, started: list[list[str]]) -> None:
+    run("mine.yaml")
+    assert not {"--snakefile", "--workflow-profile"} & set(started[0])
+    assert os.environ["RADCAL_RESULTS"] == "results"
+
+
+@pytest.mark.parametrize("folder", ["elsewhere", "others"])
+def test_elsewhere_radcals_own_workflow_is_run(
+    clone: Path, folder: str, started: list[list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (clone / folder).mkdir()
+    if folder == "others":
+        (clone / "others/Snakefile").write_text("rule all:\n    input: []\n")
+    monkeypatch.chdir(clone / folder)
+    done = run("../mine.yaml", "--results", "found", "--", "--profile", "profiles/slurm")
+    assert started[0][-2:] == ["--profile", str(ROOT / "profiles/slurm")]
+    started[0][-2:] = []
+    found = parse_args(started[0][4:])[1]
+    assert (Path(found.snakefile), Path(found.workflow_profile)) == (ROOT / "Snakefile", ROOT / "profiles/default")
+    assert found.nolock  # radcal's own lock dies with its process; from the profile
+    assert os.environ["RADCAL_RESULTS"] == "found"
+    assert done.stderr == f"radcal: results go to {clone / folder / 'found'}\n"
+    monkeypatch.setattr(workflow_files, "radcal", SimpleNamespace(__file__=str(clone / "a/b/c/radcal.py")))
+    monkeypatch.setattr(workflow_files.metadata, "files", lambda _: None)
+    said = f"{clone / folder} is not the folder of a clone of radcal, and radcal was installed without its workflow"
+    assert refused("../mine.yaml").startswith(said)
+
+
+def test_the_workflow_of_a_wheel_is_found_by_its_list_of_files(clone: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    share = clone / "share/radcal"
+    share.mkdir(parents=True)
+    for name in ("Snakefile", "workflow", "config", "profiles"):
+        (clone / name).rename(share / name)
+    entry = SimpleNamespace(name="Snakefile", locate=lambda: share / "Snakefile")
+    monkeypatch.setattr(workflow_files, "radcal", SimpleNamespace(__file__=str(clone / "lib/python/site/radcal.py")))
+    monkeypatch.setattr(workflow_files.metadata, "files", lambda _: [SimpleNamespace(name="METADATA"), entry])
+    assert workflow_files.workflow_folder(clone) == share.resolve()
+    assert workflow_files.carried_case(Path("config/paper.yaml")) == share.resolve() / "config/paper.yaml"
+    assert workflow_files.carried_case(Path("config/none.yaml")) == Path("config/none.yaml")
+    assert workflow_files.carried_case(Path("mine.yaml")) == Path("mine.yaml")
+
+
+def test_a_wheel_has_all_that_a_clone_has() -> None:
+    globs = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["data-files"]
+    for folder, patterns in globs.items():
+        assert all(Path(pattern).parent == Path(folder).relative_to("share/radcal") for pattern in patterns)
+    packed = {path for patterns in globs.values() for pattern in patterns for path in ROOT.glob(pattern)}
+    tracked = subprocess.run(
+        ["git", "ls-files", "Snakefile", "workflow", "profiles", "config"], cwd=ROOT, capture_output=True, text=True
+    ).stdout.split()
+    assert {ROOT / name for name in tracked} <= packed
+    assert len(packed) > 30
+
+
+def test_words_are_sorted_into_cases_targets_and_options() -> None:
+    words = ["a", "design", "b.yml", "results/a/x.h5", "C.YAML", "--", "d.yaml", "-n"]
+    assert sorted_words(words[:5]) == (
+        [Path("a"), Path("b.yml"), Path("C.YAML")],
+        ["design", "results/a/x.h5"],
+        [],
+    )
+    assert sorted_words(["a", "--forcerun", "b.yaml"]) == ([Path("a")], [], ["--forcerun", "b.yaml"])
+
+
+STANDS_IN = """
+import sys, pathlib
+case = pathlib.Path(sys.argv[sys.argv.index("--configfile") + 1]).read_text().split()[1]
+print("ran", case)
+sys.exit({"mine": 0, "bad": 3, "last": 4}.get(case, 0))
+"""
+
+
+def test_a_case_that_fails_does_not_stop_the_next(
+    clone: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("bad", "last"):
+        (clone / f"{name}.yaml").write_text(f"case: {name}\n")
+    # Snakemake's place is taken by a program that ends as the case is named: what is tested comes before and after
+    (clone / "end.py").write_text(STANDS_IN)
+    monkeypatch.setattr(
+        "radcal.cli.run.snakemake_command",
+        lambda case, *_: [sys.executable, "end.py", "--configfile", str(case)],
+    )
+    monkeypatch.setenv("RADCAL_RESULTS", "")
+    done = run("bad.yaml", "mine.yaml", "last.yaml")
+    assert done.exit_code == 3
+    assert capfd.readouterr().out.split() == ["ran", "bad", "ran", "mine", "ran", "last"]
+    assert done.stderr.splitlines()[-3:] == [
+        "radcal: bad: failed (exit status 3)",
+        "radcal: mine: done",
+        "radcal: last: failed (exit status 4)",
+    ]
+    assert run("mine.yaml", "mine2.yaml").exit_code == 1
+    (clone / "wrong.yaml").write_text("case: wrong\nsede: 1\n")
+    done = run("mine.yaml", "wrong.yaml", "gone.yaml")
+    assert capfd.readouterr().out == "", "no case is run if one is wrong"
+    assert [line[:25] for line in done.stderr.splitlines()] == [
+        "radcal: wrong.yaml: unkno",
+        "radcal: gone.yaml: cannot",
+    ]
 
 
 def parsed(*words: str, overrides: dict[str, object] | None = None, cores: str | None = None, further: str = ""):
