@@ -39,7 +39,7 @@ from radcal.config.target import TargetConfig
 from radcal.config.uncertainty import Uncertainty
 from radcal.config.validation import Validation
 from radcal.radar.bands import same_label
-from radcal.radar.laws import EXTERNAL, LAWS
+from radcal.radar.laws import EXTERNAL, laws_known
 
 __all__ = ["Case"]
 
@@ -275,7 +275,7 @@ class Case(Part):
                 continue
             if synthetic.is_written and name in synthetic.parameters:
                 yield f"{key}.laws.{name} and {key}.parameters.{name} are both given, expected one of them"
-            if "frequency_ghz" in LAWS[hidden.law].needs and self.radar.frequency_ghz is None:
+            if "frequency_ghz" in hidden.unbound_law.needs and self.radar.frequency_ghz is None:
                 yield f"radar.frequency_ghz is missing: law {hidden.law!r} of {key}.laws.{name} depends on it"
         if synthetic.disturbed and isinstance(self.simulator, CommandSimulation):
             yield (
@@ -292,7 +292,7 @@ class Case(Part):
             if material.law == EXTERNAL and not command:
                 yield (
                     f"materials.{name}.law is {EXTERNAL}, which only simulator.kind: command can simulate, "
-                    f"expected one of {sorted(LAWS)}"
+                    f"expected one of {laws_known(external=False)}"
                 )
             if material.starts_with_another_law and command:
                 yield (

@@ -66,8 +66,9 @@ class LawParameters:
     polarisation: Annotated[str, About("transmitted and received polarisation")]
     frequency_ghz: Annotated[float | None, About("carrier frequency", "GHz")] = None
     angles_deg: Annotated[tuple[float, ...] | None, About("knots of a tabulated law", "deg")] = None
-    names: Annotated[tuple[str, ...] | None, About("names of the parameters of an external law")] = None
-    units: Annotated[tuple[str, ...] | None, About("units of the parameters of an external law")] = None
+    names: Annotated[tuple[str, ...] | None, About("names of the parameters of an external law or formula")] = None
+    units: Annotated[tuple[str, ...] | None, About("units of the parameters of an external law or formula")] = None
+    formula: Annotated[str | None, About("formula of a law of the case file, phi in radians")] = None
 
     def curve(self) -> Law:
         """Law as a function of incidence angle and parameters, with its conditions bound to it.
@@ -84,6 +85,7 @@ class LawParameters:
             angles_deg=self.angles_deg,
             names=self.names,
             units=self.units,
+            formula=self.formula,
         )
 
 

@@ -22,7 +22,7 @@ from radcal.measurement.levels import Levels
 from radcal.measurement.registration import Registered
 from radcal.measurement.target import Targets
 from radcal.radar.geometry import Geometry
-from radcal.radar.laws import EXTERNAL, Law, seen_rad
+from radcal.radar.laws import EXTERNAL, FORMULA, Law, seen_rad
 from radcal.report.archive import (
     Archive,
     Check,
@@ -220,15 +220,16 @@ def _final_parameters(case: stages.Archive, history: History, targets: Targets) 
 
 def _law(values: Any, material: Material, radar: Radar) -> LawParameters:
     """Parameters of a material's law in one or several runs, with the conditions of the law."""
-    external = material.law == EXTERNAL
+    named = material.law in (EXTERNAL, FORMULA)
     return LawParameters(
         values=np.array(values, dtype=np.float64),
         law=material.law,
         polarisation=radar.polarisation,
         frequency_ghz=radar.frequency_ghz,
         angles_deg=None if material.angles_deg is None else tuple(material.angles_deg),
-        names=tuple(material.parameter_names) if external else None,
-        units=tuple(material.parameter_units) if external else None,
+        names=tuple(material.parameter_names) if named else None,
+        units=tuple(material.parameter_units) if named else None,
+        formula=material.formula,
     )
 
 
