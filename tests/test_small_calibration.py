@@ -13,9 +13,10 @@ import yaml
 
 import radcal
 from radcal.calibration.loop import calibrate
-from radcal.config import case_from, load
+from radcal.config import load, load_forward
 from radcal.measurement.target import read_targets
 from radcal.report.showing import show
+from radcal.report.simulated import forward
 from radcal.seeds import noise_seed
 from radcal.simulators.sources import make_runner
 
@@ -80,13 +81,25 @@ def test_the_loop_in_one_process_gives_the_same_runs(finished, tmp_path, monkeyp
 def test_exported_materials_in_another_case_give_the_calibrated_image_again(finished, tmp_path, monkeypatch):
     monkeypatch.chdir(finished.folder)
     own = yaml.safe_load(Path("tiny.yaml").read_text())
-    found = yaml.safe_load((finished.out() / "export/calibrated.yaml").read_text())["materials"]
-    lake = {"calibrate": True, "bounds": [[0, 50]] * 4, "start": found["lake"]["parameters"]}
-    case = case_from({**own, "case": "other", "measurement": {}, "materials": {**found, "lake": lake}})
+    lake = {"calibrate": True, "bounds": [[0, 50]] * 4, "start": own["materials"]["lake"]["parameters"]}
+    export = finished.out() / "export/calibrated.yaml"
+    other = {**own, "case": "other", "measurement": {}, "materials_from": str(export), "materials": {"lake": lake}}
+    Path("other.yaml").write_text(yaml.safe_dump(other))
+    case = load(["other.yaml"])
+    assert (list(case.materials), case.calibrated) == (["field", "lake"], ["lake"])
     runner = make_runner(case, finished.out() / "scene.h5", finished.out() / "geometry.h5", tmp_path / "runs")
     parameters = {name: material.start_parameters for name, material in case.materials.items()}
     image = runner.run(parameters, noise_seed(case, fresh=True), image=True).image_db
     np.testing.assert_array_equal(radcal.open(finished.out()).array("calibrated"), image)
+    # without a measurement, and with nothing to calibrate
+    del other["materials"], other["measurement"]
+    kept = {key: other[key] for key in ("seed", "scene", "radar", "materials_from") if key in other}
+    Path("forward.yaml").write_text(yaml.safe_dump(kept))
+    _, (alone,) = forward(load_forward(["forward.yaml"]), tmp_path / "simulated", tmp_path / "own runs")
+    np.testing.assert_array_equal(alone.image_db, image)
+    assert not alone.kept
+    _, (again,) = forward(load_forward(["forward.yaml"]), tmp_path / "simulated", tmp_path / "own runs")
+    assert (again.kept, again.key) == (True, alone.key)
     said = show(finished.out())
     assert said[0] == finished.summary()["verdict"]
     assert f"exports: {finished.out() / 'export'}" in said

@@ -25,9 +25,9 @@ def sight(angle: int = 120, independent: float = 100.0, noise_db: float = -300.0
     weights = np.zeros((1, GRID_DEG.size))
     weights[0, angle] = 1.0
     one = np.ones((1, 1))
-    return Sight(
-        np.full(9, GRID_DEG[angle]), weights, fields * one, 0.5 * one, np.array([independent]), np.array([noise_db])
-    )
+    incidence, edges = np.full(9, GRID_DEG[angle]), GRID_DEG[[angle, angle]]
+    count, noise = np.array([independent]), np.array([noise_db])
+    return Sight(np.arange(9), incidence, edges, weights, fields * one, 0.5 * one, count, noise)
 
 
 def lines(count: int = 4000, level_sd: float = 0.8, slope_sd: float = 0.06) -> np.ndarray:
@@ -99,6 +99,8 @@ def test_what_a_pass_sees_of_a_material(geometry_of_slopes) -> None:
     found = sight_of("slope", geometry, radar, target)
     assert found is not None
     usable = geometry.pixels("slope")[~geometry.layover.ravel()[geometry.pixels("slope")]]
+    assert found.pixels.tolist() == usable.tolist()
+    assert (found.edges_deg[0], found.edges_deg[-1]) == (30.0, 40.0)
     assert found.incidence_deg == pytest.approx(geometry.incidence_deg.ravel()[usable])
     assert found.weights.sum(axis=1) == pytest.approx(1.0)
     means = found.weights @ GRID_DEG

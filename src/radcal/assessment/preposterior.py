@@ -32,8 +32,12 @@ class Sight:
 
     Attributes
     ----------
+    pixels : ndarray of int, shape (p,)
+        Flat indices of the material's usable pixels: without layover, shadow and margin.
     incidence_deg : ndarray, shape (p,)
-        Local incidence of the material's usable pixels [deg]: without layover, shadow and margin.
+        Their local incidence [deg].
+    edges_deg : ndarray, shape (n + 1,)
+        Edges of the bins [deg].
     weights : ndarray, shape (n, 361)
         Share of each bin's pixels at each angle of the grid.
     patches, cells : ndarray, shape (n, n)
@@ -44,7 +48,9 @@ class Sight:
         Noise floor [dB].
     """
 
+    pixels: NDArray[np.int64]
     incidence_deg: Doubles
+    edges_deg: Doubles
     weights: Doubles
     patches: Doubles
     cells: Doubles
@@ -111,7 +117,9 @@ def sight_of(name: str, geometry: Geometry, radar: Radar, target: TargetConfig) 
     of_resolution = spacing / (radar.range_resolution_m * radar.azimuth_resolution_m)
     share = min(of_resolution, target.pixels / pixels.size, 1.0)
     return Sight(
+        pixels=pixels,
         incidence_deg=angle,
+        edges_deg=edges,
         weights=weights / count[:, None],
         patches=_shared(member, patch, count),
         cells=_shared(member, cells, count),

@@ -185,7 +185,7 @@ class Case(Part):
                 yield from self._in_hidden(measurement.synthetic)
             yield from self._in_truth(measurement.synthetic)
             yield from self._in_mismatch(measurement.synthetic)
-        yield from self._in_laws()
+        yield from self.laws_without_pass()
         if isinstance(measurement, FileMeasurement):
             yield from self._in_image(measurement)
 
@@ -285,8 +285,8 @@ class Case(Part):
         if synthetic.relief_m > 0 and isinstance(self.scene, SlantRangeScene):
             yield f"{key}.relief_m is {synthetic.relief_m:g}, expected 0: a slant-range scene has no heights"
 
-    def _in_laws(self) -> Iterator[str]:
-        """Laws that the simulator cannot evaluate, and laws that need a missing ``radar.frequency_ghz``."""
+    def laws_without_pass(self) -> Iterator[str]:
+        """Sentences on laws that the simulator cannot evaluate, or that need a missing ``radar.frequency_ghz``."""
         command = isinstance(self.simulator, CommandSimulation)
         for name, material in self.materials.items():
             if material.law == EXTERNAL and not command:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict
 
-__all__ = ["FURTHER", "TAGS", "CaseName", "Section"]
+__all__ = ["FURTHER", "MATERIALS_FROM", "TAGS", "CaseName", "Section"]
 
 _LONGEST_NAME = 100  # file systems allow names of 255 bytes, and files named after a case have longer names
 
@@ -27,6 +27,10 @@ def _case_name(value: str) -> str:
 
 
 CaseName = Annotated[str, AfterValidator(_case_name)]
+
+
+# key of a case file that is replaced by the materials of the file that it names, before the sections are checked
+MATERIALS_FROM = "materials_from"
 
 
 class Section(BaseModel):

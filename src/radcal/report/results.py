@@ -45,7 +45,7 @@ from radcal.scene.model import Scene
 from radcal.storage.disclosure import disclosed
 from radcal.storage.runs import Record
 
-__all__ = ["gather"]
+__all__ = ["gather", "without_level"]
 
 _LARGEST_SCENE = 1200  # largest number of archived cells per side
 _MOST_OBJECTS = 20_000  # largest number of archived objects; a figure cannot show more as separate dots
@@ -128,7 +128,7 @@ def gather(
         passes=_passes(case, history, targets, passes, final) if targets.further else None,
         images=Images(
             # figures compare whole images in dB, after subtraction of the assumed level
-            measured_db=measurement.image_db - np.float32(_level_db(targets.levels)),
+            measured_db=without_level(measurement.image_db, targets.levels),
             reference_db=conclusion.reference_db,
             calibrated_db=conclusion.calibrated_db,
             material=geometry.material,
@@ -262,9 +262,9 @@ def _levels(levels: Levels) -> LevelSummary:
     return LevelSummary(**{item.name: getattr(levels, item.name) for item in fields(LevelSummary)})
 
 
-def _level_db(levels: Levels) -> float:
-    """Level [dB] that is subtracted from the measured image in the archive."""
-    return 0.0 if levels.normalisation == "none" else levels.offset_db
+def without_level(image_db: NDArray[np.float32], levels: Levels) -> NDArray[np.float32]:
+    """Measured image [dB] after subtraction of its assumed level."""
+    return image_db - np.float32(0.0 if levels.normalisation == "none" else levels.offset_db)
 
 
 def _scene(scene: Scene) -> SceneView:
