@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
@@ -317,3 +317,78 @@ def _become(command: Sequence[str]) -> NoReturn:
     sys.stdout.flush()
     sys.stderr.flush()
     os.execv(command[0], list(command))  # noqa: S606 - a list of arguments, never a shell
+
+
+_CASE = Annotated[
+    Path, typer.Argument(metavar="CASE", readable=False, help="The case's YAML file.", show_default=False)
+]
+_SETTINGS = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="One key of the case, as stop.rms=1e-6; may be repeated."),
+]
+
+
+@app.command("simulate")
+def _simulate(
+    case: _CASE,
+    calibrated: Annotated[
+        Path | None, typer.Option("--materials", help="File with materials in place of the case's, as calibrated.yaml.")
+    ] = None,
+    settings: _SETTINGS = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of the images; by default results/<case>/simulated.")] = None,
+) -> None:
+    """Simulate the image of a case with the parameters of its materials; it needs no measured image."""
+    from radcal.config import load_forward
+    from radcal.report.simulated import simulate
+
+    def lines() -> list[str]:
+        found = load_forward([case], _overrides(settings or []), calibrated)
+        folder = Path("results") / found.case
+        return simulate(found, out or folder / "simulated", folder / "runs")
+
+    _told(lines)
+
+
+@app.command("apply")
+def _apply(
+    case: Annotated[str, typer.Argument(metavar="CASE", help="Name, results folder or YAML file.", show_default=False)],
+    to: Annotated[Path, typer.Option("--to", metavar="OTHER", help="YAML file of the other case.", show_default=False)],
+    out: Annotated[Path | None, typer.Option(help="By default results/<other>/applied_<case>.")] = None,
+) -> None:
+    """Predict the image of another scene or pass from the laws of a finished case, and compare it with its image."""
+    from radcal.config import load_forward, load_measured
+    from radcal.report.applied import apply
+    from radcal.report.showing import results_folder
+
+    def lines() -> list[str]:
+        folder, other = results_folder(case), load_forward([to])
+        results = Path("results") / other.case
+        return apply(folder, other, load_measured([to]), out or results / f"applied_{folder.name}", results / "runs")
+
+    _told(lines)
+
+
+@app.command("advise")
+def _advise(
+    case: Annotated[str, typer.Argument(metavar="CASE", help="Name, results folder or YAML file.", show_default=False)],
+    depression: Annotated[
+        list[float] | None, typer.Option(help="Depression to compare [deg]; may be repeated.")
+    ] = None,
+    between: Annotated[tuple[float, float] | None, typer.Option(help="Incidence of interest [deg].")] = None,
+) -> None:
+    """Compare further passes by how far they are expected to narrow the bands of a finished case."""
+    from radcal.report.advice import advise
+    from radcal.report.showing import results_folder
+
+    _told(lambda: advise(results_folder(case), depression or [], between))
+
+
+def _told(lines: Callable[[], Iterable[str]]) -> None:
+    """Print the lines of a command, or the sentence of its error."""
+    from radcal.errors import RadcalError
+
+    try:
+        typer.echo("\n".join(lines()))
+    except RadcalError as error:
+        typer.echo(f"radcal: {error}", err=True)
+        raise typer.Exit(1) from None

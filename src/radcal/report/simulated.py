@@ -18,6 +18,7 @@ from radcal.scene.model import Scene, write_scene
 from radcal.scene.sources import make_scene
 from radcal.seeds import noise_seed
 from radcal.simulators.sources import make_runner
+from radcal.storage.files import digest
 from radcal.storage.provenance import provenance
 from radcal.storage.runs import RunStore
 
@@ -83,10 +84,10 @@ def forward(case: stages.Forward, folder: str | Path, runs: str | Path) -> tuple
         seed, store = noise_seed(case, fresh=True), RunStore(runs)
         found = []
         for each, geometry in zip((runner, *runner.further), geometries, strict=True):
-            before = {path.name for path in store.folder.glob("[!.]*.h5")}
+            key = digest(each.description(case.start_parameters, seed))
+            kept = store.get(key, case.calibrated, image=True) is not None
             record = each.run(case.start_parameters, seed, image=True)
             assert record.image_db is not None  # noqa: S101 - asked for
-            kept = store.path(record.key).name in before
             found.append(Forward(geometry, record.image_db, record.key, kept))
     return scene, found
 
