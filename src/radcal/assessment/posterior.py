@@ -53,7 +53,7 @@ _MEAN_POWER = np.log(10.0) / 20.0  # dB of mean power per dB^2 of variance of th
 class Curve:
     """Sigma0 of the ground, as mean power at each local incidence, with its 90 % band."""
 
-    incidence_deg: Annotated[Doubles, About("local incidence", "deg", "a")]
+    incidence_deg: Annotated[Doubles, About("local incidence", "deg", "a", scale=True)]
     median_db: Annotated[Doubles, About("median of sigma0", "dB", "a")]
     p05_db: Annotated[Doubles, About("5 % quantile of sigma0", "dB", "a")]
     p95_db: Annotated[Doubles, About("95 % quantile of sigma0", "dB", "a")]
