@@ -8,13 +8,11 @@ import json
 import h5py
 import numpy as np
 import pytest
-import yaml
 from scipy.interpolate import PchipInterpolator
 
 TABLE = {"law": "tabulated", "angles_deg": [15, 25, 35], "bounds": [[-20, 0]] * 3}
 HIDDEN = [-4.0, -9.5, -12.0]
 SOIL = [8.0, 1.5, 1.0]
-FORMULA = "g + 10*log10(max(cos(phi), 1e-6))"
 
 
 def test_laws_of_several_kinds_from_the_configuration_to_the_report(project):
@@ -22,7 +20,7 @@ def test_laws_of_several_kinds_from_the_configuration_to_the_report(project):
         radar={"frequency_ghz": 9.6, "polarisation": "VV"},
         materials={
             "field": {"calibrate": True, **TABLE, "start": {"law": "oh1992", "parameters": SOIL}},
-            "lake": {"law": "formula", "formula": FORMULA, "names": ["g"], "parameters": [-12.0]},
+            "lake": {"law": "constant_gamma", "parameters": [-12.0]},
         },
         measurement={"synthetic": {"parameters": {"field": HIDDEN}, "warp_px": 0}},
         design={"size": 6},
@@ -41,9 +39,8 @@ def test_laws_of_several_kinds_from_the_configuration_to_the_report(project):
         assert np.isnan(group["parameters"][0]).all()
         assert np.isfinite(group["parameters"][1:]).all()
         assert group["start"][()].tolist() == SOIL
-        known = {
-            key: value for key, value in group["start"].attrs.items() if key not in ("description", "DIMENSION_LABELS")
-        }
+        general = ("description", "DIMENSION_LABELS")
+        known = {key: value for key, value in group["start"].attrs.items() if key not in general}
         assert known == {"law": "oh1992", "polarisation": "VV", "frequency_ghz": 9.6}
         assert file["laws/field"].attrs["angles_deg"].tolist() == [15, 25, 35]
         angles = np.percentile(group["incidence_deg"], [5, 95])
@@ -59,12 +56,8 @@ def test_laws_of_several_kinds_from_the_configuration_to_the_report(project):
         description = json.loads(file.attrs["description"])
     assert description["materials"] == {
         "field": {"law": "oh1992", "parameters": SOIL},
-        "lake": {
-            "law": "formula", "formula": "g + 10 * log10(max(cos(phi), 1e-06))", "names": ["g"], "parameters": [-12.0],
-        },
-    }  # fmt: skip
-    exported = yaml.safe_load((project.out("tiny") / "export/calibrated.yaml").read_text())["materials"]["lake"]
-    assert (exported["formula"], exported["names"]) == (FORMULA, ["g"])
+        "lake": {"law": "constant_gamma", "parameters": [-12.0]},
+    }
     assert description["pass"]["frequency_ghz"] == 9.6
 
     with (project.out("tiny") / "runs.csv").open() as handle:
