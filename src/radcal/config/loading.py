@@ -137,7 +137,7 @@ def load_forward(
     origin = _origin(files)
     data = {key: value for key, value in _read(files, overrides).items() if key not in _OF_CALIBRATION}
     if calibrated is not None:
-        data["materials"] = {**data.get("materials", {}), **_materials_of(calibrated, "calibrated")}
+        data["materials"] = {**data.get("materials", {}), **_materials_of(calibrated, "--materials")}
     passes = data.get("radar")
     if isinstance(passes, list):  # an image of each pass, which a case must have and nobody reads
         data["measurement"] = [{}] * len(passes)
