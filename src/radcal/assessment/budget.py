@@ -61,7 +61,9 @@ class Budget:
             noise_db=config.noise_db,
         )
 
-    def noise_errors_db(self, level_db: NDArray[np.float64], noise_db: float) -> NDArray[np.float64]:
+    def noise_errors_db(
+        self, level_db: NDArray[np.float64], noise_db: float | NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """Errors of measured levels [dB] by one standard error of the noise floor [dB], to first order, shape (n,).
 
         The derivative of 10 log10(signal + noise) by the noise in dB is the share of noise in the measured power, at

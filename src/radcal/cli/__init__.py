@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import typer
 
-from radcal.cli import check, compare, new, run, show
+from radcal.cli import advise, apply, check, compare, new, run, show, simulate
 from radcal.cli.run import check_folder, checked_case, snakemake_command
 
 __all__ = ["app", "check_folder", "checked_case", "snakemake_command"]
@@ -28,3 +28,6 @@ app.command("check", help=check.HELP)(check.main)
 app.command("run", help=run.HELP)(run.main)
 app.command("show", help=show.HELP)(show.main)
 app.command("compare", help=compare.HELP)(compare.main)
+app.command("simulate", help=simulate.HELP)(simulate.main)
+app.command("apply", help=apply.HELP)(apply.main)
+app.command("advise", help=advise.HELP)(advise.main)

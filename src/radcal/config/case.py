@@ -39,7 +39,7 @@ from radcal.config.target import TargetConfig
 from radcal.config.uncertainty import Uncertainty
 from radcal.config.validation import Validation
 from radcal.radar.bands import same_label
-from radcal.radar.laws import EXTERNAL, LAWS
+from radcal.radar.laws import EXTERNAL, laws_known
 
 __all__ = ["Case"]
 
@@ -185,7 +185,7 @@ class Case(Part):
                 yield from self._in_hidden(measurement.synthetic)
             yield from self._in_truth(measurement.synthetic)
             yield from self._in_mismatch(measurement.synthetic)
-        yield from self._in_laws()
+        yield from self.laws_without_pass()
         if isinstance(measurement, FileMeasurement):
             yield from self._in_image(measurement)
 
@@ -275,7 +275,7 @@ class Case(Part):
                 continue
             if synthetic.is_written and name in synthetic.parameters:
                 yield f"{key}.laws.{name} and {key}.parameters.{name} are both given, expected one of them"
-            if "frequency_ghz" in LAWS[hidden.law].needs and self.radar.frequency_ghz is None:
+            if "frequency_ghz" in hidden.unbound_law.needs and self.radar.frequency_ghz is None:
                 yield f"radar.frequency_ghz is missing: law {hidden.law!r} of {key}.laws.{name} depends on it"
         if synthetic.disturbed and isinstance(self.simulator, CommandSimulation):
             yield (
@@ -285,14 +285,14 @@ class Case(Part):
         if synthetic.relief_m > 0 and isinstance(self.scene, SlantRangeScene):
             yield f"{key}.relief_m is {synthetic.relief_m:g}, expected 0: a slant-range scene has no heights"
 
-    def _in_laws(self) -> Iterator[str]:
-        """Laws that the simulator cannot evaluate, and laws that need a missing ``radar.frequency_ghz``."""
+    def laws_without_pass(self) -> Iterator[str]:
+        """Sentences on laws that the simulator cannot evaluate, or that need a missing ``radar.frequency_ghz``."""
         command = isinstance(self.simulator, CommandSimulation)
         for name, material in self.materials.items():
             if material.law == EXTERNAL and not command:
                 yield (
                     f"materials.{name}.law is {EXTERNAL}, which only simulator.kind: command can simulate, "
-                    f"expected one of {sorted(LAWS)}"
+                    f"expected one of {laws_known(external=False)}"
                 )
             if material.starts_with_another_law and command:
                 yield (

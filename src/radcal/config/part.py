@@ -112,6 +112,7 @@ class Part(Section):
                 angles_deg=material.angles_deg,
                 names=material.names,
                 units=material.units,
+                formula=material.formula,
             )
             for name, material in self.materials.items()
         }

@@ -11,7 +11,7 @@ import json
 from typing import Any
 
 from radcal.config.case import Case
-from radcal.config.sections import FURTHER
+from radcal.config.sections import FURTHER, MATERIALS_FROM
 
 __all__ = ["schema_json"]
 
@@ -51,6 +51,11 @@ def schema_json() -> str:
             "description": f"{about}; of several passes a list with one for each",
             "anyOf": [one, {"type": "array", "items": one, "minItems": 1}],
         }
+    sections[MATERIALS_FROM] = {
+        "type": "string",
+        "description": "file whose section materials is used, such as results/dyke/export/calibrated.yaml; a material "
+        "in section materials replaces that of the file (docs/exports.md)",
+    }
     return json.dumps({"$schema": _DRAFT, **_plain(schema)}, indent=1, ensure_ascii=False) + "\n"
 
 

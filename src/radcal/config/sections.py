@@ -9,7 +9,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict
 
 from radcal.errors import ConfigError
 
-__all__ = ["FURTHER", "TAGS", "CaseName", "Section", "check_case_name"]
+__all__ = ["FURTHER", "MATERIALS_FROM", "TAGS", "CaseName", "Section", "check_case_name"]
 
 _LONGEST_NAME = 100  # file systems allow names of 255 bytes, and files named after a case have longer names
 
@@ -50,6 +50,10 @@ def check_case_name(name: str, origin: str) -> None:
 
 
 CaseName = Annotated[str, AfterValidator(_case_name)]
+
+
+# key of a case file that is replaced by the materials of the file that it names, before the sections are checked
+MATERIALS_FROM = "materials_from"
 
 
 class Section(BaseModel):

@@ -134,7 +134,7 @@ def _other_simulator(
     materials = dict(case.materials)
     for name, hidden in synthetic.laws.items():
         # not validated again, because bounds and start belong to the calibrated law
-        update = {"law": hidden.law, "angles_deg": hidden.angles_deg, "names": None, "units": None}
+        update = {name: getattr(hidden, name) for name in ("law", "angles_deg", "formula", "names")} | {"units": None}
         materials[name] = materials[name].model_copy(update=update)
     laws = case.model_copy(update={"materials": materials}).laws
     return BuiltinSimulator(geometry, radar, laws)

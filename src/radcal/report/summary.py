@@ -146,6 +146,7 @@ def _material(material: MaterialResult, counted: NDArray[np.bool_], tolerance: f
         "parameters": dict(zip(material.parameter_names, map(float, x[best]), strict=True)),
         "bounds": material.bounds.tolist(),
         "law": material.law,
+        **({"formula": material.parameters.formula} if material.parameters.formula is not None else {}),
         "start_law": material.start.law,
         "stop_reason": material.reason,
         "sentence": material.sentence,

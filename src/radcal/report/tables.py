@@ -135,7 +135,7 @@ def calibrated_materials(archive: Archive, materials: Mapping[str, Material]) ->
     """
     found = {}
     for name, material in materials.items():
-        kept = ("law", "angles_deg", "names", "units", "integer")
+        kept = ("law", "angles_deg", "formula", "names", "units", "integer")
         data = {"calibrate": False, **material.model_dump(mode="json", include=set(kept), exclude_none=True)}
         data["parameters"] = [float(x) for x in archive.laws[name].values]
         looks = material.looks

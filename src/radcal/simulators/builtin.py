@@ -14,7 +14,7 @@ from radcal.errors import ConfigError
 from radcal.radar import SIMULATOR_VERSION
 from radcal.radar.geometry import Geometry
 from radcal.radar.image import ImageFormation, decibels
-from radcal.radar.laws import EXTERNAL, LAWS, Law, law_for
+from radcal.radar.laws import EXTERNAL, Law, law_for, laws_known
 from radcal.radar.radiometry import noise_floor_db
 from radcal.radar.reflectivity import Reflectivity, law_tables, reflectivity
 
@@ -61,7 +61,7 @@ class BuiltinSimulator:
             if not law.has_curve:
                 raise ConfigError(
                     f"materials.{name}.law is {EXTERNAL}, which only simulator.kind: command can simulate, expected "
-                    f"one of {sorted(LAWS)}."
+                    f"one of {laws_known(external=False)}."
                 )
         noise_db = noise_floor_db(radar, geometry.flat_incidence_deg)
         self._formation = ImageFormation(radar, geometry.shape, noise_db, geometry.points)

@@ -14,7 +14,7 @@ import numpy as np
 
 from radcal.config import Material, Radar, stages
 from radcal.errors import SimulatorError
-from radcal.radar.laws import EXTERNAL
+from radcal.radar.laws import EXTERNAL, FORMULA
 from radcal.seeds import noise_seed as seed_of_noise
 from radcal.simulators.protocol import Simulator
 from radcal.simulators.texturing import orders_of, with_textures
@@ -34,7 +34,9 @@ def _law_description(material: Material, first: Radar, radar: Radar, seed: int) 
     # A law gets only the entries that it needs, so that the hashes of earlier runs with other laws do not change.
     if material.angles_deg:
         description["angles_deg"] = material.angles_deg
-    if material.law == EXTERNAL:
+    if material.law == FORMULA:
+        description["formula"] = material.unbound_law.formula  # without blanks, which change nothing
+    if material.law in (EXTERNAL, FORMULA):
         description["names"] = list(material.parameter_names)
     if material.looks is not None:
         # the texture depends on all of these; an external program's pass is described without its looks

@@ -201,6 +201,7 @@ class RunStore:
             file.attrs["description"] = json.dumps(disclosed(description), sort_keys=True)
             file.attrs["seconds"] = record.seconds
             file.attrs["unit"] = "dB"
+            file.create_group("pixels_db")  # empty in a forward run, which calibrates nothing
             for name, values in record.pixels_db.items():
                 file.create_dataset(f"pixels_db/{name}", data=values, dtype="f4", compression="gzip")
             if record.image_db is not None:
