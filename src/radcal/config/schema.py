@@ -40,6 +40,7 @@ def schema_json() -> str:
     (draft-handrews-json-schema-validation-01), 2018.
     """
     schema = Case.model_json_schema()
+    schema["$defs"]["FileMeasurement"]["required"].remove("scale")  # the name of a product may say it
     sections = schema["properties"]
     for section in sections.values():
         _require_tag(section, schema["$defs"])

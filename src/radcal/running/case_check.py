@@ -10,6 +10,7 @@ from typing import Any
 from radcal.config import Case, check_reuse, load_with_problems, missing_inputs
 from radcal.config.inputs import input_files
 from radcal.errors import ConfigError, RadcalError
+from radcal.reading.safe import is_safe_name
 from radcal.running.memory_and_time import Stage, memory_mb, values_of
 
 __all__ = ["CaseCheck", "check_case"]
@@ -35,6 +36,8 @@ class CaseCheck:
         Largest number of simulator runs by kind: reference, design, infill, final.
     memory_mb : mapping
         Memory [MB] that the largest jobs request, by stage.
+    sections : tuple of str
+        Section ``radar`` in YAML as the annotation of each measured image gives it, of images that have one.
     """
 
     problems: list[str]
@@ -43,6 +46,7 @@ class CaseCheck:
     shape: tuple[int, int] | None
     runs: Mapping[str, int]
     memory_mb: Mapping[Stage, int]
+    sections: tuple[str, ...] = ()
 
     def summary(self) -> str:
         """Lines on what would be read, made and needed."""
@@ -53,7 +57,11 @@ class CaseCheck:
         lines.append(f"  simulator runs: at most {sum(self.runs.values())} ({kinds}); most cases need far fewer infill")
         stage = max(self.memory_mb, key=lambda name: self.memory_mb[name])
         lines.append(f"  memory: at most {self.memory_mb[stage]:,} MB a job ({stage})")
-        return "\n".join([*lines, *(f"  note: {text}" for text in self.notes)])
+        lines += [f"  note: {text}" for text in self.notes]
+        for section in self.sections:
+            lines += ["  section radar as the annotation of the image gives it:"]
+            lines += [f"    {line}" for line in section.splitlines()]
+        return "\n".join(lines)
 
 
 def check_case(
@@ -90,13 +98,14 @@ def check_case(
         problems += _refused(check_command, case)
     problems += _refused(check_reuse, case, results)
     notes: list[str] = []
+    sections: list[str] = []
     shape, demands = None, dict[Stage, int]()
     if not missing:
         try:
             values = values_of(case)
             demands = {stage: memory_mb(stage, values["scene" if stage == "scene" else "image"]) for stage in _STAGES}
             if max(values.values()) <= _LARGEST:
-                notes, shape = _made(case, problems)
+                notes, shape = _made(case, problems, sections)
             else:
                 notes.append("the scene is large: it is read when the calibration starts, not in this check.")
         except RadcalError as error:
@@ -109,7 +118,7 @@ def check_case(
         "infill": passes * (case.stop.max_runs - case.design_size),
         "final": passes * 2,
     }
-    return CaseCheck(problems, notes, files, shape, runs, demands)
+    return CaseCheck(problems, notes, files, shape, runs, demands, tuple(sections))
 
 
 _STAGES: tuple[Stage, ...] = ("scene", "geometry", "measurement", "run", "registration", "target", "report")
@@ -123,9 +132,12 @@ def _refused(check: Any, *arguments: Any) -> list[str]:
     return []
 
 
-def _made(case: Case, problems: list[str]) -> tuple[list[str], tuple[int, int] | None]:
+def _made(case: Case, problems: list[str], sections: list[str]) -> tuple[list[str], tuple[int, int] | None]:
     """Remarks and image size of scene, geometry and measured images, which are made in memory as the workflow does."""
-    from radcal.config import FileMeasurement, stages
+    from radcal.config import FileMeasurement, expand_path, stages
+    from radcal.measurement.acquisition import radar_section
+    from radcal.measurement.overpass import seen_from
+    from radcal.measurement.product import open_product
     from radcal.measurement.sources import make_measurement
     from radcal.radar.projection import make_geometry
     from radcal.scene.sources import make_scene
@@ -142,6 +154,10 @@ def _made(case: Case, problems: list[str]) -> tuple[list[str], tuple[int, int] |
             geometry = make_geometry(scene, one.radar)
             shape = shape or (int(geometry.shape[0]), int(geometry.shape[1]))
             if isinstance(one.measurement, FileMeasurement):
+                if is_safe_name(one.measurement.path):
+                    path = expand_path(one.measurement.path, "measurement.path", folder=True)
+                    seen = seen_from(open_product(path, one.measurement, one.radar), scene, geometry.ground)
+                    sections.append(radar_section(seen.acquisition))
                 nothing: Simulator = None  # type: ignore[assignment]  # a file needs no simulator
                 measured = make_measurement(stages.Measurement.of(one), geometry, nothing, scene, partly=number > 0)
                 notes += measured.notes
