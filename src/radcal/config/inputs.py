@@ -142,7 +142,8 @@ def _sources(case: Case) -> Iterator[Callable[[], dict[str, Path]]]:
     if isinstance(case.scene, SlantRangeScene | RasterScene):
         for key in rasters:
             yield partial(_raster_inputs, case.scene, key, f"scene.{key}")
-        yield partial(_plain, case.scene.names, "scene.names")
+        if case.scene.names is not None:
+            yield partial(_plain, case.scene.names, "scene.names")
     if isinstance(case.scene, BuiltinScene | RasterScene) and case.scene.objects and case.scene.objects.path:
         yield partial(_plain, case.scene.objects.path, "scene.objects.path")
     for number, one in enumerate(case.passes, start=1):

@@ -44,6 +44,7 @@ def schema_json() -> str:
     sections = schema["properties"]
     for section in sections.values():
         _require_tag(section, schema["$defs"])
+    del sections["colours"]  # the materials have them
     for name, further in FURTHER.items():  # one pass, or a list with an item for each
         del sections[further]
         one = {word: value for word, value in sections[name].items() if word not in ("default", "description")}

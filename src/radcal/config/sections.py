@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict
 
-__all__ = ["FURTHER", "TAGS", "CaseName", "Section"]
+__all__ = ["DERIVED", "FURTHER", "TAGS", "CaseName", "Section"]
 
 _LONGEST_NAME = 100  # file systems allow names of 255 bytes, and files named after a case have longer names
 
@@ -16,6 +16,9 @@ TAGS = {"scene": "source", "simulator": "kind", "measurement": "source"}
 
 # sections of which each pass has one, and the fields that hold those of the second and later passes
 FURTHER = {"radar": "further_radar", "measurement": "further_measurement"}
+
+# fields of a case that are made from other keys, and are absent where these do not give them
+DERIVED = (*FURTHER.values(), "colours")
 
 
 def _case_name(value: str) -> str:

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.report.archive import Archive
-from radcal.report.drawing import FILLS, Array, add_legend, label, new_canvas
+from radcal.report.colours import colours_of
+from radcal.report.drawing import Array, add_legend, label, new_canvas
 from radcal.report.map_figures import axis_labels, image_extent, panels_for
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ _LISTED = 8  # largest number of materials named in the caption
 def _colours(case: Archive) -> tuple[Any, Any]:
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
-    colours = ["#FFFFFF", *(FILLS[k % len(FILLS)] for k in range(len(case.names)))]
+    colours = ["#FFFFFF", *colours_of(case)]
     return ListedColormap(colours), BoundaryNorm((np.arange(len(colours) + 1) - 0.5).tolist(), len(colours))
 
 
@@ -32,7 +33,8 @@ def _material_legend(canvas: Canvas, case: Archive, present: NDArray[Any]) -> No
     from matplotlib.patches import Patch
 
     numbers = [int(k) for k in np.unique(present) if 0 < k <= len(case.names)]
-    handles = [Patch(facecolor=FILLS[(k - 1) % len(FILLS)], edgecolor="black", linewidth=0.5) for k in numbers]
+    colours = colours_of(case)
+    handles = [Patch(facecolor=colours[k - 1], edgecolor="black", linewidth=0.5) for k in numbers]
     add_legend(canvas, (handles, [label(case.names[k - 1], 30) for k in numbers]), 6)
 
 
