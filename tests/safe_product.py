@@ -57,7 +57,12 @@ def divisor(line: np.ndarray, pixel: np.ndarray) -> np.ndarray:
 def noise(line: np.ndarray, pixel: np.ndarray) -> np.ndarray:
     """Noise of range and azimuth tables."""
     factor = np.where(pixel < 50, 1.0 + 0.003 * line, 1.4 - 0.001 * line)
-    return (200.0 + 0.3 * line + 0.9 * pixel + 0.001 * line * pixel) * factor
+    return noise_over_range(line, pixel) * factor
+
+
+def noise_over_range(line: np.ndarray, pixel: np.ndarray) -> np.ndarray:
+    """Noise of the range table alone."""
+    return 200.0 + 0.3 * line + 0.9 * pixel + 0.001 * line * pixel
 
 
 def digital_numbers() -> np.ndarray:
@@ -180,11 +185,7 @@ def write_product(
     (tables / f"calibration-{STEM}.xml").write_text(
         f"<calibration>{_vectors('calibrationVector', 'sigmaNought', divisor)}</calibration>"
     )
-    over_range = _vectors(
-        "noiseRangeVector",
-        "noiseRangeLut",
-        lambda line, pixel: 200.0 + 0.3 * line + 0.9 * pixel + 0.001 * line * pixel,
-    )
+    over_range = _vectors("noiseRangeVector", "noiseRangeLut", noise_over_range)
     (tables / f"noise-{STEM}.xml").write_text(f"<noise>{over_range}{_azimuth_noise()}</noise>")
     values = digital_numbers() if pixels is None else pixels
     with rasterio.open(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -92,3 +93,9 @@ def test_colours_are_no_part_of_what_determines_runs() -> None:
         case({"cropland": {"calibrate": True, "colour": "green"}})
     with pytest.raises(ConfigError, match="unknown key colours"):
         case_from({"colours": {"dyke": "#000000"}})
+
+
+@pytest.mark.parametrize("landcover", LANDCOVERS)
+def test_the_page_has_the_generated_table(landcover: str) -> None:
+    page = (Path(__file__).resolve().parents[2] / "docs/landcover.md").read_text(encoding="utf-8")
+    assert landcover_table(landcover) in page

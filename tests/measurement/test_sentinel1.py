@@ -21,13 +21,14 @@ from safe_product import (
     digital_numbers,
     divisor,
     noise,
+    noise_over_range,
     place_of,
     write_product,
 )
 
 from radcal.config import FileMeasurement, Radar, case_from, stages
 from radcal.errors import ConfigError, MeasurementError
-from radcal.measurement.acquisition import Acquisition, differences, radar_section
+from radcal.measurement.acquisition import Acquisition, contradictions, differences, radar_section
 from radcal.measurement.overpass import seen_from
 from radcal.measurement.product import Product, open_product
 from radcal.measurement.sentinel1 import sigma0_image
@@ -121,8 +122,9 @@ def test_tables_are_interpolated_in_both_directions(safe: Path) -> None:
     rng = np.random.default_rng(2)
     line, pixel = rng.uniform(0, LINES - 1, 500), rng.uniform(0, PIXELS - 1, 500)
     np.testing.assert_allclose(product.calibration.at(line, pixel), divisor(line, pixel), rtol=1e-9)
-    whole = np.floor(pixel)  # between pixels 49 and 50 no block has a factor
-    np.testing.assert_allclose(product.noise.at(line, whole), noise(line, whole), rtol=1e-9)
+    block = np.round(pixel) < 50  # a block begins with its first pixel, half a pixel before the pixel's centre
+    expected = noise(line, np.where(block, 0.0, 99.0)) / noise_over_range(line, np.where(block, 0.0, 99.0))
+    np.testing.assert_allclose(product.noise.at(line, pixel), noise_over_range(line, pixel) * expected, rtol=1e-9)
 
 
 def test_acquisition_is_read_from_the_annotation(safe: Path) -> None:
@@ -166,7 +168,12 @@ def test_the_printed_section_is_one_of_radar(safe: Path) -> None:
     printed = Radar.model_validate(yaml.safe_load(section)["radar"])
     assert printed.depression_deg == pytest.approx(90.0 - acquisition.incidence_deg, abs=0.01)
     assert printed.range_spacing_m == pytest.approx(10.0 * np.sin(np.radians(acquisition.incidence_deg)), rel=1e-3)
-    assert (printed.looks, printed.band, printed.polarisation, printed.look_side) == (4, "C", "VV", "right")
+    # the track heads north: a look to the west, as of the image that looks right on its way south, is one to the left
+    assert (printed.looks, printed.band, printed.polarisation, printed.look_side) == (4, "C", "VV", "left")
+    assert "look_side: left   # the image looks right, to 2" in section
+    flat = np.full(3, 90.0 - printed.depression_deg)
+    assert contradictions(acquisition, printed, flat) == []
+    assert all("looks to" in text for text in differences(acquisition, printed))
     assert printed.nesz_db[0] == list(acquisition.nesz_db[0]) or printed.nesz_db[0] == acquisition.nesz_db[0]
     assert f"heading {acquisition.heading_deg:.2f} deg over the scene" in section
     denoised = radar_section(replace(acquisition, noise_removed=True))

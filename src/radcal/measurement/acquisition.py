@@ -119,15 +119,21 @@ def radar_section(acquisition: Acquisition) -> str:
     Returns
     -------
     str
-        YAML with the keys of :class:`.Radar`; what it has no key for stands in comments.
+        YAML with those values for which :class:`.Radar` has a key; others stand in comments.
     """
     a = acquisition
+    known = Radar.model_fields
     looks = max(1, min(64, round(a.looks)))
+    # without a key for the heading, the track heads north: the side that is nearest to the true direction
+    side = a.look_side if "heading_deg" in known else "right" if a.look_azimuth_deg < 180.0 else "left"
+    towards = f"{side}   # the image looks {a.look_side}, to {a.look_azimuth_deg:.1f} deg from north"
     noise = ", ".join(f"[{angle:.2f}, {level:.2f}]" for angle, level in a.nesz_db)
     lines = {
         "altitude_m": f"{a.altitude_m:.0f}",
         "depression_deg": f"{90.0 - a.incidence_deg:.2f}   # incidence {a.incidence_deg:.2f} deg at the scene's middle",
-        "look_side": a.look_side,
+        "heading_deg": f"{a.heading_deg:.2f}   # over the scene",
+        "incidence_deg": f"{a.incidence_deg:.2f}",
+        "look_side": towards,
         "band": letter_band(a.frequency_hz) or "unknown",
         "frequency_ghz": f"{a.frequency_hz / 1e9:.6g}",
         "polarisation": a.polarisation,
@@ -140,7 +146,9 @@ def radar_section(acquisition: Acquisition) -> str:
         "radiometry": "sigma0_ref",
     }
     head = f"radar:   # {a.product}, {a.pass_direction}, heading {a.heading_deg:.2f} deg over the scene"
-    return "\n".join([head, *(f"  {key}: {value}" for key, value in lines.items())]) + "\n"
+    if "incidence_deg" in known:
+        del lines["depression_deg"]
+    return "\n".join([head, *(f"  {key}: {value}" for key, value in lines.items() if key in known)]) + "\n"
 
 
 def contradictions(acquisition: Acquisition, radar: Radar, incidence_deg: NDArray[np.float64]) -> list[str]:
@@ -213,8 +221,9 @@ def differences(acquisition: Acquisition, radar: Radar) -> list[str]:
 
 
 def _look_azimuth_deg(radar: Radar) -> float:
-    """Direction in which the configured pass looks: its track heads to the grid's north."""
-    return 90.0 if radar.look_side == "right" else 270.0
+    """Direction in which the configured pass looks [deg]; without a heading its track heads to the grid's north."""
+    heading = float(getattr(radar, "heading_deg", None) or 0.0)
+    return (heading + (90.0 if radar.look_side == "right" else 270.0)) % 360.0
 
 
 def _apart(one: float, other: float) -> float:

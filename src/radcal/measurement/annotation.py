@@ -141,8 +141,9 @@ class NoiseTable:
     def at(self, line: Array, pixel: Array) -> Array:
         """Noise at positions of the image, shape (k,)."""
         factor = np.ones(line.shape)
+        row, column = np.round(line), np.round(pixel)  # blocks begin and end with a pixel
         for (first, last, near, far), lines, factors in self.along:
-            inside = (line >= first) & (line <= last) & (pixel >= near) & (pixel <= far)
+            inside = (row >= first) & (row <= last) & (column >= near) & (column <= far)
             factor[inside] = np.interp(line[inside], lines, factors)
         return self.over_range.at(line, pixel) * factor
 

@@ -65,7 +65,7 @@ def titled(name: str, text: str = "") -> str:
     shown = label(name)
     if not text:
         return shown
-    return f"{shown}: {text}" if len(shown) <= 16 and len(shown) + len(text) < 62 else f"{shown}:\n{text}"
+    return f"{shown}: {text}" if len(shown) <= 16 and len(shown) + len(text) < 56 else f"{shown}:\n{text}"
 
 
 def mark(axes: Axes, colour: str) -> None:
