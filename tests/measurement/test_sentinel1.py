@@ -29,11 +29,13 @@ from safe_product import (
 from radcal.config import FileMeasurement, Radar, case_from, stages
 from radcal.errors import ConfigError, MeasurementError
 from radcal.measurement.acquisition import Acquisition, contradictions, differences, radar_section
+from radcal.measurement.annotation import noise_of
 from radcal.measurement.overpass import seen_from
 from radcal.measurement.product import Product, open_product
 from radcal.measurement.sentinel1 import sigma0_image
 from radcal.measurement.sources import make_measurement
 from radcal.radar.projection import make_geometry
+from radcal.reading.intake import parse_xml
 from radcal.scene.model import Scene
 
 pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
@@ -125,6 +127,13 @@ def test_tables_are_interpolated_in_both_directions(safe: Path) -> None:
     block = np.round(pixel) < 50  # a block begins with its first pixel, half a pixel before the pixel's centre
     expected = noise(line, np.where(block, 0.0, 99.0)) / noise_over_range(line, np.where(block, 0.0, 99.0))
     np.testing.assert_allclose(product.noise.at(line, pixel), noise_over_range(line, pixel) * expected, rtol=1e-9)
+
+
+def test_noise_of_early_processors_has_one_table() -> None:
+    vector = "<noiseVector><line>{}</line><pixel>0 10</pixel><noiseLut>{}</noiseLut></noiseVector>"
+    text = f"<noise><noiseVectorList>{vector.format(0, '4 8')}{vector.format(100, '6 20')}</noiseVectorList></noise>"
+    found = noise_of(parse_xml(text.encode())).at(np.array([0.0, 25.0, 300.0]), np.array([5.0, 2.5, 40.0]))
+    np.testing.assert_allclose(found, [6.0, 0.75 * 5.0 + 0.25 * 9.5, 20.0])
 
 
 def test_acquisition_is_read_from_the_annotation(safe: Path) -> None:

@@ -46,6 +46,14 @@ def test_other_manifests_are_refused(tmp_path: Path, text: str, words: str) -> N
         safe_images(tmp_path)
 
 
+def test_an_image_without_its_tables_is_refused(tmp_path: Path) -> None:
+    safe = write_product(tmp_path)
+    manifest = safe / "manifest.safe"
+    manifest.write_text(manifest.read_text().replace(f"/noise-{STEM}", "/noise-other"))
+    with pytest.raises(SafeRefused, match=f"lists no noise of measurement/{STEM}.tiff"):
+        safe_images(safe)
+
+
 def test_names_of_products() -> None:
     assert is_safe_name(f"${{DATA}}/{NAME}")
     assert is_safe_name(f"{NAME}/")

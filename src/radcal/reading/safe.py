@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from radcal.reading.intake import parse_xml
 
@@ -13,7 +12,7 @@ __all__ = ["MANIFEST", "SafeImage", "SafeRefused", "chosen_image", "is_safe_name
 
 MANIFEST = "manifest.safe"
 _POLARISATIONS = frozenset(("HH", "HV", "VH", "VV"))
-_PARTS = {"annotation": "product", "calibration": "calibration", "noise": "noise"}  # prefixes of the manifest's ids
+_PARTS = {"annotation": "", "calibration": "calibration-", "noise": "noise-"}  # prefixes of the names of files
 
 
 class SafeRefused(ValueError):
@@ -86,16 +85,17 @@ def safe_images(path: Path) -> list[SafeImage]:
         raise SafeRefused(f"it has no {MANIFEST}, expected the whole folder of a Sentinel-1 product") from None
     except (OSError, ValueError) as error:
         raise SafeRefused(f"{MANIFEST}: {error}") from None
-    places: dict[str, Path] = {}
-    pixels: list[str] = []
+    files: dict[str, Path] = {}
+    pixels: list[Path] = []
     for item in root.iter("dataObject"):
-        name, kind = str(item.get("ID")), str(item.get("repID"))
         location = item.find(".//fileLocation")
-        if location is not None:
-            places[name] = _inside(folder, str(location.get("href")))
-        if kind == "s1Level1MeasurementSchema":
-            pixels.append(name)
-    found = [_image(name, places) for name in pixels if name in places]
+        if location is None:
+            continue
+        file = _inside(folder, str(location.get("href")))
+        files[file.name] = file
+        if item.get("repID") == "s1Level1MeasurementSchema":
+            pixels.append(file)
+    found = [_image(file, files) for file in pixels]
     if not found:
         raise SafeRefused(f"{MANIFEST} lists no measured image, expected a level-1 product")
     return found
@@ -134,15 +134,15 @@ def _inside(folder: Path, href: str) -> Path:
     return path
 
 
-def _image(name: str, places: dict[str, Any]) -> SafeImage:
-    """Files of the image with a name in the manifest, from whose name those of the others are made."""
-    pixels: Path = places[name]
+def _image(pixels: Path, files: Mapping[str, Path]) -> SafeImage:
+    """Files of the image in a file of pixels, from whose name those of the others are made."""
     polarisation = next((part.upper() for part in pixels.stem.split("-") if part.upper() in _POLARISATIONS), None)
     if polarisation is None:
         raise SafeRefused(f"the name of {_short(pixels)} has no polarisation, expected s1a-iw-grd-vv-...")
     others = {}
     for part, prefix in _PARTS.items():
-        if prefix + name not in places:
-            raise SafeRefused(f"{MANIFEST} lists no {part} of {_short(pixels)}")
-        others[part] = places[prefix + name]
+        name = f"{prefix}{pixels.stem}.xml"
+        if name not in files:
+            raise SafeRefused(f"{MANIFEST} lists no {part} of {_short(pixels)} ({name})")
+        others[part] = files[name]
     return SafeImage(polarisation, pixels=pixels, **others)

@@ -10,7 +10,7 @@ import numpy as np
 
 from radcal import skewnormal
 from radcal.report.archive import Archive, MaterialResult
-from radcal.report.colours import head
+from radcal.report.colours import colour_of, head
 from radcal.report.drawing import (
     DESIGN,
     FOUND,
@@ -19,6 +19,7 @@ from radcal.report.drawing import (
     TARGET,
     Array,
     add_legend,
+    mark,
     new_canvas,
     short,
     shortened,
@@ -171,6 +172,7 @@ def overview(case: Archive) -> tuple[Canvas, str, str]:
             + f"\nrms {short(material.rms[material.best])}: {REASONS[material.reason].label}",
             fontsize=10.0,
         )
+        mark(axes, colour_of(case, name))
         axes.tick_params(labelsize=9.5)
     for axes in grid[n:]:
         axes.set_axis_off()
