@@ -119,9 +119,9 @@ def _view(canvas: Canvas, elevation: Array, material: NDArray[Any], cell_m: floa
         x, y, low, facecolors=shaded, rstride=1, cstride=1, linewidth=0, antialiased=False, shade=False
     )
     surface.set_rasterized(True)  # rasterised, since thousands of faces would be slow and large as vectors
-    height = float(np.ptp(elevation))
+    height = max(float(np.ptp(elevation)), 1.0)  # level ground would have a box without a height
     span = max(sides[1], sides[3])
-    times = max(1, round(0.25 * span * 1000.0 / max(height, 1.0)))
+    times = max(1, round(0.25 * span * 1000.0 / height))
     solid.set_box_aspect((sides[1] / span, sides[3] / span, height / 1000.0 * times / span))
     solid.view_init(elev=32.0, azim=-120.0)
     solid.set_title(f"seen from south-west, heights {times} times" if times > 1 else "seen from south-west")
