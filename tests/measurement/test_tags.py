@@ -84,6 +84,20 @@ def test_contradictions_are_refused(
     assert measured(build_case(measurement=file), geometry).source == "b.tif"
 
 
+@pytest.mark.parametrize(("letters", "filtered"), [("gpuned", False), ("gpufed", True)])
+def test_what_a_name_says_is_told(
+    tmp_path: Path, geometry: Geometry, build_case: Callable[..., Case], letters: str, filtered: bool
+) -> None:
+    path = write(tmp_path / f"S1A_IW_20180128T161201_DVP_RTC30_G_{letters}_FD6A_HH.tif", geometry.shape, [None])
+    with rasterio.open(path, "r+") as raster:
+        raster.write(10.0 ** (raster.read() / 10.0))
+    case = build_case(measurement={"source": "file", "path": str(path)}, radar={"radiometry": "gamma0_rtc"})
+    notes = measured(case, geometry).notes
+    (said,) = (note for note in notes if "by its name" in note)
+    assert "a HyP3 RTC product, read as scale power, radiometry gamma0_rtc, polarisation HH" in said
+    assert ("speckle was filtered" in said) == filtered
+
+
 def measured(case: Case, geometry: Geometry) -> Measurement:
     nothing: Any = None  # a file needs no simulator
     return make_measurement(case, geometry, nothing)

@@ -125,14 +125,17 @@ def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene:
     looks = estimate_looks(read.image_db, geometry.material, radar)
     spread = estimate_point_spread(read.image_db, geometry.material, radar)
     if looks is not None:
-        notes.append(check_looks(looks, radar.looks, config.scale, path.name, is_filtered(spread, looks, radar)))
+        scale = None if is_safe_name(config.path) else config.scale
+        notes.append(check_looks(looks, radar.looks, scale, path.name, is_filtered(spread, looks, radar)))
     elif config.scale == "complex" and radar.looks != 1:
         notes.append(f"{path.name}: complex pixels have a single look, radar.looks is {radar.looks}.")
     if spread is not None and (note := point_spread_note(spread, looks, radar, path.name)) is not None:
         notes.append(note)
-    product = named_product(config.path)
-    if product is not None and product.filtered:
-        notes.append(f"{path.name}: its name says that speckle was filtered: use the product before filtering.")
+    product = None if is_safe_name(config.path) else named_product(config.path)
+    if product is not None:
+        keys = f"scale {config.scale}, radiometry {config.radiometry}, polarisation {config.polarisation}"
+        filtered = "; speckle was filtered, use the product before filtering" if product.filtered else ""
+        notes.append(f"{path.name}: by its name {product.called}, read as {keys}{filtered}.")
     if read.frequency_hz is not None and within_band(radar.band, read.frequency_hz) is None:
         notes.append(
             f"{path.name}: its carrier of {read.frequency_hz / 1e9:.4g} GHz is not compared with radar.band = "
