@@ -126,6 +126,13 @@ def test_a_wrong_scale_is_named_by_the_looks_that_it_would_give(found: float, sc
         check_looks(Looks(found, 0.9 * found, 1.1 * found, 50), 4, scale, "image.tif")
 
 
+@pytest.mark.parametrize("found", [8.1, 1.39])
+def test_a_product_whose_scale_is_known_is_refused_for_its_speckle(found: float) -> None:
+    with pytest.raises(MeasurementError, match=r"^measurement\.path: the speckle of .*\.SAFE is .*, which is no"):
+        check_looks(Looks(found, 0.9 * found, 1.1 * found, 50), 4, None, "S1A.SAFE")
+    assert "narrower" in check_looks(Looks(1.41, 1.3, 1.5, 50), 4, None, "S1A.SAFE")
+
+
 @pytest.mark.parametrize(
     ("found", "end"),
     [(8.0, "wider than those."), (5.21, "wider than those."), (5.2, "radar.looks is 4."), (2.4, "radar.looks is 4."),

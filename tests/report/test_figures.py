@@ -13,7 +13,7 @@ import pytest
 from archives import changed_check, changed_material, held_out_blocks
 from matplotlib.text import Text
 
-from radcal.report import drawing, map_figures
+from radcal.report import drawing, map_figures, scene_figures
 from radcal.report import figures as module
 from radcal.report.archive import Images
 from radcal.report.figures import write_figures
@@ -303,3 +303,12 @@ def test_the_misfit_of_classes_is_drawn_beside_the_densities(made):
     assert "For a right law it is about 6," in caption
     assert not any("tolerance" in str(line.get_label()) for line in lower.lines)
     assert [line.get_ydata()[0] for line in upper.lines if line.get_label() == "a right law"] == [6]
+
+
+def test_a_scene_of_one_height_is_drawn(made):
+    level = np.full((20, 30), 120.0, dtype=np.float32)
+    view = replace(made.archive.scene, material=np.ones((20, 30), np.uint8), elevation_m=level, cell_m=15.0)
+    with mpl.rc_context(drawing.STYLE):
+        canvas, caption, _ = scene_figures.scene(replace(made.archive, scene=view))
+        assert drawn(canvas) == []
+    assert "heights from 120 to 120 m" in caption

@@ -9,6 +9,9 @@ import numpy as np
 import pytest
 import rasterio
 import yaml
+from pyproj import Transformer
+from rasterio.transform import from_origin
+from safe_product import place_of, write_product
 from typer.testing import CliRunner
 
 from radcal.cli import app
@@ -131,3 +134,36 @@ def test_the_settings_of_a_synthetic_measurement_are_tried(tmp_path: Path) -> No
     assert "measurement.synthetic.resolution_factor is 0.5, which makes radar.range_resolution_m 1 m, exp" in fine
     (dark,) = problems(offset_db=-90.0)
     assert "materials.field" in dark
+
+
+@pytest.mark.filterwarnings("ignore:Use `@` matmul:PendingDeprecationWarning")  # of rasterio about affine
+def test_a_sentinel1_product_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
+        safe = write_product(tmp_path)
+    x, y = Transformer.from_crs("EPSG:4326", "EPSG:32633", always_xy=True).transform(*place_of(60.0, 50.0, 120.0))
+    settings = {"height": 40, "width": 40, "count": 1, "crs": "EPSG:32633", "driver": "GTiff"}
+    for name, dtype, value in (("height.tif", "float32", 120.0), ("cover.tif", "uint8", 1)):
+        transform = from_origin(x - 300.0, y + 300.0, 15.0, 15.0)
+        with rasterio.open(name, "w", dtype=dtype, transform=transform, **settings) as raster:
+            raster.write(np.full((40, 40), value, dtype=dtype), 1)
+    Path("names.json").write_text('{"1": "crops"}')
+    Path("mine.yaml").write_text(
+        "scene: {source: raster, elevation: height.tif, materials: cover.tif, names: names.json, "
+        "vertical_datum: WGS84 ellipsoid}\n"
+        f"measurement: {{source: file, path: {safe}}}\n"
+        "materials: {crops: {calibrate: true, bounds: [[-40, 10], [0, 16], [0, 22], [0, 12]]}}\n"
+        "radar: {altitude_m: 693000, depression_deg: 53.4, look_side: left, band: C, polarisation: VV, "
+        "range_resolution_m: 11, azimuth_resolution_m: 18, range_spacing_m: 6, azimuth_spacing_m: 9.7, looks: 4}\n"
+    )
+    found = check_case(["mine.yaml"])
+    assert found.problems == []
+    assert any("S1B IW GRD VV of 2021-12-23" in note for note in found.notes)
+    said = found.summary()
+    assert "section radar as the annotation of the image gives it:\n    radar:   # S1B_IW_GRDH" in said
+    assert "\n      depression_deg: 53.4" in said
+    wrong = check_case(["mine.yaml"], {"radar": "{depression_deg: 45}"})
+    (problem,) = wrong.problems
+    assert "contradicts section radar: radar.depression_deg is 45, an incidence of 45.0" in problem
+    assert len(wrong.sections) == 1

@@ -209,6 +209,22 @@ def test_coarse_cells_take_the_mean_height_and_the_most_frequent_material(build:
     assert any("averaged" in note and "majority" in note for note in scene.notes)
 
 
+def test_codes_of_a_land_cover_map_become_materials_in_their_order(build: Build) -> None:
+    ids = np.full(SHAPE, 40, dtype=np.uint8)
+    ids[:, 30:] = 10
+    ids[:10] = 80
+    ids[40:] = 0
+    config = build(ids=ids, names={"80": "lake"}, landcover="esa_worldcover")
+    scene = raster_scene(config)
+    assert scene.names == ("tree_cover", "cropland", "lake")
+    north_first = scene.material[::-1]
+    assert [int(north_first[k, n]) for k, n in ((5, 5), (20, 5), (20, 55), (45, 5))] == [3, 2, 1, 0]
+    without = raster_scene(config.model_copy(update={"names": None}))
+    assert without.names == ("tree_cover", "cropland", "permanent_water_bodies")
+    with pytest.raises(SceneError, match="the scene's 'lake', 'tree_cover' have no law; add materials.lake, materials"):
+        make_scene(config, ["cropland"])
+
+
 def test_of_equally_frequent_materials_the_lowest_id_counts(build: Build) -> None:
     ids = np.full(SHAPE, 3, dtype=np.uint8)
     ids[::2] = 2

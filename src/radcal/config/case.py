@@ -11,10 +11,12 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from radcal.config.design import Design
 from radcal.config.fitting_defaults import (
+    with_colours,
     with_fitting_draws,
     with_fitting_measurement,
     with_fitting_stop,
     with_passes,
+    with_starting_laws,
 )
 from radcal.config.limits import Seed
 from radcal.config.materials import DEFAULT_LAW, Material, check_parameters, default_materials
@@ -71,6 +73,7 @@ class Case(Part):
     )
     further_radar: list[Radar] | None = Field(None, description="radar of the second and later passes")
     further_measurement: list[MeasurementConfig] | None = Field(None, description="their measured images")
+    colours: dict[str, str] | None = Field(None, description="colours of the materials in figures")
     registration: RegistrationConfig = Field(default_factory=RegistrationConfig)
     objective: Objective = Field(
         DEFAULT,
@@ -95,7 +98,8 @@ class Case(Part):
         """
         if not isinstance(data, dict):
             return data
-        data = with_fitting_measurement(with_fitting_stop(with_passes(data)))
+        data = with_colours(with_starting_laws(with_passes(data)))
+        data = with_fitting_measurement(with_fitting_stop(data))
         if "objective" in data:
             return with_fitting_draws(data)
         target, materials = (data[key] if isinstance(data.get(key), dict) else {} for key in ("target", "materials"))

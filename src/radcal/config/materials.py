@@ -165,6 +165,11 @@ class Material(Section):
         description="effective looks of the pixels, below radar.looks for texture (calibrate: false); by default "
         "radar.looks",
     )
+    colour: Annotated[str, Field(pattern="^#[0-9A-Fa-f]{6}$")] | None = Field(
+        None,
+        exclude=True,  # the case keeps colours apart from what determines runs
+        description="colour in figures, such as #0072B2; by default that of the name (docs/landcover.md)",
+    )
     bounds: list[tuple[Parameter, Parameter]] | None = Field(
         None, description="[lower, upper] bound of each calibrated parameter"
     )

@@ -40,9 +40,11 @@ def schema_json() -> str:
     (draft-handrews-json-schema-validation-01), 2018.
     """
     schema = Case.model_json_schema()
+    schema["$defs"]["FileMeasurement"]["required"].remove("scale")  # the name of a product may say it
     sections = schema["properties"]
     for section in sections.values():
         _require_tag(section, schema["$defs"])
+    del sections["colours"]  # the materials have them
     for name, further in FURTHER.items():  # one pass, or a list with an item for each
         del sections[further]
         one = {word: value for word, value in sections[name].items() if word not in ("default", "description")}

@@ -9,7 +9,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict
 
 from radcal.errors import ConfigError
 
-__all__ = ["FURTHER", "MATERIALS_FROM", "TAGS", "CaseName", "Section", "check_case_name"]
+__all__ = ["DERIVED", "FURTHER", "MATERIALS_FROM", "TAGS", "CaseName", "Section", "check_case_name"]
 
 _LONGEST_NAME = 100  # file systems allow names of 255 bytes, and files named after a case have longer names
 
@@ -18,6 +18,9 @@ TAGS = {"scene": "source", "simulator": "kind", "measurement": "source"}
 
 # sections of which each pass has one, and the fields that hold those of the second and later passes
 FURTHER = {"radar": "further_radar", "measurement": "further_measurement"}
+
+# fields of a case that are made from other keys, and are absent where these do not give them
+DERIVED = (*FURTHER.values(), "colours")
 
 
 def _case_name(value: str) -> str:

@@ -213,6 +213,7 @@ class Archive(Stage):
     measurement: MeasurementConfig
     further_radar: list[Radar] | None = None
     further_measurement: list[MeasurementConfig] | None = None
+    colours: dict[str, str] | None = None
     registration: RegistrationConfig
     objective: Objective
     target: TargetConfig

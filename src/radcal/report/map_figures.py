@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.report.archive import Archive
-from radcal.report.drawing import FILLS, Array, add_legend, label, new_canvas
+from radcal.report.colours import colours_of
+from radcal.report.drawing import Array, add_legend, label, new_canvas
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -195,7 +196,7 @@ def residual(case: Archive) -> tuple[Canvas, str, str] | None:
     rows = -(-(len(labels) + 1) // columns)
     canvas, panels, stacked, aspect = panels_for(difference.shape, 2, below=0.215 * rows)
     _difference_map(canvas, panels[0], difference, aspect)
-    colours = ["#FFFFFF", *(FILLS[(number - 1) % len(FILLS)] for number in range(1, len(case.names) + 1))]
+    colours = ["#FFFFFF", *colours_of(case)]
     _material_map(panels[1], material, present, colours, aspect)
     if not stacked:
         canvas.set_layout_engine("compressed", wspace=0.05, h_pad=0.08)

@@ -154,6 +154,8 @@ def _as_written(case: stages.Archive, stop: Stop) -> dict[str, Any]:
     for section, further in FURTHER.items():
         if further in data:
             data[section] = [data[section], *data.pop(further)]
+    for name, colour in data.pop("colours", {}).items():
+        data["materials"][name]["colour"] = colour
     return data
 
 

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.report.archive import Archive
-from radcal.report.drawing import FILLS, Array, add_legend, label, new_canvas
+from radcal.report.colours import colours_of
+from radcal.report.drawing import Array, add_legend, label, new_canvas
 from radcal.report.map_figures import axis_labels, image_extent, panels_for
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ _LISTED = 8  # largest number of materials named in the caption
 def _colours(case: Archive) -> tuple[Any, Any]:
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
-    colours = ["#FFFFFF", *(FILLS[k % len(FILLS)] for k in range(len(case.names)))]
+    colours = ["#FFFFFF", *colours_of(case)]
     return ListedColormap(colours), BoundaryNorm((np.arange(len(colours) + 1) - 0.5).tolist(), len(colours))
 
 
@@ -32,7 +33,8 @@ def _material_legend(canvas: Canvas, case: Archive, present: NDArray[Any]) -> No
     from matplotlib.patches import Patch
 
     numbers = [int(k) for k in np.unique(present) if 0 < k <= len(case.names)]
-    handles = [Patch(facecolor=FILLS[(k - 1) % len(FILLS)], edgecolor="black", linewidth=0.5) for k in numbers]
+    colours = colours_of(case)
+    handles = [Patch(facecolor=colours[k - 1], edgecolor="black", linewidth=0.5) for k in numbers]
     add_legend(canvas, (handles, [label(case.names[k - 1], 30) for k in numbers]), 6)
 
 
@@ -117,9 +119,9 @@ def _view(canvas: Canvas, elevation: Array, material: NDArray[Any], cell_m: floa
         x, y, low, facecolors=shaded, rstride=1, cstride=1, linewidth=0, antialiased=False, shade=False
     )
     surface.set_rasterized(True)  # rasterised, since thousands of faces would be slow and large as vectors
-    height = float(np.ptp(elevation))
+    height = max(float(np.ptp(elevation)), 1.0)  # level ground would have a box without a height
     span = max(sides[1], sides[3])
-    times = max(1, round(0.25 * span * 1000.0 / max(height, 1.0)))
+    times = max(1, round(0.25 * span * 1000.0 / height))
     solid.set_box_aspect((sides[1] / span, sides[3] / span, height / 1000.0 * times / span))
     solid.view_init(elev=32.0, azim=-120.0)
     solid.set_title(f"seen from south-west, heights {times} times" if times > 1 else "seen from south-west")

@@ -11,6 +11,7 @@ from typing import Any
 from radcal.config import FILL_IN, Case, check_reuse, load_with_problems, missing_inputs
 from radcal.config.inputs import input_files
 from radcal.errors import ConfigError, RadcalError
+from radcal.reading.safe import is_safe_name
 from radcal.running.expected_memory import expected_mb
 from radcal.running.memory_and_time import Stage, memory_mb, values_of
 from radcal.running.time_left import largest_runs
@@ -43,6 +44,8 @@ class CaseCheck:
         Memory [MB] that they will probably take, by kind of job.
     draws : int
         Number of speckle draws of a run.
+    sections : tuple of str
+        Section ``radar`` in YAML as the annotation of each measured image gives it, of images that have one.
     """
 
     problems: list[str]
@@ -53,6 +56,7 @@ class CaseCheck:
     memory_mb: Mapping[Stage, int]
     peak_mb: Mapping[str, float] = field(default_factory=dict)
     draws: int = 1
+    sections: tuple[str, ...] = ()
 
     def summary(self) -> str:
         """Lines on what would be read, made and needed."""
@@ -69,7 +73,11 @@ class CaseCheck:
             lines.append(
                 f"  memory: about {peak:,.0f} MB in the largest job ({job}); a cluster is asked for {asked:,} MB"
             )
-        return "\n".join([*lines, *(f"  note: {text}" for text in self.notes)])
+        lines += [f"  note: {text}" for text in self.notes]
+        for section in self.sections:
+            lines += ["  section radar as the annotation of the image gives it:"]
+            lines += [f"    {line}" for line in section.splitlines()]
+        return "\n".join(lines)
 
 
 def check_case(
@@ -118,6 +126,7 @@ def _checked(case: Case, problems: list[str], results: str | Path) -> CaseCheck:
         problems += _refused(check_command, case)
     problems += _refused(check_reuse, case, results)
     notes: list[str] = []
+    sections: list[str] = []
     shape, demands, peaks = None, dict[Stage, int](), dict[str, float]()
     if not missing:
         try:
@@ -125,12 +134,14 @@ def _checked(case: Case, problems: list[str], results: str | Path) -> CaseCheck:
             demands = {stage: memory_mb(stage, values["scene" if stage == "scene" else "image"]) for stage in _STAGES}
             peaks = expected_mb(case)
             if max(values.values()) <= _LARGEST:
-                notes, shape = _made(case, problems)
+                notes, shape = _made(case, problems, sections)
             else:
                 notes.append("the scene is large: it is read when the calibration starts, not in this check.")
         except RadcalError as error:
             problems.append(str(error))
-    return CaseCheck(problems, notes, files, shape, largest_runs(case), demands, peaks, case.simulator.draws)
+    return CaseCheck(
+        problems, notes, files, shape, largest_runs(case), demands, peaks, case.simulator.draws, tuple(sections)
+    )
 
 
 _STAGES: tuple[Stage, ...] = ("scene", "geometry", "measurement", "run", "registration", "target", "report")
@@ -144,9 +155,12 @@ def _refused(check: Any, *arguments: Any) -> list[str]:
     return []
 
 
-def _made(case: Case, problems: list[str]) -> tuple[list[str], tuple[int, int] | None]:
+def _made(case: Case, problems: list[str], sections: list[str]) -> tuple[list[str], tuple[int, int] | None]:
     """Remarks and image size of scene, geometry and measured images, which are made in memory as the workflow does."""
-    from radcal.config import FileMeasurement, stages
+    from radcal.config import FileMeasurement, expand_path, stages
+    from radcal.measurement.acquisition import radar_section
+    from radcal.measurement.overpass import seen_from
+    from radcal.measurement.product import open_product
     from radcal.measurement.sources import make_measurement
     from radcal.measurement.synthetic import check_synthetic
     from radcal.radar.projection import make_geometry
@@ -166,6 +180,10 @@ def _made(case: Case, problems: list[str]) -> tuple[list[str], tuple[int, int] |
             shape = shape or (int(geometry.shape[0]), int(geometry.shape[1]))
             stage = stages.Measurement.of(one)
             if isinstance(one.measurement, FileMeasurement):
+                if is_safe_name(one.measurement.path):
+                    path = expand_path(one.measurement.path, "measurement.path", folder=True)
+                    seen = seen_from(open_product(path, one.measurement, one.radar), scene, geometry.ground)
+                    sections.append(radar_section(seen.acquisition))
                 nothing: Simulator = None  # type: ignore[assignment]  # a file needs no simulator
                 notes += make_measurement(stage, geometry, nothing, scene, partly=number > 0).notes
             elif one.simulator.kind == "builtin" and geometry.material.size <= _LARGEST_RUN:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 __all__ = [
     "METRES",
     "crs_of",
+    "geoid_m",
     "horizontal",
     "label",
     "named_datum",
@@ -207,3 +208,43 @@ def transformation_note(source: CRS, target: CRS, name: str) -> str | None:
         f"{name}: the best transformation from {source.name} to {target.name} needs a grid that is not installed; "
         f"the one used {known}."
     )
+
+
+def geoid_m(datum: str, longitude_deg: float, latitude_deg: float) -> float | None:
+    """Height of the zero level of a vertical datum above the ellipsoid WGS 84 at a place [m].
+
+    Parameters
+    ----------
+    datum : str
+        Name of the datum, as in :attr:`.Scene.vertical_datum`.
+    longitude_deg, latitude_deg : float
+        Place on WGS 84 [deg].
+
+    Returns
+    -------
+    float or None
+        0 for an ellipsoid; None where PROJ lacks the grid of the geoid, or the datum has none.
+    """
+    from pyproj import CRS, Transformer
+    from pyproj.crs import CompoundCRS
+    from pyproj.database import query_crs_info
+    from pyproj.enums import PJType
+    from pyproj.exceptions import ProjError
+    from pyproj.transformer import TransformerGroup
+
+    if "ellips" in datum.lower():
+        return 0.0
+    found = [info for info in query_crs_info("EPSG", PJType.VERTICAL_CRS) if _key(info.name) == _key(datum)]
+    for info in sorted(found, key=lambda info: len(info.name)):  # the shortest name first, because others add the unit
+        above = CompoundCRS("heights", [CRS.from_epsg(4326), CRS.from_authority(info.auth_name, info.code)])
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            if not TransformerGroup(above, CRS.from_epsg(4979), always_xy=True).best_available:
+                return None
+        try:
+            change = Transformer.from_crs(above, CRS.from_epsg(4979), always_xy=True)
+            height = change.transform(longitude_deg, latitude_deg, 0.0, errcheck=True)[2]
+        except ProjError:
+            return None
+        return float(height)
+    return None

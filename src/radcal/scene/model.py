@@ -79,8 +79,12 @@ class Scene:
                 raise SceneError(f"materials.{name}: covers no cell of the scene.")
         lawless = sorted(present - set(materials))
         if lawless:
+            several = ", ".join(repr(name) for name in lawless)
+            keys = ", ".join(f"materials.{name}" for name in lawless)
+            has = "has no law" if len(lawless) == 1 else "have no law"
             raise SceneError(
-                f"materials: the scene's {lawless[0]!r} has no law; add materials.{lawless[0]} with parameters."
+                f"materials: the scene's {several} {has}; add {keys} with parameters (with scene.landcover, the names "
+                "alone, as in water: {})."
             )
 
 

@@ -24,7 +24,7 @@ from radcal.scene.crs import (
 )
 from radcal.scene.grid import LARGEST_CELLS, Grid, Source, box_in, opened, pixel_m, scene_grid, subdivision
 from radcal.scene.model import Scene
-from radcal.scene.names import by_id, read_names
+from radcal.scene.names import by_id, landcover_names, read_names
 from radcal.scene.rounding import height_step_m, rounding_error_m
 from radcal.storage.files import digest
 
@@ -68,7 +68,6 @@ def raster_scene(config: RasterScene) -> Scene:
     ----------
     Keys, "Cubic convolution interpolation for digital image processing", IEEE TASSP 29 (1981).
     """
-    names_path = expand_path(config.names, "scene.names")
     with (
         opened("scene.elevation", config) as elevation,
         opened("scene.materials", config) as materials,
@@ -81,7 +80,7 @@ def raster_scene(config: RasterScene) -> Scene:
         # interpolated heights are no steeper than the raster's own from pixel to pixel
         posting = max(grid.cell_m, *pixel_m(elevation, grid.crs, grid.box))
         slope_error, about_steps = _slope_error_deg(config.elevation_error_m, step, posting)
-        names = read_names(names_path, (int(k) for k in np.unique(ids)), materials.path)
+        ids, names = _named(ids, materials, config)
         notes = [
             f"cells of {grid.cell_m:g} m in {grid.crs.name}",
             f"elevation {how_heights}, materials {how_ids}",
@@ -125,6 +124,18 @@ def raster_scene(config: RasterScene) -> Scene:
         notes=tuple(notes),
         slope_error_deg=slope_error,
     )
+
+
+def _named(ids: NDArray[np.uint8], materials: Source, config: RasterScene) -> tuple[NDArray[np.uint8], dict[int, str]]:
+    """Material ids with their names; the codes of a land-cover map become ids from 1, in the order of the codes."""
+    path = expand_path(config.names, "scene.names") if config.names is not None else None
+    present = [int(k) for k in np.unique(ids)]
+    if config.landcover is not None:
+        covers = landcover_names(config.landcover, path, present, materials.path)
+        return np.searchsorted([0, *covers], ids).astype(np.uint8), dict(enumerate(covers.values(), start=1))
+    if path is None:
+        raise TypeError("scene.names is missing without scene.landcover")  # the configuration refuses this
+    return ids, read_names(path, present, materials.path)
 
 
 def _slope_error_deg(error_m: float, step_m: float, posting_m: float) -> tuple[float, list[str]]:
