@@ -132,7 +132,7 @@ def _made(case: Case, problems: list[str]) -> tuple[list[str], tuple[int, int] |
     from radcal.simulators.protocol import Simulator
 
     try:
-        scene = make_scene(case.scene, list(case.materials))
+        scene = make_scene(case.scene, list(case.materials), case.radar.heading_deg)
     except RadcalError as error:
         problems.append(str(error))
         return [], None

@@ -38,7 +38,7 @@ _TOLERANCE_PX = 0.001
 _MARGIN_PX = 3  # margin [pixels] that is read around the scene: cubic convolution reaches 2 pixels
 
 
-def raster_scene(config: RasterScene) -> Scene:
+def raster_scene(config: RasterScene, heading_deg: float = 0.0) -> Scene:
     """Scene from a raster of elevation and a raster of material ids, both resampled to one grid.
 
     Elevation is interpolated by cubic convolution, and the material of a cell is that of the nearest pixel. A cell
@@ -50,6 +50,8 @@ def raster_scene(config: RasterScene) -> Scene:
     ----------
     config : RasterScene
         Section ``scene``: files, CRS, cell size, bounds and vertical datum.
+    heading_deg : float
+        Heading of the track, clockwise from north [deg]; unless it is 0, the grid is turned to it.
 
     Returns
     -------
@@ -75,7 +77,7 @@ def raster_scene(config: RasterScene) -> Scene:
     ):
         _check_heights(elevation)
         datum, origin = _datum(elevation, config)
-        grid = scene_grid(elevation, materials, config)
+        grid = scene_grid(elevation, materials, config, heading_deg)
         heights, filled, how_heights, step = _heights(elevation, grid)
         ids, how_ids = _ids(materials, grid)
         # interpolated heights are no steeper than the raster's own from pixel to pixel
@@ -123,6 +125,7 @@ def raster_scene(config: RasterScene) -> Scene:
         transform=(grid.cell_m, 0.0, grid.west, 0.0, grid.cell_m, grid.south),
         vertical_datum=datum,
         notes=tuple(notes),
+        heading_deg=heading_deg or None,
         slope_error_deg=slope_error,
     )
 

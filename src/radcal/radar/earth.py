@@ -1,0 +1,143 @@
+"""Position of the track relative to the ground, over a flat or a curved earth.
+
+Over a curved earth the ground is a sphere, whose radius is that of the ellipsoid at the scene. The scene is computed in
+the plane that touches the sphere at the scene's centre: heights are lowered by the drop of the sphere below this plane
+along ground range, and the track stays where it is seen from the centre. Along azimuth nothing is lowered, because an
+orbit bends with the earth. ``docs/simulator.md`` gives the errors of this approximation.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from radcal.config import Radar
+
+__all__ = ["MEAN_RADIUS_M", "Sight", "depression_deg", "incidence_deg", "sight"]
+
+MEAN_RADIUS_M = 6_371_008.8  # mean of the semi-axes of GRS 80 (Moritz, "Geodetic Reference System 1980", 2000: R1)
+
+
+def incidence_deg(depression_deg: float, altitude_m: float, radius_m: float = MEAN_RADIUS_M) -> float:
+    """Incidence on level ground of a sphere at a depression angle of the radar.
+
+    Parameters
+    ----------
+    depression_deg : float
+        Angle below the horizontal at which the radar sees the ground [deg].
+    altitude_m : float
+        Height of the radar above the sphere [m].
+    radius_m : float
+        Radius of the sphere [m].
+
+    Returns
+    -------
+    float
+        Incidence angle [deg], larger than the look angle from nadir; NaN if the radar looks past the sphere.
+
+    References
+    ----------
+    Curlander and McDonough, "Synthetic Aperture Radar: Systems and Signal Processing" (1991), section 1.2: law of sines
+    in the triangle of earth's centre, radar and target.
+    """
+    sine = (1.0 + altitude_m / radius_m) * math.cos(math.radians(depression_deg))
+    return math.degrees(math.asin(sine)) if sine < 1.0 else math.nan
+
+
+def depression_deg(incidence_deg: float, altitude_m: float, radius_m: float = MEAN_RADIUS_M) -> float:
+    """Depression angle of the radar [deg] at which level ground of a sphere has an incidence; inverse of the above."""
+    return math.degrees(math.acos(math.sin(math.radians(incidence_deg)) / (1.0 + altitude_m / radius_m)))
+
+
+@dataclass(frozen=True)
+class Sight:
+    """Position of the track, in the plane across it, relative to the scene's centre.
+
+    Attributes
+    ----------
+    height_m : float
+        Height of the track above the plane that touches the ground at the scene's centre, at the scene's mean
+        elevation [m].
+    ground_m : float
+        Distance in this plane from the place below the track to the scene's centre [m].
+    altitude_m : float
+        Height of the track above the ground below it [m]: ``height_m`` over a flat earth.
+    radius_m : float
+        Radius of the ground [m]; infinite for a flat earth.
+    """
+
+    height_m: float
+    ground_m: float
+    altitude_m: float
+    radius_m: float
+
+    def flat_incidence_deg(self, slant_m: ArrayLike) -> NDArray[np.float64]:
+        """Incidence on level ground at a slant range [deg]."""
+        slant = np.asarray(slant_m, dtype=np.float64)
+        if math.isinf(self.radius_m):
+            return np.asarray(np.degrees(np.arccos(np.minimum(self.height_m / slant, 1.0))))
+        altitude, radius = self.altitude_m, self.radius_m
+        # law of cosines, with the difference of the large squares written out
+        cosine = (altitude * (altitude + 2.0 * radius) - slant**2) / (2.0 * radius * slant)
+        return np.asarray(np.degrees(np.arccos(np.minimum(cosine, 1.0))))
+
+    def slant_range_m(self, flat_incidence_deg: float) -> float:
+        """Slant range at which level ground has an incidence [m]."""
+        cosine = np.cos(np.radians(flat_incidence_deg))
+        if math.isinf(self.radius_m):
+            return float(self.height_m / cosine)
+        return _slant_range_m(float(cosine), self.altitude_m, self.radius_m)
+
+    def lowered(self, elevation_m: NDArray[np.float64], cell_m: float) -> NDArray[np.float64]:
+        """Heights above the plane that touches the ground at the scene's centre.
+
+        Parameters
+        ----------
+        elevation_m : ndarray, shape (ny, nx)
+            Elevation of the cells [m]; axis 1 is ground range.
+        cell_m : float
+            Cell size [m].
+
+        Returns
+        -------
+        ndarray, shape (ny, nx)
+            Elevation less u^2 / 2R at the distance u from the scene's centre along ground range [m].
+        """
+        if math.isinf(self.radius_m):
+            return elevation_m
+        columns = elevation_m.shape[1]
+        along = (np.arange(columns) + 0.5 - 0.5 * columns) * cell_m
+        return np.asarray(elevation_m - along**2 / (2.0 * self.radius_m))
+
+
+def _slant_range_m(cosine: float, altitude_m: float, radius_m: float) -> float:
+    """Slant range [m] of a track above a sphere, from the cosine of the incidence on the sphere."""
+    # the positive root of r^2 + 2 R cos(theta) r = H (H + 2R), in the form without cancellation
+    product, half = altitude_m * (altitude_m + 2.0 * radius_m), radius_m * cosine
+    return product / (half + math.sqrt(half**2 + product))
+
+
+def sight(radar: Radar, radius_m: float = MEAN_RADIUS_M) -> Sight:
+    """Position of the track of a pass relative to the scene's centre.
+
+    Parameters
+    ----------
+    radar : Radar
+        Pass.
+    radius_m : float
+        Radius of the ground at the scene [m]; without effect for ``earth: flat``.
+    """
+    if radar.earth == "flat":
+        ground = float(radar.altitude_m / np.tan(np.radians(radar.depression_deg)))
+        return Sight(radar.altitude_m, ground, radar.altitude_m, math.inf)
+    incidence = radar.incidence_deg
+    if incidence is None:
+        incidence = incidence_deg(radar.depression_deg, radar.altitude_m, radius_m)
+    angle = math.radians(incidence)
+    slant = _slant_range_m(math.cos(angle), radar.altitude_m, radius_m)
+    return Sight(slant * math.cos(angle), slant * math.sin(angle), radar.altitude_m, radius_m)
