@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 if TYPE_CHECKING:
     from radcal.config import Radar
 
-__all__ = ["MEAN_RADIUS_M", "Sight", "depression_deg", "incidence_deg", "sight"]
+__all__ = ["MEAN_RADIUS_M", "Sight", "depression_deg", "heading_at_scene", "heading_of_sight", "incidence_deg", "sight"]
 
 MEAN_RADIUS_M = 6_371_008.8  # mean of the semi-axes of GRS 80 (Moritz, "Geodetic Reference System 1980", 2000: R1)
 
@@ -52,6 +52,76 @@ def incidence_deg(depression_deg: float, altitude_m: float, radius_m: float = ME
 def depression_deg(incidence_deg: float, altitude_m: float, radius_m: float = MEAN_RADIUS_M) -> float:
     """Depression angle of the radar [deg] at which level ground of a sphere has an incidence; inverse of the above."""
     return math.degrees(math.acos(math.sin(math.radians(incidence_deg)) / (1.0 + altitude_m / radius_m)))
+
+
+def heading_at_scene(
+    heading_deg: float, incidence_deg: float, altitude_m: float, latitude_deg: float, look_side: str = "right"
+) -> float:
+    """Heading of a track at the scene that it sees, from the heading below the satellite.
+
+    Meridians converge between the place below the satellite and the scene, by some degrees for an orbit. Annotations of
+    products give the heading below the satellite, ``radar.heading_deg`` is that at the scene. The result is right to
+    0.3 degrees, because the height of an orbit above the ellipsoid is not constant; :func:`heading_of_sight` is exact.
+
+    Parameters
+    ----------
+    heading_deg : float
+        Heading below the satellite, relative to the ground, clockwise from north [deg].
+    incidence_deg : float
+        Incidence on level ground at the scene [deg].
+    altitude_m : float
+        Height of the track above the ground [m].
+    latitude_deg : float
+        Latitude of the scene [deg].
+    look_side : str
+        ``right`` or ``left``.
+
+    Returns
+    -------
+    float
+        Heading at the scene, across the direction to the satellite [deg], 0 to 360.
+
+    References
+    ----------
+    Napier's analogies for the spherical triangle of pole, place below the satellite, and scene (Snyder, "Map
+    projections: a working manual", USGS Professional Paper 1395 (1987), chapter 5, has the formulas of such triangles).
+    """
+    side = 90.0 if look_side == "right" else -90.0
+    arc = math.radians(incidence_deg + depression_deg(incidence_deg, altitude_m) - 90.0)
+    look = math.radians((heading_deg + side + 180.0) % 360.0 - 180.0)
+    colatitude = math.radians(90.0 - latitude_deg)
+    at_pole = math.asin(math.sin(arc) * math.sin(abs(look)) / math.sin(colatitude))
+    ratio = math.sin(0.5 * (colatitude + arc)) / math.sin(0.5 * (colatitude - arc))
+    at_scene = 2.0 * math.atan2(1.0, math.tan(0.5 * (abs(look) - at_pole)) * ratio)
+    return (math.degrees(math.copysign(math.pi - at_scene, look)) - side) % 360.0
+
+
+def heading_of_sight(
+    satellite_m: ArrayLike, place_m: ArrayLike, longitude_deg: float, latitude_deg: float, look_side: str = "right"
+) -> float:
+    """Heading of a track at the scene, across the line of sight from a satellite at zero Doppler.
+
+    Parameters
+    ----------
+    satellite_m, place_m : array_like, shape (3,)
+        Earth-centred, earth-fixed coordinates of the satellite, when it sees the scene's centre at zero Doppler, and of
+        the scene's centre [m].
+    longitude_deg, latitude_deg : float
+        Geodetic longitude and latitude of the scene's centre [deg].
+    look_side : str
+        ``right`` or ``left``.
+
+    Returns
+    -------
+    float
+        Heading, clockwise from north [deg], 0 to 360: the value of ``radar.heading_deg``.
+    """
+    away = np.asarray(place_m, dtype=np.float64) - np.asarray(satellite_m, dtype=np.float64)
+    longitude, latitude = math.radians(longitude_deg), math.radians(latitude_deg)
+    east = away @ [-math.sin(longitude), math.cos(longitude), 0.0]
+    along = [-math.sin(latitude) * math.cos(longitude), -math.sin(latitude) * math.sin(longitude), math.cos(latitude)]
+    bearing = math.degrees(math.atan2(east, away @ along))
+    return (bearing - (90.0 if look_side == "right" else -90.0)) % 360.0
 
 
 @dataclass(frozen=True)
