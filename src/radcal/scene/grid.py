@@ -78,6 +78,8 @@ class Grid:
         Cell size [m].
     rows, columns : int
         Number of cells to the north and to the east.
+    turned : bool
+        Whether the axes of the CRS are turned to a track, so that they are those of no raster.
     """
 
     crs: CRS
@@ -86,6 +88,7 @@ class Grid:
     cell_m: float
     rows: int
     columns: int
+    turned: bool = False
 
     @property
     def box(self) -> Box:
@@ -94,7 +97,8 @@ class Grid:
 
     def cut(self, parts: int) -> Grid:
         """Grid of the same area with smaller cells: each side of a cell is divided into ``parts`` equal parts."""
-        return Grid(self.crs, self.west, self.south, self.cell_m / parts, self.rows * parts, self.columns * parts)
+        rows, columns = self.rows * parts, self.columns * parts
+        return Grid(self.crs, self.west, self.south, self.cell_m / parts, rows, columns, self.turned)
 
 
 @contextmanager
@@ -268,7 +272,7 @@ def scene_grid(elevation: Source, materials: Source, config: RasterScene, headin
             f"scene.cell_m is {cell:g}, which makes {columns} x {rows} cells, expected at most {LARGEST_CELLS:.0e}: "
             "give smaller scene.bounds or a larger scene.cell_m."
         )
-    return Grid(crs, float(west), float(south), float(cell), rows, columns)
+    return Grid(crs, float(west), float(south), float(cell), rows, columns, bool(heading_deg))
 
 
 def _turned(crs: CRS, box: Box, heading_deg: float) -> tuple[CRS, Box]:

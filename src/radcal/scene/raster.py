@@ -215,6 +215,8 @@ def _warped(
             f"expected at most {LARGEST_CELLS:.0e}: give smaller scene.bounds or a coarser raster."
         )
     west, _, _, north = grid.box
+    # GDAL takes the extent of a turned grid in pixels for their ratio of sizes, and smooths: cells are no larger here
+    extras = {"XSCALE": 1, "YSCALE": 1} if grid.turned else {}
     # Env gives GDAL the path of PROJ's database, without which all datums count as equal. A WarpedVRT, which needs a
     # file, is used because rasterio.warp.reproject() ignores a tolerance
     with rasterio.Env(), MemoryFile() as memory:
@@ -240,6 +242,7 @@ def _warped(
                 tolerance=_TOLERANCE_PX,
                 nodata=empty,
                 src_nodata=empty,
+                **extras,
             ) as warped,
         ):
             return np.asarray(warped.read(1))[::-1]
