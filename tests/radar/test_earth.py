@@ -17,16 +17,9 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from scipy.optimize import brentq
 
 from radcal.config import Radar
+from radcal.config.angles import MEAN_RADIUS_M, depression_deg, incidence_deg
 from radcal.radar import projection
-from radcal.radar.earth import (
-    MEAN_RADIUS_M,
-    Sight,
-    depression_deg,
-    heading_at_scene,
-    heading_of_sight,
-    incidence_deg,
-    sight,
-)
+from radcal.radar.earth import Sight, heading_at_scene, heading_of_sight, sight
 from radcal.radar.facets import LAID_OVER, VISIBLE
 from radcal.radar.lines import Lines
 from radcal.radar.projection import make_geometry

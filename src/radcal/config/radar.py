@@ -17,11 +17,11 @@ from pydantic import (
     model_validator,
 )
 
+from radcal.config.angles import depression_deg, incidence_deg
 from radcal.config.limits import Altitude, Decibels, Frequency, Length, Looks, Real
 from radcal.config.sections import Section
 from radcal.config.sensors import SENSORS, SensorName
 from radcal.radar.bands import within_band
-from radcal.radar.earth import depression_deg, incidence_deg
 
 __all__ = ["Radar", "Radiometry"]
 

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config import Radar
+from radcal.config.angles import MEAN_RADIUS_M
 from radcal.errors import SceneError
-from radcal.radar.earth import MEAN_RADIUS_M, Sight, sight
+from radcal.radar.earth import Sight, sight
 from radcal.radar.facets import (
     ANGLES_PER_RADIAN,
     cells_of,
@@ -194,8 +195,7 @@ def _pixels(
     total = int(counts.sum(dtype=np.int64))
     start = np.zeros(rows * columns + 1, dtype=np.int32)
     np.cumsum(counts, out=start[1:])
-    facet_material = np.empty(total, dtype=np.uint8)
-    incidence = np.empty(total, dtype=np.uint16)
+    facet_material, incidence = np.empty(total, dtype=np.uint8), np.empty(total, dtype=np.uint16)
     weight = np.empty(total, dtype=np.float32)
     place = np.empty((2, total), dtype=np.float32)
     local = radar.radiometry == "sigma0_local"

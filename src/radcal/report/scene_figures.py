@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -47,6 +48,7 @@ def scene(case: Archive) -> tuple[Canvas, str, str] | None:
     canvas = new_canvas(9.5, 9.1)
     _plans(canvas, elevation, view.material, objects_m, cell_m, _colours(case))
     _view(canvas, elevation, view.material, cell_m, _colours(case))
+    _name_axes(canvas, case)
     _material_legend(canvas, case, view.material)
     ny, nx = elevation.shape
     caption = (
@@ -56,6 +58,25 @@ def scene(case: Archive) -> tuple[Canvas, str, str] | None:
     if objects_m is not None:
         caption += " Objects are dots, whatever their size."
     return canvas, caption, "Shaded relief, material map, elevation map and a view of the terrain."
+
+
+def _name_axes(canvas: Canvas, case: Archive) -> None:
+    """Name the axes by the track if the scene's grid is turned to it."""
+    heading = _heading_deg(case)
+    if not heading:
+        return
+    names = {"east [km]": "right of the track [km]", "north [km]": f"along the track, {heading:g} deg [km]"}
+    for panel in canvas.axes:
+        panel.set_xlabel(names.get(panel.get_xlabel(), panel.get_xlabel()))
+        panel.set_ylabel(names.get(panel.get_ylabel(), panel.get_ylabel()))
+        for side in ("north-west", "south-west"):
+            panel.set_title(panel.get_title().replace(side, "left and ahead" if side[0] == "n" else "left and behind"))
+
+
+def _heading_deg(case: Archive) -> float:
+    """Heading of the track to which the scene's grid is turned [deg]; 0 for a grid to the north."""
+    radar = json.loads(case.config).get("radar", {})
+    return float((radar[0] if isinstance(radar, list) else radar).get("heading_deg", 0.0))
 
 
 def _light() -> LightSource:
