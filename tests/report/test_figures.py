@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import warnings
 from dataclasses import replace
@@ -265,6 +266,21 @@ def test_objects_are_dots_in_the_scene(made, tmp_path):
     plain, caption, _ = module.scene(made.archive)
     assert not any(axes.lines for axes in plain.axes if axes.get_title() == "materials")
     assert "Objects" not in caption
+
+
+def test_axes_of_a_turned_scene_are_those_of_the_track(made):
+    config = json.loads(made.archive.config)
+    config["radar"]["heading_deg"] = 192.5
+    with mpl.rc_context(module.STYLE):
+        turned, _, _ = module.scene(replace(made.archive, config=json.dumps(config)))
+        plain, _, _ = module.scene(made.archive)
+    for canvas, across, along in (
+        (turned, "right of the track [km]", "along the track, 192.5 deg [km]"),
+        (plain, "east [km]", "north [km]"),
+    ):
+        labels = [(axes.get_xlabel(), axes.get_ylabel()) for axes in canvas.axes if axes.get_xlabel()]
+        assert labels == [(across, along)] * 4
+    assert "light from ahead on the left" in turned.axes[0].get_title("left")
 
 
 def test_held_out_ground_and_classes_are_drawn(made):

@@ -32,8 +32,9 @@ from radcal.config.part import Part
 from radcal.config.pydantic_errors import Contradictions, nearest
 from radcal.config.radar import Radar
 from radcal.config.registration import RegistrationConfig
-from radcal.config.scene import BuiltinScene, SceneConfig, SlantRangeScene
+from radcal.config.scene import BuiltinScene, RasterScene, SceneConfig, SlantRangeScene
 from radcal.config.sections import TAGS, CaseName
+from radcal.config.sensors import SENSORS
 from radcal.config.simulator import BuiltinSimulation, CommandSimulation, SimulatorConfig
 from radcal.config.stop import Stop
 from radcal.config.surrogate import SurrogateConfig
@@ -160,6 +161,12 @@ class Case(Part):
                 "target.normalisation is offset, expected at least one material with fixed parameters "
                 "(calibrate: false) to give the level, found none"
             )
+        headings = [one.radar.heading_deg for one in self.passes]
+        if len(set(headings)) > 1:
+            yield (
+                f"radar.*.heading_deg are {', '.join(f'{heading:g}' for heading in headings)}, expected the same "
+                "heading in all passes, which share the scene's grid"
+            )
         for number, one in enumerate(self.passes, start=1):
             for text in one._in_pass():
                 yield f"pass {number}: {text}" if self.further_radar else text
@@ -189,6 +196,7 @@ class Case(Part):
                 yield from self._in_hidden(measurement.synthetic)
             yield from self._in_truth(measurement.synthetic)
             yield from self._in_mismatch(measurement.synthetic)
+        yield from self._in_track()
         yield from self.laws_without_pass()
         if isinstance(measurement, FileMeasurement):
             yield from self._in_image(measurement)
@@ -288,6 +296,27 @@ class Case(Part):
             )
         if synthetic.relief_m > 0 and isinstance(self.scene, SlantRangeScene):
             yield f"{key}.relief_m is {synthetic.relief_m:g}, expected 0: a slant-range scene has no heights"
+
+    def _in_track(self) -> Iterator[str]:
+        """A heading that the scene cannot have, and one that is missing."""
+        radar, scene = self.radar, self.scene
+        if not isinstance(scene, RasterScene):
+            if radar.heading_deg:
+                yield (
+                    f"radar.heading_deg is {radar.heading_deg:g}, expected none with scene.source: {scene.source}, "
+                    "whose grid has no place on the map"
+                )
+            return
+        if radar.heading_deg and scene.objects is not None and scene.objects.path is not None:
+            yield (
+                f"radar.heading_deg is {radar.heading_deg:g} and scene.objects.path is given, whose positions are not "
+                "turned with the scene's grid, expected scene.objects.generate or a track to the north"
+            )
+        if radar.sensor is not None and SENSORS[radar.sensor].orbit and "heading_deg" not in radar.model_fields_set:
+            yield (
+                f"radar.heading_deg is missing: the track of sensor {radar.sensor} does not head north "
+                "(docs/sensors.md)"
+            )
 
     def laws_without_pass(self) -> Iterator[str]:
         """Sentences on laws that the simulator cannot evaluate, or that need a missing ``radar.frequency_ghz``."""

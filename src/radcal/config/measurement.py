@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, Self, get_args
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-from radcal.config.limits import Count, Decibels, Integer, Length, Parameter, Real, Seed
+from radcal.config.limits import Count, Decibels, Length, Looks, Parameter, Real, Seed
 from radcal.config.materials import OtherLaw
 from radcal.config.pydantic_errors import MISSING
 from radcal.config.radar import Radiometry
@@ -76,9 +76,7 @@ class Synthetic(Section):
     resolution_factor: Annotated[Real, Field(ge=0.1, le=10)] = Field(
         1.0, description="resolution of the synthetic measurement over that of section radar; above 1 is coarser"
     )
-    looks: Annotated[Integer, Field(ge=1, le=64)] | None = Field(
-        None, description="looks of the synthetic measurement; by default radar.looks"
-    )
+    looks: Looks | None = Field(None, description="looks of the synthetic measurement; by default radar.looks")
     nesz_db: Decibels | None = Field(
         None, description="noise-equivalent sigma0 of the synthetic measurement [dB]; by default radar.nesz_db"
     )

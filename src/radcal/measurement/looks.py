@@ -191,7 +191,7 @@ def most_frequent_variance(variances: NDArray[np.float64]) -> float:
     return float(np.exp(grid[int(np.argmax(density))]))
 
 
-def check_looks(found: Looks, looks: int, scale: str | None, source: str, filtered: bool = False) -> str:
+def check_looks(found: Looks, looks: float, scale: str | None, source: str, filtered: bool = False) -> str:
     """Refuse an image whose estimated looks contradict ``radar.looks``, and describe the estimate in a sentence.
 
     Amplitude read as power halves every dB value, which quarters the variance of speckle, and power read as amplitude
@@ -202,7 +202,7 @@ def check_looks(found: Looks, looks: int, scale: str | None, source: str, filter
     ----------
     found : Looks
         Looks of the image.
-    looks : int
+    looks : float
         Configured looks.
     scale : {'db', 'power', 'amplitude', 'complex'} or None
         Configured scale of the file's numbers; None for a product that says it, so that it is not the reason.

@@ -283,7 +283,7 @@ class PassSummary:
     depression_deg: Annotated[float, About("depression angle", "deg")]
     look_side: Annotated[str, About("look side")]
     polarisation: Annotated[str, About("transmitted and received polarisation")]
-    looks: Annotated[int, About("number of looks of the simulation")]
+    looks: Annotated[float, About("number of looks of the simulation")]
     measurement: Annotated[str, About("source of the measured image")]
     registration: Annotated[str, About("outcome of the registration in words")]
     levels: Annotated[str, About("level of the measured image and its consequences in words")]
@@ -304,7 +304,7 @@ class Archive:
     converged: Annotated[bool, About("every material is within the tolerance or meets its stop criterion")]
     tolerance: Annotated[float, About("density rms up to which a material is within the tolerance", _DENSITY)]
     max_runs: Annotated[int, About("largest number of runs, design and infill together")]
-    looks: Annotated[int, About("number of looks of the simulation")]
+    looks: Annotated[float, About("number of looks of the simulation")]
     measured_looks: Annotated[
         float, About("equivalent number of looks (ENL) of the measured image's homogeneous areas")
     ]

@@ -177,7 +177,7 @@ def _passes(
         new = {record.key for record in final[2 * k : 2 * k + 2]} - known
         known |= new
         found[str(k + 1)] = PassSummary(
-            depression_deg=one.radar.depression_deg,
+            depression_deg=one.radar.centre_depression_deg,
             look_side=one.radar.look_side,
             polarisation=one.radar.polarisation,
             looks=one.radar.looks,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -47,8 +49,8 @@ def scene(case: Archive) -> tuple[Canvas, str, str] | None:
     cell_m = view.cell_m * view.step
     objects_m = None if view.objects is None else view.objects.places_m
     canvas = new_canvas(9.5, 9.1)
-    _plans(canvas, elevation, view.material, objects_m, cell_m, _colours(case))
-    _view(canvas, elevation, view.material, cell_m, _colours(case))
+    _plans(canvas, elevation, view.material, objects_m, cell_m, _colours(case), _directions(case))
+    _view(canvas, elevation, view.material, cell_m, _colours(case), _directions(case))
     _material_legend(canvas, case, view.material)
     ny, nx = elevation.shape
     caption = (
@@ -58,6 +60,27 @@ def scene(case: Archive) -> tuple[Canvas, str, str] | None:
     if objects_m is not None:
         caption += " Objects are dots, whatever their size."
     return canvas, caption, "Shaded relief, material map, elevation map and a view of the terrain."
+
+
+@dataclass(frozen=True)
+class _Directions:
+    """Words for the axes of the scene's grid: across, along, and the corners from which light and view come."""
+
+    across: str = "east [km]"
+    along: str = "north [km]"
+    light: str = "north-west"
+    view: str = "south-west"
+
+
+def _directions(case: Archive) -> _Directions:
+    """Words for a grid that is turned to the track, or that points to the north."""
+    radar = json.loads(case.config).get("radar", {})
+    heading = float((radar[0] if isinstance(radar, list) else radar).get("heading_deg", 0.0))
+    if not heading:
+        return _Directions()
+    return _Directions(
+        "right of the track [km]", f"along the track, {heading:g} deg [km]", "ahead on the left", "behind on the left"
+    )
 
 
 def _light() -> LightSource:
@@ -79,13 +102,14 @@ def _plans(
     objects_m: NDArray[Any] | None,
     cell_m: float,
     colours: tuple[Any, Any],
+    directions: _Directions,
 ) -> None:
     """Relief, materials with objects, and elevation, seen from above."""
     sides = _sides_km(elevation.shape, cell_m)
     cmap, norm = colours
     flat = [canvas.add_subplot(2, 2, k) for k in (1, 2, 3)]
     flat[0].imshow(_light().hillshade(elevation, dx=cell_m, dy=cell_m), cmap="gray", origin="lower", extent=sides)
-    flat[0].set_title("shaded relief, light from north-west")
+    flat[0].set_title(f"shaded relief, light from {directions.light}")
     flat[1].imshow(material, cmap=cmap, norm=norm, origin="lower", extent=sides, interpolation="nearest")
     if objects_m is not None:
         flat[1].plot(
@@ -99,12 +123,19 @@ def _plans(
     bar.set_label("elevation [m]")
     for panel in flat:
         panel.grid(False)
-        panel.set_xlabel("east [km]")
-        panel.set_ylabel("north [km]")
+        panel.set_xlabel(directions.across)
+        panel.set_ylabel(directions.along)
         panel.locator_params(nbins=5)
 
 
-def _view(canvas: Canvas, elevation: Array, material: NDArray[Any], cell_m: float, colours: tuple[Any, Any]) -> None:
+def _view(
+    canvas: Canvas,
+    elevation: Array,
+    material: NDArray[Any],
+    cell_m: float,
+    colours: tuple[Any, Any],
+    directions: _Directions,
+) -> None:
     """Terrain with its materials, seen from the south-west."""
     solid = cast(Any, canvas.add_subplot(2, 2, 4, projection="3d"))
     ny, nx = elevation.shape
@@ -124,9 +155,10 @@ def _view(canvas: Canvas, elevation: Array, material: NDArray[Any], cell_m: floa
     times = max(1, round(0.25 * span * 1000.0 / height))
     solid.set_box_aspect((sides[1] / span, sides[3] / span, height / 1000.0 * times / span))
     solid.view_init(elev=32.0, azim=-120.0)
-    solid.set_title(f"seen from south-west, heights {times} times" if times > 1 else "seen from south-west")
-    solid.set_xlabel("east [km]")
-    solid.set_ylabel("north [km]")
+    seen = f"seen from {directions.view}"
+    solid.set_title(f"{seen}, heights {times} times" if times > 1 else seen)
+    solid.set_xlabel(directions.across)
+    solid.set_ylabel(directions.along)
     solid.locator_params(nbins=4)
     solid.tick_params(axis="z", labelsize=8.5)
 

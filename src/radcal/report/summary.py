@@ -256,7 +256,10 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
         "runs": {**runs, "total": sum(runs.values()), "reused": int(np.count_nonzero(kinds == "reused"))},
         "iterations": int(np.count_nonzero(kinds == "infill")),
         "measurement": archive.measurement,
-        "looks": {"simulated": archive.looks, "measured": archive.measured_looks},
+        "looks": {
+            "simulated": int(archive.looks) if archive.looks.is_integer() else archive.looks,
+            "measured": archive.measured_looks,
+        },
         "simulator": json.loads(archive.simulator),
         "notes": list(archive.notes),
         "law_notes": list(archive.law_notes),

@@ -165,7 +165,7 @@ def calibrated_yaml(archive: Archive, materials: Mapping[str, Mapping[str, Any]]
     import yaml
 
     heading = _HEADING.format(
-        case=archive.case, verdict=" ".join(verdict.split()), looks=archive.looks, noise_seed=noise_seed
+        case=archive.case, verdict=" ".join(verdict.split()), looks=f"{archive.looks:g}", noise_seed=noise_seed
     )
     plain = {name: dict(material) for name, material in materials.items()}
     return heading + yaml.safe_dump(

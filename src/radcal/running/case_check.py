@@ -169,7 +169,7 @@ def _made(case: Case, problems: list[str], sections: list[str]) -> tuple[list[st
     from radcal.simulators.sources import make_simulator
 
     try:
-        scene = make_scene(case.scene, list(case.materials))
+        scene = make_scene(case.scene, list(case.materials), case.radar.heading_deg)
     except RadcalError as error:
         problems.append(str(error))
         return [], None

@@ -38,7 +38,7 @@ _TOLERANCE_PX = 0.001
 _MARGIN_PX = 3  # margin [pixels] that is read around the scene: cubic convolution reaches 2 pixels
 
 
-def raster_scene(config: RasterScene) -> Scene:
+def raster_scene(config: RasterScene, heading_deg: float = 0.0) -> Scene:
     """Scene from a raster of elevation and a raster of material ids, both resampled to one grid.
 
     Elevation is interpolated by cubic convolution, and the material of a cell is that of the nearest pixel. A cell
@@ -50,6 +50,8 @@ def raster_scene(config: RasterScene) -> Scene:
     ----------
     config : RasterScene
         Section ``scene``: files, CRS, cell size, bounds and vertical datum.
+    heading_deg : float
+        Heading of the track, clockwise from north [deg]; unless it is 0, the grid is turned to it.
 
     Returns
     -------
@@ -74,7 +76,7 @@ def raster_scene(config: RasterScene) -> Scene:
     ):
         _check_heights(elevation)
         datum, origin = _datum(elevation, config)
-        grid = scene_grid(elevation, materials, config)
+        grid = scene_grid(elevation, materials, config, heading_deg)
         heights, filled, how_heights, step = _heights(elevation, grid)
         ids, how_ids = _ids(materials, grid)
         # interpolated heights are no steeper than the raster's own from pixel to pixel
@@ -122,6 +124,7 @@ def raster_scene(config: RasterScene) -> Scene:
         transform=(grid.cell_m, 0.0, grid.west, 0.0, grid.cell_m, grid.south),
         vertical_datum=datum,
         notes=tuple(notes),
+        heading_deg=heading_deg or None,
         slope_error_deg=slope_error,
     )
 
@@ -223,6 +226,8 @@ def _warped(
             f"expected at most {LARGEST_CELLS:.0e}: give smaller scene.bounds or a coarser raster."
         )
     west, _, _, north = grid.box
+    # GDAL takes the extent of a turned grid in pixels for their ratio of sizes, and smooths: cells are no larger here
+    extras = {"XSCALE": 1, "YSCALE": 1} if grid.turned else {}
     # Env gives GDAL the path of PROJ's database, without which all datums count as equal. A WarpedVRT, which needs a
     # file, is used because rasterio.warp.reproject() ignores a tolerance
     with rasterio.Env(), MemoryFile() as memory:
@@ -248,6 +253,7 @@ def _warped(
                 tolerance=_TOLERANCE_PX,
                 nodata=empty,
                 src_nodata=empty,
+                **extras,
             ) as warped,
         ):
             return np.asarray(warped.read(1))[::-1]

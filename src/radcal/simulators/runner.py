@@ -99,11 +99,15 @@ class Runner:
     def description(self, parameters: Parameters, noise_seed: int, repeat: bool = False) -> dict[str, Any]:
         """Plain data that determine the pixel values of a run, and whose hash is the hash of the run."""
         # If no frequency is configured, the key is omitted. Runs recorded before the key existed keep their hashes.
-        unknown = {"frequency_ghz"} if self._radar.frequency_ghz is None else set()
+        left_out = self._not_told | ({"frequency_ghz"} if self._radar.frequency_ghz is None else set())
+        radius = self._geometry.earth_radius_m
         return {
             "simulator": dict(self._simulator.identity),
             "scene": self._scene_identity,
-            "pass": self._radar.model_dump(mode="json", exclude=unknown | self._not_told),
+            "pass": {
+                **{key: value for key, value in self._radar.described().items() if key not in left_out},
+                **({} if radius is None else {"earth_radius_m": radius}),
+            },
             "materials": {
                 name: {**law, "parameters": [float(x) for x in parameters[name]]} for name, law in self._laws.items()
             },
