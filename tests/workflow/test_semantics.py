@@ -82,7 +82,14 @@ def test_the_table_in_the_documents_is_that_of_the_code():
     page = (ROOT / "docs" / "reruns.md").read_text()
     assert reruns_table() in page
     keys = {key.removeprefix("further_") for stage in STAGES.values() for key in stage.model_fields}
-    assert set(CHANGES) | {"case"} == keys
+    assert set(CHANGES) | {"case", "colours"} == keys  # colours are made from those of the materials
+
+
+def test_a_colour_of_a_material_is_taken_by_the_archive_alone():
+    old, new = tiny_case(), tiny_case()
+    new["materials"]["field"]["colour"] = "#123456"
+    old, new = case_from(old), case_from(new)
+    assert {rule for rule, stage in STAGES.items() if stage.params(old) != stage.params(new)} == {"archive"}
 
 
 @pytest.mark.parametrize("section", CHANGES)
