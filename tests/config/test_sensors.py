@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from radcal.config import Radar, case_from
+from radcal.config import Radar, case_from, load_with_problems
 from radcal.config.sensors import SENSORS, sensors_table
 from radcal.errors import ConfigError
 
@@ -58,6 +59,30 @@ def test_a_depression_angle_replaces_the_incidence() -> None:
     keys = {key: value for key, value in GRD.items() if key != "incidence_deg"}
     radar = Radar(**keys, depression_deg=50.0)
     assert (radar.earth, radar.range_spacing_m) == ("flat", pytest.approx(10.0 * math.cos(math.radians(50.0))))
+    radar = Radar(**keys, depression_deg=55.0, earth="curved")
+    assert radar.range_spacing_m == pytest.approx(10.0 * math.sin(math.radians(radar.centre_incidence_deg)))
+    assert radar.centre_incidence_deg > 39.0
+
+
+@pytest.mark.parametrize("value", [math.inf, math.nan, -1e9, 10**400, "x", None, [], True, 1e-300])
+@pytest.mark.parametrize("key", ["incidence_deg", "depression_deg", "altitude_m", "earth"])
+def test_wild_values_beside_a_sensor_end_in_a_sentence(key: str, value: object) -> None:
+    for name, more in (("sentinel1_iw_grdh", GRD), ("capella_strip_slc", {**EXAMPLES, "earth": "curved"})):
+        angle = {} if key == "incidence_deg" else {"incidence_deg": None, "depression_deg": 50.0, "earth": "curved"}
+        with contextlib.suppress(ConfigError):
+            case_from({"radar": {**more, **angle, "sensor": name, key: value}})
+
+
+def test_missing_keys_are_listed_with_all_other_mistakes(tmp_path: Path) -> None:
+    (tmp_path / "case.yaml").write_text("radar: {sensor: sentinel1_iw_grdh, incidence_deg: 35, loks: 4}\nseed: -1\n")
+    case, problems = load_with_problems([tmp_path / "case.yaml"])
+    assert case is not None
+    assert case.radar.band == "C"
+    assert [text.partition(": ")[2] for text in problems] == [
+        "unknown key radar.loks (did you mean 'looks'?).",
+        "seed is -1, expected greater than or equal to 0.",
+        "radar: polarisation and nesz_db are missing, which sensor sentinel1_iw_grdh does not give (docs/sensors.md).",
+    ]
 
 
 def test_a_satellite_over_a_map_needs_its_heading() -> None:

@@ -32,7 +32,7 @@ def incidence_deg(depression_deg: float, altitude_m: float, radius_m: float = ME
     in the triangle of earth's centre, radar and target.
     """
     sine = (1.0 + altitude_m / radius_m) * math.cos(math.radians(depression_deg))
-    return math.degrees(math.asin(sine)) if sine < 1.0 else math.nan
+    return math.degrees(math.asin(sine)) if abs(sine) < 1.0 else math.nan
 
 
 def depression_deg(incidence_deg: float, altitude_m: float, radius_m: float = MEAN_RADIUS_M) -> float:

@@ -12,6 +12,7 @@ from pydantic import (
     Field,
     SerializerFunctionWrapHandler,
     Tag,
+    ValidationInfo,
     field_validator,
     model_serializer,
     model_validator,
@@ -37,15 +38,28 @@ _LATER: Mapping[str, object] = {"sensor": None, "incidence_deg": None, "earth": 
 _Elevation = Annotated[Real, Field(gt=5, lt=85)]
 
 
+_DEPRESSION_DEG = 45.0
 _STEEPEST = 85.0  # incidence [deg], as the limit of incidence_deg
 
 
 def _number(value: object) -> float | None:
     """Number of a key before it is checked; None if it is none."""
     try:
-        return float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
+        number = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
         return None
+    return number if math.isfinite(number) else None
+
+
+def _centre_incidence_deg(data: Mapping[str, Any]) -> float:
+    """Incidence at the scene's centre by the keys of a pass before they are checked [deg]."""
+    incidence, depression = _number(data.get("incidence_deg")), _number(data.get("depression_deg"))
+    if incidence is not None:
+        return incidence
+    depression = _DEPRESSION_DEG if depression is None else depression
+    altitude = _number(data.get("altitude_m")) if data.get("earth") == "curved" else None
+    curved = math.nan if altitude is None else incidence_deg(depression, altitude)
+    return 90.0 - depression if math.isnan(curved) else curved
 
 
 class Radar(Section):
@@ -55,7 +69,9 @@ class Radar(Section):
         None, description="sensor and product whose values are the defaults of the other keys (docs/sensors.md)"
     )
     altitude_m: Altitude = Field(4000.0, description="height of the track above the scene's mean elevation [m]")
-    depression_deg: _Elevation = Field(45.0, description="depression angle towards the centre of the scene [deg]")
+    depression_deg: _Elevation = Field(
+        _DEPRESSION_DEG, description="depression angle towards the centre of the scene [deg]"
+    )
     incidence_deg: _Elevation | None = Field(
         None,
         description="incidence on level ground at the centre of the scene [deg], instead of depression_deg; for orbits",
@@ -102,7 +118,7 @@ class Radar(Section):
 
     @model_validator(mode="before")
     @classmethod
-    def _presets(cls, data: object) -> object:
+    def _presets(cls, data: object, info: ValidationInfo) -> object:
         """Keys with the values of the sensor where the case gives none, and a curved earth where it is implied."""
         if not isinstance(data, dict):
             return data
@@ -115,11 +131,11 @@ class Radar(Section):
         if missing := sensor.missing(data):
             *others, last = missing
             several = f"{', '.join(others)} and {last} are" if others else f"{last} is"
-            raise ValueError(f"{several} missing, which sensor {name} does not give (docs/sensors.md)")
-        incidence, depression = _number(data.get("incidence_deg")), _number(data.get("depression_deg"))
-        if incidence is None and depression is not None:
-            incidence = 90.0 - depression
-        return {**sensor.values_at(incidence), **data}
+            text = f"{several} missing, which sensor {name} does not give (docs/sensors.md)"
+            if not isinstance(info.context, list):
+                raise ValueError(text)
+            info.context.append(f"radar: {text}")  # a list that collects contradictions, and the case is wanted
+        return {**sensor.values_at(_centre_incidence_deg({**sensor.values_at(90.0), **data})), **data}
 
     @model_validator(mode="after")
     def _one_angle(self) -> Self:

@@ -77,21 +77,17 @@ class Sensor:
             if all(given.get(name) is None for name in (angles if key == "incidence_deg" else (key,)))
         ]
 
-    def values_at(self, incidence_deg: float | None) -> dict[str, Any]:
+    def values_at(self, incidence_deg: float) -> dict[str, Any]:
         """Values by key, with lengths in ground range converted to slant range.
 
         Parameters
         ----------
-        incidence_deg : float or None
+        incidence_deg : float
             Incidence on level ground at the scene's centre [deg]. A length in ground range times its sine is the length
-            in slant range. Without it, keys with lengths in ground range are left out.
+            in slant range.
         """
-        sine = None if incidence_deg is None else math.sin(math.radians(incidence_deg))
-        return {
-            key: item.value if not item.ground_range else item.value * sine
-            for key, item in self.values.items()
-            if not (item.ground_range and sine is None)
-        }
+        sine = math.sin(math.radians(incidence_deg))
+        return {key: item.value * sine if item.ground_range else item.value for key, item in self.values.items()}
 
 
 _OF_PRODUCT = ("polarisation", "nesz_db")

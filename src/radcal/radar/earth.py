@@ -27,7 +27,7 @@ def heading_at_scene(
 
     Meridians converge between the place below the satellite and the scene, by some degrees for an orbit. Annotations of
     products give the heading below the satellite, ``radar.heading_deg`` is that at the scene. The result is right to
-    0.3 degrees, because the height of an orbit above the ellipsoid is not constant; :func:`heading_of_sight` is exact.
+    0.4 degrees, because the height of an orbit above the ellipsoid is not constant; :func:`heading_of_sight` is exact.
 
     Parameters
     ----------
