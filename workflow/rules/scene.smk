@@ -2,7 +2,6 @@
 
 from radcal.radar import SIMULATOR_VERSION
 
-
 # The heading of the track turns the scene's grid. A track to the north has no such parameter, so that the jobs of
 # earlier cases stay as they were.
 HEADING = {"heading_deg": CASE.radar.heading_deg} if CASE.radar.heading_deg else {}

@@ -1,7 +1,7 @@
 """Values of known sensors and products, which are the defaults of section ``radar`` where ``radar.sensor`` names one.
 
 Each value stands beside the source from which it was read. A value that was read in no source is not given here; the
-configuration asks for it. ``docs/sensors.md`` contains the values as the table of ``python -m radcal.config.sensors``.
+configuration asks for it. ``docs/sensors.md`` contains the table of :func:`sensors_table`.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _ALOS2_MODES = "PASCO, PALSAR-2 specifications, stripmap 10 m"
 _ICEYE_HELP = "CATALYST, ICEYE, sensor table"
 _ICEYE_PORTAL = "EARSC portal, ICEYE, satellite description: 560 to 580 km"
 _ICEYE_ESA = "ESA, ICEYE full archive and tasking: standard stripmap"
-_ICEYE_GUIDE = "ICEYE, Types of SAR data products 5.2.8, complex image parameters"
+_ICEYE_GUIDE = "ICEYE, Types of SAR data products (sar.iceye.com), complex image parameters"
 _CAPELLA_HELP = "CATALYST, Capella, sensor table"
 _CAPELLA_PRODUCTS = "Capella Space, SAR imagery products: single look complex"
 _AIRSAR_PDS = "NASA PDS, data set NDC8-E-ASAR-4-RADAR-V1.0: wavelength"
@@ -178,7 +178,3 @@ def sensors_table() -> str:
         asked = ", ".join(f"`{key}`" for key in sensor.asks)
         lines.append(f"| `{name}` | {asked} | asked for | read in no source, or different from image to image |")
     return "\n".join(lines) + "\n"
-
-
-if __name__ == "__main__":
-    print(sensors_table(), end="")  # noqa: T201 - the table is the output
