@@ -73,7 +73,7 @@ def forward(case: stages.Forward, folder: str | Path, runs: str | Path) -> tuple
     """
     folder, started = Path(folder), case.at_start
     with provenance(case.case, case.sections(*type(case).model_fields)):
-        scene = make_scene(case.scene, list(case.materials))
+        scene = make_scene(case.scene, list(case.materials), case.radar.heading_deg)
         write_scene(folder / "scene.h5", scene)
         geometries, paths = [], []
         for number, one in enumerate(case.passes, start=1):
