@@ -96,6 +96,9 @@ def test_lines():
         "slope: a pass of 45 deg left is expected to narrow the band most, from +-2.00 dB to +-1.25 dB (mean "
         "half-width between 20.0 and 60.0 degrees)."
     )
+    assert said[1].startswith("Expected of a linear-Gaussian model")
+    said = list(_sentences([row("left", 1.25), row("right", 1.31)]))
+    assert said[1] == "slope: as good within 5 %, which the draws do not tell apart: 45 deg right."
     assert next(_sentences([row("left", 1.85)])).startswith("slope: no pass of the table is expected to narrow")
 
 

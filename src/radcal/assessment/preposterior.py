@@ -158,8 +158,8 @@ def half_widths_after(
         Curves of the draws on the grid of incidence [dB].
     sights : sequence of Sight
         What the further passes would see.
-    fields_db : ndarray, shape (k, 2)
-        Standard deviations between and within fields of some draws [dB], over which the half-width is averaged.
+    fields_db : ndarray, shape (2,)
+        Standard deviations between and within fields [dB].
     looks : float
         Effective looks of the material.
     budget : Budget
@@ -179,18 +179,16 @@ def half_widths_after(
     wanted = curves_db[:, of]
     left = wanted - wanted.mean(axis=0)
     before = (left**2).mean(axis=0)
-    if not sights:
-        return half_widths_now(wanted)
-    means = [one.means_db(curves_db) for one in sights]
-    seen = np.concatenate(means, axis=1)
-    seen = seen - seen.mean(axis=0)
-    of_draws, across = seen.T @ seen / len(seen), left.T @ seen / len(seen)
-    ends = np.cumsum([0, *(one.shape[1] for one in means)])
-    ratios = []
-    for fields in fields_db:
-        covariance = of_draws.copy()
+    after = before.copy()
+    if sights:
+        means = [one.means_db(curves_db) for one in sights]
+        seen = np.concatenate(means, axis=1)
+        seen = seen - seen.mean(axis=0)
+        covariance = seen.T @ seen / len(seen)
+        ends = np.cumsum([0, *(one.shape[1] for one in means)])
         for one, mean, first, last in zip(sights, means, ends, ends[1:], strict=False):
-            covariance[first:last, first:last] += one.covariance(fields, looks, budget, mean.mean(axis=0))
+            covariance[first:last, first:last] += one.covariance(fields_db, looks, budget, mean.mean(axis=0))
+        across = left.T @ seen / len(seen)
         after = before - np.einsum("ki,ki->k", across, np.linalg.solve(covariance, across.T).T)
-        ratios.append(np.sqrt(np.clip(after, 0.0, None) / np.maximum(before, 1e-12)))
-    return np.asarray(half_widths_now(wanted) * np.mean(ratios, axis=0))
+    ratio = np.sqrt(np.clip(after, 0.0, None) / np.maximum(before, 1e-12))
+    return np.asarray(half_widths_now(wanted) * ratio)

@@ -30,7 +30,7 @@ Doubles = NDArray[np.float64]
 _STEP_DEG = 15.0
 _DEPRESSIONS = (10.0, 75.0)
 _SIDES = ("right", "left")
-_FIELDS = 20
+_EQUAL = 1.05
 _LITTLE = 0.9  # of the half-width now
 COLUMNS = (
     "depression_deg", "look_side", "material", "incidence_p05_deg", "incidence_p95_deg", "half_width_now_db",
@@ -140,7 +140,7 @@ def advice_on(
         seen = [_seen(one) for one in (*sights, *known) if one is not None]
         over = over_deg or (min(low for low, _ in seen), max(high for _, high in seen))
         of = np.flatnonzero((over[0] <= GRID_DEG) & (over[1] >= GRID_DEG)).astype(np.int64)
-        fields, looks = _spread(draws.fields_db), float(np.median(draws.looks))
+        fields, looks = np.sqrt((draws.fields_db**2).mean(axis=0)), float(np.median(draws.looks))
         now = float(half_widths_now(curves[:, of]).mean())
         for each, radar, made, sight in zip(rows, passes, geometries, sights, strict=True):
             after = now
@@ -149,12 +149,6 @@ def advice_on(
             incidence = None if sight is None else _seen(sight)
             each.append(Advised(radar, name, incidence, now, after, over, *_hidden(made)))
     return [row for each in sorted(rows, key=_mean_after) for row in each]
-
-
-def _spread(fields_db: Doubles) -> Doubles:
-    """Some draws of the standard deviations between and within fields, evenly over the sum of their squares."""
-    order = np.argsort((fields_db**2).sum(axis=1), kind="stable")
-    return fields_db[order[len(order) // (2 * _FIELDS) :: max(len(order) // _FIELDS, 1)]]
 
 
 def _mean_after(rows: Sequence[Advised]) -> float:
@@ -268,6 +262,9 @@ def _sentences(rows: Sequence[Advised]) -> Iterator[str]:
                 f"{name}: a pass of {best.name} is expected to narrow the band most, from +-{best.now_db:.2f} dB to "
                 f"+-{best.after_db:.2f} dB (mean half-width {over})."
             )
+            own = [row for row in rows if row.material == name and row is not best]
+            if equal := [row.name for row in own if row.after_db <= _EQUAL * best.after_db]:
+                yield f"{name}: as good within 5 %, which the draws do not tell apart: {', '.join(equal)}."
     yield (
         "Expected of a linear-Gaussian model with the draws of the posterior: a law that does not fit, an image that "
         "cannot be registered or a wrong level are not part of it."
