@@ -175,9 +175,14 @@ def test_words_are_sorted_into_cases_targets_and_options() -> None:
 
 
 STANDS_IN = """
-import sys, pathlib
+import os, pathlib, signal, sys, time
 case = pathlib.Path(sys.argv[sys.argv.index("--configfile") + 1]).read_text().split()[1]
-print("ran", case)
+print("ran", case, flush=True)
+if case == "stopped":  # by Ctrl-C, which reaches radcal, too
+    os.kill(os.getppid(), signal.SIGINT)
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    time.sleep(0.2)
+    os.kill(os.getpid(), signal.SIGINT)
 sys.exit({"mine": 0, "bad": 3, "last": 4}.get(case, 0))
 """
 
@@ -201,6 +206,15 @@ def test_a_case_that_fails_does_not_stop_the_next(
         "radcal: bad: failed (exit status 3)",
         "radcal: mine: done",
         "radcal: last: failed (exit status 4)",
+    ]
+    (clone / "stopped.yaml").write_text("case: stopped\n")
+    done = run("mine.yaml", "stopped.yaml", "last.yaml")
+    assert done.exit_code == 130
+    assert capfd.readouterr().out.split() == ["ran", "mine", "ran", "stopped"]
+    assert done.stderr.splitlines()[-3:] == [
+        "radcal: mine: done",
+        "radcal: stopped: stopped; the same command continues",
+        "radcal: last: not begun",
     ]
     assert run("mine.yaml", "mine2.yaml").exit_code == 1
     (clone / "wrong.yaml").write_text("case: wrong\nsede: 1\n")

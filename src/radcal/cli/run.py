@@ -259,29 +259,34 @@ def _checked(files: Sequence[Path], changes: dict[str, Any]) -> list[str]:
 def _one_after_the_other(commands: Mapping[str, Sequence[str]]) -> int:
     """Exit status of a command for each case; a case that fails does not stop the next one, Ctrl-C does."""
     ended: dict[str, int] = {}
+    children: list[subprocess.Popen[bytes]] = []
     stopped = False
 
     def stop(number: int, _: object) -> None:
         nonlocal stopped
         stopped = True
-        if number == signal.SIGTERM:  # the terminal sends Ctrl-C to the child, too
-            child.terminate()
+        if number == signal.SIGTERM and children:  # the terminal sends Ctrl-C to the child, too
+            children[-1].terminate()
 
-    for name, command in commands.items():
-        typer.echo(f"radcal: case {name} ({len(ended) + 1} of {len(commands)})", err=True)
-        child = subprocess.Popen(command)  # noqa: S603 - a list of arguments, never a shell
-        before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
-        ended[name] = child.wait()
+    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        for name, command in commands.items():
+            typer.echo(f"radcal: case {name} ({len(ended) + 1} of {len(commands)})", err=True)
+            children.append(subprocess.Popen(command))  # noqa: S603 - a list of arguments, never a shell
+            ended[name] = children[-1].wait()
+            if stopped:
+                break
+    finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-        if stopped:
-            break
     for name in commands:
         status = ended.get(name)
         said = "not begun" if status is None else "done" if status == 0 else f"failed (exit status {status})"
+        if stopped and status not in (None, 0) and name == list(ended)[-1]:
+            said = "stopped; the same command continues"
         typer.echo(f"radcal: {name}: {said}", err=True)
     failed = [status for status in ended.values() if status != 0]
-    return failed[0] if failed else 130 if stopped else 0
+    return 130 if stopped else failed[0] if failed else 0
 
 
 def _become(command: Sequence[str]) -> NoReturn:
