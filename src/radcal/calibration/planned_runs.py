@@ -31,6 +31,12 @@ class _Known:
     identity: Mapping[str, Any]
 
 
+class _Flat:
+    """In place of a geometry over flat earth."""
+
+    earth_radius_m = None
+
+
 def planned_runs(case: Case, jobs: Jobs, folder: str | Path) -> dict[str, int]:
     """Largest number of runs of the simulator that planned jobs make, by kind.
 
@@ -105,8 +111,10 @@ def _known(case: Case, folder: Path, at: str) -> Callable[[stages.Simulation], R
         scene = read_scene(folder / "scene.h5").identity
     except (RadcalError, OSError):
         return None
+    if any(one.radar.earth != "flat" for one in case.passes):  # a run's hash holds the radius, which the geometry gives
+        return None
     simulator: Any = _Known(identity)
-    geometry: Any = None
+    geometry: Any = _Flat()
     return lambda one: Runner(RunStore(folder / "runs"), simulator, geometry, scene, one, first=case.radar)
 
 
