@@ -51,8 +51,8 @@ def test_the_prior_alone_is_sampled_without_a_likelihood():
 
 
 def test_a_seed_gives_the_same_draws_and_another_gives_others(found):
-    again, other = (sample(log_prior, log_likelihood, start(), 500, seed) for seed in (5, 6))
-    twice = sample(log_prior, log_likelihood, start(), 500, 5)
+    again, other = (sample(log_prior, log_likelihood, start(), 60, seed) for seed in (5, 6))
+    twice = sample(log_prior, log_likelihood, start(), 60, 5)
     assert (again.draws == twice.draws).all()
     assert not np.isin(other.draws[-64:], again.draws).any()
     assert found.steps >= 500
