@@ -131,13 +131,16 @@ def calibrated_materials(archive: Archive, materials: Mapping[str, Material]) ->
     Returns
     -------
     dict
-        Section ``materials`` as plain data. ``looks`` is given where the calibration found texture.
+        Section ``materials`` as plain data. ``looks`` is given where the calibration found texture, ``colour`` where
+        the case gives it.
     """
-    found = {}
+    found, colours = {}, json.loads(archive.config).get("colours") or {}
     for name, material in materials.items():
         kept = ("law", "angles_deg", "formula", "names", "units", "integer")
         data = {"calibrate": False, **material.model_dump(mode="json", include=set(kept), exclude_none=True)}
         data["parameters"] = [float(x) for x in archive.laws[name].values]
+        if name in colours:
+            data["colour"] = colours[name]
         looks = material.looks
         if name in archive.materials:
             result = archive.materials[name]
