@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 import rasterio
 import yaml
+from pyproj import Transformer
 from rasterio.transform import from_origin
+from safe_product import place_of, write_product
 from typer.testing import CliRunner, Result
 
 from radcal.cli import app
@@ -179,6 +181,58 @@ def test_nothing_given_gives_a_case_that_check_lists(tmp_path: Path, monkeypatch
     for key in ("scene.elevation", "scene.names", "measurement.path", "radar.looks", "materials.FILL_IN"):
         assert sum(f"{key} is FILL_IN" in text for text in problems) == 1, key
     assert not any("missing" in text for text in problems)
+
+
+def test_a_sensor_leaves_open_what_it_does_not_give(files: list[str]) -> None:
+    done = new("mine", *files, "--sensor", "sentinel1_iw_grdh", "--polarisation", "VV", "--incidence", "40")
+    assert done.exit_code == 0, done.output
+    radar = yaml.safe_load(Path("mine.yaml").read_text())["radar"]
+    assert {key for key, value in radar.items() if value == "FILL_IN"} == {"heading_deg", "nesz_db", "radiometry"}
+    # pixels of 20 m on the ground are 20 m times the sine of 40 degrees in slant range
+    assert (radar["incidence_deg"], radar["range_spacing_m"]) == (40, 12.86)
+    whole = ["--heading", "190.5", "--nesz", "-22", "--radiometry", "sigma0_ref", "--incidence", "40"]
+    done = new("own", *files[:4], "--image", "synthetic", "--sensor", "sentinel1_iw_grdh", "--vertical-datum", "local",
+               *whole, "--polarisation", "VV")  # fmt: skip
+    assert done.exit_code == 0, done.output
+    case = load(["own.yaml"])
+    assert (case.radar.looks, case.radar.heading_deg, case.radar.altitude_m) == (4.4, 190.5, 693_000)
+    assert "expected one of sentinel1_iw_grdh, " in new("no", "--sensor", "sentinel").stderr
+
+
+def test_known_land_cover_names_the_codes(files: list[str], tmp_path: Path) -> None:
+    cover = np.full((30, 40), 40, dtype=np.uint8)
+    cover[:, :13] = 80
+    scene = ["--elevation", "dem.tif", "--landcover", write(tmp_path / "known.tif", [cover])]
+    done = new("offered", *scene, "--image", "synthetic", "--vertical-datum", "local")
+    assert "the codes are also those of esa_worldcover (--landcover-preset)" in Path("offered.yaml").read_text()
+    preset = ["--landcover-preset", "esa_worldcover", "--vertical-datum", "local", "--image", "synthetic"]
+    done = new("mine", *scene, *preset, "--material", "cropland")
+    assert done.exit_code == 0, done.output
+    assert not Path("mine_names.json").exists()
+    assert check_case(["mine.yaml"]).problems == []
+    case = load(["mine.yaml"])
+    assert (case.calibrated, case.materials["permanent_water_bodies"].parameters) == (["cropland"], [-40.0])
+    wrong = new("no", *files, "--landcover-preset", "esa_worldcover")
+    assert "--landcover-preset is esa_worldcover, which has no code 2, 7: give --names" in wrong.stderr
+
+
+def test_a_product_fills_the_section_of_the_radar(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    safe = write_product(tmp_path)
+    x, y = Transformer.from_crs("EPSG:4326", "EPSG:32633", always_xy=True).transform(*place_of(60.0, 50.0, 120.0))
+    where = {"crs": "EPSG:32633", "transform": from_origin(x - 300.0, y + 300.0, 15.0, 15.0)}
+    for name, dtype, value in (("level.tif", "float32", 120.0), ("level_cover.tif", "uint8", 40)):
+        with rasterio.open(name, "w", "GTiff", 40, 40, 1, dtype=dtype, **where) as raster:
+            raster.write(np.full((40, 40), value, dtype=dtype), 1)
+    scene = ["--elevation", "level.tif", "--landcover", "level_cover.tif", "--landcover-preset", "esa_worldcover"]
+    done = new("mine", *scene, "--vertical-datum", "WGS84 ellipsoid", "--image", str(safe), "--nesz", "-31")
+    assert done.exit_code == 0, done.output
+    assert "FILL_IN" not in Path("mine.yaml").read_text()
+    found = check_case(["mine.yaml"])
+    assert found.problems == []
+    radar, printed = load(["mine.yaml"]).radar, yaml.safe_load(found.sections[0])["radar"]
+    assert (radar.heading_deg, radar.incidence_deg) == (printed["heading_deg"], printed["incidence_deg"])
+    assert (radar.looks, radar.nesz_db, radar.look_side) == (4.4, -31.0, "right")
 
 
 @needs_data

@@ -75,7 +75,7 @@ def scene(line: float = 60.0, pixel: float = 50.0) -> Scene:
 
 
 def opened(safe: Path, **keys: Any) -> tuple[Product, Radar]:
-    radar = Radar.model_validate({**PASS, **keys})
+    radar = Radar.model_validate({key: value for key, value in {**PASS, **keys}.items() if value is not None})
     return open_product(safe, config(safe), radar), radar
 
 
@@ -175,16 +175,23 @@ def test_the_printed_section_is_one_of_radar(safe: Path) -> None:
     acquisition = seen_from(product, ground, make_geometry(ground, radar).ground).acquisition
     section = radar_section(acquisition)
     printed = Radar.model_validate(yaml.safe_load(section)["radar"])
-    assert printed.depression_deg == pytest.approx(90.0 - acquisition.incidence_deg, abs=0.01)
+    assert printed.incidence_deg == pytest.approx(acquisition.incidence_deg, abs=0.005)
+    # not that below the satellite, 193.7
+    assert printed.heading_deg == pytest.approx(acquisition.heading_deg, abs=0.005)
+    assert abs(printed.heading_deg - acquisition.platform_heading_deg) > 2.0
     assert printed.range_spacing_m == pytest.approx(10.0 * np.sin(np.radians(acquisition.incidence_deg)), rel=1e-3)
-    # the track heads north: a look to the west, as of the image that looks right on its way south, is one to the left
-    assert (printed.looks, printed.band, printed.polarisation, printed.look_side) == (4, "C", "VV", "left")
-    assert "look_side: left   # the image looks right, to 2" in section
-    flat = np.full(3, 90.0 - printed.depression_deg)
-    assert contradictions(acquisition, printed, flat) == []
-    assert all("looks to" in text for text in differences(acquisition, printed))
-    assert printed.nesz_db[0] == list(acquisition.nesz_db[0]) or printed.nesz_db[0] == acquisition.nesz_db[0]
-    assert f"heading {acquisition.heading_deg:.2f} deg over the scene" in section
+    assert (printed.looks, printed.band, printed.polarisation, printed.look_side) == (4.4, "C", "VV", "right")
+    assert printed.sensor is None  # of 17.6 m in azimuth, where the sensor's product has 22 m
+    acquisition = replace(acquisition, azimuth_resolution_m=21.3)
+    assert "\n  sensor: sentinel1_iw_grdh " in radar_section(acquisition)
+    assert "look_side: right   # to 2" in section
+    # on slopes of 60 degrees, a look that is wrong by a degree is a contradiction
+    assert contradictions(acquisition, printed, np.full(3, printed.incidence_deg), 60.0) == []
+    assert differences(acquisition, printed) == []
+    assert printed.nesz_db == list(acquisition.nesz_db)
+    for other in ({"range_spacing_m": 40.0}, {"looks": 10.7}, {"frequency_hz": 9.65e9}, {"look_side": "left"}):
+        assert "sensor:" not in radar_section(replace(acquisition, **other))
+    assert "heading_deg: 0 " in radar_section(replace(acquisition, heading_deg=359.998))
     denoised = radar_section(replace(acquisition, noise_removed=True))
     assert Radar.model_validate(yaml.safe_load(denoised)["radar"]).nesz_db == -100.0
 
@@ -198,6 +205,7 @@ def test_the_printed_section_is_one_of_radar(safe: Path) -> None:
         ({"frequency_ghz": 5.3}, "radar.frequency_ghz is 5.3, its carrier 5.405 GHz (band C)."),
         ({"looks": 2}, "radar.looks is 2, its equivalent number of looks 4.4."),
         ({"depression_deg": 45.0}, "radar.depression_deg is 45, an incidence of 45.0"),
+        ({"incidence_deg": 39.0, "depression_deg": None}, "radar.incidence_deg is 39, an incidence of 39.0"),
         ({"look_side": "right"}, "radar.look_side is right, a look to 90 deg from north, it looks to 2"),
     ],
 )
@@ -219,9 +227,31 @@ def test_differences_are_said(safe: Path) -> None:
     along = replace(acquisition, heading_deg=176.0)  # within 5 degrees of a look to the west
     assert not any("looks to" in text for text in differences(along, radar))
     (turned,) = (text for text in differences(replace(acquisition, heading_deg=199.5), radar) if "looks to" in text)
-    assert "it looks to 289.5 deg from north (heading 199.5 deg), the configured pass to 270 deg" in turned
+    assert "it looks to 289.5 deg from north (heading 199.50 deg), the configured pass to 270.0 deg" in turned
     assert re.search(r"its noise-equivalent sigma0 is -\d\d\.\d dB at 3\d\.\d deg, radar.nesz_db -22.0 dB\.", said)
     assert re.search(r"its range_resolution_m is 11\.\d at the scene, radar.range_resolution_m 5\.", said)
+
+
+def test_another_heading_contradicts_where_the_ground_is_steep(safe: Path) -> None:
+    product, radar = opened(safe)
+    level = scene()
+    relief = np.random.default_rng(5).normal(0.0, 4.0, level.material.shape).cumsum(axis=0).cumsum(axis=1) * 0.2
+    hills = replace(level, elevation_m=level.elevation_m + relief)
+    found = seen_from(product, level, make_geometry(level, radar).ground).acquisition
+    apart = (found.look_azimuth_deg - 270.0 + 180.0) % 360.0 - 180.0
+    assert 7.0 < abs(apart) < 12.0
+    with pytest.raises(MeasurementError, match=r"radar\.heading_deg is 0, a look to 270\.0 deg from north") as refused:
+        sigma0_image(product, config(safe), radar, make_geometry(hills, radar), hills)
+    said = re.search(r"on slopes of (\d+\.\d) deg, as the scene has them, by up to (\d+\.\d) deg", str(refused.value))
+    assert said is not None
+    east, north = (np.diff(hills.elevation_m, axis=axis)[:29, :29] / CELL_M for axis in (1, 0))
+    steep = np.degrees(np.arctan(np.quantile(np.hypot(east, north), 0.95)))
+    assert float(said[1]) == pytest.approx(steep, abs=0.06)
+    turn, tilt = np.radians(abs(apart)), np.radians(steep)
+    assert float(said[2]) == pytest.approx(np.degrees(tilt) * 2 * np.sin(turn / 2), abs=0.06)
+    assert f"(look_side: right, heading_deg: {found.heading_deg:.2f})" in str(refused.value)
+    _, _, notes = sigma0_image(product, config(safe), radar, make_geometry(level, radar), level)
+    assert sum("so that slopes have another incidence than in the image" in text for text in notes) == 1
 
 
 ANNOTATION, CALIBRATION = f"annotation/{STEM}.xml", f"annotation/calibration/calibration-{STEM}.xml"

@@ -15,7 +15,7 @@ from radcal.assessment.curves import GRID_DEG
 from radcal.assessment.posterior import Curve, KeptDraws, Posterior
 from radcal.config import case_from
 from radcal.errors import ConfigError, StoreError
-from radcal.report.advice import Advised, _sentences, _table, advice_on, advise, candidates
+from radcal.report.advice import Advised, _opposite, _sentences, _table, advice_on, advise, candidates
 from radcal.report.archive import write_archive
 from radcal.scene.model import Scene, write_scene
 
@@ -57,6 +57,25 @@ def test_passes_to_compare():
     assert candidates(case())[0].nesz_db == -60
     with pytest.raises(ConfigError, match="--depression is 85, expected an angle above 5 and below 85"):
         candidates(case(), [30.0, 85.0])
+
+
+def test_passes_of_an_orbit_are_offered_by_incidence():
+    one = case(altitude_m=693_000)
+    orbit = one.radar.model_copy(update={"incidence_deg": 37.0, "earth": "curved", "heading_deg": 189.0})
+    one = one.model_copy(update={"radar": orbit})
+    found = candidates(one)
+    assert [(each.incidence_deg, each.look_side) for each in found] == [
+        (37, "left"), (22, "right"), (22, "left"), (52, "right"), (52, "left"),
+    ]  # fmt: skip
+    assert {each.heading_deg for each in found} == {189.0}
+    assert [each.incidence_deg for each in candidates(one, [60.0])] == [30.0, 30.0]
+    with pytest.raises(ConfigError, match="--depression is 3, expected an angle above 5 and below 85"):
+        candidates(one, [3.0])
+    assert Advised(found[1], "slope", None, 1.0, 1.0, (20.0, 60.0), 0.0, 0.0).name == "incidence 22 deg right"
+    # to the east, an ascending pass looks to 351 + 90 = 81 deg; the other look side of the table looks to 99 deg
+    said = _opposite(orbit)
+    assert "heads to about 351.0 deg" in said
+    assert said.endswith("differs by 18.0 deg.")
 
 
 def test_passes_far_from_the_known_angle_narrow_a_slope_most():

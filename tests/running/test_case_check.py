@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import rasterio
 import yaml
 from pyproj import Transformer
 from rasterio.transform import from_origin
-from safe_product import place_of, write_product
+from safe_product import NAME, place_of, write_product
 from typer.testing import CliRunner
 
 from radcal.cli import app
@@ -162,8 +163,54 @@ def test_a_sentinel1_product_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert any("S1B IW GRD VV of 2021-12-23" in note for note in found.notes)
     said = found.summary()
     assert "section radar as the annotation of the image gives it:\n    radar:   # S1B_IW_GRDH" in said
-    assert "\n      depression_deg: 53.4" in said
+    assert "\n      looks: 4.4 " in said
     wrong = check_case(["mine.yaml"], {"radar": "{depression_deg: 45}"})
     (problem,) = wrong.problems
     assert "contradicts section radar: radar.depression_deg is 45, an incidence of 45.0" in problem
-    assert len(wrong.sections) == 1
+    large = "{range_spacing_m: 0.02, azimuth_spacing_m: 0.05}"  # an image that is not made for the check
+    # what the product says is printed beside the problem, also where section radar is far from usable
+    for section in ("{depression_deg: 45}", "{looks: FILL_IN}", "{polarisation: HH}", large):
+        done = CliRunner().invoke(app, ["check", "mine.yaml", "--set", f"radar={section}"])
+        assert ("problem" in done.stderr) is (section != large), section
+        assert "note: S1B_IW_GRDH_1SDV" in done.stdout
+        assert done.stdout.count("\n      heading_deg: 1") == 1, section
+    (section,) = wrong.sections
+    printed = yaml.safe_load(section)["radar"]
+    text = Path("mine.yaml").read_text()
+    Path("mine.yaml").write_text(text[: text.index("radar:")] + section)
+    found = check_case(["mine.yaml"])
+    assert found.problems == []
+    assert [text for text in found.notes if " its " in text or "it looks to" in text] == []
+    assert [yaml.safe_load(text)["radar"]["heading_deg"] for text in found.sections] == [printed["heading_deg"]]
+
+
+@pytest.mark.skipif("RADCAL_DATA" not in os.environ, reason="RADCAL_DATA is not set: real data are elsewhere")
+def test_the_printed_section_of_a_real_product_does_not_contradict_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    data = Path(os.environ["RADCAL_DATA"]) / "sentinel1"
+    with rasterio.open(data / "elevation_rome_int16.tif") as heights:
+        profile = heights.profile | {"dtype": "uint8", "nodata": 0}
+        with rasterio.open("cover.tif", "w", **profile) as cover:
+            cover.write(np.full(heights.shape, 30, "uint8"), 1)
+    case = (
+        f"scene: {{source: raster, elevation: {data / 'elevation_rome_int16.tif'}, landcover: esa_worldcover, "
+        f"materials: cover.tif, cell_m: 60}}\nmeasurement: {{source: file, path: {data / NAME}}}\n"
+        "materials: {grassland: {calibrate: true}}\n"
+    )
+    Path("mine.yaml").write_text(case)
+    found = check_case(["mine.yaml"])
+    (problem,) = found.problems
+    assert "(it has VV, radar.polarisation is HH)" in problem
+    (section,) = found.sections
+    printed = yaml.safe_load(section)["radar"]
+    # platformHeading in the annotation is 193.69
+    assert printed["heading_deg"] == pytest.approx(189.28, abs=0.05)
+    assert printed["incidence_deg"] == pytest.approx(44.07, abs=0.05)
+    assert (printed["looks"], printed["sensor"]) == (4.4, "sentinel1_iw_grdh")
+    Path("mine.yaml").write_text(case + section)
+    found = check_case(["mine.yaml"])
+    (problem,) = found.problems
+    assert "holds no data (digital number 0) over the scene: the image is blank" in problem
+    assert [text for text in found.notes if " its " in text and "geoid" not in text] == []

@@ -14,6 +14,7 @@ HELP = """Check cases without running anything, and list all of their problems a
 
 Keys and values, files, scene, geometry and measured image are checked as the calibration checks them. If all is well,
 the command prints what would be read, how many simulator runs the case may take, and how much memory its jobs request.
+With a product such as a Sentinel-1 SAFE folder it prints section radar as the annotation gives it, even with problems.
 
 What only the calibration can find out, such as the registration, is not checked. The exit status is 1 if a problem was
 found, else 0.
@@ -42,6 +43,8 @@ def _is_right(case: Path, settings: list[str] | None, results: Path) -> bool:
         typer.echo(f"radcal: {case} cannot be run; {count} problem{'s' if count > 1 else ''} found:", err=True)
         for text in found.problems:
             typer.echo(f"  - {text.removeprefix(f'{case}: ')}", err=True)
+        for line in found.remarks():
+            typer.echo(line)
         return False
     typer.echo(f"{case}: no problem found.")
     typer.echo(found.summary())

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config import Radar
+from radcal.config.sensors import SENSORS
 from radcal.radar.bands import letter_band, within_band
 from radcal.radar.radiometry import noise_floor_db
 
-__all__ = ["Acquisition", "contradictions", "differences", "radar_section"]
+__all__ = ["Acquisition", "contradictions", "differences", "radar_keys", "radar_section"]
 
 # over one degree the laws of natural surfaces change by up to 1 dB (docs/measured_images.md, "One incidence")
 _INCIDENCE_DEG = 1.0
@@ -108,6 +111,60 @@ class Acquisition:
         )
 
 
+def radar_keys(acquisition: Acquisition) -> dict[str, tuple[Any, str]]:
+    """Values of section ``radar`` that correspond to an acquisition, each with a remark, which may be empty.
+
+    Parameters
+    ----------
+    acquisition : Acquisition
+        Acquisition at a scene.
+    """
+    a = acquisition
+    noise = [list(pair) for pair in a.nesz_db]
+    sensor = _sensor(a)
+    keys = {
+        "sensor": (sensor, "whose values those of the image override"),
+        "altitude_m": (float(round(a.altitude_m)), ""),
+        "incidence_deg": (round(a.incidence_deg, 2), "at the middle of the scene, on the ellipsoid"),
+        # 359.999 is rounded to 360, which is 0
+        "heading_deg": (round(a.heading_deg, 2) % 360.0, "over the scene, from true north"),
+        "look_side": (a.look_side, f"to {a.look_azimuth_deg:.1f} deg from north"),
+        "band": (letter_band(a.frequency_hz) or "unknown", ""),
+        "frequency_ghz": (float(f"{a.frequency_hz / 1e9:.6g}"), ""),
+        "polarisation": (a.polarisation, ""),
+        "range_resolution_m": (round(a.range_resolution_m, 2), "slant range"),
+        "azimuth_resolution_m": (round(a.azimuth_resolution_m, 2), ""),
+        "range_spacing_m": (round(a.slant_spacing_m, 3), f"slant range, of {a.range_spacing_m:g} m on the ground"),
+        "azimuth_spacing_m": (a.azimuth_spacing_m, ""),
+        "looks": (float(f"{min(max(a.looks, 1.0), 64.0):.4g}"), "equivalent number of looks"),
+        "nesz_db": (-100.0, "the processor has subtracted the noise") if a.noise_removed else (noise, ""),
+        "radiometry": ("sigma0_ref", ""),
+    }
+    return keys if sensor is not None else {key: item for key, item in keys.items() if key != "sensor"}
+
+
+def _sensor(acquisition: Acquisition) -> str | None:
+    """Sensor of :data:`.SENSORS` whose values are those of an acquisition; None if none fits."""
+    a = acquisition
+    lengths = {
+        "range_resolution_m": a.range_resolution_m,
+        "azimuth_resolution_m": a.azimuth_resolution_m,
+        "range_spacing_m": a.slant_spacing_m,
+        "azimuth_spacing_m": a.azimuth_spacing_m,
+        "looks": a.looks,
+    }
+    for name, sensor in SENSORS.items():
+        known = sensor.values_at(a.incidence_deg)
+        if (
+            {*lengths, "frequency_ghz", "look_side"} <= known.keys()
+            and abs(known["frequency_ghz"] * 1e9 / a.frequency_hz - 1.0) <= _FREQUENCY
+            and known["look_side"] == a.look_side
+            and all(1.0 / _RATIO <= known[key] / own <= _RATIO for key, own in lengths.items())
+        ):
+            return name
+    return None
+
+
 def radar_section(acquisition: Acquisition) -> str:
     """Section ``radar`` in YAML that corresponds to an acquisition.
 
@@ -115,43 +172,18 @@ def radar_section(acquisition: Acquisition) -> str:
     ----------
     acquisition : Acquisition
         Acquisition at a scene.
-
-    Returns
-    -------
-    str
-        YAML with those values for which :class:`.Radar` has a key; others stand in comments.
     """
     a = acquisition
-    known = Radar.model_fields
-    looks = max(1, min(64, round(a.looks)))
-    # without a key for the heading, the track heads north: the side that is nearest to the true direction
-    side = a.look_side if "heading_deg" in known else "right" if a.look_azimuth_deg < 180.0 else "left"
-    towards = f"{side}   # the image looks {a.look_side}, to {a.look_azimuth_deg:.1f} deg from north"
-    noise = ", ".join(f"[{angle:.2f}, {level:.2f}]" for angle, level in a.nesz_db)
-    lines = {
-        "altitude_m": f"{a.altitude_m:.0f}",
-        "depression_deg": f"{90.0 - a.incidence_deg:.2f}   # incidence {a.incidence_deg:.2f} deg at the scene's middle",
-        "heading_deg": f"{a.heading_deg:.2f}   # over the scene",
-        "incidence_deg": f"{a.incidence_deg:.2f}",
-        "look_side": towards,
-        "band": letter_band(a.frequency_hz) or "unknown",
-        "frequency_ghz": f"{a.frequency_hz / 1e9:.6g}",
-        "polarisation": a.polarisation,
-        "range_resolution_m": f"{a.range_resolution_m:.2f}",
-        "azimuth_resolution_m": f"{a.azimuth_resolution_m:.2f}",
-        "range_spacing_m": f"{a.slant_spacing_m:.3f}   # slant range, of {a.range_spacing_m:g} m on the ground",
-        "azimuth_spacing_m": f"{a.azimuth_spacing_m:g}",
-        "looks": f"{looks}   # equivalent number {a.looks:.3g}",
-        "nesz_db": f"[{noise}]" if not a.noise_removed else "-100   # the processor has subtracted the noise",
-        "radiometry": "sigma0_ref",
-    }
-    head = f"radar:   # {a.product}, {a.pass_direction}, heading {a.heading_deg:.2f} deg over the scene"
-    if "incidence_deg" in known:
-        del lines["depression_deg"]
-    return "\n".join([head, *(f"  {key}: {value}" for key, value in lines.items() if key in known)]) + "\n"
+    lines = [f"radar:   # {a.product}, {a.pass_direction}, heading {a.heading_deg:.2f} deg over the scene"]
+    for key, (value, remark) in radar_keys(a).items():
+        shown = f"{value:.10g}" if isinstance(value, float) else str(value)
+        lines.append(f"  {key}: {shown}" + (f"   # {remark}" if remark else ""))
+    return "\n".join(lines) + "\n"
 
 
-def contradictions(acquisition: Acquisition, radar: Radar, incidence_deg: NDArray[np.float64]) -> list[str]:
+def contradictions(
+    acquisition: Acquisition, radar: Radar, incidence_deg: NDArray[np.float64], slope_deg: float = 0.0
+) -> list[str]:
     """Keys of section ``radar`` with which the image cannot be compared, each with the product's value.
 
     Parameters
@@ -162,6 +194,8 @@ def contradictions(acquisition: Acquisition, radar: Radar, incidence_deg: NDArra
         Configured pass.
     incidence_deg : ndarray
         Incidence on flat ground of the configured pass over the scene [deg].
+    slope_deg : float
+        Slope of steep ground of the scene [deg], which another heading shows at another incidence.
 
     Returns
     -------
@@ -175,17 +209,28 @@ def contradictions(acquisition: Acquisition, radar: Radar, incidence_deg: NDArra
     elif radar.frequency_ghz is not None and abs(radar.frequency_ghz * 1e9 / a.frequency_hz - 1.0) > _FREQUENCY:
         found.append(f"radar.frequency_ghz is {radar.frequency_ghz:g}, its carrier {carrier}")
     if abs(radar.looks - a.looks) > _LOOKS:
-        found.append(f"radar.looks is {radar.looks}, its equivalent number of looks {a.looks:.3g}")
+        found.append(f"radar.looks is {radar.looks:g}, its equivalent number of looks {a.looks:.3g}")
     middle = float(np.median(incidence_deg))
     if abs(middle - a.incidence_deg) > _INCIDENCE_DEG:
+        key = "depression_deg" if radar.incidence_deg is None else "incidence_deg"
+        instead = " instead of depression_deg" if radar.incidence_deg is None else ""
         found.append(
-            f"radar.depression_deg is {radar.depression_deg:g}, an incidence of {middle:.2f} deg at the scene, where "
-            f"its own is {a.incidence_deg:.2f} deg (depression_deg: {90.0 - a.incidence_deg:.2f})"
+            f"radar.{key} is {getattr(radar, key):g}, an incidence of {middle:.2f} deg at the scene, where its own is "
+            f"{a.incidence_deg:.2f} deg (incidence_deg: {a.incidence_deg:.2f}{instead})"
         )
-    if _apart(a.look_azimuth_deg, _look_azimuth_deg(radar)) > 90.0:
+    apart = _apart(a.look_azimuth_deg, _look_azimuth_deg(radar))
+    if apart > 90.0:
         found.append(
             f"radar.look_side is {radar.look_side}, a look to {_look_azimuth_deg(radar):.0f} deg from north, it looks "
-            f"to {a.look_azimuth_deg:.1f} deg, from the other side of every slope"
+            f"to {a.look_azimuth_deg:.1f} deg, from the other side of every slope (look_side: {a.look_side}, "
+            f"heading_deg: {a.heading_deg:.2f})"
+        )
+    elif (change := _turned_deg(slope_deg, apart)) > _INCIDENCE_DEG:
+        found.append(
+            f"radar.heading_deg is {radar.heading_deg:g}, a look to {_look_azimuth_deg(radar):.1f} deg from north, it "
+            f"looks to {a.look_azimuth_deg:.1f} deg, which changes the incidence on slopes of {slope_deg:.1f} deg, as "
+            f"the scene has them, by up to {change:.1f} deg (look_side: {a.look_side}, heading_deg: "
+            f"{a.heading_deg:.2f})"
         )
     return found
 
@@ -196,8 +241,8 @@ def differences(acquisition: Acquisition, radar: Radar) -> list[str]:
     look = _look_azimuth_deg(radar)
     if _HEADING_DEG < _apart(a.look_azimuth_deg, look) <= 90.0:
         found.append(
-            f"{a.product}: it looks to {a.look_azimuth_deg:.1f} deg from north (heading {a.heading_deg:.1f} deg), the "
-            f"configured pass to {look:.0f} deg, so that slopes have another incidence than in the image."
+            f"{a.product}: it looks to {a.look_azimuth_deg:.1f} deg from north (heading {a.heading_deg:.2f} deg), the "
+            f"configured pass to {look:.1f} deg, so that slopes have another incidence than in the image."
         )
     angles, levels = (np.array(part) for part in zip(*a.nesz_db, strict=True))
     # the noise floor of radiometry sigma0_ref is noise-equivalent sigma0 itself
@@ -222,8 +267,16 @@ def differences(acquisition: Acquisition, radar: Radar) -> list[str]:
 
 def _look_azimuth_deg(radar: Radar) -> float:
     """Direction in which the configured pass looks [deg]; without a heading its track heads to the grid's north."""
-    heading = float(getattr(radar, "heading_deg", None) or 0.0)
-    return (heading + (90.0 if radar.look_side == "right" else 270.0)) % 360.0
+    return (radar.heading_deg + (90.0 if radar.look_side == "right" else 270.0)) % 360.0
+
+
+def _turned_deg(slope_deg: float, apart_deg: float) -> float:
+    """Largest change of the local incidence on a slope when the look turns [deg].
+
+    To first order in the slope, the local incidence is that on level ground less the slope times the cosine of the
+    angle between aspect and look; 2 sin(apart / 2) is the largest change of this cosine.
+    """
+    return 2.0 * slope_deg * math.sin(0.5 * math.radians(apart_deg))
 
 
 def _apart(one: float, other: float) -> float:

@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.config import FileMeasurement, Radar
 from radcal.errors import MeasurementError
 from radcal.measurement.acquisition import Acquisition
 from radcal.measurement.annotation import Swath
 from radcal.measurement.georeference import places_on_ground
-from radcal.measurement.product import Product
+from radcal.measurement.product import Product, open_product
+from radcal.reading.safe import SafeRefused, safe_images
 from radcal.scene.crs import geoid_m
 from radcal.scene.model import Scene
 
-__all__ = ["Seen", "seen_from"]
+__all__ = ["Seen", "seen_from", "told"]
 
 Array = NDArray[np.float64]
 
 _LIGHT_M_S = 299_792_458.0
 _NOISE_ROWS = 9
+_SIDE = 50  # rows and columns of the coarse grid
 # S1_NRB's documentation on the equivalent number of looks, after the Sentinel-1 Product Definition: mean of all swaths
 _EQUIVALENT_LOOKS = {("IW", (5, 1)): 4.4}
 
@@ -84,6 +89,34 @@ def seen_from(product: Product, scene: Scene, ground: NDArray[np.float32]) -> Se
     found = np.isfinite(at_line)
     middle = np.array([np.median(part[found]) for part in (longitude, latitude, height)])[:, None]
     return Seen(line, pixel, _acquisition(product, middle, at_line[found], at_pixel[found]), notes)
+
+
+def told(path: Path, config: FileMeasurement, radar: Radar, scene: Scene) -> Seen:
+    """Places of a coarse grid of the scene, and the acquisition there, for a section ``radar`` that may be wrong.
+
+    Parameters
+    ----------
+    path : path
+        SAFE folder or its manifest.
+    config : FileMeasurement
+        Configuration of the image.
+    radar : Radar
+        Pass, of which only the polarisation counts; another one is taken where the product lacks it.
+    scene : Scene
+        Scene on the map.
+
+    Raises
+    ------
+    MeasurementError
+        The product is damaged or does not show the scene.
+    """
+    with contextlib.suppress(SafeRefused):
+        whole = [image.polarisation for image in safe_images(path) if all(file.is_file() for file in image.files)]
+        if whole and radar.polarisation not in whole:
+            radar = radar.model_copy(update={"polarisation": whole[0]})
+    rows, columns = (np.linspace(0.0, length - 1.0, min(length, _SIDE)) for length in scene.material.shape)
+    ground = np.stack(np.meshgrid(rows, columns, indexing="ij")).astype(np.float32)
+    return seen_from(open_product(path, config, radar), scene, ground)
 
 
 def _heights(

@@ -26,6 +26,8 @@ __all__ = ["sigma0_image"]
 
 Array = NDArray[np.float64]
 
+_SLOPES = 250_000  # number of slopes of a scene from which a quantile is taken
+
 
 def sigma0_image(
     product: Product, config: FileMeasurement, radar: Radar, geometry: Geometry, scene: Scene | None
@@ -63,7 +65,7 @@ def sigma0_image(
         raise MeasurementError(f"measurement.path: {product.path} needs a scene on the map.")
     seen = seen_from(product, scene, geometry.ground)
     flat = np.broadcast_to(geometry.flat_incidence_deg[:, None], geometry.shape)[np.isfinite(seen.line)]
-    if wrong := contradictions(seen.acquisition, radar, flat):
+    if wrong := contradictions(seen.acquisition, radar, flat, _steep_deg(scene)):
         raise MeasurementError(f"measurement.path: {product.name} contradicts section radar: {'; '.join(wrong)}.")
     there = np.isfinite(seen.line)
     # nearest pixels: a mean of neighbours would have less speckle
@@ -91,6 +93,19 @@ def sigma0_image(
         *differences(seen.acquisition, radar),
     )
     return power, seen.acquisition, notes
+
+
+def _steep_deg(scene: Scene) -> float:
+    """Slope that 95 % of the scene's ground does not exceed [deg]."""
+    if scene.elevation_m is None or min(scene.elevation_m.shape) < 2:
+        return 0.0
+    height = scene.elevation_m
+    # of a large scene every k-th cell is enough
+    k = max(1, round((height.size / _SLOPES) ** 0.5))
+    here = height[:-1:k, :-1:k]
+    rise = np.hypot(height[1::k, :-1:k] - here, height[:-1:k, 1::k] - here)
+    known = rise[np.isfinite(rise)]
+    return float(np.degrees(np.arctan(np.quantile(known, 0.95) / scene.cell_m))) if known.size else 0.0
 
 
 def _digital_numbers(

@@ -29,6 +29,7 @@ Doubles = NDArray[np.float64]
 
 _STEP_DEG = 15.0
 _DEPRESSIONS = (10.0, 75.0)
+_INCIDENCES = (15.0, 80.0)
 _SIDES = ("right", "left")
 _EQUAL = 1.05
 _LITTLE = 0.9  # of the half-width now
@@ -71,6 +72,8 @@ class Advised:
     @property
     def name(self) -> str:
         """Depression and look side in words."""
+        if self.radar.incidence_deg is not None:
+            return f"incidence {self.radar.incidence_deg:g} deg {self.radar.look_side}"
         return f"{self.radar.depression_deg:g} deg {self.radar.look_side}"
 
 
@@ -82,9 +85,12 @@ def candidates(case: Case, depressions: Sequence[float] = ()) -> list[Radar]:
     case : Case
         Its first pass gives the other settings.
     depressions : sequence of float
-        Depression angles [deg]; by default that of the first pass, and 15 degrees more and less.
+        Depression angles [deg]; by default that of the first pass, and 15 degrees more and less. Of a case with
+        ``incidence_deg``, the incidences are 90 degrees less these angles.
     """
     first = case.radar
+    if first.incidence_deg is not None:
+        return _of_orbit(case, first.incidence_deg, depressions)
     if not depressions:
         around = (first.depression_deg + step for step in (0.0, -_STEP_DEG, _STEP_DEG))
         depressions = [angle for angle in around if _DEPRESSIONS[0] <= angle <= _DEPRESSIONS[1]]
@@ -98,6 +104,34 @@ def candidates(case: Case, depressions: Sequence[float] = ()) -> list[Radar]:
         for side in _SIDES
         if (angle, side) not in taken
     ]
+
+
+def _of_orbit(case: Case, incidence_deg: float, depressions: Sequence[float]) -> list[Radar]:
+    """Passes to compare of a case with ``incidence_deg``: incidences on both look sides, over the curved earth."""
+    given = [90.0 - angle for angle in depressions]
+    around = [incidence_deg + step for step in (0.0, -_STEP_DEG, _STEP_DEG)]
+    incidences = given or [angle for angle in around if _INCIDENCES[0] <= angle <= _INCIDENCES[1]]
+    for angle in incidences:
+        if not 5.0 < angle < 85.0:
+            raise ConfigError(f"--depression is {90.0 - angle:g}, expected an angle above 5 and below 85 degrees.")
+    taken = {(one.radar.incidence_deg, one.radar.look_side) for one in case.passes}
+    return [
+        case.radar.model_copy(update={"incidence_deg": round(angle, 2), "look_side": side})
+        for angle in incidences
+        for side in _SIDES
+        if (round(angle, 2), side) not in taken
+    ]
+
+
+def _opposite(radar: Radar) -> str:
+    """Sentence on the pass from the other side, which has another heading than the scene's grid."""
+    heading = (180.0 - radar.heading_deg) % 360.0
+    return (
+        f"All passes have heading_deg {radar.heading_deg:g}, that of the scene's grid. A satellite that sees the scene "
+        f"from the other side with the same look side, half a day apart, heads to about {heading:.1f} deg: the other "
+        "look side of the table stands for it, in a direction that differs by "
+        f"{abs((2.0 * radar.heading_deg + 180.0) % 360.0 - 180.0):.1f} deg."
+    )
 
 
 def advice_on(
@@ -229,14 +263,15 @@ def advise(
     found = of_archive(archive, folder)
     rows = advice_on(case, scene, found, Budget.of(case.uncertainty, levels), passes, over_deg)
     write_csv(folder / "advice.csv", COLUMNS, _rows(rows))
-    return [*_table(rows), *_sentences(rows), f"table: {folder / 'advice.csv'}"]
+    orbit = [_opposite(case.radar)] if case.radar.incidence_deg is not None else []
+    return [*_table(rows), *_sentences(rows), *orbit, f"table: {folder / 'advice.csv'}"]
 
 
 def _rows(rows: Sequence[Advised]) -> Iterator[tuple[object, ...]]:
     for row in rows:
         seen = row.incidence_deg or (float("nan"), float("nan"))
         widths = (row.now_db, row.after_db, *row.over_deg, row.layover, row.shadow)
-        yield (float(row.radar.depression_deg), row.radar.look_side, row.material, *seen, *widths)
+        yield (float(row.radar.centre_depression_deg), row.radar.look_side, row.material, *seen, *widths)
 
 
 def _table(rows: Sequence[Advised]) -> Iterator[str]:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from radcal.config import FILL_IN, Case, check_reuse, load_with_problems, missing_inputs
 from radcal.config.inputs import input_files
@@ -15,6 +16,9 @@ from radcal.reading.safe import is_safe_name
 from radcal.running.expected_memory import expected_mb
 from radcal.running.memory_and_time import Stage, memory_mb, values_of
 from radcal.running.time_left import largest_runs
+
+if TYPE_CHECKING:
+    from radcal.scene.model import Scene
 
 __all__ = ["CaseCheck", "check_case"]
 
@@ -73,11 +77,15 @@ class CaseCheck:
             lines.append(
                 f"  memory: about {peak:,.0f} MB in the largest job ({job}); a cluster is asked for {asked:,} MB"
             )
-        lines += [f"  note: {text}" for text in self.notes]
+        return "\n".join([*lines, *self.remarks()])
+
+    def remarks(self) -> list[str]:
+        """Lines of the notes, and of section ``radar`` by each image; they are known with problems, too."""
+        lines = [f"  note: {text}" for text in self.notes]
         for section in self.sections:
             lines += ["  section radar as the annotation of the image gives it:"]
             lines += [f"    {line}" for line in section.splitlines()]
-        return "\n".join(lines)
+        return lines
 
 
 def check_case(
@@ -139,6 +147,9 @@ def _checked(case: Case, problems: list[str], results: str | Path) -> CaseCheck:
                 notes.append("the scene is large: it is read when the calibration starts, not in this check.")
         except RadcalError as error:
             problems.append(str(error))
+    if not sections:
+        said, sections = _of_products(case)
+        notes += said
     return CaseCheck(
         problems, notes, files, shape, largest_runs(case), demands, peaks, case.simulator.draws, tuple(sections)
     )
@@ -157,10 +168,7 @@ def _refused(check: Any, *arguments: Any) -> list[str]:
 
 def _made(case: Case, problems: list[str], sections: list[str]) -> tuple[list[str], tuple[int, int] | None]:
     """Remarks and image size of scene, geometry and measured images, which are made in memory as the workflow does."""
-    from radcal.config import FileMeasurement, expand_path, stages
-    from radcal.measurement.acquisition import radar_section
-    from radcal.measurement.overpass import seen_from
-    from radcal.measurement.product import open_product
+    from radcal.config import FileMeasurement, stages
     from radcal.measurement.sources import make_measurement
     from radcal.measurement.synthetic import check_synthetic
     from radcal.radar.projection import make_geometry
@@ -175,15 +183,15 @@ def _made(case: Case, problems: list[str], sections: list[str]) -> tuple[list[st
         return [], None
     notes, shape = list(scene.notes), None
     for number, one in enumerate(case.passes):
+        said: list[str] = []
         try:
+            # before the geometry, which a wrong section radar may not have
+            said, section = _by_annotation(one, scene)
+            sections += section
             geometry = make_geometry(scene, one.radar)
             shape = shape or (int(geometry.shape[0]), int(geometry.shape[1]))
             stage = stages.Measurement.of(one)
             if isinstance(one.measurement, FileMeasurement):
-                if is_safe_name(one.measurement.path):
-                    path = expand_path(one.measurement.path, "measurement.path", folder=True)
-                    seen = seen_from(open_product(path, one.measurement, one.radar), scene, geometry.ground)
-                    sections.append(radar_section(seen.acquisition))
                 nothing: Simulator = None  # type: ignore[assignment]  # a file needs no simulator
                 notes += make_measurement(stage, geometry, nothing, scene, partly=number > 0).notes
             elif one.simulator.kind == "builtin" and geometry.material.size <= _LARGEST_RUN:
@@ -193,4 +201,44 @@ def _made(case: Case, problems: list[str], sections: list[str]) -> tuple[list[st
                 check_synthetic(one.radar, one.measurement.synthetic, (geometry.shape[0], geometry.shape[1]))
         except RadcalError as error:
             problems.append(str(error))
+            notes += said
     return notes, shape
+
+
+def _of_products(case: Case) -> tuple[list[str], list[str]]:
+    """Notes and sections of :func:`_by_annotation` in a case whose other problems kept its images from being made."""
+    from radcal.scene.size import scene_size
+    from radcal.scene.sources import make_scene
+
+    notes, sections = list[str](), list[str]()
+    products = [one for one in case.passes if is_safe_name(getattr(one.measurement, "path", ""))]
+    with contextlib.suppress(RadcalError):  # each is among the problems, or is one of another problem
+        size = scene_size(case.scene) if products else None
+        if size is not None and max(size.cells, size.resampled) <= _LARGEST:
+            scene = make_scene(case.scene, list(case.materials), case.radar.heading_deg)
+            for one in products:
+                said, section = _by_annotation(one, scene)
+                notes, sections = notes + said, sections + section
+    return notes, sections
+
+
+def _by_annotation(one: Case, scene: Scene) -> tuple[list[str], list[str]]:
+    """Notes on a measured image that is a product, and section ``radar`` by its annotation; nothing for other images.
+
+    Parameters
+    ----------
+    one : Case
+        One pass of the case.
+    scene : Scene
+        Scene of the case.
+    """
+    from radcal.config import FileMeasurement, expand_path
+    from radcal.measurement.acquisition import differences, radar_section
+    from radcal.measurement.overpass import told
+
+    image = one.measurement
+    if not isinstance(image, FileMeasurement) or not is_safe_name(image.path):
+        return [], []
+    seen = told(expand_path(image.path, "measurement.path", folder=True), image, one.radar, scene)
+    notes = [seen.acquisition.sentence(), *seen.notes, *differences(seen.acquisition, one.radar)]
+    return notes, [radar_section(seen.acquisition)]

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,10 +15,14 @@ from radcal.reading.arrays import is_raster
 from radcal.reading.rasters import check_blocks, open_raster
 from radcal.scene.crs import METRES, crs_of, horizontal, label, vertical_datum
 
-__all__ = ["RasterFacts", "code_counts", "raster_facts"]
+if TYPE_CHECKING:
+    from radcal.measurement.acquisition import Acquisition
+
+__all__ = ["RasterFacts", "code_counts", "product_acquisition", "raster_facts"]
 
 _POLARISATIONS = ("HH", "HV", "VH", "VV")
 _SAMPLE_PX = 1024  # side of the sample from which the range of an image's numbers is read
+_HEIGHTS_PX = 100  # side of the sample of heights of which a product tells its acquisition
 _STRIP_VALUES = 20_000_000
 
 
@@ -96,6 +100,51 @@ def raster_facts(path: Path, key: str, numbers: bool = False) -> RasterFacts | N
         raise
     except Exception as error:  # the libraries' exceptions for damaged files have no common base class
         raise ConfigError(f"{key}: {path} cannot be read as a raster ({error}).") from None
+
+
+@cache
+def product_acquisition(path: Path, heights: Path, polarisation: str | None) -> Acquisition:
+    """Acquisition of a Sentinel-1 product over a raster of heights.
+
+    Parameters
+    ----------
+    path : path
+        SAFE folder or its manifest.
+    heights : path
+        Georeferenced raster of heights [m].
+    polarisation : str, optional
+        By default the first of the product.
+
+    Raises
+    ------
+    ConfigError, MeasurementError
+        The raster has no CRS; the product cannot be read, or does not show the raster.
+    """
+    from radcal.config import FileMeasurement, Radar
+    from radcal.measurement.overpass import told
+    from radcal.scene.model import Scene
+
+    with open_raster(heights) as raster:
+        check_blocks(raster)
+        shape = (min(raster.height, _HEIGHTS_PX), min(raster.width, _HEIGHTS_PX))
+        coarse = raster.read(1, out_shape=shape, masked=True).astype(np.float64)
+        down, across = raster.height / shape[0], raster.width / shape[1]
+        middle = float(np.median(coarse.compressed())) if coarse.count() else 0.0
+        crs, t = crs_of(raster), raster.transform
+    if crs is None:
+        raise ConfigError(f"scene.elevation: {heights} has no CRS, expected heights on the map for a Sentinel-1 image.")
+    scene = Scene(
+        identity="",
+        names=("ground",),
+        material=np.ones(shape, np.uint8),
+        elevation_m=np.asarray(coarse.filled(middle)),
+        cell_m=1.0,  # the acquisition does not depend on it
+        crs=horizontal(crs).to_wkt(),
+        transform=(t.a * across, t.b * down, t.c, t.d * across, t.e * down, t.f),
+        vertical_datum=vertical_datum(crs),
+    )
+    radar = Radar(polarisation=polarisation) if polarisation else Radar()
+    return told(path, FileMeasurement.model_validate({"path": str(path)}), radar, scene).acquisition
 
 
 @cache

@@ -10,10 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from radcal.config import FILL_IN
+from radcal.config.landcover import LANDCOVERS
 from radcal.config.sections import check_case_name
+from radcal.config.sensors import SENSORS
 from radcal.errors import ConfigError
+from radcal.measurement.acquisition import radar_keys
 from radcal.radar.bands import letter_band
-from radcal.running.file_facts import RasterFacts, code_counts, raster_facts
+from radcal.reading.safe import is_safe_name
+from radcal.running.file_facts import RasterFacts, code_counts, product_acquisition, raster_facts
 from radcal.scene.names import read_names
 from radcal.storage.files import atomic
 
@@ -122,18 +126,57 @@ class NewCase:
                 self._names = read_names(Path(names).expanduser(), self._counts, path)
             else:
                 self._names = {code: f"code_{code}" for code in self._counts}
+                self._read_preset()
+
+    def _read_preset(self) -> None:
+        """Names of the codes by a land-cover map with known codes, or the maps that have all codes, as a remark."""
+        preset = self._values.get("scene.landcover")
+        if preset is None:
+            fits = [name for name, known in LANDCOVERS.items() if self._counts and self._counts.keys() <= known.keys()]
+            if fits and not self._slant:
+                self._notes["scene.names"] = f"the codes are also those of {' and '.join(fits)} (--landcover-preset)"
+            return
+        if preset not in LANDCOVERS:
+            raise ConfigError(f"--landcover-preset is {preset}, expected one of {', '.join(LANDCOVERS)}.")
+        if unknown := [str(code) for code in self._counts if code not in LANDCOVERS[preset]]:
+            raise ConfigError(f"--landcover-preset is {preset}, which has no code {', '.join(unknown)}: give --names.")
+        self._names = {code: LANDCOVERS[preset][code].name for code in self._counts}
+        self._values["scene.names"] = ""  # known by the map, no line
+
+    def _read_product(self) -> None:
+        """Section radar by the annotation of a SAFE folder, at the scene's heights."""
+        self._values |= {"measurement.band": "", "measurement.scale": "", "measurement.radiometry": ""}
+        if "scene.elevation" not in self._values:
+            return
+        path = Path(self._values["measurement.path"]).expanduser()
+        heights = Path(self._values["scene.elevation"]).expanduser()
+        if not path.exists():
+            raise ConfigError(f"measurement.path: the folder {path} does not exist.")
+        found = product_acquisition(path, heights, self._values.get("radar.polarisation"))
+        self._notes["measurement.path"] = f"{found.sensor}, {found.pass_direction}, {found.start}"
+        given = {key for key in self._values if key.startswith("radar.")}
+        for key, (value, remark) in radar_keys(found).items():
+            if f"radar.{key}" in given or (key == "incidence_deg" and "radar.depression_deg" in given):
+                continue
+            self._values[f"radar.{key}"] = _Raw(str(value)) if isinstance(value, list) else value
+            self._notes[f"radar.{key}"] = "; ".join(text for text in ("of the product", remark) if text)
 
     def _read_image(self) -> None:
         if self._values.get("measurement.path") == "synthetic":
             self._values["measurement.source"] = "synthetic"
             heights = self._facts("scene.elevation")
-            if heights is not None and heights.pixel_m is not None:
+            sensor = SENSORS.get(self._values.get("radar.sensor", ""))
+            known = {} if sensor is None else sensor.values
+            if heights is not None and heights.pixel_m is not None and "range_spacing_m" not in known:
                 self._note_spacing(heights.pixel_m, self._values.get("radar.depression_deg", _DEPRESSION_DEG), "cells")
             for way in ("range", "azimuth"):
                 if (spacing := self._values.get(f"radar.{way}_spacing_m")) is not None:
                     self._values.setdefault(f"radar.{way}_resolution_m", float(f"{_SAMPLING * spacing:.4g}"))
             return
         self._values["measurement.source"] = "file"
+        if is_safe_name(self._values.get("measurement.path", "")):
+            self._read_product()
+            return
         facts = self._facts("measurement.path", numbers=True)
         if facts is None:
             self._values.setdefault("measurement.band", "")
@@ -160,6 +203,8 @@ class NewCase:
         elif numbers == "complex":
             self._values.setdefault("measurement.scale", "complex")
         depression = self._values.get("radar.depression_deg")
+        if (incidence := self._values.get("radar.incidence_deg")) is not None:
+            depression = 90.0 - incidence  # of what counts here, the angle between slant range and level ground
         if facts.pixel_m is not None:
             self._note_spacing(facts.pixel_m, depression, "the image's pixels")
 
@@ -168,7 +213,8 @@ class NewCase:
         east, north = pixel_m
         self._values.setdefault("radar.azimuth_spacing_m", float(f"{north:.4g}"))
         self._notes["radar.azimuth_spacing_m"] = f"as {of}"
-        said = f"{of} of {east:.4g} m times the cosine of the depression angle"
+        angle = "sine of the incidence" if "radar.incidence_deg" in self._values else "cosine of the depression angle"
+        said = f"{of} of {east:.4g} m times the {angle}"
         self._notes["radar.range_spacing_m"] = said
         if depression_deg is not None:
             spacing = east * math.cos(math.radians(depression_deg))
@@ -184,13 +230,16 @@ class NewCase:
     def _scene_keys(self) -> list[str]:
         if self._slant:
             return ["source", "labels", "names", "near_incidence_deg", "far_incidence_deg"]
-        return ["source", "elevation", "materials", "names", "vertical_datum"]
+        preset = ["landcover"] if "scene.landcover" in self._values else []
+        return ["source", "elevation", "materials", *preset, "names", "vertical_datum"]
 
     def _measurement_keys(self) -> list[str]:
         if self._synthetic:
             return ["source", "synthetic"]
         # an array's name is needed only where the file has several
         optional = ["dataset"] if "measurement.dataset" in self._values else []
+        if self._values.get("measurement.radiometry") == "":  # of a product that tells it
+            return ["source", "path"]
         self._values["measurement.radiometry"] = self._values.get("radar.radiometry", FILL_IN)
         self._notes["measurement.radiometry"] = "the same as in section radar"
         return ["source", "path", "band", *optional, "scale", "radiometry"]
@@ -198,12 +247,27 @@ class NewCase:
     def _radar_keys(self) -> list[str]:
         # a land cover in slant range has no track, and of an invented pass the defaults are as good as any
         unseen = {"radar.altitude_m", "radar.depression_deg", "radar.look_side"} if self._slant else set[str]()
-        keys = {**self._keys, "radar.band": True}
+        keys, needed = {**self._keys, "radar.band": True}, set[str]()
+        if "radar.incidence_deg" in self._values:
+            keys["radar.depression_deg"] = True
+        if (name := self._values.get("radar.sensor")) is not None:
+            if name not in SENSORS:
+                raise ConfigError(f"--sensor is {name}, expected one of {', '.join(SENSORS)}.")
+            sensor = SENSORS[name]
+            # what the sensor gives is asked for by nothing; radiometry is no value of a sensor
+            keys |= {f"radar.{key}": True for key in (*sensor.values, "depression_deg", "frequency_ghz")}
+            missing = {f"radar.{key}" for key in sensor.missing(self._given_radar())}
+            needed = missing | ({"radar.heading_deg"} if sensor.orbit and not self._slant else set())
+            keys |= dict.fromkeys(needed, False)
         return [
             key.removeprefix("radar.")
             for key, may_lack in keys.items()
-            if key.startswith("radar.") and (key in self._values or not (may_lack or self._synthetic or key in unseen))
+            if key.startswith("radar.")
+            and (key in self._values or key in needed or not (may_lack or self._synthetic or key in unseen))
         ]
+
+    def _given_radar(self) -> dict[str, Any]:
+        return {key.removeprefix("radar."): x for key, x in self._values.items() if key.startswith("radar.")}
 
     def _material_lines(self) -> list[str]:
         """Lines of the materials: those to calibrate with bounds, the others with a constant gamma."""
@@ -229,6 +293,9 @@ class NewCase:
                 lines.append("    calibrate: true")
                 lines.append("    law: mangia  # or another one of docs/laws.md")
                 lines.append(f"    bounds: {_BOUNDS}  # wide ones for levels of real surfaces in dB: narrow them")
+                continue
+            if name not in fixed and "scene.landcover" in self._values:
+                lines.append("    calibrate: false  # with the starting law of docs/landcover.md: a guess of its level")
                 continue
             level = f"{fixed[name]:g}" if name in fixed else FILL_IN
             if name not in fixed:
