@@ -116,6 +116,19 @@ def test_what_only_the_files_show_is_found(tmp_path: Path) -> None:
     assert any("design.reuse is 'another'" in text for text in changed.problems)
 
 
+def test_a_wrong_value_is_not_called_missing_as_well(tmp_path: Path) -> None:
+    path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+    path.write_text(
+        path.read_text().replace("scale: power, radiometry: sigma0_ref", "scale: decibel, radiometry: level")
+    )
+    problems = check_case([path]).problems
+    for key in ("measurement.scale", "measurement.radiometry"):
+        (problem,) = (text for text in problems if key in text)
+        assert ", expected 'db'" in problem or ", expected 'sigma0_ref'" in problem
+    path.write_text(path.read_text().replace("scale: decibel, ", ""))
+    assert any("measurement.scale is missing" in text for text in check_case([path]).problems)
+
+
 def test_a_file_that_is_no_yaml_is_one_problem(tmp_path: Path) -> None:
     (tmp_path / "mine.yaml").write_text("a: [")
     assert len(check_case([tmp_path / "mine.yaml"]).problems) == 1

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from radcal.config import FILL_IN, Case, check_reuse, load_with_problems, missing_inputs
+from radcal.config import Case, check_reuse, load_with_problems, missing_inputs
 from radcal.config.inputs import input_files
 from radcal.errors import ConfigError, RadcalError
 from radcal.reading.safe import is_safe_name
@@ -118,9 +118,9 @@ def check_case(
 
 
 def _once(problems: Sequence[str]) -> list[str]:
-    """Problems without those that only say that a key is missing which is known to be undecided."""
-    undecided = [match[1] for text in problems if (match := re.search(rf"(\S+) is {FILL_IN}, ", text))]
-    return [text for text in problems if not any(f"{key} is missing" in text for key in undecided)]
+    """Problems without those that call a key missing whose value is wrong or undecided, as another problem says."""
+    there = [match[1] for text in problems if (match := re.search(r"(\w+\.\S+) is (?!missing).*, expected ", text))]
+    return [text for text in problems if not any(f"{key} is missing" in text for key in there)]
 
 
 def _checked(case: Case, problems: list[str], results: str | Path) -> CaseCheck:
