@@ -6,13 +6,15 @@ snakemake --cores 2 reference                           one run, to test the set
 snakemake --cores 2 design                              the initial runs only
 """
 
+import atexit
 import sys
 
 from snakemake.logging import logger
 from snakemake.utils import min_version
 
+from radcal.calibration.planned_runs import planned_runs, runs_sentence
 from radcal.config.stages import STAGES
-from radcal.running.session import is_dry_run, open_session
+from radcal.running.session import is_dry_run, is_planned, open_session
 from radcal.running.slurm import job_name
 
 min_version("9.10")
@@ -67,6 +69,16 @@ def results(wildcards):
 # dry run, which must change nothing.
 if workflow.is_main_process and not is_dry_run(sys.argv):
     SESSION.set_damaged_aside(OUTPUTS)
+
+
+# The last words of a dry run; hooks such as onsuccess are for real runs alone.
+@atexit.register
+def say_planned_runs():
+    if workflow.is_main_process and is_planned(workflow):
+        # to Snakemake the jobs of a dry run have ended
+        planned = workflow.dag.needrun_jobs(exclude_finished=False)
+        jobs = [(job.rule.name, job.wildcards_dict) for job in planned]
+        SESSION.say(runs_sentence(planned_runs(CASE, jobs, OUT), CASE.simulator.draws))
 
 
 localrules:

@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import json
 import math
+import warnings
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pandas as pd
+import rasterio
 import yaml
+from typer.testing import CliRunner
 
 import radcal
 from radcal.calibration.loop import calibrate
-from radcal.config import case_from, load
+from radcal.cli import app
+from radcal.config import load, load_forward
 from radcal.measurement.target import read_targets
 from radcal.report.showing import show
+from radcal.report.simulated import forward
 from radcal.seeds import noise_seed
 from radcal.simulators.sources import make_runner
 
@@ -80,13 +85,88 @@ def test_the_loop_in_one_process_gives_the_same_runs(finished, tmp_path, monkeyp
 def test_exported_materials_in_another_case_give_the_calibrated_image_again(finished, tmp_path, monkeypatch):
     monkeypatch.chdir(finished.folder)
     own = yaml.safe_load(Path("tiny.yaml").read_text())
-    found = yaml.safe_load((finished.out() / "export/calibrated.yaml").read_text())["materials"]
-    lake = {"calibrate": True, "bounds": [[0, 50]] * 4, "start": found["lake"]["parameters"]}
-    case = case_from({**own, "case": "other", "measurement": {}, "materials": {**found, "lake": lake}})
+    lake = {"calibrate": True, "bounds": [[0, 50]] * 4, "start": own["materials"]["lake"]["parameters"]}
+    export = finished.out() / "export/calibrated.yaml"
+    other = {**own, "case": "other", "measurement": {}, "materials_from": str(export), "materials": {"lake": lake}}
+    Path("other.yaml").write_text(yaml.safe_dump(other))
+    case = load(["other.yaml"])
+    assert (list(case.materials), case.calibrated) == (["field", "lake"], ["lake"])
     runner = make_runner(case, finished.out() / "scene.h5", finished.out() / "geometry.h5", tmp_path / "runs")
     parameters = {name: material.start_parameters for name, material in case.materials.items()}
     image = runner.run(parameters, noise_seed(case, fresh=True), image=True).image_db
     np.testing.assert_array_equal(radcal.open(finished.out()).array("calibrated"), image)
+    # without a measurement, and with nothing to calibrate
+    del other["materials"], other["measurement"]
+    kept = {key: other[key] for key in ("seed", "scene", "radar", "materials_from") if key in other}
+    Path("forward.yaml").write_text(yaml.safe_dump(kept))
+    _, (alone,) = forward(load_forward(["forward.yaml"]), tmp_path / "simulated", tmp_path / "own runs")
+    np.testing.assert_array_equal(alone.image_db, image)
+    assert not alone.kept
+    _, (again,) = forward(load_forward(["forward.yaml"]), tmp_path / "simulated", tmp_path / "own runs")
+    assert (again.kept, again.key) == (True, alone.key)
     said = show(finished.out())
     assert said[0] == finished.summary()["verdict"]
     assert f"exports: {finished.out() / 'export'}" in said
+
+
+def test_laws_on_another_image_of_the_same_scene(finished, monkeypatch):
+    monkeypatch.chdir(finished.folder)
+    own = yaml.safe_load(Path("tiny.yaml").read_text())
+    hidden = {"parameters": {"field": [6.1, 14.2, 21.5, 3.3]}, "seed": 8, "warp_px": 0}
+    image = {"source": "synthetic", "synthetic": hidden}
+    radar = [{**own["radar"], "looks": 4}, {**own["radar"], "look_side": "left"}]
+    other = {**own, "case": "other", "radar": radar, "measurement": [image, image]}
+    Path("other.yaml").write_text(yaml.safe_dump(other))
+    done = CliRunner().invoke(app, ["apply", "tiny", "--to", "other.yaml"])
+    assert done.exit_code == 0, done.output
+    table = pd.read_csv("results/other/applied_tiny/predictions.csv")
+    assert set(table["pass"]) == {1, 2}
+    assert set(table["material"]) == {"field"}
+    assert (table["p05_db"] < table["predicted_db"]).all()
+    assert (table["predicted_db"] < table["p95_db"]).all()
+    # the simulated measurement has the law that the calibration has matched in its distribution only
+    assert table["inside"].mean() > 0.5
+    assert np.isfinite(table["measured_db"]).all()
+    assert "field: " in done.output
+    assert Path("results/other/applied_tiny/predictions.png").stat().st_size > 1000
+    measured = table.set_index(["pass", "incidence_deg"])["measured_db"]
+    runs = sorted(path.name for path in Path("results/other/runs").glob("[!.]*.h5"))
+    assert len(runs) == 2
+    # without a measured image, and again without a run
+    del other["measurement"]
+    Path("other.yaml").write_text(yaml.safe_dump(other))
+    done = CliRunner().invoke(app, ["apply", "results/tiny", "--to", "other.yaml", "--out", "elsewhere"])
+    assert done.exit_code == 0, done.output
+    assert "nothing measured to compare them with" in done.output
+    again = pd.read_csv("elsewhere/predictions.csv")
+    assert again["measured_db"].isna().all()
+    assert again["inside"].isna().all()
+    np.testing.assert_array_equal(again["p95_db"], table["p95_db"])
+    assert measured.size == len(again)
+    assert sorted(path.name for path in Path("results/other/runs").glob("[!.]*.h5")) == runs
+
+
+def test_commands_without_snakemake_refuse_in_a_sentence(finished, monkeypatch):
+    monkeypatch.chdir(finished.folder)
+    Path("wrong.yaml").write_text("sede: 3\n")
+    for words, said in (
+        (["advise", "tiny"], "the scene is in slant range, whose incidence is the same in every pass"),
+        (["advise", "nowhere"], "nowhere: there is no folder results/nowhere"),
+        (["apply", "tiny", "--to", "wrong.yaml"], "wrong.yaml: unknown key sede (did you mean 'seed'?)"),
+        (["simulate", "wrong.yaml"], "wrong.yaml: unknown key sede"),
+        (["simulate", "tiny.yaml", "--materials", "gone.yaml"], "--materials: the file gone.yaml does not exist"),
+    ):
+        done = CliRunner().invoke(app, words)
+        assert done.exit_code == 1, done.output
+        assert said in done.stderr
+        assert done.stderr.count("\n") == 1
+    done = CliRunner().invoke(app, ["simulate", "tiny.yaml", "--materials", "results/tiny/export/calibrated.yaml"])
+    assert done.exit_code == 0, done.output
+    np.testing.assert_array_equal(
+        read_tif("results/tiny/simulated/simulated.tif"), radcal.open("results/tiny").array("calibrated")
+    )
+
+
+def read_tif(path):
+    with warnings.catch_warnings(), rasterio.open(path) as raster:
+        return raster.read(1)

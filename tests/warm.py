@@ -34,9 +34,9 @@ HERE = Path(__file__).resolve().parent
 SCRIPTS = HERE.parent / "workflow" / "scripts"
 # imported by the library only where they are used
 LATE = (
-    "h5py", "jinja2", "matplotlib.backends.backend_agg", "matplotlib.backends.backend_pdf", "matplotlib.figure",
-    "numba", "platypus", "rasterio", "scipy.interpolate", "scipy.optimize", "scipy.stats",
-    "snakemake.cli", "snakemake.script",
+    "emcee", "h5py", "jinja2", "matplotlib.backends.backend_agg", "matplotlib.backends.backend_pdf",
+    "matplotlib.figure", "numba", "platypus", "radcal.assessment.unknowns", "rasterio", "scipy.interpolate",
+    "scipy.optimize", "scipy.stats", "sklearn.mixture", "snakemake.cli", "snakemake.script",
 )  # fmt: skip
 
 

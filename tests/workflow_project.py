@@ -136,10 +136,15 @@ def make_project(folder: Path) -> Project:
     shutil.copy(ROOT / "Snakefile", folder)
     for name in ("workflow", "config", "profiles"):
         shutil.copytree(ROOT / name, folder / name)
+    return make_case(folder)
+
+
+def make_case(folder: Path, **changes: Any) -> Project:
+    """The tiny case alone, in a folder without the workflow."""
     labels = np.ones((ROWS, COLUMNS), dtype=np.uint8)
     labels[:, 60:] = 2
     write_raster(folder / "labels.tif", labels)
     (folder / "names.json").write_text(json.dumps({"1": "field", "2": "lake"}))
     project = Project(folder)
-    project.write()
+    project.write(**changes)
     return project

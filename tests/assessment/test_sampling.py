@@ -51,15 +51,15 @@ def test_the_prior_alone_is_sampled_without_a_likelihood():
 
 
 def test_a_seed_gives_the_same_draws_and_another_gives_others(found):
-    again, other = (sample(log_prior, log_likelihood, start(), 500, seed) for seed in (5, 6))
-    twice = sample(log_prior, log_likelihood, start(), 500, 5)
+    again, other = (sample(log_prior, log_likelihood, start(), 60, seed) for seed in (5, 6))
+    twice = sample(log_prior, log_likelihood, start(), 60, 5)
     assert (again.draws == twice.draws).all()
     assert not np.isin(other.draws[-64:], again.draws).any()
     assert found.steps >= 500
 
 
 def test_too_few_steps_have_not_converged():
-    assert not sample(log_prior, log_likelihood, start(), 100, 5).converged
+    assert not sample(log_prior, log_likelihood, start(), 10, 5).converged
 
 
 def test_two_modes_keep_their_shares():

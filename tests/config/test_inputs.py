@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 from config_samples import flat, mapped, measured
+from safe_product import write_product
 
-from radcal.config import Case, FileMeasurement, case_from, check_reuse, expand_path, input_files
+from radcal.config import Case, FileMeasurement, case_from, check_reuse, expand_path, input_files, missing_inputs
 from radcal.errors import ConfigError
 
 
@@ -96,3 +97,19 @@ def test_an_earlier_case_without_runs_is_refused(tmp_path: Path) -> None:
     (tmp_path / "first" / "runs" / "b.h5").touch()
     check_reuse(case, tmp_path)
     check_reuse(case_from({}), tmp_path / "nowhere")
+
+
+@pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
+def test_files_of_one_polarisation_of_a_product_are_inputs(tmp_path: Path) -> None:
+    safe = write_product(tmp_path)
+    radar = {"polarisation": "VV", "band": "C"}
+    case = case_from({"measurement": {"source": "file", "path": str(safe)}, "radar": radar})
+    files = input_files(case)
+    assert files["measurement.path"] == safe / "manifest.safe"
+    assert sorted(files) == ["measurement.path", *(f"measurement.path.{k}" for k in range(4))]
+    assert all("-vv-" in files[f"measurement.path.{k}"].name for k in range(4))
+    other = case_from({"measurement": {"source": "file", "path": str(safe)}, "radar": {**radar, "polarisation": "HH"}})
+    (problem,) = missing_inputs(other)
+    assert problem == (
+        f"measurement.path: {safe} cannot be read as a Sentinel-1 product (it has VV, radar.polarisation is HH)."
+    )

@@ -124,6 +124,10 @@ CASES: list[dict[str, Any]] = [
     FIRST,
     {"scene": RASTERS, "radar": {"nesz_db": [[20, -30], [50, -25]]}},
     {
+        "scene": {key: value for key, value in RASTERS.items() if key != "objects"},
+        "radar": {"altitude_m": 7e5, "incidence_deg": 35.0, "heading_deg": 192.0, "looks": 4.4},
+    },
+    {
         "scene": FLAT,
         "materials": {"a": {"calibrate": True, "law": "external", "names": ["p"], "bounds": [[0, 9]], "start": [4]}},
         "measurement": {"source": "file", "path": "a.tif", "scale": "db", "radiometry": "sigma0_ref", "band": 2},
@@ -165,7 +169,7 @@ def test_the_cases_hold_every_number_there_is() -> None:
     assert {general(place) for case in CASES for place in places(case)} == {path for path, _, _ in FOUND}
 
 
-@pytest.mark.parametrize("case", CASES, ids=["all", "rasters", "program", "band"])
+@pytest.mark.parametrize("case", CASES, ids=["all", "rasters", "orbit", "program", "band"])
 def test_wild_numbers_are_taken_or_refused_in_a_sentence(case: dict[str, Any]) -> None:
     assert case_from(case)
     taken = refused = 0

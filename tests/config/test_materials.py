@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pytest
@@ -117,3 +118,66 @@ def test_what_is_not_whole_is_refused(materials: dict[str, Any], sections: dict[
     with pytest.raises(ConfigError) as caught:
         case_from(outside({**WHOLE, **materials}, **sections))
     assert words in str(caught.value)
+
+
+FORMULA = {"law": "formula", "formula": "a + b*cos(phi)", "names": ["a", "b"]}
+
+
+def test_a_law_as_a_formula() -> None:
+    units, box = ["dB", "dB"], [[-30, -10], [0, 20]]
+    case = case_from({**dyke(**FORMULA, units=units, bounds=box), **synthetic(parameters={"dyke": [-20, 7]})})
+    material = case.materials["dyke"]
+    assert (material.parameter_names, material.parameter_units) == (("a", "b"), ("dB", "dB"))
+    assert material.start_parameters == [-20, 10]
+    assert float(case.laws["dyke"](0.5, [-20.0, 8.0])) == pytest.approx(-20.0 + 8.0 * math.cos(0.5))
+    # sections of a rule are plain data from which the law is made again
+    again = Scene.model_validate(Scene.params(case)).materials["dyke"]
+    assert again == material
+
+
+def test_a_start_and_a_hidden_law_may_be_formulas() -> None:
+    start = {**FORMULA, "parameters": [-25.0, 4.0]}
+    case = case_from({**dyke(start=start), **synthetic(laws={"dyke": {**FORMULA, "parameters": [-3.0, 2.0]}})})
+    assert case.start_with_another_law == ["dyke"]
+    assert float(case.at_start.laws["dyke"](1.0, [-25.0, 4.0])) == pytest.approx(-25.0 + 4.0 * math.cos(1.0))
+    own = {**FORMULA, "bounds": [[-30, 0], [0, 9]]}
+    again = dyke(**own, start={**start, "formula": "a - b*cos(phi)"})
+    assert case_from({**again, **synthetic(parameters={"dyke": [-3, 2]})}).start_with_another_law == ["dyke"]
+    same = case_from({**dyke(**own, start=start), **synthetic(parameters={"dyke": [-3, 2]})})
+    assert same.start_with_another_law == []
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"formula": "a.b + b"}, "materials.dyke: formula: found 'a.b' in 'a.b + b', expected numbers, names"),
+        ({"formula": "a + c"}, "found 'c' in 'a + c', expected one of a, b, phi"),
+        ({"formula": None}, "formula is missing, law is 'formula'"),
+        ({"names": ["a", "b", "c"]}, "names: 'c' does not occur in the formula 'a + b*cos(phi)'"),
+        ({"units": ["dB"]}, "units has 1 entries, names 2"),
+        ({"bounds": None}, "bounds is missing, law 'formula' has no default: expected [lower, upper] for each of a, b"),
+        ({"bounds": [[0, 1]]}, "bounds has 1 intervals, law 'formula' takes 2 (names: a, b)"),
+        ({"bounds": [[0, 1], [0, 2000]]}, "bounds of b are [0, 2000], expected within +-1000"),
+        ({"integer": True}, "integer is for parameters of law: external"),
+        (
+            {"formula": "a + sqrt(b - 1)"},
+            "'a + sqrt(b - 1)' is nan at an incidence of 0 degrees and a = -30, b = 0,",
+        ),
+        ({"law": "mangia", "names": None, "bounds": None}, "formula is given, law is 'mangia'"),
+        ({"law": "formulae"}, "'mangia', 'oh1992', 'tabulated', 'ulaby_dobson', 'formula', 'external']"),
+    ],
+)
+def test_what_a_formula_must_not_be(keys: dict[str, Any], words: str) -> None:
+    own = {**FORMULA, "bounds": [[-30, -10], [0, 20]], **keys}
+    text = message(dyke(**{key: value for key, value in own.items() if value is not None}))
+    assert words in text
+    assert "materials.dyke" in text
+
+
+def test_a_formula_of_the_frequency_asks_for_it() -> None:
+    own = {**FORMULA, "formula": "a + b*f_ghz", "bounds": [[-30, -10], [0, 20]]}
+    case = {**dyke(**own), **synthetic(parameters={"dyke": [-20, 7]})}
+    assert "radar.frequency_ghz is missing: law 'formula' of materials.dyke depends on it" in message(case)
+    assert float(case_from({**case, "radar": {"frequency_ghz": 9.6}}).laws["dyke"](0.3, [-20.0, 2.0])) == pytest.approx(
+        -0.8
+    )

@@ -17,9 +17,11 @@ SHAPE = (400, 400)
 ONE = np.ones(SHAPE, dtype=np.uint8)
 
 
-def speckle_db(looks: int, level: np.ndarray | float = 10.0, seed: int = 1) -> np.ndarray:
+def speckle_db(looks: float, level: np.ndarray | float = 10.0, seed: int = 1) -> np.ndarray:
     sigma0 = np.broadcast_to(np.asarray(level, dtype=np.float32), SHAPE)
-    return decibels(ImageFormation(Radar(looks=looks), SHAPE, -20.0).intensity(uniform(sigma0), seed))
+    formation = ImageFormation(Radar(looks=looks), SHAPE, -20.0)
+    image, thinning = formation.intensity(uniform(sigma0), seed), formation.thinning(seed)
+    return decibels(image if thinning is None else image * thinning)
 
 
 @pytest.mark.parametrize("looks", [0.5, 1.0, 2.5, 4.0, 40.0, 5000.0])
@@ -28,8 +30,8 @@ def test_looks_of_a_variance_are_those_of_the_gamma_law(looks: float) -> None:
     assert looks_of_log_variance(float(variance)) == pytest.approx(looks, rel=1e-6)
 
 
-@pytest.mark.parametrize("looks", [1, 4, 9])
-def test_looks_of_the_simulators_speckle(looks: int) -> None:
+@pytest.mark.parametrize("looks", [1, 2.5, 4, 4.4, 9])
+def test_looks_of_the_simulators_speckle(looks: float) -> None:
     found = estimate_looks(speckle_db(looks), ONE, Radar(looks=looks))
     assert found is not None
     # about 400 windows of 64 pixels, whose log variance scatters by a fifth: the mode to some percent
@@ -124,6 +126,13 @@ def test_variance_of_a_window_is_unbiased_beside_a_plane() -> None:
 def test_a_wrong_scale_is_named_by_the_looks_that_it_would_give(found: float, scale: str, said: str) -> None:
     with pytest.raises(MeasurementError, match=said):
         check_looks(Looks(found, 0.9 * found, 1.1 * found, 50), 4, scale, "image.tif")
+
+
+@pytest.mark.parametrize("found", [8.1, 1.39])
+def test_a_product_whose_scale_is_known_is_refused_for_its_speckle(found: float) -> None:
+    with pytest.raises(MeasurementError, match=r"^measurement\.path: the speckle of .*\.SAFE is .*, which is no"):
+        check_looks(Looks(found, 0.9 * found, 1.1 * found, 50), 4, None, "S1A.SAFE")
+    assert "narrower" in check_looks(Looks(1.41, 1.3, 1.5, 50), 4, None, "S1A.SAFE")
 
 
 @pytest.mark.parametrize(

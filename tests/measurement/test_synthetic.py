@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from radcal.config import Case, Radar
+from radcal.config import Case, Radar, Synthetic
 from radcal.errors import MeasurementError
 from radcal.measurement.model import Measurement
 from radcal.measurement.sources import make_measurement
-from radcal.measurement.synthetic import relabelled, roughened, textured
+from radcal.measurement.synthetic import check_synthetic, relabelled, roughened, textured
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
@@ -188,3 +188,11 @@ def test_texture_has_its_spread_its_mean_and_its_length(build_scene: Callable[..
             a, b = np.delete(image, range(steps), axis), np.delete(image, range(-steps, 0), axis)
             expected = np.exp(-((steps * pixel_m / length_m) ** 2))
             assert np.corrcoef(a.ravel(), b.ravel())[0, 1] == pytest.approx(expected, abs=0.13)
+
+
+def test_settings_that_no_image_can_have_are_refused_without_a_run(radar: Radar) -> None:
+    check_synthetic(radar, Synthetic(warp_px=2.0, resolution_factor=1.3), (300, 260))
+    with pytest.raises(MeasurementError, match=r"resolution_factor is 0\.4, which makes radar\.range_reso"):
+        check_synthetic(radar, Synthetic(resolution_factor=0.4), (300, 260))
+    with pytest.raises(MeasurementError, match=r"warp_px is 50: the displacement field folds"):
+        check_synthetic(radar, Synthetic(warp_px=50.0), (900, 800))

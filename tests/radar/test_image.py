@@ -18,7 +18,7 @@ from radcal.radar.image import ImageFormation, decibels
 from radcal.radar.laws import LAWS, Law
 from radcal.radar.projection import make_geometry
 from radcal.radar.reflectivity import law_tables, reflectivity, uniform
-from radcal.radar.speckle import impulse_response
+from radcal.radar.speckle import beta_share, impulse_response
 from radcal.scene.model import Scene
 from radcal.simulators.builtin import BuiltinSimulator
 
@@ -46,6 +46,54 @@ def test_one_material_follows_the_gamma_distribution(looks: int) -> None:
     sd = 10 / np.log(10) * np.sqrt(special.polygamma(1, looks))
     excess = special.polygamma(3, looks) / special.polygamma(1, looks) ** 2
     assert db.std() == pytest.approx(sd, rel=3 * np.sqrt((excess + 2) / (4 * N)))
+
+
+def log_gamma_moments(looks: float) -> tuple[float, float, float, np.ndarray]:
+    """Mean, variance and third central moment of the log of gamma speckle, and the central moments 0 to 6."""
+    k2, k3, k4, k5, k6 = (float(special.polygamma(n, looks)) for n in range(1, 6))
+    central = [1.0, 0.0, k2, k3, k4 + 3 * k2**2, k5 + 10 * k3 * k2, k6 + 15 * k4 * k2 + 10 * k3**2 + 15 * k2**3]
+    return float(special.digamma(looks) - np.log(looks)), k2, k3, np.array(central)
+
+
+@pytest.mark.parametrize("looks", [1.4, 4.4, 7.5])
+def test_looks_need_not_be_whole(looks: float) -> None:
+    """Mean, variance, looks and log-moments of speckle against the gamma law, within 3 standard errors."""
+    formation = ImageFormation(Radar(looks=looks), SHAPE, QUIET)
+    images = []
+    for seed in range(4):
+        thinning = formation.thinning(seed)
+        assert thinning is not None
+        images.append(formation.intensity(uniform(np.full(SHAPE, 0.2, dtype=np.float32)), seed) * thinning / 0.2)
+    power = np.stack(images)[(slice(None), *APART)].astype(float).ravel()
+    n = power.size
+    assert n == 4 * N
+    assert stats.kstest(power, stats.gamma(looks, scale=1 / looks).cdf).pvalue > 1e-3
+    assert power.mean() == pytest.approx(1.0, abs=3 / np.sqrt(looks * n))
+    of_variance = np.sqrt((6 / looks + 2) / n)  # relative standard error, from the excess kurtosis 6 / L
+    assert power.var() == pytest.approx(1 / looks, rel=3 * of_variance)
+    assert power.mean() ** 2 / power.var() == pytest.approx(looks, rel=3 * of_variance)
+    assert 3 * of_variance < 0.5 * min(looks - np.floor(looks), np.ceil(looks) - looks)  # whole looks would be noticed
+    mean, variance, third, m = log_gamma_moments(looks)
+    log = np.log(power)
+    assert log.mean() == pytest.approx(mean, abs=3 * np.sqrt(variance / n))
+    assert log.var() == pytest.approx(variance, abs=3 * np.sqrt((m[4] - m[2] ** 2) / n))
+    error = np.sqrt((m[6] - m[3] ** 2 - 6 * m[4] * m[2] + 9 * m[2] ** 3) / n)
+    assert np.mean((log - log.mean()) ** 3) == pytest.approx(third, abs=3 * error)
+    # neighbours: the covariance of a product of speckle of whole looks and of shares, which have the same coherence
+    taps = impulse_response(Radar().range_resolution_m, Radar().range_spacing_m)
+    coherence, whole = taps[1:] @ taps[:-1], np.ceil(looks)
+    z, other = np.random.default_rng(1).normal(scale=np.sqrt(0.5), size=(2, 2, 400_000))
+    powers = [np.sum(field**2, axis=0) for field in (z, coherence * z + np.sqrt(1 - coherence**2) * other)]
+    of_shares = np.cov(*(beta_share(one.astype(np.float32), looks, int(whole)) for one in powers))[0, 1]
+    expected = ((1 + coherence**2 / whole) * (1 + of_shares) - 1) * looks
+    image = np.stack(images)[:, 12:-12, 12:-12].astype(float)
+    found = np.corrcoef(image[:, 1:].ravel(), image[:, :-1].ravel())[0, 1]
+    assert found == pytest.approx(expected, abs=0.01)
+    assert found == pytest.approx(coherence**2, rel=0.15 if looks < 2 else 0.07)  # of whole looks
+
+
+def test_whole_looks_are_not_thinned() -> None:
+    assert ImageFormation(Radar(looks=4.0), SHAPE, QUIET).thinning(1) is None
 
 
 def test_decimated_pixels_are_uncorrelated_and_neighbours_are_not() -> None:

@@ -12,6 +12,9 @@ from radcal.report.archive import Archive, Images, read_archive
 from radcal.storage.inspection import SCHEMAS
 from radcal.storage.layout import table
 
+# of any dataset: description, unit, and what HDF5 needs for dimension scales
+GENERAL = ("description", "unit", "CLASS", "NAME", "REFERENCE_LIST", "DIMENSION_LIST", "DIMENSION_LABELS")
+
 
 def test_the_table_in_the_documents_is_that_of_the_types():
     page = (Path(__file__).resolve().parents[2] / "docs" / "records.md").read_text()
@@ -36,13 +39,17 @@ def test_the_file_has_what_the_table_lists_and_no_more(made):
         place = re.sub(r"^(laws|materials)/[^/]+", r"\1/<name>", path)
         if place not in ("laws", "materials"):
             found.add((place, ""))
-        found.update((place or "/", key) for key in item.attrs if key not in ("description", "unit"))
+        found.update((place or "/", key) for key in item.attrs if key not in GENERAL)
 
     with h5py.File(made.path) as file:
         file.visititems(look)
         look("", file)
         assert file["materials/dyke/dp"].attrs["unit"] == "dB or IQR"
         assert file["materials/dyke/dp"].attrs["description"].startswith("xi, omega and alpha")
+        assert file["materials/dyke/measured_db"].dims[0][0] == file["materials/dyke/pixels"]
+        assert file["runs/seconds"].dims[0][0].asstr()[0] == file["runs/key"].asstr()[0]
+        assert [one.label for one in file["images/measured_db"].dims] == ["rows", "columns"]
+        assert file["laws/dyke"].attrs["description"].startswith("X of every material")
     provenance = {("/", key) for key in ("kind", "schema", "content", "created", "radcal")}
     assert found - listed == provenance | {("", "")}
     assert {("materials/<name>/check/class_db", ""), ("materials/<name>", "best"), ("laws/<name>", "law")} <= found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -131,12 +132,18 @@ def test_calibrated_materials(made, tmp_path):
     beans = changed_material(made.archive, "stem beans", run_looks=looks)  # more than the 4 of the image: no texture
     looks = np.where(np.arange(looks.size) == made.archive.materials["dyke"].best, 2.75, 1.5)
     archive = changed_material(beans, "dyke", run_looks=looks)
+    config = json.loads(archive.config)
+    config["materials"]["dyke"]["colour"] = "#8A5A2B"
+    archive = replace(archive, config=json.dumps(config))
     export(made, tmp_path, archive)
     text = (tmp_path / "calibrated.yaml").read_text()
     found = yaml.safe_load(text)["materials"]
     assert text.startswith("# Materials of the case small, as radcal calibrated them: Of 2 materials")
     assert list(found) == ["dyke", "stem beans", "unused"]
     assert found["dyke"]["looks"] == 2.75
+    assert {name: item.get("colour") for name, item in found.items()} == {
+        "dyke": "#8A5A2B", "stem beans": None, "unused": None,
+    }  # fmt: skip
     assert "looks" not in found["stem beans"] | found["unused"]
     assert found["dyke"]["parameters"] == archive.laws["dyke"].values.tolist()  # noqa: PD011
     assert not any(material["calibrate"] for material in found.values())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import warnings
 from dataclasses import replace
@@ -13,7 +14,7 @@ import pytest
 from archives import changed_check, changed_material, held_out_blocks
 from matplotlib.text import Text
 
-from radcal.report import drawing, map_figures
+from radcal.report import drawing, map_figures, scene_figures
 from radcal.report import figures as module
 from radcal.report.archive import Images
 from radcal.report.figures import write_figures
@@ -267,6 +268,21 @@ def test_objects_are_dots_in_the_scene(made, tmp_path):
     assert "Objects" not in caption
 
 
+def test_axes_of_a_turned_scene_are_those_of_the_track(made):
+    config = json.loads(made.archive.config)
+    config["radar"]["heading_deg"] = 192.5
+    with mpl.rc_context(module.STYLE):
+        turned, _, _ = module.scene(replace(made.archive, config=json.dumps(config)))
+        plain, _, _ = module.scene(made.archive)
+    for canvas, across, along in (
+        (turned, "right of the track [km]", "along the track, 192.5 deg [km]"),
+        (plain, "east [km]", "north [km]"),
+    ):
+        labels = [(axes.get_xlabel(), axes.get_ylabel()) for axes in canvas.axes if axes.get_xlabel()]
+        assert labels == [(across, along)] * 4
+    assert "light from ahead on the left" in turned.axes[0].get_title("left")
+
+
 def test_held_out_ground_and_classes_are_drawn(made):
     keys = ("block", "mean_db", "predicted_db", "law_db", "sd_db")
     held = held_out_blocks(n_blocks=7, **{key: np.linspace(1.0, 3.0, 7) + n for n, key in enumerate(keys)})
@@ -303,3 +319,12 @@ def test_the_misfit_of_classes_is_drawn_beside_the_densities(made):
     assert "For a right law it is about 6," in caption
     assert not any("tolerance" in str(line.get_label()) for line in lower.lines)
     assert [line.get_ydata()[0] for line in upper.lines if line.get_label() == "a right law"] == [6]
+
+
+def test_a_scene_of_one_height_is_drawn(made):
+    level = np.full((20, 30), 120.0, dtype=np.float32)
+    view = replace(made.archive.scene, material=np.ones((20, 30), np.uint8), elevation_m=level, cell_m=15.0)
+    with mpl.rc_context(drawing.STYLE):
+        canvas, caption, _ = scene_figures.scene(replace(made.archive, scene=view))
+        assert drawn(canvas) == []
+    assert "heights from 120 to 120 m" in caption

@@ -42,14 +42,14 @@ def test_tables(folder, made):
     assert results.materials.loc[("dyke", "X2"), "calibrated"] == made.archive.laws["dyke"].values[1]
     assert results.laws.index.names == ["material", "incidence_deg"]
     assert results.runs["key"].nunique() == len(made.archive.runs.key)
-    assert results.images == ["calibrated", "difference", "incidence", "material", "measured"]
+    assert results.images == ["calibrated", "difference", "incidence", "mask", "material", "measured"]
 
 
 def test_images_have_units(folder, made):
     results = radcal.open(folder)
     images = made.archive.images
     np.testing.assert_array_equal(results.array("incidence"), images.incidence_deg)
-    assert [results.unit(name) for name in results.images] == ["dB", "dB", "deg", "1", "dB"]
+    assert [results.unit(name) for name in results.images] == ["dB", "dB", "deg", "1", "1", "dB"]
     image = results.image("difference")
     assert (image.dims, image.attrs["units"], image.name) == (("slant_range", "azimuth"), "dB", "difference")
     np.testing.assert_array_equal(image, images.calibrated_db - images.measured_db)

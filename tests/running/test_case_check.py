@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
 import rasterio
+import yaml
+from pyproj import Transformer
+from rasterio.transform import from_origin
+from safe_product import NAME, place_of, write_product
 from typer.testing import CliRunner
 
 from radcal.cli import app
@@ -90,8 +95,16 @@ def test_what_a_right_case_needs_is_told(tmp_path: Path) -> None:
     assert set(found.files) == {"scene.labels", "scene.names", "measurement.path"}
     done = CliRunner().invoke(app, ["check", str(path)])
     assert done.exit_code == 0
-    assert "simulator runs: at most 15 (1 reference, 3 design, 9 infill, 2 final)" in done.stdout
+    assert (
+        "simulator runs: at most 15 (1 reference, 3 design, 9 infill, 2 final, each of 4 speckle draws); most"
+        in done.stdout
+    )
     assert "60 x 50 pixels" in done.stdout
+    assert "memory: about 240 MB in the largest job (run); a cluster is asked for 1,100 MB" in done.stdout
+    twice = CliRunner().invoke(app, ["check", str(path), str(tmp_path / "gone.yaml")])
+    assert twice.exit_code == 1
+    assert "60 x 50 pixels" in twice.stdout
+    assert twice.stderr.splitlines()[-1] == f"radcal: 1 of 2 cases cannot be run: {tmp_path / 'gone.yaml'}"
 
 
 def test_what_only_the_files_show_is_found(tmp_path: Path) -> None:
@@ -103,6 +116,114 @@ def test_what_only_the_files_show_is_found(tmp_path: Path) -> None:
     assert any("design.reuse is 'another'" in text for text in changed.problems)
 
 
+def test_a_wrong_value_is_not_called_missing_as_well(tmp_path: Path) -> None:
+    path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+    path.write_text(
+        path.read_text().replace("scale: power, radiometry: sigma0_ref", "scale: decibel, radiometry: level")
+    )
+    problems = check_case([path]).problems
+    for key in ("measurement.scale", "measurement.radiometry"):
+        (problem,) = (text for text in problems if key in text)
+        assert ", expected 'db'" in problem or ", expected 'sigma0_ref'" in problem
+    path.write_text(path.read_text().replace("scale: decibel, ", ""))
+    assert any("measurement.scale is missing" in text for text in check_case([path]).problems)
+
+
 def test_a_file_that_is_no_yaml_is_one_problem(tmp_path: Path) -> None:
     (tmp_path / "mine.yaml").write_text("a: [")
     assert len(check_case([tmp_path / "mine.yaml"]).problems) == 1
+
+
+def test_the_settings_of_a_synthetic_measurement_are_tried(tmp_path: Path) -> None:
+    path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+    own = yaml.safe_load(path.read_text())
+
+    def problems(**changes: float) -> list[str]:
+        own["measurement"] = {"source": "synthetic", "synthetic": {"warp_px": 0.5, **changes}}
+        path.write_text(yaml.safe_dump(own))
+        return check_case([path]).problems
+
+    assert problems() == []
+    (fine,) = problems(resolution_factor=0.5)
+    assert "measurement.synthetic.resolution_factor is 0.5, which makes radar.range_resolution_m 1 m, exp" in fine
+    (dark,) = problems(offset_db=-90.0)
+    assert "materials.field" in dark
+
+
+@pytest.mark.filterwarnings("ignore:Use `@` matmul:PendingDeprecationWarning")  # of rasterio about affine
+def test_a_sentinel1_product_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
+        safe = write_product(tmp_path)
+    x, y = Transformer.from_crs("EPSG:4326", "EPSG:32633", always_xy=True).transform(*place_of(60.0, 50.0, 120.0))
+    settings = {"height": 40, "width": 40, "count": 1, "crs": "EPSG:32633", "driver": "GTiff"}
+    for name, dtype, value in (("height.tif", "float32", 120.0), ("cover.tif", "uint8", 1)):
+        transform = from_origin(x - 300.0, y + 300.0, 15.0, 15.0)
+        with rasterio.open(name, "w", dtype=dtype, transform=transform, **settings) as raster:
+            raster.write(np.full((40, 40), value, dtype=dtype), 1)
+    Path("names.json").write_text('{"1": "crops"}')
+    Path("mine.yaml").write_text(
+        "scene: {source: raster, elevation: height.tif, materials: cover.tif, names: names.json, "
+        "vertical_datum: WGS84 ellipsoid}\n"
+        f"measurement: {{source: file, path: {safe}}}\n"
+        "materials: {crops: {calibrate: true, bounds: [[-40, 10], [0, 16], [0, 22], [0, 12]]}}\n"
+        "radar: {altitude_m: 693000, depression_deg: 53.4, look_side: left, band: C, polarisation: VV, "
+        "range_resolution_m: 11, azimuth_resolution_m: 18, range_spacing_m: 6, azimuth_spacing_m: 9.7, looks: 4}\n"
+    )
+    found = check_case(["mine.yaml"])
+    assert found.problems == []
+    assert any("S1B IW GRD VV of 2021-12-23" in note for note in found.notes)
+    said = found.summary()
+    assert "section radar as the annotation of the image gives it:\n    radar:   # S1B_IW_GRDH" in said
+    assert "\n      looks: 4.4 " in said
+    wrong = check_case(["mine.yaml"], {"radar": "{depression_deg: 45}"})
+    (problem,) = wrong.problems
+    assert "contradicts section radar: radar.depression_deg is 45, an incidence of 45.0" in problem
+    large = "{range_spacing_m: 0.02, azimuth_spacing_m: 0.05}"  # an image that is not made for the check
+    # what the product says is printed beside the problem, also where section radar is far from usable
+    for section in ("{depression_deg: 45}", "{looks: FILL_IN}", "{polarisation: HH}", large):
+        done = CliRunner().invoke(app, ["check", "mine.yaml", "--set", f"radar={section}"])
+        assert ("problem" in done.stderr) is (section != large), section
+        assert "note: S1B_IW_GRDH_1SDV" in done.stdout
+        assert done.stdout.count("\n      heading_deg: 1") == 1, section
+    (section,) = wrong.sections
+    printed = yaml.safe_load(section)["radar"]
+    text = Path("mine.yaml").read_text()
+    Path("mine.yaml").write_text(text[: text.index("radar:")] + section)
+    found = check_case(["mine.yaml"])
+    assert found.problems == []
+    assert [text for text in found.notes if " its " in text or "it looks to" in text] == []
+    assert [yaml.safe_load(text)["radar"]["heading_deg"] for text in found.sections] == [printed["heading_deg"]]
+
+
+@pytest.mark.skipif("RADCAL_DATA" not in os.environ, reason="RADCAL_DATA is not set: real data are elsewhere")
+def test_the_printed_section_of_a_real_product_does_not_contradict_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    data = Path(os.environ["RADCAL_DATA"]) / "sentinel1"
+    with rasterio.open(data / "elevation_rome_int16.tif") as heights:
+        profile = heights.profile | {"dtype": "uint8", "nodata": 0}
+        with rasterio.open("cover.tif", "w", **profile) as cover:
+            cover.write(np.full(heights.shape, 30, "uint8"), 1)
+    case = (
+        f"scene: {{source: raster, elevation: {data / 'elevation_rome_int16.tif'}, landcover: esa_worldcover, "
+        f"materials: cover.tif, cell_m: 60}}\nmeasurement: {{source: file, path: {data / NAME}}}\n"
+        "materials: {grassland: {calibrate: true}}\n"
+    )
+    Path("mine.yaml").write_text(case)
+    found = check_case(["mine.yaml"])
+    (problem,) = found.problems
+    assert "(it has VV, radar.polarisation is HH)" in problem
+    (section,) = found.sections
+    printed = yaml.safe_load(section)["radar"]
+    # platformHeading in the annotation is 193.69
+    assert printed["heading_deg"] == pytest.approx(189.28, abs=0.05)
+    assert printed["incidence_deg"] == pytest.approx(44.07, abs=0.05)
+    assert (printed["looks"], printed["sensor"]) == (4.4, "sentinel1_iw_grdh")
+    Path("mine.yaml").write_text(case + section)
+    found = check_case(["mine.yaml"])
+    (problem,) = found.problems
+    assert "holds no data (digital number 0) over the scene: the image is blank" in problem
+    assert [text for text in found.notes if " its " in text and "geoid" not in text] == []

@@ -109,14 +109,14 @@ def test_ctrl_c_is_remembered_and_explains_what_follows():
     assert shown(messages, AFTERMATH[3]) is None
 
 
-def test_write_protected_outputs_become_a_sentence():
+@pytest.mark.parametrize("path", ["results/tiny/summary.json", "/data/my results/tiny/summary.json"])
+def test_write_protected_outputs_become_a_sentence(path):
     text = (
         'ProtectedOutputException in rule summary in file "/p/workflow/rules/report.smk", line 82:\n'
-        "Write-protected output files for rule summary:\n    output: results/tiny/summary.json\n    affected files:\n"
-        "        results/tiny/summary.json\n"
+        f"Write-protected output files for rule summary:\n    output: {path}\n    affected files:\n        {path}\n"
     )
     assert shown(Messages(lambda: False), text) == (
-        "radcal: results/tiny/summary.json is write-protected, and is to be made again: make it writable (chmod u+w), "
+        f"radcal: {path} is write-protected, and is to be made again: make it writable (chmod u+w), "
         "or give the case another name (case: ...)."
     )
 

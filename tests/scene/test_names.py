@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from radcal.errors import SceneError
-from radcal.scene.names import by_id, read_names
+from radcal.scene.names import by_id, landcover_names, read_names
 
 
 def test_ids_without_a_name_keep_their_place() -> None:
@@ -36,3 +36,20 @@ def test_names_of_more_ids_than_there_are(tmp_path: Path) -> None:
     path = tmp_path / "names.json"
     path.write_text(json.dumps({"0": "none", "1": "grass", "3": "dyke"}))
     assert read_names(path, [0, 3], Path("ids.tif")) == {1: "grass", 3: "dyke"}
+
+
+def test_names_of_a_land_cover_map(tmp_path: Path) -> None:
+    raster = tmp_path / "cover.tif"
+    assert landcover_names("esa_worldcover", None, [0, 80, 10], raster) == {
+        10: "tree_cover",
+        80: "permanent_water_bodies",
+    }
+    assert landcover_names("corine", None, [44, 12], raster) == {12: "non-irrigated_arable_land", 44: "sea_and_ocean"}
+    own = tmp_path / "names.json"
+    own.write_text('{"80": "lake", "17": "orchard"}')
+    assert landcover_names("esa_worldcover", own, [10, 17, 80], raster) == {10: "tree_cover", 17: "orchard", 80: "lake"}
+    with pytest.raises(SceneError, match=r"scene\.landcover is nlcd, which has no code 17 of .*cover\.tif: name it in"):
+        landcover_names("nlcd", None, [17, 11], raster)
+    own.write_text('{"80": "tree_cover"}')
+    with pytest.raises(SceneError, match="more than one code of .* has the name 'tree_cover'"):
+        landcover_names("esa_worldcover", own, [10, 80], raster)

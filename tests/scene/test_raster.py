@@ -18,7 +18,9 @@ from sealed import changed
 
 from radcal.config import Radar, RasterScene
 from radcal.errors import ConfigError, SceneError
+from radcal.measurement.georeference import GeoreferencedImage, values_at_ground
 from radcal.radar.projection import make_geometry
+from radcal.report.geotiff import Layer, map_grid, write_geotiff
 from radcal.scene.crs import named_datum, same_datum, transformation_note, vertical_datum
 from radcal.scene.model import Scene, read_scene, write_scene
 from radcal.scene.raster import raster_scene
@@ -207,6 +209,22 @@ def test_coarse_cells_take_the_mean_height_and_the_most_frequent_material(build:
     clear = most[-1] > most[-2]
     np.testing.assert_array_equal(scene.material[clear], counts.argmax(axis=0)[clear] + 1)
     assert any("averaged" in note and "majority" in note for note in scene.notes)
+
+
+def test_codes_of_a_land_cover_map_become_materials_in_their_order(build: Build) -> None:
+    ids = np.full(SHAPE, 40, dtype=np.uint8)
+    ids[:, 30:] = 10
+    ids[:10] = 80
+    ids[40:] = 0
+    config = build(ids=ids, names={"80": "lake"}, landcover="esa_worldcover")
+    scene = raster_scene(config)
+    assert scene.names == ("tree_cover", "cropland", "lake")
+    north_first = scene.material[::-1]
+    assert [int(north_first[k, n]) for k, n in ((5, 5), (20, 5), (20, 55), (45, 5))] == [3, 2, 1, 0]
+    without = raster_scene(config.model_copy(update={"names": None}))
+    assert without.names == ("tree_cover", "cropland", "permanent_water_bodies")
+    with pytest.raises(SceneError, match="the scene's 'lake', 'tree_cover' have no law; add materials.lake, materials"):
+        make_scene(config, ["cropland"])
 
 
 def test_of_equally_frequent_materials_the_lowest_id_counts(build: Build) -> None:
@@ -669,3 +687,88 @@ def test_whole_metres_are_an_error_of_the_slopes(build: Build) -> None:
         raster.scales, raster.offsets = (0.1,), (5.0,)
     tenths = raster_scene(config)
     assert tenths.slope_error_deg == pytest.approx(whole.slope_error_deg / 10, rel=0.01)
+
+
+@pytest.mark.parametrize("heading", [12.0, 90.0, 192.0, 270.0, 348.3])
+def test_the_grid_is_turned_to_the_track(build: Build, heading: float) -> None:
+    """Rows follow each other along the track, columns lie to its right, and the ground keeps its place."""
+    ids = np.where(np.add(*np.indices(SHAPE)) < 50, 1, 2).astype(np.uint8)
+    scene = raster_scene(build(ids=ids), heading)
+    assert scene.heading_deg == heading
+    x, y = centres(scene)
+    east, north = Transformer.from_crs(CRS.from_user_input(scene.crs), UTM, always_xy=True).transform(x, y)
+    np.testing.assert_allclose(scene.elevation_m, plane(east, north), atol=0.01)
+    line = (SOUTH + 500.0 - north) / 10.0 + (east - WEST) / 10.0  # row + column of the raster, counted from its corner
+    clear = np.abs(line - 51.0) > 2.0
+    np.testing.assert_array_equal(scene.material[clear], np.where(line < 51.0, 1, 2)[clear])
+    # the area is the largest that is inside of both rasters
+    assert east.min() >= WEST
+    assert east.max() <= WEST + 600.0
+    assert north.min() >= SOUTH
+    assert north.max() <= SOUTH + 500.0
+    angle = np.radians(min(abs((heading - k * 90.0 + 180.0) % 360.0 - 180.0) for k in range(5)))
+    assert scene.material.size * 100.0 > 0.9 * 600.0 * 500.0 * (1.0 - np.sin(angle)) ** 2
+    longitude, latitude = Transformer.from_crs(UTM, "OGC:CRS84", always_xy=True).transform(east, north)
+    middle = tuple(n // 2 for n in scene.material.shape)
+    for step, bearing in (((5, 0), heading), ((0, 5), heading + 90.0)):
+        there = tuple(np.add(middle, step))
+        azimuth, _, distance = Geod(ellps="WGS84").inv(
+            longitude[middle], latitude[middle], longitude[there], latitude[there]
+        )
+        assert (azimuth - bearing + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=0.01)
+        assert distance == pytest.approx(50.0, rel=1e-4)
+
+
+def test_the_turned_grid_lies_inside_of_the_bounds(build: Build) -> None:
+    bounds = [WEST + 100.0, SOUTH + 150.0, WEST + 500.0, SOUTH + 380.0]
+    scene = raster_scene(build(bounds=bounds), 30.0)
+    x, y = centres(scene)
+    east, north = Transformer.from_crs(CRS.from_user_input(scene.crs), UTM, always_xy=True).transform(x, y)
+    assert (east.min() > bounds[0], east.max() < bounds[2]) == (True, True)
+    assert (north.min() > bounds[1], north.max() < bounds[3]) == (True, True)
+    assert (0.5 * (east.min() + east.max()), 0.5 * (north.min() + north.max())) == pytest.approx(
+        (WEST + 300.0, SOUTH + 265.0), abs=6.0
+    )
+
+
+@pytest.mark.parametrize(
+    ("heading", "side", "slope_deg"), [(192.0, "right", 1), (12.0, "right", -1), (12.0, "left", 1)]
+)
+def test_a_radar_sees_the_slope_that_faces_it(build: Build, heading: float, side: str, slope_deg: int) -> None:
+    """Ground that falls to the east by 0.2 faces a radar in the east."""
+    heights = 200.0 - 0.2 * (grid(HEIGHTS, SHAPE, UTM)[0] - WEST)
+    scene = raster_scene(build(heights), heading)
+    radar = Radar(altitude_m=20_000.0, depression_deg=45.0, look_side=side, heading_deg=heading)
+    incidence = np.nanmedian(make_geometry(scene, radar).incidence_deg)
+    # the slope across the track is that to the east times the cosine of 12 degrees, and of the meridian convergence
+    across, along = 0.2 * np.cos(np.radians(12.0 + 1.0)), 0.2 * np.sin(np.radians(12.0 + 1.0))
+    cosine = (1.0 + slope_deg * across) / np.sqrt(2.0 * (1.0 + across**2 + along**2))
+    assert incidence == pytest.approx(np.degrees(np.arccos(cosine)), abs=0.15)
+    with pytest.raises(SceneError, match="radar.heading_deg is 13, the scene's grid is made for"):
+        make_geometry(scene, radar.model_copy(update={"heading_deg": 13.0}))
+
+
+@pytest.mark.parametrize("heading", [0.0, 192.0])
+def test_images_keep_their_place_on_the_map(build: Build, tmp_path: Path, heading: float) -> None:
+    """A measured image on the map, resampled to slant range and exported again, shows a corner where it was."""
+    corner = (WEST + 330.0, SOUTH + 240.0)
+    scene = raster_scene(build(np.full(SHAPE, 20.0)), heading)
+    radar = Radar(altitude_m=9000.0, heading_deg=heading, range_spacing_m=5.0, range_resolution_m=8.0,
+                  azimuth_spacing_m=7.0, azimuth_resolution_m=10.0)  # fmt: skip
+    geometry = make_geometry(scene, radar)
+    fine = Affine(4.0, 0.0, WEST - 50.0, 0.0, -4.0, SOUTH + 550.0)
+    row, column = np.indices((150, 180)) + 0.5
+    x, y = fine.c + 4.0 * column, fine.f - 4.0 * row
+    values = np.where((x < corner[0]) & (y < corner[1]), 3.0, 1.0)  # bright to the south-west of the corner
+    image = GeoreferencedImage(tmp_path / "measured.tif", values, fine, CRS.from_user_input(UTM))
+    assert scene.crs is not None
+    assert scene.transform is not None
+    found = values_at_ground(image, scene.crs, scene.transform, geometry.ground)
+    layer = Layer(found.astype(np.float32), "1", "corner", {})
+    write_geotiff(tmp_path / "export.tif", layer, map_grid(scene, geometry))
+    with rasterio.open(tmp_path / "export.tif") as raster:
+        read, inverse = raster.read(1), ~raster.transform
+        to_file = Transformer.from_crs(UTM, CRS.from_wkt(raster.crs.to_wkt(version="WKT2_2019")), always_xy=True)
+        for east, north, value in ((-12, -12, 3.0), (12, -12, 1.0), (-12, 12, 1.0), (12, 12, 1.0)):
+            at = inverse * to_file.transform(corner[0] + east, corner[1] + north)
+            assert read[int(at[1]), int(at[0])] == value, (east, north)

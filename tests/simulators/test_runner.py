@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -62,6 +63,22 @@ def test_runs_of_the_published_dyke_keep_their_keys(tmp_path: Path, geometry: Ge
     assert case.measurement.synthetic.parameters == {"dyke": [6.1, 14.2, 21.5, 3.3]}
     bits = hashlib.sha256(scene.elevation_m.tobytes() + scene.material.tobytes()).hexdigest()
     assert bits.startswith("4b06456ba6d9a9f1")
+
+
+def test_the_pass_of_an_orbit_has_the_earths_radius(
+    tmp_path: Path, geometry: Geometry, build_case: Callable[..., Case]
+) -> None:
+    """The radius depends on the latitude of the scene, of which nothing else in a run's key knows."""
+    orbit = {"altitude_m": 7e5, "incidence_deg": 33.0}
+    keys = set()
+    for radius in (6.36e6, 6.37e6, None):
+        one = replace(geometry, earth_radius_m=radius)
+        case = build_case(radar=orbit) if radius else build_case()
+        found = Runner(RunStore(tmp_path), Counting(geometry.shape), one, "scene", case).description(X, 1)
+        assert found["pass"].get("earth_radius_m") == radius
+        assert ("earth" in found["pass"], "incidence_deg" in found["pass"]) == (bool(radius), bool(radius))
+        keys.add(digest(found))
+    assert len(keys) == 3
 
 
 def test_a_run_that_another_process_makes_meanwhile_is_taken(

@@ -244,7 +244,12 @@ def test_marked_texts_are_an_attribute_and_marked_fields_stand_in_the_group(tmp_
     with h5py.File(tmp_path / "a.h5", "r") as file:
         assert file["with"].attrs["words"].tolist() == ["one", "zwölf"]
         assert file["with"].attrs["rmse_db"] == 1.5
-        assert dict(file["with/means_db"].attrs) == {"description": "means of blocks", "unit": "dB"}
+        said = {"description": "means of blocks", "unit": "dB"}
+        assert {key: file["with/means_db"].attrs[key] for key in ("description", "unit")} == said
+        assert file["with/means_db"].dims[0].label == "b"
+        # each law of a mapping is described as the mapping
+        assert file["with/curves/a"].attrs["description"] == "a law each"
+        assert file["with/curves/a"].dims[0].label == "n"
         assert set(file["without"]) == {"curves", "parts"}
         found, empty = take(file["with"], Checked), take(file["without"], Checked)
     assert (found.words, empty.words) == (("one", "zwölf"), ())
@@ -301,3 +306,24 @@ def test_none_is_read_where_the_class_has_no_default(tmp_path: Path) -> None:
         put(file, Perhaps(None, None))
         assert dict(file.attrs) == {}
         assert take(file, Perhaps) == Perhaps(None, None)
+
+
+@dataclass(frozen=True)
+class Scaled:
+    angle_deg: Annotated[NDArray[np.float64], About("angle", "deg", "a", scale=True)]
+    level_db: Annotated[NDArray[np.float64], About("level", "dB", "m, a")]
+    plain: Annotated[NDArray[np.float64], About("others", shape="m")]
+    unknown: Annotated[NDArray[np.float64] | None, About("absent", shape="a")] = None
+
+
+def test_dimension_scales_lead_from_values_to_their_coordinate(tmp_path: Path) -> None:
+    given = Scaled(np.array([20.0, 35.0, 60.0]), np.arange(6.0).reshape(2, 3), np.array([1.0, 2.0]))
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        put(file, given)
+    with h5py.File(tmp_path / "a.h5", "r") as file:
+        assert file["angle_deg"].is_scale
+        assert [one.label for one in file["level_db"].dims] == ["m", "a"]
+        assert len(file["level_db"].dims[0]) == len(file["plain"].dims[0]) == 0
+        assert file["level_db"].dims[1][0][()].tolist() == [20.0, 35.0, 60.0]
+        assert not file["plain"].is_scale
+        assert same(take(file, Scaled), given)

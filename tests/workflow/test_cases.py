@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rasterio
+import rasterio.warp
 import yaml
 from workflow_project import ROOT, tiny_case
 
@@ -122,7 +123,8 @@ def test_a_measured_image_from_the_raw_files_to_the_report(project):
 
 
 def test_a_scene_from_gis_rasters_to_the_report(project):
-    """Elevation and materials on the map, and the level taken from the material of a fixed law."""
+    """Elevation and materials on the map, a track to the south-west, looks that are not whole, and the level taken
+    from the material of a fixed law."""
     north, east = np.mgrid[0:80, 0:80] * 5.0
     profile = {"driver": "GTiff", "count": 1, "height": 80, "width": 80, "crs": "EPSG:32631",
                "transform": rasterio.Affine(5.0, 0.0, 600_000.0, 0.0, -5.0, 5_780_000.0)}  # fmt: skip
@@ -135,7 +137,8 @@ def test_a_scene_from_gis_rasters_to_the_report(project):
     level = {"pixels": 400, "normalisation": "offset"}
     hidden = {"parameters": {"field": [6.1, 14.2, 21.5, 3.3]}, "seed": 1, "warp_px": 0, "offset_db": 3.0}
     changes = {
-        "case": "gis", "radar": {"altitude_m": 1000.0, "radiometry": "sigma0_local"}, "target": level,
+        "case": "gis", "target": level,
+        "radar": {"altitude_m": 1000.0, "radiometry": "sigma0_local", "heading_deg": 200.0, "looks": 3.6},
         "stop": {"rms": 3e-3, "max_runs": 16}, "measurement": {"synthetic": hidden},
     }  # fmt: skip
     project.write("asked.yaml", scene=scene, **changes)
@@ -153,3 +156,10 @@ def test_a_scene_from_gis_rasters_to_the_report(project):
     page = (project.out("gis") / "report.html").read_text()
     assert "shaded relief" in page.lower()
     assert summary["levels"]["sentence"][:40] in page
+    assert summary["looks"]["simulated"] == 3.6
+    with rasterio.open(project.out("gis") / "export" / "measured.tif") as raster:
+        east_m, north_m = raster.lnglat()
+        assert "track of heading 200 degrees" in raster.crs.to_wkt()
+        assert raster.width * raster.height < 0.7 * 80 * 80  # the turned rectangle inside of the rasters
+    at = rasterio.warp.transform("EPSG:4326", "EPSG:32631", [east_m], [north_m])
+    assert (at[0][0], at[1][0]) == pytest.approx((600_200.0, 5_779_800.0), abs=10.0)

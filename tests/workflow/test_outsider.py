@@ -90,4 +90,9 @@ def test_a_program_that_radcal_was_not_written_for(project: Project) -> None:
     assert len(set(made)) == len(made) - 1
     assert field["rms_fresh"] is not None
     assert field["rms_fresh"] != field["rms_final"]
+    # the input of the final check run is exported, in the program's own format
+    exported = project.out() / "export/simulator_input"
+    assert (exported / "sim.inp").read_text().split() in [line.split() for line in made]
+    assert (exported / "sim.inp").read_text().split()[1:] == [repr(field["parameters"]["level"]), "4"]
+    assert (exported / "command.txt").read_text() == f"{sys.executable} -S -E sim.py sim.inp\n"
     assert json.loads((project.out() / "simulator.json").read_text())["data"]["seed_bits"] == 31

@@ -82,7 +82,14 @@ def test_the_table_in_the_documents_is_that_of_the_code():
     page = (ROOT / "docs" / "reruns.md").read_text()
     assert reruns_table() in page
     keys = {key.removeprefix("further_") for stage in STAGES.values() for key in stage.model_fields}
-    assert set(CHANGES) | {"case"} == keys
+    assert set(CHANGES) | {"case", "colours"} == keys  # colours are made from those of the materials
+
+
+def test_a_colour_of_a_material_is_taken_by_the_archive_alone():
+    old, new = tiny_case(), tiny_case()
+    new["materials"]["field"]["colour"] = "#123456"
+    old, new = case_from(old), case_from(new)
+    assert {rule for rule, stage in STAGES.items() if stage.params(old) != stage.params(new)} == {"archive"}
 
 
 @pytest.mark.parametrize("section", CHANGES)
@@ -114,6 +121,11 @@ def test_commands_of_snakemake_behave(finished):
     assert "Nothing to be done" in ended(finished, "-n", *CASE)
     changed = ended(finished, "-n", *CASE, "--config", "target={pixels: 300}")
     assert "target" in changed
+    assert "radcal: no simulator run would be made." in ended(finished, "-n", *CASE)
+    spent = finished.summary()["runs"]
+    longer = ended(finished, "-n", *CASE, "--config", 'stop={"rms": 1e-9, "max_runs": 40}')
+    most = 40 - spent["design"] - spent["infill"]
+    assert f"radcal: at most {most + 2} simulator runs would be made ({most} infill, 2 final); most cases" in longer
     assert finished.listing() == listing, "a dry run changed something"
     # what a finished case holds is what the rules make, runs and times aside: what is missing of it is made again
     made = set(re.findall(r"(?m)^results/tiny/(\S+)\t", ended(finished, "--summary", *CASE)))

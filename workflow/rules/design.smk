@@ -5,7 +5,7 @@
 # design would remain after a change of the seed, which also changes the target.
 
 CHUNKS = range(-(-CASE.design_size // CASE.design.chunk))
-EARLIER = f"results/{CASE.design.reuse}/runs"
+EARLIER = f"{OUT.parent}/{CASE.design.reuse}/runs"
 
 
 # Runs of an earlier case, before the reference run, which may be among them.

@@ -89,6 +89,9 @@ rule export:
         archive=rules.archive.output.archive,
         scene=rules.scene.output.scene,
         geometry=every_pass(rules.geometry.output.geometry),
+        registered=every_pass(rules.registration.output.registered),
+        target=every_pass(rules.target.output.target),
+        final=rules.final_runs.output.final,
     output:
         folder=directory(f"{OUT}/export"),
         checksums=f"{OUT}/export.json",
@@ -103,6 +106,7 @@ rule export:
         runtime=minutes("measurement"),
     params:
         case=STAGES["export"].params(CASE),
+        runs=f"{OUT}/runs",
     message:
         "exports"
     script:
@@ -125,8 +129,8 @@ rule report:
     retries: 0
     threads: 1
     resources:
-        mem_mb=memory("light"),
-        runtime=minutes("light"),
+        mem_mb=memory("report"),
+        runtime=minutes("report"),
     message:
         "figures and report"
     script:
@@ -145,8 +149,8 @@ rule summary:
     retries: 0
     threads: 1
     resources:
-        mem_mb=memory("light"),
-        runtime=minutes("light"),
+        mem_mb=memory("report"),
+        runtime=minutes("report"),
     params:
         benchmarks=f"{OUT}/benchmarks",
     message:

@@ -2,6 +2,10 @@
 
 from radcal.radar import SIMULATOR_VERSION
 
+# The heading of the track turns the scene's grid. A track to the north has no such parameter, so that the jobs of
+# earlier cases stay as they were.
+HEADING = {"heading_deg": CASE.radar.heading_deg} if CASE.radar.heading_deg else {}
+
 
 rule scene:
     input:
@@ -19,6 +23,7 @@ rule scene:
         mem_mb=memory("scene"),
         runtime=minutes("scene"),
     params:
+        **HEADING,
         case=STAGES["scene"].params(CASE),
     message:
         "scene"

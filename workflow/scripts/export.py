@@ -1,17 +1,25 @@
 """Write tables, calibrated materials and images for other programs, from the archive."""
 
 from radcal.config import stages
+from radcal.measurement.registration import read_registered
+from radcal.measurement.target import read_targets
 from radcal.radar.geometry import read_geometry
 from radcal.report.archive import read_archive
-from radcal.report.export import write_export
+from radcal.report.export import pass_images, write_export
 from radcal.running.jobs import logged, progress
 from radcal.scene.model import read_scene
+from radcal.simulators.sources import make_simulator
 from radcal.storage.listing import write_listing
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = stages.Export.model_validate(snakemake.params.case)
-    scene, geometry = read_scene(snakemake.input.scene), read_geometry(snakemake.input.geometry[0])
+    scene, geometries = read_scene(snakemake.input.scene), [read_geometry(path) for path in snakemake.input.geometry]
     archive = read_archive(snakemake.input.archive)
-    files = write_export(snakemake.output.folder, case, archive, scene, geometry)
+    registered = [read_registered(path) for path in snakemake.input.registered]
+    levels = [one.levels for one in read_targets(*snakemake.input.target).passes]
+    further = pass_images(case, geometries, registered, levels, snakemake.input.final, snakemake.params.runs)
+    external = case.simulator.kind == "command"  # whose own input is exported
+    simulator = make_simulator(case, geometries[0], snakemake.input.geometry[0]) if external else None
+    files = write_export(snakemake.output.folder, case, archive, scene, geometries[0], further, simulator)
     write_listing(snakemake.output.checksums, files)
     progress(f"export: {snakemake.output.folder}")

@@ -1,10 +1,11 @@
 """Simulate the proposals of all materials in one run and score this run."""
 
 from radcal.calibration.history import History, read_proposals, read_runs, write_runs
-from radcal.calibration.steps import progress_line, verify
+from radcal.calibration.steps import progress_line, runs_left, verify
 from radcal.config import Stop, stages
 from radcal.measurement.target import read_targets
 from radcal.running.jobs import logged, progress
+from radcal.running.time_left import at_most, iteration_seconds
 from radcal.simulators.sources import make_runner
 
 with logged(snakemake.log[0], snakemake.params.case):
@@ -16,4 +17,7 @@ with logged(snakemake.log[0], snakemake.params.case):
     run = verify(proposals, targets, runner, case, history, k, snakemake.threads)
     write_runs(snakemake.output.verified, [run])
     stop = Stop.model_validate(snakemake.config["stop"])
-    progress(progress_line(History([*history.runs, run]), case.calibrated, stop, case.objective))
+    history = History([*history.runs, run])
+    seconds = iteration_seconds([snakemake.input.scores, *snakemake.input.earlier])
+    left = at_most(runs_left(history, case.calibrated, stop, case.objective), seconds)
+    progress(progress_line(history, case.calibrated, stop, case.objective) + left)

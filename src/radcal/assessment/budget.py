@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from radcal.config import Uncertainty
 from radcal.measurement.levels import Levels
 
-__all__ = ["FIELD_FREEDOM", "FLATTENING", "Budget", "log_field_prior"]
+__all__ = ["FIELD_FREEDOM", "FLATTENING", "Budget"]
 
 FIELD_FREEDOM = 4.0
-"""Degrees of freedom of the half-t priors of the standard deviations between and within fields."""
+"""Degrees of freedom of the half-t priors of the standard deviations between and within fields (Gelman, "Prior
+distributions for variance parameters in hierarchical models", Bayesian Analysis 1, 2006)."""
 
 FLATTENING = 0.25
 """Share by which a law flattens, over the share by which the resolutions are coarser (docs/uncertainty.md)."""
@@ -60,7 +61,9 @@ class Budget:
             noise_db=config.noise_db,
         )
 
-    def noise_errors_db(self, level_db: NDArray[np.float64], noise_db: float) -> NDArray[np.float64]:
+    def noise_errors_db(
+        self, level_db: NDArray[np.float64], noise_db: float | NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """Errors of measured levels [dB] by one standard error of the noise floor [dB], to first order, shape (n,).
 
         The derivative of 10 log10(signal + noise) by the noise in dB is the share of noise in the measured power, at
@@ -75,14 +78,3 @@ class Budget:
     def steepening(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
         """Factor of the slopes by an error of the resolutions, shape (m,), at standard normal z; at least 0.1."""
         return np.maximum(1.0 - FLATTENING * self.point_spread * z, 0.1)
-
-
-def log_field_prior(ratio: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Logarithm of the half-t density of standard deviations over their scale, but for a constant; -inf below 0.
-
-    References
-    ----------
-    Gelman, "Prior distributions for variance parameters in hierarchical models", Bayesian Analysis 1 (2006).
-    """
-    density = -0.5 * (FIELD_FREEDOM + 1.0) * np.log1p(ratio**2 / FIELD_FREEDOM)
-    return np.where(ratio >= 0.0, density, -np.inf)

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.assessment.budget import Budget
-from radcal.assessment.curves import Curves
+from radcal.assessment.compiled_bins import cumulants_at, shifted_cumulants, whitened
+from radcal.assessment.curves import PER_DEG
 from radcal.calibration.misfit import BinMisfit
 from radcal.calibration.moments import from_cumulants, to_cumulants
 from radcal.calibration.objectives.objective import Objective
@@ -21,7 +22,6 @@ __all__ = ["Evidence", "Unknowns"]
 
 Doubles = NDArray[np.float64]
 
-_PER_NEPER = 10.0 / np.log(10.0)
 _EVERY = 3  # of the angles that stand for a bin: enough for the change by an error of the incidence
 _HERMITE = (np.arange(5) - 2.0) / np.sqrt(2.0)  # points of a normal law with its first three moments
 _LEAST_SHARE = 0.1  # as radcal.calibration.incidence_error.attenuation has it
@@ -91,7 +91,7 @@ class Evidence:
             self._base = np.diag((part.scale.T.ravel() ** 2) / np.repeat(compared.classes.effective, 3))
             self._spread = np.zeros((GRID_DB.size, GRID_DB.size))
         nodes = part.expected.nodes_deg if part.expected is not None else compared.classes.nodes_deg
-        self._nodes, self._few = nodes, nodes[:, _EVERY // 2 :: _EVERY]
+        self._nodes, self._few = np.ascontiguousarray(nodes), np.ascontiguousarray(nodes[:, _EVERY // 2 :: _EVERY])
         mapped = compared.ground.incidence_deg
         self._mean_deg, self._variance = float(mapped.mean()), max(float(np.var(mapped)), 1e-12)
         self._stated = np.broadcast_to(np.asarray(compared.method.incidence_error_deg, dtype=np.float64), (n,))
@@ -107,10 +107,8 @@ class Evidence:
         """Statistics that law, speckle and noise have, from curves (m, 361) to (m, n, 3)."""
         expected = self.part.expected
         assert expected is not None  # noqa: S101
-        at = Curves.at(levels_db, self._nodes[None])
-        if np.isfinite(expected.noise_db):
-            at = _PER_NEPER * np.logaddexp(at / _PER_NEPER, expected.noise_db / _PER_NEPER)
-        return from_cumulants(_cumulants(at) + log_speckle_cumulants(expected.looks))
+        cumulants = cumulants_at(levels_db, self._nodes * PER_DEG, float(expected.noise_db))
+        return from_cumulants(cumulants + log_speckle_cumulants(expected.looks))
 
     def _shift(self, levels_db: Doubles, unknowns: Unknowns) -> Doubles:
         """Change of the cumulants by the errors of incidence and resolution, shape (m, n, 3)."""
@@ -120,10 +118,8 @@ class Evidence:
         of_true = np.maximum(self._variance - rms**2, _LEAST_SHARE * self._variance)
         share = np.maximum(of_true / (of_true + error**2), _LEAST_SHARE)
         slope = share * self.budget.steepening(unknowns.point_spread)[:, None]
-        centre = self._mean_deg + slope[..., None] * (self._few - self._mean_deg)
-        true = centre[..., None] + (error * np.sqrt(share))[..., None, None] * _HERMITE
-        true = np.clip(true.reshape(*slope.shape, -1), 0.0, 90.0)
-        return _cumulants(Curves.at(levels_db, true)) - _cumulants(Curves.at(levels_db, self._few[None]))
+        spread = error * np.sqrt(share) * PER_DEG
+        return shifted_cumulants(levels_db, self._few * PER_DEG, self._mean_deg * PER_DEG, slope, spread, _HERMITE)
 
     def difference(self, simulated: Doubles, levels_db: Doubles | None, unknowns: Unknowns) -> Doubles:
         """Expected minus measured statistics, all means, log sds and skewnesses: (m, n, 3) to (m, 3 n)."""
@@ -140,27 +136,31 @@ class Evidence:
             found[..., 1] = np.maximum(found[..., 1] + fields, 1e-3 * cumulants[..., 1])
         return np.asarray(np.swapaxes(from_cumulants(found), 1, 2).reshape(len(found), -1) - self._measured)
 
-    def factor(self, error: Doubles, unknowns: Unknowns) -> Doubles:
-        """Cholesky factor of the covariance, from the surrogate's standard errors (m, 3), shape (m, 3 n, 3 n)."""
-        n = self.size
-        whole = np.repeat(self._base[None], len(error), axis=0)
-        if self.decibels:
-            between, within = (tau[:, None, None] ** 2 for tau in (unknowns.between_db, unknowns.within_db))
-            whole[:, :n, :n] += between * self._patches + within * self._cells
-        place = np.arange(3 * n)
-        whole[:, place, place] += np.repeat(error**2, n, axis=1)
-        return np.asarray(np.linalg.cholesky(whole))
+    def whitened(self, difference: Doubles, error: Doubles, unknowns: Unknowns) -> tuple[Doubles, Doubles]:
+        """Differences in standard deviations, and the logarithm of their covariance's determinant, halved.
 
-    def whitened(self, difference: Doubles, factor: Doubles) -> Doubles:
-        """Differences in standard deviations, shape (m, 3 n)."""
-        return np.asarray(np.linalg.solve(factor, difference[..., None])[..., 0])
+        Parameters
+        ----------
+        difference : ndarray, shape (m, 3 n)
+            As :meth:`difference` returns it.
+        error : ndarray, shape (m, 3)
+            Standard errors of the surrogate.
+        unknowns : Unknowns
+            At m points.
+
+        Returns
+        -------
+        ndarray, shape (m, 3 n)
+        ndarray, shape (m,)
+        """
+        fields = (tau**2 if self.decibels else 0.0 * tau for tau in (unknowns.between_db, unknowns.within_db))
+        between, within = fields
+        return whitened(difference, self._base, between, self._patches, within, self._cells, error)
 
     def log_likelihood(self, simulated: Doubles, error: Doubles, levels_db: Doubles | None, at: Unknowns) -> Doubles:
         """Log likelihood of the bins and, of the fields' standard deviations, of the cells inside bins, shape (m,)."""
-        factor = self.factor(error, at)
-        squares = self.whitened(self.difference(simulated, levels_db, at), factor) ** 2
-        determinant = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
-        return np.asarray(-0.5 * squares.sum(axis=1) - determinant + self._of_fields(at))
+        residuals, determinant = self.whitened(self.difference(simulated, levels_db, at), error, at)
+        return np.asarray(-0.5 * (residuals**2).sum(axis=1) - determinant + self._of_fields(at))
 
     def _of_fields(self, at: Unknowns) -> Doubles:
         """Log likelihood of the fields' standard deviations, interpolated in its table."""
@@ -171,14 +171,6 @@ class Evidence:
         low = (1.0 - b) * t[first, second] + b * t[first, second + 1]
         high = (1.0 - b) * t[first + 1, second] + b * t[first + 1, second + 1]
         return np.asarray((1.0 - a) * low + a * high)
-
-
-def _cumulants(levels_db: Doubles) -> Doubles:
-    """Mean [dB], variance [dB^2] and third central moment [dB^3] over the last axis, shape (..., 3)."""
-    mean = levels_db.mean(axis=-1)
-    left = levels_db - mean[..., None]
-    square = left * left
-    return np.stack([mean, square.mean(axis=-1), (square * left).mean(axis=-1)], axis=-1)
 
 
 def _spread_table(ground: Ground) -> Doubles:

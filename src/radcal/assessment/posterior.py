@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri
+from threadpoolctl import threadpool_limits
 
-from radcal.assessment.curves import GRID_DEG
+from radcal.assessment.curves import GRID_DEG, Curves
 from radcal.assessment.known import Band, Modes, band_of, directions, known_between, modes_of
 from radcal.assessment.sampling import Sample, sample
-from radcal.assessment.unknowns import Model
 from radcal.calibration.history import History
 from radcal.calibration.objectives import Comparison, make_objectives
 from radcal.calibration.steps import train_all
@@ -21,13 +22,18 @@ from radcal.calibration.surrogate import Surrogate
 from radcal.config import Uncertainty, stages
 from radcal.measurement.levels import Levels
 from radcal.measurement.target import Targets
+from radcal.radar.laws import Law
 from radcal.seeds import derived_seed
 from radcal.storage.layout import About, put, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
+if TYPE_CHECKING:
+    from radcal.assessment.unknowns import Model
+
 __all__ = [
     "Curve",
     "Draws",
+    "KeptDraws",
     "Posterior",
     "draw",
     "posterior_of",
@@ -41,6 +47,7 @@ __all__ = [
 Doubles = NDArray[np.float64]
 
 _PRIOR_DRAWS, _FEWEST = 2000, 400
+_KEPT = 400  # draws in the file: the 5 % quantile of as many has a standard error of a tenth of a standard deviation
 _QUANTILES = [0.05, 0.5, 0.95]
 _FINE_DEG = 0.25
 _MEAN_POWER = np.log(10.0) / 20.0  # dB of mean power per dB^2 of variance of the fields: 0.115
@@ -50,11 +57,24 @@ _MEAN_POWER = np.log(10.0) / 20.0  # dB of mean power per dB^2 of variance of th
 class Curve:
     """Sigma0 of the ground, as mean power at each local incidence, with its 90 % band."""
 
-    incidence_deg: Annotated[Doubles, About("local incidence", "deg", "a")]
+    incidence_deg: Annotated[Doubles, About("local incidence", "deg", "a", scale=True)]
     median_db: Annotated[Doubles, About("median of sigma0", "dB", "a")]
     p05_db: Annotated[Doubles, About("5 % quantile of sigma0", "dB", "a")]
     p95_db: Annotated[Doubles, About("95 % quantile of sigma0", "dB", "a")]
     prior_half_width_db: Annotated[Doubles, About("half-width of the 90 % band that priors alone leave", "dB", "a")]
+
+
+@dataclass(frozen=True)
+class KeptDraws:
+    """Some hundred draws from the posterior of a law of d parameters, spread evenly over the sample."""
+
+    parameters: Annotated[Doubles, About("X of each draw", shape="m, d")]
+    looks: Annotated[Doubles, About("effective looks of each draw", shape="m")]
+    fields_db: Annotated[Doubles, About("standard deviations between and within fields of each draw", "dB", "m, 2")]
+
+    def curves_db(self, law: Law) -> Doubles:
+        """Mean power of the ground [dB] on the grid of incidence, shape (m, 361); of a law with a curve."""
+        return np.asarray(Curves(law, self.parameters[[0, -1]])(self.parameters) + _power_of_fields_db(self.fields_db))
 
 
 @dataclass(frozen=True)
@@ -90,6 +110,7 @@ class Posterior:
     known_half_width_db: Annotated[
         float | None, About("largest half-width of the 90 % band between these angles; absent where nowhere", "dB")
     ] = None
+    draws: Annotated[KeptDraws | None, About("draws from the posterior, for predictions")] = None
 
     def sentence(self, known_db: float) -> str:
         """Where sigma0 is known, in words."""
@@ -162,6 +183,8 @@ def posterior_on(
     -------
     Posterior
     """
+    from radcal.assessment.unknowns import Model  # with compiled functions, which readers of a posterior do not need
+
     model = Model(objective, surrogate, levels, config)
     return summarised(model, draw(model, config, seed, best), config.known_db)
 
@@ -189,15 +212,27 @@ def draw(model: Model, config: Uncertainty, seed: int, best: Sequence[float] | D
     best : array_like, shape (d,), optional
         X of the best run, from which one walker starts.
     """
+    with threadpool_limits(1):  # a fixed order of the sums
+        return _drawn(model, config, seed, best)
+
+
+def _drawn(model: Model, config: Uncertainty, seed: int, best: Sequence[float] | Doubles | None) -> Draws:
     rng = np.random.default_rng(seed)
     before = model.from_prior(_PRIOR_DRAWS, rng)
-    start = model.dispersed(config.walkers, rng)
+    start = rng.standard_normal((config.walkers, model.dimension))
     if len(before) < _FEWEST:
-        before = sample(model.log_prior, None, start, config.steps, derived_seed(seed, "prior")).draws
+        before = model.points(sample(model.log_prior, None, start, config.steps, derived_seed(seed, "prior")).draws)
     if best is not None:
-        start[0, : model.d] = np.clip(model.surrogate.unit(best), 1e-6, 1.0 - 1e-6)
-    found = sample(model.log_prior, model.log_likelihood, start, config.steps, derived_seed(seed, "posterior"))
-    return Draws(found.draws if found.converged else model.linear(found.best, rng), before, found)
+        start[0, : model.d] = ndtri(np.clip(model.surrogate.unit(best), 1e-6, 1.0 - 1e-6))
+    found = sample(
+        model.log_prior,
+        lambda deviates: model.log_likelihood(model.points(deviates)),
+        start,
+        config.steps,
+        derived_seed(seed, "posterior"),
+    )
+    points = model.points(found.draws) if found.converged else model.linear(model.points(found.best[None])[0], rng)
+    return Draws(points, before, found)
 
 
 def sigma0_db(model: Model, points: Doubles) -> Doubles:
@@ -208,8 +243,22 @@ def sigma0_db(model: Model, points: Doubles) -> Doubles:
     """
     assert model.curves is not None  # noqa: S101
     fields = model.unknowns(points)
-    more = _MEAN_POWER * (fields.between_db**2 + fields.within_db**2)
-    return np.asarray(model.curves(model.parameters(points)) + more[:, None])
+    more = _power_of_fields_db(np.stack([fields.between_db, fields.within_db], axis=1))
+    return np.asarray(model.curves(model.parameters(points)) + more)
+
+
+def _power_of_fields_db(fields_db: Doubles) -> Doubles:
+    """Mean power over the level of the law [dB], from the fields' standard deviations, shape (m, 2) to (m, 1)."""
+    between, within = fields_db.T
+    return np.asarray(_MEAN_POWER * (between**2 + within**2))[:, None]
+
+
+def _kept(model: Model, points: Doubles) -> KeptDraws:
+    """Draws spread evenly over a sample, all of them where it is small."""
+    some = points[np.unique(np.linspace(0, len(points) - 1, _KEPT).round().astype(np.intp))]
+    unknowns = model.unknowns(some)
+    fields_db = np.stack([unknowns.between_db, unknowns.within_db], axis=1)
+    return KeptDraws(np.asarray(model.parameters(some)), unknowns.looks, fields_db)
 
 
 def summarised(model: Model, found: Draws, known_db: float) -> Posterior:
@@ -261,6 +310,7 @@ def summarised(model: Model, found: Draws, known_db: float) -> Posterior:
         curve=curve,
         known_between_deg=known,
         known_half_width_db=half,
+        draws=_kept(model, found.posterior),
     )
 
 

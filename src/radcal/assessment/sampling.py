@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +17,13 @@ LogDensity = Callable[[Doubles], Doubles]
 """Points, shape (m, d), to log densities, shape (m,)."""
 
 ESS, R_HAT = 400.0, 1.05
-_LEAST_TIMES = 20.0  # autocorrelation times; a shorter chain underestimates them
+_LEAST_TIMES = 15.0  # autocorrelation times; a shorter chain underestimates them
 _GROUPS = 8  # of walkers, for R-hat
-_DROPPED = 0.25  # of the steps, at the start
 _POWERS = (0.003, 0.01, 0.03, 0.1, 0.3)  # of the likelihood, on the way from prior to posterior
 _WARM_UP = 40  # steps at each
+_FITTED = (100, 200, 300)  # steps before each fit of the mixture, of which the first half is dropped
+_COMPONENTS, _WIDENED = 12, 2.0  # of the mixture, and factor of its covariances
+_DROPPED = 0.125  # of the steps after the last fit, at the start
 _CHUNK = 500  # steps between two tests
 _DRAWS = 4000  # kept
 
@@ -39,8 +43,8 @@ class Sample:
     steps : int
         Steps of each walker.
     converged : bool
-        Whether the effective sample size is 400 or more, R-hat below 1.05 and the steps 20 autocorrelation times or
-        more, or the steps are 50 autocorrelation times.
+        Whether the effective sample size is 400 or more, R-hat below 1.05 and the kept steps 15 autocorrelation times
+        or more.
     best : ndarray, shape (d,)
         Point of the largest log density.
     """
@@ -76,8 +80,10 @@ def sample(log_prior: LogDensity, log_likelihood: LogDensity | None, start: Doub
     """Sample prior times likelihood; without a likelihood, the prior alone.
 
     The walkers start dispersed over the prior, and the likelihood's power grows from 0 to 1 in five stages, so that
-    walkers reach every mode that is worth it. Most moves are differences of two other walkers (ter Braak 2006), which
-    suit curved and several modes better than the stretches of the rest. The first quarter of the steps is dropped.
+    walkers reach every mode that is worth it. Moves are differences of two other walkers (ter Braak 2006), stretches,
+    and points of a normal mixture that is fitted three times to the steps so far: a law's parameters often lie in a
+    thin bent region, in which differences of distant walkers are seldom accepted. The mixture stays the same in the
+    steps that are kept; the first eighth of these is dropped.
 
     Parameters
     ----------
@@ -111,23 +117,59 @@ def sample(log_prior: LogDensity, log_likelihood: LogDensity | None, start: Doub
             found[inside] += power * log_likelihood(points[inside])
         return np.where(np.isnan(found), -np.inf, found)
 
+    # without DESnookerMove, whose jumps emcee 3.1.6 does not scale as ter Braak and Vrugt (2008): it is biased
+    moves = [(DEMove(), 0.7), (DEMove(gamma0=1.0), 0.1), (StretchMove(), 0.2)]
+
+    def sampler(power: float) -> EnsembleSampler:
+        return EnsembleSampler(walkers, d, lambda points: density(points, power), moves=moves, vectorize=True)
+
     state = State(start, random_state=np.random.RandomState(seed % 2**32).get_state())
-    for power in (*(_POWERS if log_likelihood is not None else ()), 1.0):
-        # without DESnookerMove, whose jumps emcee 3.1.6 does not scale as ter Braak and Vrugt (2008): it is biased
-        moves = [(DEMove(), 0.7), (DEMove(gamma0=1.0), 0.1), (StretchMove(), 0.2)]
-        sampler = EnsembleSampler(walkers, d, lambda points, p=power: density(points, p), moves=moves, vectorize=True)
-        if power < 1.0:
-            state = sampler.run_mcmc(state, _WARM_UP, skip_initial_state_check=True)
-            state = State(state.coords, random_state=state.random_state)
+    stages = [(power, _WARM_UP) for power in _POWERS if log_likelihood is not None] + [(1.0, n) for n in _FITTED]
+    for power, count in stages:
+        walk = sampler(power)
+        state = walk.run_mcmc(state, min(count, steps), skip_initial_state_check=True)
+        state = State(state.coords, random_state=state.random_state)
+        if power == 1.0:
+            chain = walk.get_chain()
+            mixture = _mixture_move(chain[len(chain) // 2 :].reshape(-1, d), seed)
+            moves = [(mixture, 0.6), (DEMove(), 0.2), (DEMove(gamma0=1.0), 0.05), (StretchMove(), 0.15)]
+    walk = sampler(1.0)
     while True:
-        state = sampler.run_mcmc(state, min(_CHUNK, steps - sampler.iteration), skip_initial_state_check=True)
-        found = _judged(sampler.get_chain(), sampler.get_log_prob())
-        if found.converged or sampler.iteration >= steps:
+        state = walk.run_mcmc(state, min(_CHUNK, steps - walk.iteration), skip_initial_state_check=True)
+        found = _judged(walk.get_chain(), walk.get_log_prob())
+        if found.converged or walk.iteration >= steps:
             return found
 
 
+def _mixture_move(points: Doubles, seed: int) -> Any:
+    """Independent proposals by a normal mixture fitted to points, shape (k, d)."""
+    from emcee.moves import RedBlueMove
+    from sklearn.mixture import GaussianMixture
+
+    class MixtureMove(RedBlueMove):  # type: ignore[misc]
+        """Metropolis-Hastings move to a point that does not depend on where the walker is."""
+
+        def get_proposal(self, sample: Doubles, complement: Any, random: Any) -> tuple[Doubles, Doubles]:  # noqa: ARG002
+            place = random.choice(len(roots), size=len(sample), p=fitted.weights_)
+            steps = np.einsum("kde,ke->kd", roots[place], random.standard_normal(sample.shape))
+            proposed = fitted.means_[place] + steps
+            return proposed, fitted.score_samples(sample) - fitted.score_samples(proposed)
+
+    # k-means++ takes points for the first centres, and unlike k-means sums over no threads
+    fitted = GaussianMixture(
+        _COMPONENTS, random_state=seed % 2**32, init_params="k-means++", reg_covar=1e-4, tol=1e-2, max_iter=50
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # a fit that is not yet at its maximum proposes as well
+        fitted.fit(points[:: max(1, len(points) // _DRAWS)])
+    fitted.covariances_ *= _WIDENED
+    fitted.precisions_cholesky_ /= np.sqrt(_WIDENED)
+    roots = np.linalg.cholesky(fitted.covariances_)
+    return MixtureMove()
+
+
 def _judged(chain: Doubles, log_density: Doubles) -> Sample:
-    """Last three quarters of the steps, and whether they have converged."""
+    """Steps without the first eighth, and whether they have converged."""
     from emcee.autocorr import integrated_time
 
     kept = chain[int(_DROPPED * len(chain)) :]

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtr, stdtr, stdtrit
 
-from radcal.assessment.budget import FIELD_FREEDOM, Budget, log_field_prior
+from radcal.assessment.budget import FIELD_FREEDOM, Budget
 from radcal.assessment.curves import Curves
 from radcal.assessment.evidence import Evidence, Unknowns
 from radcal.calibration.law_fit import LOOKS
@@ -55,6 +56,7 @@ class Model:
         self.evidence = [Evidence(part, self.budget, material.looks) for part in parts]
         first = self.evidence[0].compared
         self.prior, self._looks_prior = first.prior, first.looks_prior and material.decibels
+        self._prior_rad = np.radians(self.prior.angles_deg if self.prior is not None else [])
         self.free_looks = first.method.free_looks and material.decibels
         self._log_looks = np.log([LOOKS[0], LOOKS[1] * material.looks])
         self.level_only = all(part.material.target.level_only for part in parts)
@@ -64,6 +66,8 @@ class Model:
         if material.law.has_curve and material.decibels:
             self.curves = Curves(material.law, surrogate.scaled(np.array([[0.3], [0.6]]) * np.ones(self.d)))
         self._scale = self.budget.field_db if material.decibels else 0.0
+        most = 0.99 * _MOST_FIELD_DB / max(self._scale, 1e-9)
+        self._t_below = min(float(stdtr(FIELD_FREEDOM, most)), 1.0 - 1e-12)
         # one column for each unknown after X
         self.dimension = self.d + self.free_looks + 2 + 2 * (self.curves is not None)
 
@@ -90,47 +94,50 @@ class Model:
             point_spread=deviates[:, 1] if deviates.size else zero,
         )
 
+    def points(self, deviates: Doubles) -> Doubles:
+        """Points at standard normal deviates, shape (m, dimension) to (m, dimension): the prior without the curve's.
+
+        The sampler walks over the deviates, because there it finds neither bounds nor heavy tails.
+        """
+        share = ndtr(deviates)
+        looks, fields = self.d, self.d + int(self.free_looks)
+        found = deviates.copy()
+        found[:, :looks] = share[:, :looks]
+        if self.free_looks:
+            found[:, looks] = self._log_looks[0] + np.ptp(self._log_looks) * share[:, looks]
+        # half-t, cut at the end of the table of their likelihood
+        below = 0.5 + (self._t_below - 0.5) * share[:, fields : fields + 2]
+        found[:, fields : fields + 2] = stdtrit(FIELD_FREEDOM, below)
+        return found
+
     def dispersed(self, count: int, rng: np.random.Generator) -> Doubles:
         """Points drawn from the prior without that of the curve, shape (count, dimension)."""
-        columns = [rng.random((count, self.d))]
-        if self.free_looks:
-            columns.append(rng.uniform(self._log_looks[0], self._log_looks[1], (count, 1)))
-        most = 0.99 * _MOST_FIELD_DB / max(self._scale, 1e-9)
-        columns.append(np.minimum(np.abs(rng.standard_t(FIELD_FREEDOM, (count, 2))), most))
-        if self.curves is not None:
-            columns.append(rng.standard_normal((count, 2)))
-        return np.concatenate(columns, axis=1)
+        return self.points(rng.standard_normal((count, self.dimension)))
 
-    def _log_box(self, points: Doubles) -> Doubles:
-        """Log density of fields and errors, -inf outside of the bounds, shape (m,)."""
+    def _inside(self, points: Doubles) -> NDArray[np.bool_]:
+        """Whether points are inside of the bounds, shape (m,)."""
         unit = points[:, : self.d]
-        looks, fields, deviates = self._columns(points)
-        inside = ((unit >= 0.0) & (unit <= 1.0)).all(axis=1) & (self._scale * fields < _MOST_FIELD_DB).all(axis=1)
+        looks, fields, _ = self._columns(points)
+        inside = ((unit >= 0.0) & (unit <= 1.0)).all(axis=1) & (fields >= 0.0).all(axis=1)
         if looks is not None:
             inside &= (looks >= self._log_looks[0]) & (looks <= self._log_looks[1])
-        found = log_field_prior(fields).sum(axis=1) - 0.5 * (deviates**2).sum(axis=1)
-        return np.where(inside, found, -np.inf)
+        return np.asarray(inside & (self._scale * fields < _MOST_FIELD_DB).all(axis=1))
 
     def _log_weight(self, points: Doubles) -> Doubles:
         """Log density of the priors on looks and curve, at points inside of the bounds, shape (m,)."""
         looks, _, _ = self._columns(points)
         found = np.zeros(len(points))
         if looks is not None and self._looks_prior:
-            residuals = [looks_residuals(float(np.exp(one)), self.sensor) for one in looks]
-            found -= 0.5 * (np.array(residuals).reshape(len(points), -1) ** 2).sum(axis=1)
+            found -= 0.5 * looks_residuals(np.exp(looks), self.sensor) ** 2
         if self.prior is not None and self.curves is not None:
             x = self.parameters(points)
-            levels = Curves.at(self.curves(x), self.prior.angles_deg[None])
+            levels = self.curves(x, self._prior_rad)
             found -= 0.5 * (self.prior.of_curves(levels, x) ** 2).sum(axis=1)
         return found
 
-    def log_prior(self, points: Doubles) -> Doubles:
-        """Log prior density, shape (m, dimension) to (m,); -inf outside the bounds."""
-        found = self._log_box(points)
-        inside = np.isfinite(found)
-        if inside.any():
-            found[inside] += self._log_weight(points[inside])
-        return found
+    def log_prior(self, deviates: Doubles) -> Doubles:
+        """Log prior density of standard normal deviates, shape (m, dimension) to (m,)."""
+        return np.asarray(-0.5 * (deviates**2).sum(axis=1) + self._log_weight(self.points(deviates)))
 
     def from_prior(self, count: int, rng: np.random.Generator) -> Doubles:
         """Independent draws from the prior, at most ``count``: fewer where hardly a point of the box has a good curve.
@@ -169,16 +176,16 @@ class Model:
     def _whitened(self, points: Doubles, centre: Doubles) -> Doubles:
         """Residuals of data and priors in standard deviations, the covariance that of one point, shape (m, k)."""
         simulated, _, levels = self._simulated(points)
-        _, error, _ = self._simulated(centre[None])
-        at, there = self.unknowns(points), self.unknowns(centre[None])
+        same = np.repeat(centre[None], len(points), axis=0)
+        _, error, _ = self._simulated(same)
+        at, there = self.unknowns(points), self.unknowns(same)
         ends = np.cumsum([one.size for one in self.evidence])[:-1]
         columns = []
         for one, found in zip(self.evidence, np.split(simulated, ends, axis=1), strict=True):
-            columns.append(one.whitened(one.difference(found, levels, at), one.factor(error, there)))
-        if self.prior is not None and levels is not None:
-            columns.append(
-                self.prior.of_curves(Curves.at(levels, self.prior.angles_deg[None]), self.parameters(points))
-            )
+            columns.append(one.whitened(one.difference(found, levels, at), error, there)[0])
+        if self.prior is not None and self.curves is not None:
+            x = self.parameters(points)
+            columns.append(self.prior.of_curves(self.curves(x, self._prior_rad), x))
         return np.concatenate(columns, axis=1)
 
     def linear(self, centre: Doubles, rng: np.random.Generator) -> Doubles:
@@ -202,7 +209,7 @@ class Model:
         covariance = np.linalg.inv(slopes @ slopes.T + np.diag(known[free]))
         draws = np.repeat(centre[None], _TRIED, axis=0)
         draws[:, free] += rng.multivariate_normal(np.zeros(int(free.sum())), covariance, _TRIED)
-        inside = np.isfinite(self._log_box(draws))
+        inside = self._inside(draws)
         return draws[inside][:_LINEAR] if inside.sum() >= _FEWEST else self._limited(draws[:_LINEAR])
 
     def _limited(self, points: Doubles) -> Doubles:

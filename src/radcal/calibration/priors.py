@@ -37,7 +37,7 @@ def _log_normal(value: NDArray[np.float64], median: float, log_sd: float, least:
     return np.asarray((log - np.log(median)) / log_sd + log_sd)
 
 
-def looks_residuals(effective: float, sensor: float) -> NDArray[np.float64]:
+def looks_residuals(effective: ArrayLike, sensor: float) -> NDArray[np.float64]:
     """Residual of the looks of a material: log-normal about 0.9 of the sensor's, log sd 0.6.
 
     Texture only lowers the looks seen in dB; natural surfaces at metre to decametre resolution show
@@ -49,15 +49,17 @@ def looks_residuals(effective: float, sensor: float) -> NDArray[np.float64]:
 
     Parameters
     ----------
-    effective, sensor : float
-        Looks of the material and of the sensor.
+    effective : array_like, shape (m,)
+        Looks of the material; a number counts as one.
+    sensor : float
+        Looks of the sensor.
 
     Returns
     -------
-    ndarray, shape (1,)
+    ndarray, shape (m,)
     """
     median, log_sd = _LOOKS
-    return np.array([np.log(effective / (median * sensor)) / log_sd])
+    return np.asarray(np.log(np.atleast_1d(np.asarray(effective, dtype=np.float64)) / (median * sensor)) / log_sd)
 
 
 @dataclass(frozen=True)

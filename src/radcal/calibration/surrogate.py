@@ -95,6 +95,7 @@ class Surrogate:
         self._shape = training.statistics.shape[1:]
         learnt = _learnt(training.statistics, training.direct) - self._base(self.parameters)
         unit = self.unit(self.parameters)
+        self._first = np.mean(learnt[0] ** 2, axis=0) * training.baseline  # of a single run
         self._models = [
             Kriging(unit, learnt[..., k], training.scales[k], float(training.nugget[k])) for k in range(len(STATISTICS))
         ]
@@ -148,10 +149,8 @@ class Surrogate:
         if self.training.direct:
             return np.zeros((len(points), len(STATISTICS)))
         if len(self.parameters) == 1:
-            learnt = _learnt(self.training.statistics, self.training.direct) - self._base(self.parameters)
-            size = np.mean(learnt[0] ** 2, axis=0) * self.training.baseline
             apart = ((points - self.unit(self.parameters)) ** 2).sum(axis=1)
-            return np.asarray(np.sqrt(size * -np.expm1(-apart)[:, None]))
+            return np.asarray(np.sqrt(self._first * -np.expm1(-apart)[:, None]))
         return np.asarray(np.sqrt(np.stack([model.excess * model.variance(points) for model in self._models], axis=-1)))
 
     def standard_error(self, unit: ArrayLike) -> NDArray[np.float64]:

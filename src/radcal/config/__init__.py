@@ -16,7 +16,7 @@ from radcal.config.inputs import (
     missing_inputs,
     vrt_folders,
 )
-from radcal.config.loading import case_from, load, load_with_problems
+from radcal.config.loading import FILL_IN, case_from, load, load_forward, load_measured, load_with_problems
 from radcal.config.materials import Material, Start
 from radcal.config.measurement import FileMeasurement, HiddenLaw, MeasurementConfig, Synthetic, SyntheticMeasurement
 from radcal.config.optimiser import Optimiser
@@ -41,6 +41,7 @@ from radcal.config.validation import Validation
 from radcal.config.writing import default_case, default_yaml
 
 __all__ = [
+    "FILL_IN",
     "BuiltinScene",
     "BuiltinSimulation",
     "Case",
@@ -79,6 +80,8 @@ __all__ = [
     "files_below",
     "input_files",
     "load",
+    "load_forward",
+    "load_measured",
     "load_with_problems",
     "missing_inputs",
     "nearest",

@@ -11,10 +11,12 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from radcal.config.design import Design
 from radcal.config.fitting_defaults import (
+    with_colours,
     with_fitting_draws,
     with_fitting_measurement,
     with_fitting_stop,
     with_passes,
+    with_starting_laws,
 )
 from radcal.config.limits import Seed
 from radcal.config.materials import DEFAULT_LAW, Material, check_parameters, default_materials
@@ -30,8 +32,9 @@ from radcal.config.part import Part
 from radcal.config.pydantic_errors import Contradictions, nearest
 from radcal.config.radar import Radar
 from radcal.config.registration import RegistrationConfig
-from radcal.config.scene import BuiltinScene, SceneConfig, SlantRangeScene
+from radcal.config.scene import BuiltinScene, RasterScene, SceneConfig, SlantRangeScene
 from radcal.config.sections import TAGS, CaseName
+from radcal.config.sensors import SENSORS
 from radcal.config.simulator import BuiltinSimulation, CommandSimulation, SimulatorConfig
 from radcal.config.stop import Stop
 from radcal.config.surrogate import SurrogateConfig
@@ -39,7 +42,7 @@ from radcal.config.target import TargetConfig
 from radcal.config.uncertainty import Uncertainty
 from radcal.config.validation import Validation
 from radcal.radar.bands import same_label
-from radcal.radar.laws import EXTERNAL, LAWS
+from radcal.radar.laws import EXTERNAL, laws_known
 
 __all__ = ["Case"]
 
@@ -71,6 +74,7 @@ class Case(Part):
     )
     further_radar: list[Radar] | None = Field(None, description="radar of the second and later passes")
     further_measurement: list[MeasurementConfig] | None = Field(None, description="their measured images")
+    colours: dict[str, str] | None = Field(None, description="colours of the materials in figures")
     registration: RegistrationConfig = Field(default_factory=RegistrationConfig)
     objective: Objective = Field(
         DEFAULT,
@@ -95,7 +99,8 @@ class Case(Part):
         """
         if not isinstance(data, dict):
             return data
-        data = with_fitting_measurement(with_fitting_stop(with_passes(data)))
+        data = with_colours(with_starting_laws(with_passes(data)))
+        data = with_fitting_measurement(with_fitting_stop(data))
         if "objective" in data:
             return with_fitting_draws(data)
         target, materials = (data[key] if isinstance(data.get(key), dict) else {} for key in ("target", "materials"))
@@ -156,6 +161,12 @@ class Case(Part):
                 "target.normalisation is offset, expected at least one material with fixed parameters "
                 "(calibrate: false) to give the level, found none"
             )
+        headings = [one.radar.heading_deg for one in self.passes]
+        if len(set(headings)) > 1:
+            yield (
+                f"radar.*.heading_deg are {', '.join(f'{heading:g}' for heading in headings)}, expected the same "
+                "heading in all passes, which share the scene's grid"
+            )
         for number, one in enumerate(self.passes, start=1):
             for text in one._in_pass():
                 yield f"pass {number}: {text}" if self.further_radar else text
@@ -185,7 +196,8 @@ class Case(Part):
                 yield from self._in_hidden(measurement.synthetic)
             yield from self._in_truth(measurement.synthetic)
             yield from self._in_mismatch(measurement.synthetic)
-        yield from self._in_laws()
+        yield from self._in_track()
+        yield from self.laws_without_pass()
         if isinstance(measurement, FileMeasurement):
             yield from self._in_image(measurement)
 
@@ -275,7 +287,7 @@ class Case(Part):
                 continue
             if synthetic.is_written and name in synthetic.parameters:
                 yield f"{key}.laws.{name} and {key}.parameters.{name} are both given, expected one of them"
-            if "frequency_ghz" in LAWS[hidden.law].needs and self.radar.frequency_ghz is None:
+            if "frequency_ghz" in hidden.unbound_law.needs and self.radar.frequency_ghz is None:
                 yield f"radar.frequency_ghz is missing: law {hidden.law!r} of {key}.laws.{name} depends on it"
         if synthetic.disturbed and isinstance(self.simulator, CommandSimulation):
             yield (
@@ -285,14 +297,35 @@ class Case(Part):
         if synthetic.relief_m > 0 and isinstance(self.scene, SlantRangeScene):
             yield f"{key}.relief_m is {synthetic.relief_m:g}, expected 0: a slant-range scene has no heights"
 
-    def _in_laws(self) -> Iterator[str]:
-        """Laws that the simulator cannot evaluate, and laws that need a missing ``radar.frequency_ghz``."""
+    def _in_track(self) -> Iterator[str]:
+        """A heading that the scene cannot have, and one that is missing."""
+        radar, scene = self.radar, self.scene
+        if not isinstance(scene, RasterScene):
+            if radar.heading_deg:
+                yield (
+                    f"radar.heading_deg is {radar.heading_deg:g}, expected none with scene.source: {scene.source}, "
+                    "whose grid has no place on the map"
+                )
+            return
+        if radar.heading_deg and scene.objects is not None and scene.objects.path is not None:
+            yield (
+                f"radar.heading_deg is {radar.heading_deg:g} and scene.objects.path is given, whose positions are not "
+                "turned with the scene's grid, expected scene.objects.generate or a track to the north"
+            )
+        if radar.sensor is not None and SENSORS[radar.sensor].orbit and "heading_deg" not in radar.model_fields_set:
+            yield (
+                f"radar.heading_deg is missing: the track of sensor {radar.sensor} does not head north "
+                "(docs/sensors.md)"
+            )
+
+    def laws_without_pass(self) -> Iterator[str]:
+        """Sentences on laws that the simulator cannot evaluate, or that need a missing ``radar.frequency_ghz``."""
         command = isinstance(self.simulator, CommandSimulation)
         for name, material in self.materials.items():
             if material.law == EXTERNAL and not command:
                 yield (
                     f"materials.{name}.law is {EXTERNAL}, which only simulator.kind: command can simulate, "
-                    f"expected one of {sorted(LAWS)}"
+                    f"expected one of {laws_known(external=False)}"
                 )
             if material.starts_with_another_law and command:
                 yield (

@@ -4,13 +4,21 @@ from __future__ import annotations
 
 from typing import Any
 
+from radcal.config.landcover import starting_keys
 from radcal.config.materials import DEFAULT_LAW
 from radcal.config.measurement import HIDDEN_DYKE, PUBLISHED_DYKE, SyntheticMeasurement, default_synthetic, within
 from radcal.config.objectives import DEFAULT, OBJECTIVES
 from radcal.config.sections import FURTHER, TAGS
 from radcal.radar.laws import LAWS
 
-__all__ = ["with_fitting_draws", "with_fitting_measurement", "with_fitting_stop", "with_passes"]
+__all__ = [
+    "with_colours",
+    "with_fitting_draws",
+    "with_fitting_measurement",
+    "with_fitting_stop",
+    "with_passes",
+    "with_starting_laws",
+]
 
 _DRAWS_IN_BINS = 4
 
@@ -94,3 +102,31 @@ def with_passes(data: dict[str, Any]) -> dict[str, Any]:
             if others:
                 found[further] = others
     return found
+
+
+def with_starting_laws(data: dict[str, Any]) -> dict[str, Any]:
+    """Case data; materials of a land-cover map have the starting laws of their names, where the case gives none."""
+    scene, materials = data.get("scene"), data.get("materials")
+    landcover = scene.get("landcover") if isinstance(scene, dict) else getattr(scene, "landcover", None)
+    if not isinstance(landcover, str) or not isinstance(materials, dict):
+        return data
+    found = {
+        name: {**item, **starting_keys(landcover, name, item)} if isinstance(item, dict) else item
+        for name, item in materials.items()
+    }
+    return {**data, "materials": found}
+
+
+def with_colours(data: dict[str, Any]) -> dict[str, Any]:
+    """Case data with a section of the materials' colours, which no stage but the archive reads."""
+    if data.get("colours") is not None:
+        raise ValueError("unknown key colours: materials have a key colour each")
+    materials = data.get("materials")
+    if not isinstance(materials, dict):
+        return data
+    colours = {
+        name: item["colour"]
+        for name, item in materials.items()
+        if isinstance(item, dict) and isinstance(item.get("colour"), str)
+    }
+    return {**data, "colours": colours} if colours else data

@@ -17,6 +17,7 @@ from radcal.config.scene import BuiltinScene, RasterScene, SlantRangeScene
 from radcal.config.simulator import CommandSimulation
 from radcal.errors import ConfigError
 from radcal.reading.rasters import RasterRefused, raster_files
+from radcal.reading.safe import MANIFEST, SafeRefused, chosen_image, is_safe_name, safe_folder, safe_images
 
 __all__ = [
     "check_reuse",
@@ -141,13 +142,17 @@ def _sources(case: Case) -> Iterator[Callable[[], dict[str, Path]]]:
     if isinstance(case.scene, SlantRangeScene | RasterScene):
         for key in rasters:
             yield partial(_raster_inputs, case.scene, key, f"scene.{key}")
-        yield partial(_plain, case.scene.names, "scene.names")
+        if case.scene.names is not None:
+            yield partial(_plain, case.scene.names, "scene.names")
     if isinstance(case.scene, BuiltinScene | RasterScene) and case.scene.objects and case.scene.objects.path:
         yield partial(_plain, case.scene.objects.path, "scene.objects.path")
     for number, one in enumerate(case.passes, start=1):
         if isinstance(one.measurement, FileMeasurement):
-            key = "measurement" if number == 1 else f"measurement.{number}"
-            yield partial(_raster_inputs, one.measurement, "path", f"{key}.path")
+            key = f"{'measurement' if number == 1 else f'measurement.{number}'}.path"
+            if is_safe_name(one.measurement.path):
+                yield partial(_product_inputs, one.measurement.path, one.radar.polarisation, key)
+            else:
+                yield partial(_raster_inputs, one.measurement, "path", key)
     if isinstance(case.simulator, CommandSimulation):
         yield partial(_simulator_files, case.simulator)
 
@@ -201,6 +206,16 @@ def _raster_inputs(config: SlantRangeScene | RasterScene | FileMeasurement, name
     except RasterRefused as error:
         raise ConfigError(f"{key}: {path} cannot be read as a raster ({error}).") from None
     return {key: path} | {f"{key}.{k}": other for k, other in enumerate(others)}
+
+
+def _product_inputs(text: str, polarisation: str, key: str) -> dict[str, Path]:
+    """Manifest of a Sentinel-1 product, and the files of one polarisation."""
+    path = expand_path(text, key, folder=True)
+    try:
+        image = chosen_image(safe_images(path), polarisation)
+    except SafeRefused as error:
+        raise ConfigError(f"{key}: {path} cannot be read as a Sentinel-1 product ({error}).") from None
+    return {key: safe_folder(path) / MANIFEST} | {f"{key}.{k}": file for k, file in enumerate(image.files)}
 
 
 def _simulator_files(config: CommandSimulation) -> dict[str, Path]:

@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
+from radcal.config import stages
 from radcal.config.case import Case
+from radcal.config.inputs import expand_path
 from radcal.config.pydantic_errors import sentence, shown, wrong_keys
+from radcal.config.sections import MATERIALS_FROM
 from radcal.errors import ConfigError
 
-__all__ = ["case_from", "load", "load_with_problems"]
+__all__ = ["FILL_IN", "case_from", "load", "load_forward", "load_measured", "load_with_problems"]
+
+FILL_IN = "FILL_IN"  # mark of a value that is still to be decided, in a case that radcal new has written
+# sections that a forward run does not read
+_OF_CALIBRATION = (
+    "measurement", "registration", "objective", "target", "validation", "design", "surrogate", "optimiser",
+    "uncertainty", "stop",
+)  # fmt: skip
 
 
 def _parsed(overrides: Mapping[str, Any]) -> dict[str, Any]:
@@ -57,7 +67,11 @@ def load(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None
     ConfigError
         A file is missing, empty or not YAML, a key occurs twice, or a key or value is wrong.
     """
-    return case_from(_read(files, overrides), _origin(files))
+    data, origin = _read(files, overrides), _origin(files)
+    if undecided := list(_undecided(data)):
+        more = f" (and {len(undecided) - 1} more)" if len(undecided) > 1 else ""
+        raise ConfigError(f"{origin}: {_still(undecided[0])}{more}.")
+    return case_from(data, origin)
 
 
 def load_with_problems(
@@ -85,7 +99,11 @@ def load_with_problems(
         A file is missing, empty or not YAML, or a key occurs twice.
     """
     data, origin = _read(files, overrides), _origin(files)
-    problems: list[str] = []
+    undecided = list(_undecided(data))
+    problems: list[str] = [_still(place) for place in undecided]
+    data = deepcopy(data)
+    for place in undecided:
+        _leave_out(data, place)
     while True:
         contradictions: list[str] = []
         try:
@@ -101,6 +119,76 @@ def load_with_problems(
             data = rest
         else:
             return case, _sentences(origin, problems + contradictions)
+
+
+def load_forward(
+    files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None, calibrated: str | Path | None = None
+) -> stages.Forward:
+    """Read the sections of a case that a forward run needs; sections of measurement and calibration are not read.
+
+    Parameters
+    ----------
+    files, overrides
+        As for :func:`load`.
+    calibrated : path, optional
+        File whose materials replace those of the case.
+
+    Returns
+    -------
+    stages.Forward
+        No material needs to be marked ``calibrate: true``.
+
+    Raises
+    ------
+    ConfigError
+        As for :func:`load`, or a law does not suit simulator or pass.
+    """
+    origin = _origin(files)
+    data = {key: value for key, value in _read(files, overrides).items() if key not in _OF_CALIBRATION}
+    if calibrated is not None:
+        data["materials"] = {**data.get("materials", {}), **_materials_of(calibrated, "--materials")}
+    passes = data.get("radar")
+    if isinstance(passes, list):  # an image of each pass, which a case must have and nobody reads
+        data["measurement"] = [{}] * len(passes)
+    ignored: list[str] = []
+    try:
+        case = Case.model_validate(data, context=ignored)
+    except ValidationError as error:
+        raise ConfigError(sentence(error, origin, Case)) from None
+    for one in case.passes:
+        for text in one.laws_without_pass():
+            raise ConfigError(f"{origin}: {text}.")
+    return stages.Forward.of(case)
+
+
+def load_measured(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None) -> Case | None:
+    """Read a case with a measured image, of which no material need be marked ``calibrate: true``.
+
+    Parameters
+    ----------
+    files, overrides
+        As for :func:`load`.
+
+    Returns
+    -------
+    Case or None
+        None if the files have no section ``measurement``.
+
+    Raises
+    ------
+    ConfigError
+        As for :func:`load`.
+    """
+    data, found = _read(files, overrides), list[str]()
+    if "measurement" not in data:
+        return None
+    try:
+        case = Case.model_validate(data, context=found)
+    except ValidationError as error:
+        raise ConfigError(sentence(error, _origin(files), Case)) from None
+    if found and case.calibrated:
+        raise ConfigError(f"{_origin(files)}: {shown(found[0], 600)}.")
+    return case
 
 
 def _sentences(origin: str, problems: Sequence[str]) -> list[str]:
@@ -126,6 +214,21 @@ def _leave_out(data: dict[str, Any], place: Sequence[int | str]) -> None:
             break
 
 
+def _undecided(data: Any, above: tuple[int | str, ...] = ()) -> Iterator[tuple[int | str, ...]]:
+    """Places of values, or of names of keys, that are still to be decided."""
+    for key, value in data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ():
+        place = (*above, key)
+        if FILL_IN in (value, key):
+            # an item of a list is decided together with its list
+            yield above if isinstance(data, list) else place
+        else:
+            yield from _undecided(value, place)
+
+
+def _still(place: Sequence[int | str]) -> str:
+    return f"{'.'.join(map(str, place))} is {FILL_IN}, expected a value, which is still to be decided"
+
+
 def _origin(files: Sequence[str | Path]) -> str:
     return ", ".join(str(f) for f in files) or "configuration"
 
@@ -137,4 +240,22 @@ def _read(files: Sequence[str | Path], overrides: Mapping[str, Any] | None) -> d
     data: dict[str, Any] = {}
     for file in files:
         data = merged(data, read_case_file(file))
-    return merged(data, _parsed(overrides or {}))
+    data = merged(data, _parsed(overrides or {}))
+    if (file := data.pop(MATERIALS_FROM, None)) is not None:
+        own = data.get("materials", {})
+        # a material of the case replaces the whole material, because keys of two laws do not mix
+        data["materials"] = {**_materials_of(file, MATERIALS_FROM), **own} if isinstance(own, dict) else own
+    return data
+
+
+def _materials_of(file: Any, key: str) -> dict[str, Any]:
+    """Section ``materials`` of another file, such as ``calibrated.yaml``."""
+    from radcal.config.yaml_file import read_case_file
+
+    if not isinstance(file, str | Path):
+        raise ConfigError(f"{key} is {shown(repr(file))}, expected the path of a YAML file with a section materials.")
+    path = expand_path(str(file), key)
+    found = read_case_file(path).get("materials")
+    if not isinstance(found, dict) or not found:
+        raise ConfigError(f"{key}: {path} has no section materials, expected one, as calibrated.yaml has it.")
+    return found

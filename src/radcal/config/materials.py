@@ -13,11 +13,12 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from radcal.config.limits import Parameter, Real
 from radcal.config.pydantic_errors import nearest, shown
 from radcal.config.sections import Section
-from radcal.radar.laws import EXTERNAL, LAWS, Law, external_law
+from radcal.radar.laws import EXTERNAL, FORMULA, LAWS, Law, external_law, formula_law, laws_known, refuse_infinite
 
 __all__ = ["DEFAULT_LAW", "Material", "OtherLaw", "Start", "check_parameters", "default_materials"]
 
 DEFAULT_LAW = "mangia"
+_DEFINING = ("law", "angles_deg", "formula", "names")  # keys of a law that are not its parameters
 _LARGEST_WHOLE = 2.0**53
 _LARGEST = (
     1000.0  # largest parameter: 1000 dB is a power of 10^100, which exceeds single precision; the unit must be wrong
@@ -31,13 +32,17 @@ def _law_of(
     angles_deg: Sequence[float] | None,
     names: Sequence[str] | None = None,
     units: Sequence[str] | None = None,
+    formula: str | None = None,
 ) -> Law:
-    """Law with a given name, with the knots of a tabulated law, or the parameter names and units of an external law."""
-    if name not in LAWS and name != EXTERNAL:
-        raise ValueError(f"law is {shown(repr(name))}, expected one of {[*sorted(LAWS), EXTERNAL]}")
-    if name != EXTERNAL and (names is not None or units is not None):
-        raise ValueError(f"law {name!r} names its own parameters: names and units are for law: {EXTERNAL}")
-    if name == EXTERNAL or "angles_deg" not in LAWS[name].needs:
+    """Law with a given name, with the knots of a tabulated law, or the parameter names and units of the case file."""
+    if name not in laws_known():
+        raise ValueError(f"law is {shown(repr(name))}, expected one of {laws_known()}")
+    if name not in (EXTERNAL, FORMULA) and (names is not None or units is not None):
+        raise ValueError(f"law {name!r} names its own parameters: names and units are for law: {EXTERNAL} or {FORMULA}")
+    if (formula is None) is (name == FORMULA):
+        found = "is missing" if formula is None else "is given"
+        raise ValueError(f"formula {found}, law is {name!r}: expected it with law: {FORMULA}, and with no other law")
+    if name not in LAWS or "angles_deg" not in LAWS[name].needs:
         if angles_deg is not None:
             raise ValueError(f"angles_deg is given, law {name!r} has no knots")
     elif angles_deg is None:
@@ -47,11 +52,14 @@ def _law_of(
     if name == EXTERNAL:
         _check_names(names or (), units)
         return external_law(names or (), units)
+    if formula is not None:
+        _check_names(names or (), units)
+        return formula_law(formula, names or (), units)
     return LAWS[name].bound(angles_deg=angles_deg)
 
 
 def _check_names(names: Sequence[str], units: Sequence[str] | None) -> None:
-    """Refuse parameter names of an external law that are not identifiers or occur twice."""
+    """Refuse parameter names of the case file that are not identifiers or occur twice."""
     for name in names:
         if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
             raise ValueError(f"names: {name!r} is not a letter followed by letters, digits and _")
@@ -62,9 +70,9 @@ def _check_names(names: Sequence[str], units: Sequence[str] | None) -> None:
 
 
 def _takes(law: Law, name: str) -> str:
-    """Words for an error message: the number of parameters of a law, and their names for an external law."""
-    # the case file gives the names of an external law, so that these names may be the error
-    named = "" if law.has_curve else f" (names: {', '.join(law.names) or 'none'})"
+    """Words for an error message: the number of parameters of a law, and their names if the case file gives them."""
+    # the case file gives the names of such a law, so that these names may be the error
+    named = f" (names: {', '.join(law.names) or 'none'})" if name in (EXTERNAL, FORMULA) else ""
     return f"law {name!r} takes {len(law.names)}{named}"
 
 
@@ -104,14 +112,25 @@ class OtherLaw(Section):
 
     law: str = Field(description="law of the material")
     angles_deg: Knots | None = Field(None, description="knots of a tabulated law [deg]")
+    formula: str | None = Field(None, description="formula of this law (law: formula)")
+    names: list[str] | None = Field(None, description="names of the parameters (law: formula)")
     parameters: list[Parameter] = Field(description="parameters of this law")
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if self.law == EXTERNAL:
-            raise ValueError(f"law is {EXTERNAL!r}, which {self._cannot_be}, expected one of {sorted(LAWS)}")
-        check_parameters("parameters", self.parameters, _law_of(self.law, self.angles_deg), self.law)
+            raise ValueError(
+                f"law is {EXTERNAL!r}, which {self._cannot_be}, expected one of {laws_known(external=False)}"
+            )
+        law = self.unbound_law
+        check_parameters("parameters", self.parameters, law, self.law)
+        refuse_infinite(law, at=self.parameters)
         return self
+
+    @property
+    def unbound_law(self) -> Law:
+        """Law with the names of its parameters, before frequency and polarisation of the pass are set."""
+        return _law_of(self.law, self.angles_deg, self.names, formula=self.formula)
 
 
 class Start(OtherLaw):
@@ -126,8 +145,11 @@ class Material(Section):
     calibrate: bool = Field(False, description="whether radcal calibrates the law parameters of this material")
     law: str = Field(DEFAULT_LAW, description="backscatter law (docs/laws.md)")
     angles_deg: Knots | None = Field(None, description="incidence angles of the knots of a tabulated law [deg]")
-    names: list[str] | None = Field(None, description="names of the parameters (law: external)")
-    units: list[str] | None = Field(None, description="units of the parameters (law: external)")
+    formula: str | None = Field(
+        None, description="sigma0 [dB] as a formula of phi [rad] and the parameters (law: formula; docs/laws.md)"
+    )
+    names: list[str] | None = Field(None, description="names of the parameters (law: external or formula)")
+    units: list[str] | None = Field(None, description="units of the parameters (law: external or formula)")
     integer: (
         Annotated[
             Annotated[list[str], Tag("a list")] | Annotated[bool, Tag("yes or no")],
@@ -142,6 +164,11 @@ class Material(Section):
         None,
         description="effective looks of the pixels, below radar.looks for texture (calibrate: false); by default "
         "radar.looks",
+    )
+    colour: Annotated[str, Field(pattern="^#[0-9A-Fa-f]{6}$")] | None = Field(
+        None,
+        exclude=True,  # the case keeps colours apart from what determines runs
+        description="colour in figures, such as #0072B2; by default that of the name (docs/landcover.md)",
     )
     bounds: list[tuple[Parameter, Parameter]] | None = Field(
         None, description="[lower, upper] bound of each calibrated parameter"
@@ -167,6 +194,7 @@ class Material(Section):
             check_parameters("parameters", self.parameters or [], law, self.law)
             self._check_integers()
             self.check_whole("parameters", self.parameters or [])
+            refuse_infinite(law, at=self.parameters or [])
             return self
         if self.parameters is not None:
             raise ValueError("a calibrated material takes start and bounds, not parameters")
@@ -193,6 +221,7 @@ class Material(Section):
         for values in zip(*self.box, strict=True):
             check_parameters("bounds", values, law, self.law)
             self.check_whole("bounds", values)
+        refuse_infinite(law, box=self.box)
         if self.starts_with_another_law:
             return self
         if len(self.start_parameters) != d:
@@ -258,7 +287,7 @@ class Material(Section):
     @property
     def unbound_law(self) -> Law:
         """Law with the names and units of its parameters, before frequency and polarisation of the pass are set."""
-        return _law_of(self.law, self.angles_deg, self.names, self.units)
+        return _law_of(self.law, self.angles_deg, self.names, self.units, self.formula)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -293,7 +322,7 @@ class Material(Section):
         return (
             self.calibrate
             and isinstance(self.start, Start)
-            and (self.start.law, self.start.angles_deg) != (self.law, self.angles_deg)
+            and any(getattr(self.start, key) != getattr(self, key) for key in _DEFINING)
         )
 
     @property
@@ -302,8 +331,9 @@ class Material(Section):
         if not (self.starts_with_another_law and isinstance(self.start, Start)):
             return self
         # not validated again, because the reference run does not use the bounds, which belong to the calibrated law
-        start = {"law": self.start.law, "angles_deg": self.start.angles_deg, "start": list(self.start.parameters)}
-        return self.model_copy(update={**start, "bounds": None, "names": None, "units": None, "integer": None})
+        start = {key: getattr(self.start, key) for key in _DEFINING}
+        nothing = dict.fromkeys(("bounds", "units", "integer"))
+        return self.model_copy(update={**start, **nothing, "start": list(self.start.parameters)})
 
 
 _SYNTHETIC_MATERIALS: dict[str, dict[str, Any]] = {

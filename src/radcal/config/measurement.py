@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Any, Literal, Self, get_args
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-from radcal.config.limits import Count, Decibels, Integer, Length, Parameter, Real, Seed
+from radcal.config.limits import Count, Decibels, Length, Looks, Parameter, Real, Seed
 from radcal.config.materials import OtherLaw
 from radcal.config.pydantic_errors import MISSING
 from radcal.config.radar import Radiometry
 from radcal.config.sections import Section
+from radcal.reading.products import named_product
 
 __all__ = [
     "HIDDEN_DYKE",
@@ -75,9 +76,7 @@ class Synthetic(Section):
     resolution_factor: Annotated[Real, Field(ge=0.1, le=10)] = Field(
         1.0, description="resolution of the synthetic measurement over that of section radar; above 1 is coarser"
     )
-    looks: Annotated[Integer, Field(ge=1, le=64)] | None = Field(
-        None, description="looks of the synthetic measurement; by default radar.looks"
-    )
+    looks: Looks | None = Field(None, description="looks of the synthetic measurement; by default radar.looks")
     nesz_db: Decibels | None = Field(
         None, description="noise-equivalent sigma0 of the synthetic measurement [dB]; by default radar.nesz_db"
     )
@@ -142,9 +141,13 @@ class FileMeasurement(Section):
 
     source: Literal["file"] = Field("file", description=_SOURCE)
     path: str = Field(
-        description="SICD, GeoTIFF or other raster, npy, npz, mat, HDF5; ${NAME} stands for an environment variable"
+        description="SICD, SAFE folder of Sentinel-1 or its manifest, GeoTIFF or other raster, npy, npz, mat, HDF5; "
+        "${NAME} stands for an environment variable"
     )
-    scale: Literal["db", "power", "amplitude", "complex"] = Field(description="scale of the numbers in the file")
+    scale: Literal["db", "power", "amplitude", "complex"] = Field(
+        description="scale of the numbers in the file; not asked for where the name of a product says it "
+        "(docs/products.md)"
+    )
     band: Count | None = Field(
         None, description="number of the raster band, from 1; required if the raster has several bands"
     )
@@ -165,6 +168,29 @@ class FileMeasurement(Section):
         validate_default=True,
         description="quantity that a pixel contains; must equal radar.radiometry; required unless the file has it",
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _named(cls, data: Any) -> Any:
+        """Scale, radiometry and polarisation of a product whose name says them."""
+        path = data.get("path") if isinstance(data, dict) else None
+        product = named_product(path) if isinstance(path, str) else None
+        if product is None:
+            return data
+        said = {key: getattr(product, key) for key in ("scale", "radiometry", "polarisation")}
+        return {**{key: value for key, value in said.items() if value is not None}, **data}
+
+    @model_validator(mode="after")
+    def _as_named(self) -> Self:
+        product = named_product(self.path)
+        for key in ("scale", "radiometry", "polarisation") if product is not None else ():
+            said, given = getattr(product, key), getattr(self, key)
+            if said is not None and given is not None and given != said:
+                raise ValueError(
+                    f"{key} is {given}, {self.path} is {product.called if product else ''}, whose {key} is {said}: "
+                    "leave the key out"
+                )
+        return self
 
     @field_validator("radiometry")
     @classmethod

@@ -8,7 +8,7 @@ from typing import Any, Protocol, Self, TypeVar
 from radcal.config.design import Design
 from radcal.config.materials import Material
 from radcal.config.radar import Radar
-from radcal.config.sections import FURTHER, Section
+from radcal.config.sections import DERIVED, FURTHER, Section
 from radcal.config.surrogate import SurrogateConfig
 from radcal.config.target import TargetConfig
 from radcal.radar.laws import EXTERNAL, Law, law_for
@@ -73,8 +73,8 @@ class Part(Section):
     def sections(self, *names: str) -> dict[str, Any]:
         """Named sections as plain data, for the ``params`` of a Snakemake rule."""
         sections = self.model_dump(mode="json", include=set(names))
-        # a case of one pass has no such key: jobs and results are the same as before a case could have several
-        sections = {name: data for name, data in sections.items() if data is not None or name not in FURTHER.values()}
+        # a case of one pass without colours has no such key: jobs and results are those of a case before these keys
+        sections = {name: data for name, data in sections.items() if data is not None or name not in DERIVED}
         if environment := sections.get("simulator", {}).get("environment"):
             sections["simulator"]["environment"] = Undisclosed(environment)
         return sections
@@ -112,6 +112,7 @@ class Part(Section):
                 angles_deg=material.angles_deg,
                 names=material.names,
                 units=material.units,
+                formula=material.formula,
             )
             for name, material in self.materials.items()
         }

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from radcal.config.sections import FURTHER, TAGS
+from radcal.config.sections import FURTHER, MATERIALS_FROM, TAGS
 
 __all__ = ["MISSING", "Contradictions", "WrongKey", "nearest", "sentence", "shown", "wrong_keys"]
 
@@ -70,7 +70,8 @@ def _known_keys(location: Sequence[int | str], root: type[BaseModel]) -> list[st
         else:
             field = models[0].model_fields.get(str(part))
             models = (_models_in(field.annotation) if field else []) or models
-    return sorted({name for model in models for name in model.model_fields})
+    known = {name for model in models for name in model.model_fields}
+    return sorted(known | ({MATERIALS_FROM} if root in models and "materials" in known else set()))
 
 
 _ALTERNATIVES = (

@@ -3,12 +3,25 @@
 from __future__ import annotations
 
 import itertools
-from typing import Annotated, Literal, Self
+import math
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Discriminator, Field, Tag, field_validator, model_validator
+from pydantic import (
+    Discriminator,
+    Field,
+    SerializerFunctionWrapHandler,
+    Tag,
+    ValidationInfo,
+    field_validator,
+    model_serializer,
+    model_validator,
+)
 
-from radcal.config.limits import Altitude, Decibels, Frequency, Integer, Length, Real
+from radcal.config.angles import depression_deg, incidence_deg
+from radcal.config.limits import Altitude, Decibels, Frequency, Length, Looks, Real
 from radcal.config.sections import Section
+from radcal.config.sensors import SENSORS, SensorName
 from radcal.radar.bands import within_band
 
 __all__ = ["Radar", "Radiometry"]
@@ -20,15 +33,59 @@ _COARSEST = (
 )
 
 
+# keys without which a pass is described as it was before they existed, so that earlier runs and files stay valid
+_LATER: Mapping[str, object] = {"sensor": None, "incidence_deg": None, "earth": "flat", "heading_deg": 0.0}
+_Elevation = Annotated[Real, Field(gt=5, lt=85)]
+
+
+_DEPRESSION_DEG = 45.0
+_STEEPEST = 85.0  # incidence [deg], as the limit of incidence_deg
+
+
+def _number(value: object) -> float | None:
+    """Number of a key before it is checked; None if it is none."""
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        return None
+    return number if math.isfinite(number) else None
+
+
+def _centre_incidence_deg(data: Mapping[str, Any]) -> float:
+    """Incidence at the scene's centre by the keys of a pass before they are checked [deg]."""
+    incidence, depression = _number(data.get("incidence_deg")), _number(data.get("depression_deg"))
+    if incidence is not None:
+        return incidence
+    depression = _DEPRESSION_DEG if depression is None else depression
+    altitude = _number(data.get("altitude_m")) if data.get("earth") == "curved" else None
+    curved = math.nan if altitude is None else incidence_deg(depression, altitude)
+    return 90.0 - depression if math.isnan(curved) else curved
+
+
 class Radar(Section):
     """Acquisition (pass): track, sensor and image grid."""
 
+    sensor: SensorName | None = Field(
+        None, description="sensor and product whose values are the defaults of the other keys (docs/sensors.md)"
+    )
     altitude_m: Altitude = Field(4000.0, description="height of the track above the scene's mean elevation [m]")
-    depression_deg: Annotated[Real, Field(gt=5, lt=85)] = Field(
-        45.0, description="depression angle towards the centre of the scene [deg]"
+    depression_deg: _Elevation = Field(
+        _DEPRESSION_DEG, description="depression angle towards the centre of the scene [deg]"
+    )
+    incidence_deg: _Elevation | None = Field(
+        None,
+        description="incidence on level ground at the centre of the scene [deg], instead of depression_deg; for orbits",
+    )
+    earth: Literal["flat", "curved"] = Field(
+        "flat", description="shape of the ground between track and scene; curved with incidence_deg"
+    )
+    heading_deg: Annotated[Real, Field(ge=0, lt=360)] = Field(
+        0.0,
+        description="heading of the track at the scene, clockwise from north [deg]; by default north of the scene's "
+        "grid",
     )
     look_side: Literal["right", "left"] = Field(
-        "right", description="side to which the radar looks: right (east) or left (west); the track heads north"
+        "right", description="side of the track to which the radar looks: right (east of a northward track) or left"
     )
     band: str = Field("X", description="name of the frequency band of the carrier, such as X")
     frequency_ghz: Frequency | None = Field(
@@ -39,9 +96,10 @@ class Radar(Section):
     azimuth_resolution_m: Length = Field(3.5, description="-3 dB width of the response in azimuth [m]")
     range_spacing_m: Length = Field(1.5, description="pixel spacing in slant range [m]")
     azimuth_spacing_m: Length = Field(2.5, description="pixel spacing in azimuth [m]")
-    looks: Annotated[Integer, Field(ge=1, le=64)] = Field(
+    looks: Looks = Field(
         4,
-        description="number of independent looks averaged in power; for an external simulator, the number in its image",
+        description="number of independent looks averaged in power, or equivalent number of looks; for an external "
+        "simulator, the number in its image",
     )
     nesz_db: Annotated[
         Annotated[Decibels, Tag("one level")]
@@ -57,6 +115,89 @@ class Radar(Section):
         description="quantity of a pixel: sigma0_ref (level ground), sigma0_local (no area term), beta0, gamma0, or "
         "gamma0_rtc (terrain-flattened)",
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _presets(cls, data: object, info: ValidationInfo) -> object:
+        """Keys with the values of the sensor where the case gives none, and a curved earth where it is implied."""
+        if not isinstance(data, dict):
+            return data
+        if data.get("incidence_deg") is not None and data.get("earth") is None:
+            data = {**data, "earth": "curved"}
+        name = data.get("sensor")
+        sensor = SENSORS.get(name) if isinstance(name, str) else None
+        if sensor is None:
+            return data
+        if missing := sensor.missing(data):
+            *others, last = missing
+            several = f"{', '.join(others)} and {last} are" if others else f"{last} is"
+            text = f"{several} missing, which sensor {name} does not give (docs/sensors.md)"
+            if not isinstance(info.context, list):
+                raise ValueError(text)
+            info.context.append(f"radar: {text}")  # a list that collects contradictions, and the case is wanted
+        return {**sensor.values_at(_centre_incidence_deg({**sensor.values_at(90.0), **data})), **data}
+
+    @model_validator(mode="after")
+    def _one_angle(self) -> Self:
+        given = self.model_fields_set
+        if self.incidence_deg is not None:
+            if "depression_deg" in given:
+                raise ValueError(
+                    f"depression_deg ({self.depression_deg:g}) and incidence_deg ({self.incidence_deg:g}) are both "
+                    "given, expected one of them"
+                )
+            if self.earth == "flat":
+                raise ValueError(
+                    f"incidence_deg is {self.incidence_deg:g} and earth is flat, expected earth: curved, or "
+                    f"depression_deg: {90.0 - self.incidence_deg:g} instead of incidence_deg"
+                )
+        elif self.earth == "curved" and not self.centre_incidence_deg < _STEEPEST:
+            raise ValueError(
+                f"depression_deg is {self.depression_deg:g}, at which a track at altitude_m {self.altitude_m:g} sees "
+                f"the curved earth at an incidence of {_STEEPEST:g} degrees or not at all, expected a larger one"
+            )
+        return self
+
+    @model_serializer(mode="wrap")
+    def _plain(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Plain data without later keys that have their default, and with one of the two angles."""
+        data: dict[str, Any] = handler(self)
+        for key, default in _LATER.items():
+            # of a sensor the heading is asked for, so that a given 0 is not left out
+            asked = self.sensor is not None and key in self.model_fields_set
+            if getattr(self, key) == default and not asked:
+                data.pop(key, None)
+        if self.incidence_deg is not None:
+            data.pop("depression_deg", None)
+        return data
+
+    def described(self) -> dict[str, Any]:
+        """Plain data that identify the pass: without the sensor's name, and without later keys with their default."""
+        data = self.model_dump(mode="json", exclude={"sensor"})
+        return {key: value for key, value in data.items() if key not in _LATER or value != _LATER[key]}
+
+    @property
+    def centre_incidence_deg(self) -> float:
+        """Incidence on level ground at the scene's centre [deg]; over a curved earth, that of the mean radius."""
+        if self.incidence_deg is not None:
+            return self.incidence_deg
+        if self.earth == "curved":
+            return incidence_deg(self.depression_deg, self.altitude_m)
+        return 90.0 - self.depression_deg
+
+    @property
+    def centre_depression_deg(self) -> float:
+        """Depression angle towards the scene's centre [deg]; over a curved earth, that of the mean radius."""
+        if self.incidence_deg is not None:
+            return depression_deg(self.incidence_deg, self.altitude_m)
+        return self.depression_deg
+
+    @property
+    def slant_per_ground(self) -> float:
+        """Change of slant range over that of ground range on level ground at the scene's centre."""
+        if self.earth == "flat":
+            return math.cos(math.radians(self.depression_deg))
+        return math.sin(math.radians(self.centre_incidence_deg))
 
     @field_validator("nesz_db", mode="after")
     @classmethod

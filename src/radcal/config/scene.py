@@ -6,6 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from radcal.config.landcover import LandCover
 from radcal.config.limits import Coordinate, Decibels, Integer, Length, Real, Seed
 from radcal.config.sections import Section
 from radcal.scene.objects import check_curve
@@ -109,7 +110,16 @@ class RasterScene(Section):
     source: Literal["raster"] = Field("raster", description=_SOURCE)
     elevation: str = Field(description="GeoTIFF or other raster of heights [m]")
     materials: str = Field(description="raster of material ids in any CRS; 0 means no material")
-    names: str = Field(description="JSON file that maps each material id to a material name")
+    names: str | None = Field(
+        None,
+        description="JSON file that maps each material id to a material name; required without landcover, whose names "
+        "it overrides",
+    )
+    landcover: LandCover | None = Field(
+        None,
+        description="land-cover map whose codes materials contains: names of the materials, and their starting laws "
+        "(docs/landcover.md)",
+    )
     crs: str | None = Field(
         None,
         description="projected CRS of the scene, such as EPSG:32631; by default the CRS of the elevation if "
@@ -137,6 +147,12 @@ class RasterScene(Section):
     objects: SceneObjects | None = Field(
         None, description="objects on the ground, such as buildings and trees (docs/objects.md)"
     )
+
+    @model_validator(mode="after")
+    def _named(self) -> Self:
+        if self.names is None and self.landcover is None:
+            raise ValueError("names is missing, expected a file of names, or landcover")
+        return self
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:

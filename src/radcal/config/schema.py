@@ -11,7 +11,7 @@ import json
 from typing import Any
 
 from radcal.config.case import Case
-from radcal.config.sections import FURTHER
+from radcal.config.sections import FURTHER, MATERIALS_FROM
 
 __all__ = ["schema_json"]
 
@@ -40,9 +40,11 @@ def schema_json() -> str:
     (draft-handrews-json-schema-validation-01), 2018.
     """
     schema = Case.model_json_schema()
+    schema["$defs"]["FileMeasurement"]["required"].remove("scale")  # the name of a product may say it
     sections = schema["properties"]
     for section in sections.values():
         _require_tag(section, schema["$defs"])
+    del sections["colours"]  # the materials have them
     for name, further in FURTHER.items():  # one pass, or a list with an item for each
         del sections[further]
         one = {word: value for word, value in sections[name].items() if word not in ("default", "description")}
@@ -51,6 +53,11 @@ def schema_json() -> str:
             "description": f"{about}; of several passes a list with one for each",
             "anyOf": [one, {"type": "array", "items": one, "minItems": 1}],
         }
+    sections[MATERIALS_FROM] = {
+        "type": "string",
+        "description": "file whose section materials is used, such as results/dyke/export/calibrated.yaml; a material "
+        "in section materials replaces that of the file (docs/exports.md)",
+    }
     return json.dumps({"$schema": _DRAFT, **_plain(schema)}, indent=1, ensure_ascii=False) + "\n"
 
 

@@ -36,6 +36,7 @@ __all__ = [
     "DesignSize",
     "Export",
     "FinalRuns",
+    "Forward",
     "Geometry",
     "Measurement",
     "Posterior",
@@ -188,7 +189,14 @@ class FinalRuns(Simulation):
     further_radar: list[Radar] | None = None
 
 
-class Export(Simulation):
+class Forward(FinalRuns):
+    """Sections that a forward run reads: scene, passes, simulator and materials."""
+
+    case: CaseName
+    scene: SceneConfig
+
+
+class Export(FinalRuns):
     """Sections that rule ``export`` reads to write the calibrated materials and the texture of their image."""
 
 
@@ -205,6 +213,7 @@ class Archive(Stage):
     measurement: MeasurementConfig
     further_radar: list[Radar] | None = None
     further_measurement: list[MeasurementConfig] | None = None
+    colours: dict[str, str] | None = None
     registration: RegistrationConfig
     objective: Objective
     target: TargetConfig

@@ -191,7 +191,7 @@ def most_frequent_variance(variances: NDArray[np.float64]) -> float:
     return float(np.exp(grid[int(np.argmax(density))]))
 
 
-def check_looks(found: Looks, looks: int, scale: str, source: str, filtered: bool = False) -> str:
+def check_looks(found: Looks, looks: float, scale: str | None, source: str, filtered: bool = False) -> str:
     """Refuse an image whose estimated looks contradict ``radar.looks``, and describe the estimate in a sentence.
 
     Amplitude read as power halves every dB value, which quarters the variance of speckle, and power read as amplitude
@@ -202,10 +202,10 @@ def check_looks(found: Looks, looks: int, scale: str, source: str, filtered: boo
     ----------
     found : Looks
         Looks of the image.
-    looks : int
+    looks : float
         Configured looks.
-    scale : {'db', 'power', 'amplitude', 'complex'}
-        Configured scale of the file's numbers.
+    scale : {'db', 'power', 'amplitude', 'complex'} or None
+        Configured scale of the file's numbers; None for a product that says it, so that it is not the reason.
     source : str
         Name of the image.
     filtered : bool
@@ -229,6 +229,11 @@ def check_looks(found: Looks, looks: int, scale: str, source: str, filtered: boo
             f"measurement.path: {source} is speckle-filtered: {said}, and its speckle is correlated over a larger area "
             "than the resolutions say; use the image before filtering, or set radar.looks: "
             f"{min(64, round(found.looks))} (docs/measured_images.md says what is then lost)."
+        )
+    if scale is None and not _TOO_FEW * looks <= found.looks <= _TOO_MANY * looks:
+        raise MeasurementError(
+            f"measurement.path: {said}, which is no speckle of this product: use it as it was delivered, or set "
+            "radar.looks to what it has."
         )
     if found.looks > _TOO_MANY * looks:
         as_amplitude = looks_of_log_variance(4.0 * variance)

@@ -19,7 +19,7 @@ from radcal.reading.images import Counts, ImageFile, reading, to_db
 from radcal.reading.rasters import open_raster
 from radcal.scene.crs import crs_of, horizontal
 
-__all__ = ["ReadImage", "image_of", "read_image", "read_raster", "read_values"]
+__all__ = ["ReadImage", "image_file", "image_of", "read_image", "read_raster", "read_values"]
 
 Values = NDArray[Any]
 Places = Callable[[Any], tuple[NDArray[np.float64], NDArray[np.float64]]]
@@ -74,7 +74,7 @@ def read_image(path: Path, config: FileMeasurement, shape: tuple[int, int] | Non
         The file cannot be read, holds something else, or its numbers contradict the scale.
     """
     if path.suffix.lower() in SICD_ENDINGS and is_sicd(path):
-        sicd = read_sicd(path, config, _file(path, config, shape))
+        sicd = read_sicd(path, config, image_file(path, config, shape))
         # complex pixels are already power, at the level that the file gives them
         read = image_of(sicd.power, path, config.model_copy(update={"scale": "power"}), shape)
         return replace(
@@ -84,7 +84,7 @@ def read_image(path: Path, config: FileMeasurement, shape: tuple[int, int] | Non
             frequency_hz=sicd.frequency_hz,
             radiometry=sicd.radiometry,
         )
-    return image_of(read_array(_file(path, config, shape)), path, config, shape)
+    return image_of(read_array(image_file(path, config, shape)), path, config, shape)
 
 
 def image_of(values: Values, path: Path, config: FileMeasurement, shape: tuple[int, int] | None = None) -> ReadImage:
@@ -106,7 +106,7 @@ def image_of(values: Values, path: Path, config: FileMeasurement, shape: tuple[i
     MeasurementError
         The numbers are not an image of this shape or contradict the scale.
     """
-    image, counts = to_db(values, _file(path, config, shape))
+    image, counts = to_db(values, image_file(path, config, shape))
     present = image[np.isfinite(image)]
     # speckle has an sd of 2 dB or more, so that an image with its median near 0 dB has negative values
     if config.scale == "db" and present.min() >= 0 and np.median(present) < 3.0:
@@ -125,7 +125,7 @@ def read_values(path: Path, config: FileMeasurement) -> Values:
     MeasurementError
         The file cannot be read or does not hold the dataset or band.
     """
-    return read_array(_file(path, config))
+    return read_array(image_file(path, config))
 
 
 def read_raster(path: Path, config: FileMeasurement, places: Places | None = None) -> tuple[Values, Any, Any]:
@@ -154,7 +154,7 @@ def read_raster(path: Path, config: FileMeasurement, places: Places | None = Non
     MeasurementError
         The file cannot be read or does not hold the band.
     """
-    file = _file(path, config)
+    file = image_file(path, config)
     with reading(file, "a raster"), open_raster(path, vrt_folders(config)) as raster:
         crs = crs_of(raster)
         plane = horizontal(crs) if crs is not None else None
@@ -182,7 +182,8 @@ def _window(raster: Any, x: NDArray[np.float64], y: NDArray[np.float64]) -> Any:
     return Window(left, top, width, height)
 
 
-def _file(path: Path, config: FileMeasurement, shape: tuple[int, int] | None = None) -> ImageFile:
+def image_file(path: Path, config: FileMeasurement, shape: tuple[int, int] | None = None) -> ImageFile:
+    """File of a measured image, with the keys that messages name; ``shape`` is the size that the image must have."""
     return ImageFile(
         path,
         config,

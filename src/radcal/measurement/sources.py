@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -23,11 +24,16 @@ from radcal.measurement.looks import check_looks, estimate_looks
 from radcal.measurement.model import Measurement
 from radcal.measurement.pixels import IN_THE_NOISE, eligible_pixels, noise_limited
 from radcal.measurement.point_spread import estimate_point_spread, is_filtered, point_spread_note
+from radcal.measurement.product import open_product
 from radcal.measurement.readers import ReadImage, image_of, read_image
+from radcal.measurement.sentinel1 import sigma0_image
 from radcal.measurement.synthetic import make_synthetic
+from radcal.measurement.tags import Tags, tags_of
 from radcal.radar.bands import LETTER_BANDS_GHZ, letter_band, within_band
 from radcal.radar.geometry import Geometry
 from radcal.radar.radiometry import noise_floor_db
+from radcal.reading.products import named_product
+from radcal.reading.safe import is_safe_name
 from radcal.scene.model import Scene
 from radcal.simulators.protocol import Simulator
 
@@ -97,31 +103,59 @@ def _refusal(
 
 
 def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene: Scene | None) -> Measurement:
-    path = expand_path(config.path, "measurement.path")
+    path = expand_path(config.path, "measurement.path", folder=is_safe_name(config.path))
     crs, transform = (scene.crs, scene.transform) if scene is not None else (None, None)
-    if crs is not None and transform is not None and is_georeferenced(path, vrt_folders(config)):
+    if is_safe_name(config.path):
+        opened = open_product(path, config, radar)
+        power, _, said = sigma0_image(opened, config, radar, geometry, scene)
+        config = config.model_copy(update={"scale": "power"})
+        read = replace(image_of(power, path, config, geometry.shape), notes=said, radiometry="sigma0_ref")
+        path = path.with_name(opened.name)
+    elif crs is not None and transform is not None and is_georeferenced(path, vrt_folders(config)):
         places = partial(places_on_ground, crs, transform, geometry.ground)
         values = values_at_ground(read_georeferenced(path, config, places), crs, transform, geometry.ground)
         read = image_of(values, path, config, geometry.shape)
     else:
         read = read_image(path, config, geometry.shape)
+    if not is_safe_name(config.path):
+        read = _tagged(read, tags_of(path, config.band, vrt_folders(config)), config, path)
     _check_pass(read, radar, path)
     _check_radiometry(read.radiometry, config.radiometry, radar, path)
     notes = [f"{path.name}: {read.counts}.", *read.notes]
     looks = estimate_looks(read.image_db, geometry.material, radar)
     spread = estimate_point_spread(read.image_db, geometry.material, radar)
     if looks is not None:
-        notes.append(check_looks(looks, radar.looks, config.scale, path.name, is_filtered(spread, looks, radar)))
+        scale = None if is_safe_name(config.path) else config.scale
+        notes.append(check_looks(looks, radar.looks, scale, path.name, is_filtered(spread, looks, radar)))
     elif config.scale == "complex" and radar.looks != 1:
         notes.append(f"{path.name}: complex pixels have a single look, radar.looks is {radar.looks}.")
     if spread is not None and (note := point_spread_note(spread, looks, radar, path.name)) is not None:
         notes.append(note)
+    product = None if is_safe_name(config.path) else named_product(config.path)
+    if product is not None:
+        keys = f"scale {config.scale}, radiometry {config.radiometry}, polarisation {config.polarisation}"
+        filtered = "; speckle was filtered, use the product before filtering" if product.filtered else ""
+        notes.append(f"{path.name}: by its name {product.called}, read as {keys}{filtered}.")
     if read.frequency_hz is not None and within_band(radar.band, read.frequency_hz) is None:
         notes.append(
             f"{path.name}: its carrier of {read.frequency_hz / 1e9:.4g} GHz is not compared with radar.band = "
             f"{radar.band}, which is none of {', '.join(LETTER_BANDS_GHZ)}."
         )
     return Measurement(read.image_db, path.name, notes=tuple(notes))
+
+
+def _tagged(read: ReadImage, tags: Tags, config: FileMeasurement, path: Path) -> ReadImage:
+    """Image with the polarisation of its tags; tags that contradict the configuration are refused."""
+    if tags.decibels and config.scale != "db":
+        raise MeasurementError(
+            f"measurement.scale is {config.scale}, the name of the band of {path} says dB: set measurement.scale: db."
+        )
+    if tags.normalisation is not None and tags.normalisation != (config.radiometry or "").partition("_")[0]:
+        raise MeasurementError(
+            f"measurement.radiometry is {config.radiometry}, the tags of {path} say {tags.normalisation} after terrain "
+            "correction: set measurement.radiometry and radar.radiometry to it (gamma0_rtc for gamma0)."
+        )
+    return read if tags.polarisation is None else replace(read, polarisation=tags.polarisation)
 
 
 def _check_radiometry(of_file: str | None, configured: str | None, radar: Radar, path: Path) -> None:

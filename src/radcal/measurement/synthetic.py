@@ -27,7 +27,7 @@ from radcal.seeds import derived_rng, measurement_seed
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.protocol import Simulator
 
-__all__ = ["make_synthetic", "relabelled", "roughened", "smooth_warp", "textured"]
+__all__ = ["check_synthetic", "make_synthetic", "relabelled", "roughened", "smooth_warp", "textured"]
 
 _WARP_SIGMA_PX = 60.0  # smoothing of a synthetic displacement field
 _PATCH_CELLS = 4.0  # correlation length of patches with a wrong label
@@ -66,17 +66,9 @@ def make_synthetic(
     if synthetic.disturbed:
         simulator = _other_simulator(case, synthetic, geometry, scene)
     image_db = simulator.run(hidden, measurement_seed(case.simulator, synthetic.seed))
-    field = None
-    if synthetic.warp_px > 0:
-        rng = derived_rng(synthetic.seed, "measurement", "warp")
-        field = smooth_warp((image_db.shape[0], image_db.shape[1]), synthetic.warp_px, rng)
-        try:
-            # nearest pixels, because interpolation would smooth the speckle
-            image_db = warp(image_db, invert(field))
-        except ValueError as error:
-            raise MeasurementError(
-                f"measurement.synthetic.warp_px is {synthetic.warp_px:g}: {error} Expected a smaller one."
-            ) from None
+    field, inverse = _displacements(synthetic, (image_db.shape[0], image_db.shape[1]))
+    if inverse is not None:
+        image_db = warp(image_db, inverse)  # nearest pixels, because interpolation would smooth the speckle
     return Measurement(
         image_db + np.float32(synthetic.offset_db),
         f"synthetic, seed {synthetic.seed}",
@@ -84,6 +76,42 @@ def make_synthetic(
         {name: tuple(hidden[name]) for name in case.calibrated if name not in synthetic.laws},
         field.astype(np.float32) if field is not None else None,
     )
+
+
+def check_synthetic(radar: Radar, synthetic: Synthetic, shape: tuple[int, int]) -> None:
+    """Try the settings of a synthetic measurement without a run.
+
+    Parameters
+    ----------
+    radar : Radar
+        Pass of the runs.
+    synthetic : Synthetic
+        Settings.
+    shape : (int, int)
+        Rows and columns of the image.
+
+    Raises
+    ------
+    MeasurementError
+        The displacement field folds, or the resolution is too fine for the pixel spacing.
+    """
+    _other_pass(radar, synthetic)
+    _displacements(synthetic, shape)
+
+
+def _displacements(
+    synthetic: Synthetic, shape: tuple[int, int]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | tuple[None, None]:
+    """Displacement field of the measurement and its inverse, shape (2, rows, columns) [pixels]; None without a warp."""
+    if synthetic.warp_px <= 0:
+        return None, None
+    field = smooth_warp(shape, synthetic.warp_px, derived_rng(synthetic.seed, "measurement", "warp"))
+    try:
+        return field, invert(field)
+    except ValueError as error:
+        raise MeasurementError(
+            f"measurement.synthetic.warp_px is {synthetic.warp_px:g}: {error} Expected a smaller one."
+        ) from None
 
 
 def _other_simulator(
@@ -106,7 +134,7 @@ def _other_simulator(
     materials = dict(case.materials)
     for name, hidden in synthetic.laws.items():
         # not validated again, because bounds and start belong to the calibrated law
-        update = {"law": hidden.law, "angles_deg": hidden.angles_deg, "names": None, "units": None}
+        update = {name: getattr(hidden, name) for name in ("law", "angles_deg", "formula", "names")} | {"units": None}
         materials[name] = materials[name].model_copy(update=update)
     laws = case.model_copy(update={"materials": materials}).laws
     return BuiltinSimulator(geometry, radar, laws)

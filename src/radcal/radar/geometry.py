@@ -90,6 +90,8 @@ class Geometry:
         Whether at least a part of the pixel's ground is in shadow or faces away from the radar.
     flat_incidence_deg : ndarray of float64, shape (rows,)
         Incidence on flat ground at each row's slant range [deg].
+    earth_radius_m : float or None
+        Radius of the curved earth under the scene [m]; None for a flat earth.
     ground : ndarray of float32, shape (2, rows, columns)
         Mean row and column, in the scene's grid, of the pixel's visible facets; cell centres are at whole numbers. NaN
         for a pixel without visible facets, and in a slant-range scene.
@@ -115,6 +117,7 @@ class Geometry:
     shadow: NDArray[np.bool_]
     flat_incidence_deg: NDArray[np.float64]
     ground: NDArray[np.float32]
+    earth_radius_m: float | None = None
     point_row: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
     point_column: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
     point_amplitude: NDArray[np.float32] = field(default_factory=lambda: np.empty(0, dtype=np.float32))
@@ -180,7 +183,8 @@ def write_geometry(
     """
     described = None
     if radar is not None:
-        described = _recorded_pass(Path(path), radar.model_dump_json(), set(immaterial))
+        ours = json.dumps(radar.described(), separators=(",", ":"), ensure_ascii=False)
+        described = _recorded_pass(Path(path), ours, set(immaterial))
 
     def alike(file: h5py.File) -> bool:
         return bool(file.attrs.get("pass") == described and same(take(file, Geometry), geometry))

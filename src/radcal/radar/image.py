@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,8 @@ from radcal.radar.compiled import njit, prange
 from radcal.radar.gaussian import gaussian_row, seed_words
 from radcal.radar.geometry import Points
 from radcal.radar.points import add_points, fine_taps, phased
-from radcal.radar.reflectivity import Reflectivity
-from radcal.radar.speckle import WIDTH_FACTOR, border_gain, impulse_response
+from radcal.radar.reflectivity import Reflectivity, uniform
+from radcal.radar.speckle import WIDTH_FACTOR, beta_share, border_gain, impulse_response
 
 __all__ = ["ImageFormation", "decibels"]
 
@@ -255,7 +256,8 @@ class ImageFormation:
                     f"radar.{axis}_resolution_m is {resolution:g}, expected at least {finest:.2f} at a spacing of "
                     f"{getattr(radar, f'{axis}_spacing_m'):g} m (the image must be sampled above its bandwidth)."
                 )
-        self._looks = radar.looks
+        self._looks = math.ceil(radar.looks)
+        self._radar = radar
         self._shape = shape
         self._down = impulse_response(radar.range_resolution_m, radar.range_spacing_m).astype(np.float32)
         self._across = impulse_response(radar.azimuth_resolution_m, radar.azimuth_spacing_m).astype(np.float32)
@@ -270,7 +272,7 @@ class ImageFormation:
         self, reflectivity: Reflectivity, noise_seed: int, before: NDArray[np.float32] | None = None,
         tiles: NDArray[np.int64] | None = None,
     ) -> NDArray[np.float32]:  # fmt: skip
-        """Multilooked intensity, the mean power of the looks.
+        """Multilooked intensity, the mean power of the looks; their number is rounded up to a whole one.
 
         Parameters
         ----------
@@ -295,6 +297,34 @@ class ImageFormation:
         field = np.empty((self._shape[0], 2 * self._shape[1]), dtype=np.float32)
         self._run(reflectivity, noise_seed, look, 1, self._tiles, np.empty((0, 0), dtype=np.float32), field)
         return field.view(np.complex64)
+
+    def thinning(self, noise_seed: int) -> NDArray[np.float32] | None:
+        """Factors that bring the whole looks of :meth:`intensity` down to a number of looks that is not whole.
+
+        A gamma variate of shape n, times an independent beta variate of the shapes L and n - L, is a gamma variate of
+        shape L. For L looks, n is L rounded up, and the beta variates are functions of the power of one further look of
+        uniform ground without noise, so that their correlation is that of speckle.
+
+        Parameters
+        ----------
+        noise_seed : int
+            Seed of speckle and thermal noise.
+
+        Returns
+        -------
+        ndarray of float32, shape (rows, columns), or None
+            Factors of mean 1; None for a whole number of looks.
+
+        References
+        ----------
+        Johnson, Kotz and Balakrishnan, "Continuous Univariate Distributions" (2nd edition, 1994), section 17.8.
+        """
+        whole, looks = self._looks, float(self._radar.looks)
+        if looks == whole:
+            return None
+        even = ImageFormation(self._radar, self._shape, -np.inf)
+        field = even.look(uniform(np.ones(self._shape, dtype=np.float32)), noise_seed, whole)
+        return beta_share(np.abs(field) ** 2, looks, whole)
 
     def touched(self, reflectivity: Reflectivity, changed: NDArray[np.bool_]) -> NDArray[np.int64]:
         """Tiles whose image depends on a changed material, shape (tiles, 4); ``changed`` is a mask of material ids."""

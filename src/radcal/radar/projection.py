@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config import Radar
+from radcal.config.angles import MEAN_RADIUS_M
 from radcal.errors import SceneError
+from radcal.radar.earth import Sight, sight
 from radcal.radar.facets import (
     ANGLES_PER_RADIAN,
     cells_of,
@@ -24,6 +26,7 @@ from radcal.radar.lines import Lines, fill_lines
 from radcal.radar.points import not_pure
 from radcal.radar.radiometry import of_sigma0
 from radcal.radar.size import check_size, refinement
+from radcal.scene.crs import earth_radius_m
 from radcal.scene.model import Scene
 from radcal.scene.size import SceneSize
 
@@ -52,10 +55,16 @@ def make_geometry(scene: Scene, radar: Radar, onto: Geometry | None = None) -> G
         The image would have too many facets or pixels.
     SceneError
         The terrain reaches the height of the track, the track passes over the scene, the image would have fewer than 8
-        rows or columns or too many parts of facets, or no part of the scene is visible.
+        rows or columns or too many parts of facets, no part of the scene is visible, or the grid of the scene is made
+        for another heading of the track.
     """
     if scene.elevation_m is None:
         return _slant_range_geometry(scene, radar)
+    if (scene.heading_deg or 0.0) != radar.heading_deg:
+        raise SceneError(
+            f"radar.heading_deg is {radar.heading_deg:g}, the scene's grid is made for {scene.heading_deg or 0:g}: "
+            "expected the same heading in all passes."
+        )
     check_size(SceneSize(scene.material.size, scene.cell_m, scene.material.size), radar)
     return _terrain_geometry(scene, radar, onto)
 
@@ -98,23 +107,24 @@ def _terrain_geometry(scene: Scene, radar: Radar, onto: Geometry | None) -> Geom
     step = scene.cell_m / k
     ny, nx = elevation.shape
     mean = float(elevation.mean())
-    track = mean + radar.altitude_m
+    seen = _sight(scene, radar, mean)
+    track = mean + seen.height_m
     if track <= elevation.max():
         raise SceneError(
             f"radar.altitude_m is {radar.altitude_m:g} m above the scene's mean, the terrain rises "
             f"{elevation.max() - mean:.0f} m: fly higher."
         )
-    centre = radar.altitude_m / np.tan(np.radians(radar.depression_deg))
-    edges = np.arange(nx * k + 1) * step - nx * scene.cell_m / 2 + centre
+    edges = np.arange(nx * k + 1) * step - nx * scene.cell_m / 2 + seen.ground_m
     if edges[0] <= 0.0:
         raise SceneError(
             f"radar.depression_deg {radar.depression_deg:g} at radar.altitude_m {radar.altitude_m:g} puts the track "
             "over the scene: lower the depression angle or fly higher."
         )
     # slant ranges are stored relative to this one, near the scene, so that single precision is enough
-    base = float(np.hypot(radar.altitude_m, edges[0]))
+    base = float(np.hypot(seen.height_m, edges[0]))
     lines = Lines.empty(ny * k, nx * k)
-    standing = _standing(scene, radar, elevation, k, step)
+    elevation = seen.lowered(elevation, scene.cell_m)
+    standing = _standing(scene, radar, elevation, track, k, step)
     near, far = 0.0, np.inf
     for first in range(0, ny, _CELLS_AT_ONCE):
         last = min(ny, first + _CELLS_AT_ONCE)
@@ -123,25 +133,39 @@ def _terrain_geometry(scene: Scene, radar: Radar, onto: Geometry | None) -> Geom
         )
         near, far = max(near, near_line), min(far, far_line)
     if onto is not None:
-        near = _slant_range_m(radar, onto.flat_incidence_deg[0]) - 0.5 * radar.range_spacing_m
+        near = seen.slant_range_m(onto.flat_incidence_deg[0]) - 0.5 * radar.range_spacing_m
     points = Points.none()
     if standing is not None:
         boxes, spots = standing
         share_out(
             lines.near_m, lines.far_m, lines.state, lines.area, lines.area.view(np.int32), boxes.rcs_m2, boxes.extent
         )
-        points = _points(spots, radar, near, step)
+        points = _points(spots, radar, seen, near, step)
 
     # rows from the first to the last range that every azimuth line reaches, so that the image lies within the scene
     rows = int((far - near) / radar.range_spacing_m) if onto is None else onto.shape[0]
     columns = int(ny * scene.cell_m / radar.azimuth_spacing_m)
     if rows < 8 or columns < 8:
         raise SceneError(f"the image of the scene would have {rows} x {columns} pixels: use a finer pixel spacing.")
-    return _pixels(scene, radar, np.ascontiguousarray(material), lines, k, step, near, base, (rows, columns), points)
+    material = np.ascontiguousarray(material)
+    return _pixels(scene, radar, seen, material, lines, k, step, near, base, (rows, columns), points)
+
+
+def _sight(scene: Scene, radar: Radar, mean_m: float) -> Sight:
+    """Position of the track over the ground at the scene's mean elevation."""
+    if radar.earth == "flat":
+        return sight(radar)
+    radius = MEAN_RADIUS_M
+    if scene.crs is not None and scene.transform is not None:
+        ny, nx = scene.material.shape
+        a, b, c, d, e, f = scene.transform
+        centre = (a * nx / 2 + b * ny / 2 + c, d * nx / 2 + e * ny / 2 + f)
+        radius = earth_radius_m(scene.crs, centre, radar.heading_deg + 90.0)  # along ground range
+    return sight(radar, radius + mean_m)
 
 
 def _standing(
-    scene: Scene, radar: Radar, elevation: NDArray[np.float64], k: int, step: float
+    scene: Scene, radar: Radar, elevation: NDArray[np.float64], track: float, k: int, step: float
 ) -> tuple[Boxes, Spots] | None:
     """Boxes and point scatterers of the scene's objects on the refined elevation model; None without objects."""
     if scene.objects is None or not len(scene.objects):
@@ -152,18 +176,17 @@ def _standing(
             "objects."
         )
     standing = to_boxes_and_spots(scene.objects, elevation, radar.look_side, k, step)
-    mean = float(elevation.mean())
-    if standing[0].top_m.size and mean + radar.altitude_m <= standing[0].top_m.max():
+    if standing[0].top_m.size and track <= standing[0].top_m.max():
         raise SceneError(
             f"radar.altitude_m is {radar.altitude_m:g} m above the scene's mean, an object rises "
-            f"{standing[0].top_m.max() - mean:.0f} m: fly higher."
+            f"{standing[0].top_m.max() - elevation.mean():.0f} m: fly higher."
         )
     return standing
 
 
 def _pixels(
-    scene: Scene, radar: Radar, material: NDArray[np.uint8], lines: Lines, k: int, step: float, near: float,
-    base: float, shape: tuple[int, int], points: Points,
+    scene: Scene, radar: Radar, seen: Sight, material: NDArray[np.uint8], lines: Lines, k: int, step: float,
+    near: float, base: float, shape: tuple[int, int], points: Points,
 ) -> Geometry:  # fmt: skip
     """Geometry of the image from the facets of all lines; a facet belongs to every pixel that it reaches."""
     rows, columns = shape
@@ -172,8 +195,7 @@ def _pixels(
     total = int(counts.sum(dtype=np.int64))
     start = np.zeros(rows * columns + 1, dtype=np.int32)
     np.cumsum(counts, out=start[1:])
-    facet_material = np.empty(total, dtype=np.uint8)
-    incidence = np.empty(total, dtype=np.uint16)
+    facet_material, incidence = np.empty(total, dtype=np.uint8), np.empty(total, dtype=np.uint16)
     weight = np.empty(total, dtype=np.float32)
     place = np.empty((2, total), dtype=np.float32)
     local = radar.radiometry == "sigma0_local"
@@ -183,7 +205,7 @@ def _pixels(
         near_row, far_row, lines.state, lines.incidence, lines.area, material, k, per_column, rows, columns, start,
         not local, objects, facet_material, incidence, weight, place,
     )  # fmt: skip
-    flat = _flat_incidence_deg(radar, near + np.arange(0.5, rows) * radar.range_spacing_m)
+    flat = seen.flat_incidence_deg(near + np.arange(0.5, rows) * radar.range_spacing_m)
     per_area = _per_area(radar, flat).astype(np.float32)
     cells = np.empty(rows * columns, dtype=np.uint16)
     pure = np.zeros(rows * columns, dtype=np.uint8)
@@ -217,6 +239,7 @@ def _pixels(
         shadow=shadow | (cells == 0).reshape(shape),
         flat_incidence_deg=flat,
         ground=ground.reshape(2, *shape),
+        earth_radius_m=None if radar.earth == "flat" else seen.radius_m,
         point_row=points.row,
         point_column=points.column,
         point_amplitude=points.amplitude,
@@ -265,29 +288,19 @@ def _rows(slant_m: NDArray[np.float32], near_m: float, spacing_m: float) -> NDAr
     return ((slant_m - near_m) / spacing_m).astype(np.float32)
 
 
-def _points(spots: Spots, radar: Radar, near: float, step: float) -> Points:
+def _points(spots: Spots, radar: Radar, seen: Sight, near: float, step: float) -> Points:
     """Visible point scatterers with their position and amplitude in the image, in ascending rows."""
-    seen = np.isfinite(spots.slant_m)
-    slant = np.asarray(spots.slant_m[seen], dtype=np.float64)
+    shown = np.isfinite(spots.slant_m)
+    slant = np.asarray(spots.slant_m[shown], dtype=np.float64)
     row = (slant - near) / radar.range_spacing_m - 0.5
     order = np.argsort(row, kind="stable")
-    amplitude = np.sqrt(spots.rcs_m2[seen] * _per_area(radar, _flat_incidence_deg(radar, slant)))
+    amplitude = np.sqrt(spots.rcs_m2[shown] * _per_area(radar, seen.flat_incidence_deg(slant)))
     return Points(
         row[order],
-        (spots.place[seen, 0] * step / radar.azimuth_spacing_m - 0.5)[order],
+        (spots.place[shown, 0] * step / radar.azimuth_spacing_m - 0.5)[order],
         amplitude.astype(np.float32)[order],
-        spots.number[seen][order],
+        spots.number[shown][order],
     )
-
-
-def _flat_incidence_deg(radar: Radar, slant_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Incidence on flat ground at a slant range [deg]."""
-    return np.degrees(np.arccos(np.minimum(radar.altitude_m / slant_m, 1.0)))
-
-
-def _slant_range_m(radar: Radar, flat_incidence_deg: float) -> float:
-    """Slant range at which flat ground has an incidence [m]."""
-    return float(radar.altitude_m / np.cos(np.radians(flat_incidence_deg)))
 
 
 def _per_area(radar: Radar, flat_incidence_deg: NDArray[np.float64]) -> NDArray[np.float64]:

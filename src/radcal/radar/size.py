@@ -38,9 +38,9 @@ def refinement(cell_m: float, radar: Radar) -> int:
     cell_m : float
         Cell size [m].
     radar : Radar
-        Pixel spacings and depression angle.
+        Pixel spacings and angle towards the scene's centre.
     """
-    pixel_m = min(radar.range_spacing_m / math.cos(math.radians(radar.depression_deg)), radar.azimuth_spacing_m)
+    pixel_m = min(radar.range_spacing_m / radar.slant_per_ground, radar.azimuth_spacing_m)
     return max(1, math.ceil(cell_m / pixel_m - 1e-9))
 
 
@@ -52,19 +52,19 @@ def image_size(scene: SceneSize, radar: Radar) -> ImageSize:
     scene : SceneSize
         Size of the scene.
     radar : Radar
-        Pixel spacings and depression angle.
+        Pixel spacings and angle towards the scene's centre.
 
     Returns
     -------
     ImageSize
-        Numbers for level ground far from the track, where a ground distance d corresponds to d cos(depression) in slant
+        Numbers for level ground far from the track, where a ground distance d corresponds to d sin(incidence) in slant
         range. The simulated image has fewer pixels, because it covers only the slant ranges at which every azimuth line
         has ground.
     """
     if scene.cell_m is None:
         return ImageSize(scene.cells, scene.cells)
     pixel_m2 = radar.range_spacing_m * radar.azimuth_spacing_m
-    area_m2 = scene.cells * scene.cell_m**2 * math.cos(math.radians(radar.depression_deg))
+    area_m2 = scene.cells * scene.cell_m**2 * radar.slant_per_ground
     return ImageSize(scene.cells * refinement(scene.cell_m, radar) ** 2, math.ceil(area_m2 / pixel_m2))
 
 
@@ -76,7 +76,7 @@ def check_size(scene: SceneSize, radar: Radar) -> None:
     scene : SceneSize
         Size of the scene.
     radar : Radar
-        Pixel spacings and depression angle.
+        Pixel spacings and angle towards the scene's centre.
 
     Raises
     ------

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 __all__ = [
     "WIDTH_FACTOR",
+    "beta_share",
     "border_gain",
     "impulse_response",
     "log_speckle_sd_db",
@@ -19,6 +20,7 @@ _NBAR, _SIDELOBE_DB = 4, 35
 # 20,001 points of 0 to 1; a test computes it. The number is fixed because every simulated pixel depends on its last
 # digit, which would differ between BLAS libraries.
 WIDTH_FACTOR = 1.1841552900179924
+_SHARES = 20_001  # rows of a table of beta quantiles
 _REACH = 8.0  # the impulse response is cut at this many resolution widths, below -45 dB
 
 
@@ -133,6 +135,33 @@ def border_gain(taps: NDArray[np.floating], n: int) -> NDArray[np.float32]:
     energy = total[np.minimum(reach + n - at, len(taps))] - total[np.maximum(reach - at, 0)]
     inside = (at >= reach) & (at < n - reach)
     return np.where(inside, 1.0, 1.0 / np.sqrt(energy)).astype(np.float32)
+
+
+def beta_share(power: NDArray[np.float32], looks: float, whole: int) -> NDArray[np.float32]:
+    """Beta variates from the power of speckle.
+
+    Parameters
+    ----------
+    power : ndarray
+        Power of single-look speckle of mean 1, which has an exponential distribution.
+    looks : float
+        Number of looks L.
+    whole : int
+        Larger number of looks n.
+
+    Returns
+    -------
+    ndarray of float32, shape of ``power``
+        n / L times the quantile, at the probability of each power, of the beta distribution of shapes L and n - L; a
+        monotonic function of the power, of mean 1.
+    """
+    from scipy.special import betainccinv
+
+    # exp(-power) is the probability of a larger power; of its fourth root the quantile is smooth at 0, and steep at 1,
+    # where the rows of the table are close to each other
+    root = 1.0 - np.linspace(1.0, 0.0, _SHARES) ** 3
+    shares = betainccinv(looks, whole - looks, root**4) * (whole / looks)
+    return np.asarray(np.interp(np.exp(-0.25 * power), root, shares), dtype=np.float32)
 
 
 def log_speckle_sd_db(looks: float) -> float:

@@ -53,7 +53,7 @@ class Runs:
 
     kind: Annotated[NDArray[np.str_], About("kind of each run: reference, reused, design or infill", shape="n")]
     index: Annotated[Integers, About("number of the run within its kind", shape="n")]
-    key: Annotated[NDArray[np.str_], About("hash of the run, which names its record in `runs/`", shape="n")]
+    key: Annotated[NDArray[np.str_], About("hash of the run, which names its record in `runs/`", shape="n", scale=True)]
     seconds: Annotated[Doubles, About("wall time of the simulator", "s", "n")]
 
 
@@ -66,8 +66,9 @@ class LawParameters:
     polarisation: Annotated[str, About("transmitted and received polarisation")]
     frequency_ghz: Annotated[float | None, About("carrier frequency", "GHz")] = None
     angles_deg: Annotated[tuple[float, ...] | None, About("knots of a tabulated law", "deg")] = None
-    names: Annotated[tuple[str, ...] | None, About("names of the parameters of an external law")] = None
-    units: Annotated[tuple[str, ...] | None, About("units of the parameters of an external law")] = None
+    names: Annotated[tuple[str, ...] | None, About("names of the parameters of an external law or formula")] = None
+    units: Annotated[tuple[str, ...] | None, About("units of the parameters of an external law or formula")] = None
+    formula: Annotated[str | None, About("formula of a law of the case file, phi in radians")] = None
 
     def curve(self) -> Law:
         """Law as a function of incidence angle and parameters, with its conditions bound to it.
@@ -84,6 +85,7 @@ class LawParameters:
             angles_deg=self.angles_deg,
             names=self.names,
             units=self.units,
+            formula=self.formula,
         )
 
 
@@ -97,7 +99,7 @@ class Check:
     between_db: Annotated[float, About("standard deviation between fields; NaN if not estimated", "dB")]
     within_db: Annotated[float, About("standard deviation within fields; NaN if not estimated", "dB")]
     incidence_error_deg: Annotated[float, About("standard error assumed for the local incidence", "deg")]
-    class_deg: Annotated[Doubles, About("mean incidence of each incidence-angle bin", "deg", "c")]
+    class_deg: Annotated[Doubles, About("mean incidence of each incidence-angle bin", "deg", "c", scale=True)]
     class_db: Annotated[Doubles, About("sigma0 of the law that would match the measured pixels of the bin", "dB", "c")]
     class_error_db: Annotated[Doubles, About("standard error of `class_db`", "dB", "c")]
     sentences: Annotated[tuple[str, ...], Attribute(), About("warnings about the law")]
@@ -157,7 +159,7 @@ class MaterialResult:
         Doubles,
         About("95 % intervals of the target's mean, standard deviation and skewness (no unit)", _UNIT, "3, 2"),
     ]
-    pixels: Annotated[Integers, About("flat indices of the target's pixels in the image", shape="p")]
+    pixels: Annotated[Integers, About("flat indices of the target's pixels in the image", shape="p", scale=True)]
     incidence_deg: Annotated[Floats, About("local incidence of the target's pixels", "deg", "p")]
     measured_db: Annotated[Doubles, About("target's pixels in the measured image", _UNIT, "p")]
     start_db: Annotated[Doubles, About("target's pixels in the reference run", _UNIT, "p")]
@@ -281,7 +283,7 @@ class PassSummary:
     depression_deg: Annotated[float, About("depression angle", "deg")]
     look_side: Annotated[str, About("look side")]
     polarisation: Annotated[str, About("transmitted and received polarisation")]
-    looks: Annotated[int, About("number of looks of the simulation")]
+    looks: Annotated[float, About("number of looks of the simulation")]
     measurement: Annotated[str, About("source of the measured image")]
     registration: Annotated[str, About("outcome of the registration in words")]
     levels: Annotated[str, About("level of the measured image and its consequences in words")]
@@ -302,7 +304,7 @@ class Archive:
     converged: Annotated[bool, About("every material is within the tolerance or meets its stop criterion")]
     tolerance: Annotated[float, About("density rms up to which a material is within the tolerance", _DENSITY)]
     max_runs: Annotated[int, About("largest number of runs, design and infill together")]
-    looks: Annotated[int, About("number of looks of the simulation")]
+    looks: Annotated[float, About("number of looks of the simulation")]
     measured_looks: Annotated[
         float, About("equivalent number of looks (ENL) of the measured image's homogeneous areas")
     ]

@@ -10,6 +10,7 @@ import numpy as np
 
 from radcal import skewnormal
 from radcal.report.archive import Archive, MaterialResult
+from radcal.report.colours import colour_of, head
 from radcal.report.drawing import (
     DESIGN,
     FOUND,
@@ -18,10 +19,10 @@ from radcal.report.drawing import (
     TARGET,
     Array,
     add_legend,
+    mark,
     new_canvas,
     short,
     shortened,
-    titled,
 )
 from radcal.report.reasons import REASONS
 
@@ -112,7 +113,7 @@ def histogram(case: Archive, name: str) -> tuple[Canvas, str, str]:
         panel.draw(material.dp[run], label, {"color": DESIGN, "linewidth": 1.1, "alpha": 0.9})
     panel.draw(material.target_dp, "target: fitted skew normal", TARGET | {"linewidth": 3.2})
     panel.finish()
-    axes.set_title(titled(name))
+    head(axes, case, name)
     axes.set_xlabel(f"backscatter [{case.levels.unit}]")
     axes.set_ylabel(f"density [1/{case.levels.unit}]")
     add_legend(canvas, axes.get_legend_handles_labels(), 3)
@@ -131,7 +132,7 @@ def densities(case: Archive, name: str) -> tuple[Canvas, str, str]:
     canvas = new_canvas(6.2, 4.2)
     axes = canvas.subplots()
     panel = _before_after(axes, material)
-    axes.set_title(titled(name, f"rms {short(material.rms[material.best])} 1/{case.levels.unit}"))
+    head(axes, case, name, f"rms {short(material.rms[material.best])} 1/{case.levels.unit}")
     axes.set_xlabel(f"backscatter [{case.levels.unit}]")
     axes.set_ylabel(f"density [1/{case.levels.unit}]")
     add_legend(canvas, axes.get_legend_handles_labels(), 4)
@@ -171,6 +172,7 @@ def overview(case: Archive) -> tuple[Canvas, str, str]:
             + f"\nrms {short(material.rms[material.best])}: {REASONS[material.reason].label}",
             fontsize=10.0,
         )
+        mark(axes, colour_of(case, name))
         axes.tick_params(labelsize=9.5)
     for axes in grid[n:]:
         axes.set_axis_off()
@@ -219,7 +221,7 @@ def quality(case: Archive, name: str) -> tuple[Canvas, str, str]:
     axes.plot(
         expected, values, color=FOUND["color"], marker=".", markersize=4, linestyle="none", label="measured pixels"
     )
-    axes.set_title(titled(name, f"distance {short(material.fit_ks)}, p = {short(material.fit_ad_p)}"))
+    head(axes, case, name, f"distance {short(material.fit_ks)}, p = {short(material.fit_ad_p)}")
     axes.set_xlabel(f"quantile of the skew normal [{case.levels.unit}]")
     axes.set_ylabel(f"measured quantile [{case.levels.unit}]")
     add_legend(canvas, axes.get_legend_handles_labels(), 3)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
 Array = NDArray[np.float64]
@@ -28,12 +29,6 @@ SAMPLING: dict[str, Any] = {"color": "#CC79A7", "linewidth": 2.2, "linestyle": (
 PALE = "#D0D0D0"
 DESIGN = "#56B4E9"
 MUTED = "#7A7A7A"
-
-# sixteen colours of different lightness; the map also has numbers, so that nothing depends on colour alone
-FILLS = (
-    "#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7", "#8C8C8C",
-    "#332288", "#B7E1B0", "#882255", "#FBD5A5", "#B4C7F0", "#6B4A1B", "#D9D9D9", "#117777",
-)  # fmt: skip
 
 STYLE: Any = {
     "font.family": "DejaVu Sans",
@@ -70,7 +65,22 @@ def titled(name: str, text: str = "") -> str:
     shown = label(name)
     if not text:
         return shown
-    return f"{shown}: {text}" if len(shown) <= 16 and len(shown) + len(text) < 62 else f"{shown}:\n{text}"
+    return f"{shown}: {text}" if len(shown) <= 16 and len(shown) + len(text) < 56 else f"{shown}:\n{text}"
+
+
+def mark(axes: Axes, colour: str) -> None:
+    """Square in a material's colour at the upper right corner of a panel, by which the panel is found in the maps."""
+    from matplotlib.patches import Rectangle
+
+    box = axes.get_window_extent()
+    height = 0.045
+    width = height * box.height / box.width
+    square = Rectangle(
+        (1.0 - width, 1.015), width, height, transform=axes.transAxes, facecolor=colour, edgecolor="black",
+        linewidth=0.6, clip_on=False,
+    )  # fmt: skip
+    square.set_in_layout(False)
+    axes.add_patch(square)
 
 
 def slugs(names: Iterable[str]) -> Iterator[str]:

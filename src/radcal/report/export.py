@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from radcal.config import stages
+from radcal.config import Radar, stages
+from radcal.errors import StoreError
+from radcal.measurement.levels import Levels
+from radcal.measurement.registration import Registered
 from radcal.radar.geometry import Geometry
 from radcal.report.archive import Archive
 from radcal.report.geotiff import Layer, map_grid, write_geotiff
+from radcal.report.results import without_level
 from radcal.report.summary import sentences
 from radcal.report.tables import (
     LAWS,
@@ -23,13 +30,73 @@ from radcal.report.tables import (
 )
 from radcal.scene.model import Scene
 from radcal.seeds import noise_seed
+from radcal.simulators.command import CommandSimulator
+from radcal.simulators.protocol import Simulator
 from radcal.storage.files import atomic
+from radcal.storage.run_index import read_index
+from radcal.storage.runs import RunStore
 
-__all__ = ["layers_of", "write_export"]
+__all__ = ["PassImages", "ground_layers", "image_layers", "pass_images", "write_export"]
+
+_INPUT = "simulator_input"
+
+
+@dataclass(frozen=True)
+class PassImages:
+    """Images of the second or a later pass [dB], as those of the first that the archive holds."""
+
+    radar: Radar
+    geometry: Geometry
+    measured_db: NDArray[np.float32]
+    calibrated_db: NDArray[np.float32]
+
+
+def pass_images(
+    case: stages.Export,
+    geometries: Sequence[Geometry],
+    registered: Sequence[Registered],
+    levels: Sequence[Levels],
+    final: str | Path,
+    runs: str | Path,
+) -> list[PassImages]:
+    """Images of the second and later passes.
+
+    Parameters
+    ----------
+    case : stages.Export
+        Passes of the case.
+    geometries, registered, levels : sequence
+        Geometry, registered image and level of each pass, the first one included.
+    final, runs : path
+        Index of the final runs, two for each pass, and folder of the run store.
+
+    Raises
+    ------
+    StoreError
+        The record of a final run lacks its image.
+    """
+    found, store, index = [], RunStore(runs), read_index(final)
+    each = zip(case.passes, geometries, registered, levels, strict=True)
+    for number, (one, geometry, image, level) in list(enumerate(each))[1:]:
+        key = index[2 * number + 1].key
+        record = store.get(key, case.calibrated, image=True)
+        if record is None or record.image_db is None:
+            raise StoreError(
+                f"{store.path(key)}: missing or without the whole image, though {final} lists it; delete {final} and "
+                "type the same command again to make this run again."
+            )
+        found.append(PassImages(one.radar, geometry, without_level(image.measurement.image_db, level), record.image_db))
+    return found
 
 
 def write_export(
-    folder: str | Path, case: stages.Export, archive: Archive, scene: Scene, geometry: Geometry
+    folder: str | Path,
+    case: stages.Export,
+    archive: Archive,
+    scene: Scene,
+    geometry: Geometry,
+    further: Sequence[PassImages] = (),
+    simulator: Simulator | None = None,
 ) -> list[Path]:
     """Write the folder ``export``, each file atomically.
 
@@ -38,11 +105,15 @@ def write_export(
     folder : path
         The folder, which is created.
     case : stages.Export
-        Materials, pass and seed of the case.
+        Materials, passes and seed of the case.
     archive : Archive
         Results of the calibration, with images.
     scene, geometry : Scene, Geometry
         Scene of the case, and geometry of the first pass.
+    further : sequence of PassImages
+        Images of the second and later passes.
+    simulator : Simulator, optional
+        Simulator of the first pass, whose input is exported if it is an external program.
 
     Returns
     -------
@@ -60,50 +131,74 @@ def write_export(
     write_csv(files[0], LAWS, law_rows(archive))
     write_csv(files[1], PARAMETERS, parameter_rows(archive))
     materials = calibrated_materials(archive, case.materials)
+    seed = noise_seed(case, fresh=True)
     with atomic(files[2]) as partial:
-        text = calibrated_yaml(archive, materials, sentences(archive)[0], noise_seed(case, fresh=True))
+        text = calibrated_yaml(archive, materials, sentences(archive)[0], seed)
         partial.write_text(text, encoding="utf-8")
-    grid = map_grid(scene, geometry)
-    for name, layer in layers_of(case, archive, geometry).items():
-        files.append(folder / f"{name}.tif")
-        write_geotiff(files[-1], layer, grid)
+    if isinstance(simulator, CommandSimulator):
+        parameters = {name: archive.laws[name].values.tolist() for name in case.materials}
+        files += simulator.write_input(folder / _INPUT, parameters, seed)
+    images = archive.images
+    first = image_layers(images.measured_db, images.calibrated_db, _tags(archive, case.radar))
+    passes = [("", geometry, case.radar, first)]
+    for number, one in enumerate(further, start=2):
+        layers = image_layers(one.measured_db, one.calibrated_db, _tags(archive, one.radar))
+        passes.append((f"_pass{number}", one.geometry, one.radar, layers))
+    for ending, made, radar, layers in passes:
+        grid = map_grid(scene, made)
+        for name, layer in {**layers, **ground_layers(made, _tags(archive, radar))}.items():
+            files.append(folder / f"{name}{ending}.tif")
+            write_geotiff(files[-1], layer, grid)
     return files
 
 
-def layers_of(case: stages.Export, archive: Archive, geometry: Geometry) -> dict[str, Layer]:
-    """Images of the first pass by the name of their file, in slant range.
+def _tags(archive: Archive, radar: Radar) -> dict[str, str]:
+    return {"case": archive.case, "radiometry": radar.radiometry}
+
+
+def image_layers(
+    measured_db: NDArray[np.float32] | None, calibrated_db: NDArray[np.float32] | None, tags: Mapping[str, str]
+) -> dict[str, Layer]:
+    """Measured, simulated and difference image of a pass by the name of their file; an unknown image is absent.
 
     Parameters
     ----------
-    case : stages.Export
-        Pass of the case.
-    archive : Archive
-        Results of the calibration.
-    geometry : Geometry
-        Geometry of the first pass.
-
-    Returns
-    -------
-    dict
-        ``measured``, ``calibrated`` (with the texture of the materials) and ``difference`` [dB], ``incidence`` [deg]
-        and ``material``. An image that is not archived is absent.
+    measured_db : ndarray, shape (rows, columns), optional
+        Registered measured image without its assumed level [dB].
+    calibrated_db : ndarray, shape (rows, columns), optional
+        Simulated image with the calibrated laws and textures [dB].
+    tags : mapping
+        Further tags of the files.
     """
-    images, tags = archive.images, {"case": archive.case, "radiometry": case.radar.radiometry}
     found = {}
-    measured, calibrated = images.measured_db, images.calibrated_db
-    if measured is not None:
+    if measured_db is not None:
         said = "measured image, registered, after subtraction of its assumed level"
-        found["measured"] = Layer(measured, "dB", said, tags)
-    if calibrated is not None:
-        found["calibrated"] = Layer(calibrated, "dB", "simulated image with the calibrated laws and textures", tags)
-    if measured is not None and calibrated is not None:
-        found["difference"] = Layer(calibrated - measured, "dB", "calibrated minus measured image", tags)
-    if images.incidence_deg is not None:
-        found["incidence"] = Layer(images.incidence_deg, "deg", "mean local incidence of the pixel's ground", tags)
-    if images.material is not None:
-        names = {str(k): name for k, name in enumerate(archive.names, start=1)}
-        said = "material of pixels of one material alone, by number (tag materials); 0: mixed, or none"
-        material = np.where(np.diff(geometry.cell_start).reshape(geometry.shape) > 0, images.material, 0)
-        tagged = {**tags, "materials": json.dumps(names)}
-        found["material"] = Layer(material.astype(np.uint8), "1", said, tagged)
+        found["measured"] = Layer(measured_db, "dB", said, tags)
+    if calibrated_db is not None:
+        found["calibrated"] = Layer(calibrated_db, "dB", "simulated image with the calibrated laws and textures", tags)
+    if measured_db is not None and calibrated_db is not None:
+        found["difference"] = Layer(calibrated_db - measured_db, "dB", "calibrated minus measured image", tags)
     return found
+
+
+def ground_layers(geometry: Geometry, tags: Mapping[str, str]) -> dict[str, Layer]:
+    """Local incidence, materials and masks of a pass by the name of their file, in slant range.
+
+    Parameters
+    ----------
+    geometry : Geometry
+        Geometry of the pass.
+    tags : mapping
+        Further tags of the files.
+    """
+    names = {str(k): name for k, name in enumerate(geometry.names, start=1)}
+    alone = "material of pixels of one material alone, by number (tag materials); 0: mixed, or none"
+    hidden = "1: clear; 2: in layover; 3: with ground in shadow; 4: both; 0: no ground (on a map: no pixel shows it)"
+    material = np.where(geometry.visible, geometry.material, 0).astype(np.uint8)
+    seen = geometry.visible | geometry.shadow
+    mask = np.where(seen, 1 + geometry.layover + 2 * geometry.shadow, 0).astype(np.uint8)
+    return {
+        "incidence": Layer(geometry.incidence_deg, "deg", "mean local incidence of the pixel's ground", tags),
+        "material": Layer(material, "1", alone, {**tags, "materials": json.dumps(names)}),
+        "mask": Layer(mask, "1", hidden, tags),
+    }

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from radcal.report.archive import Archive, Fidelity
-from radcal.report.drawing import FOUND, MUTED, PALE, START, Array, add_legend, new_canvas, titled
+from radcal.report.colours import head
+from radcal.report.drawing import FOUND, MUTED, PALE, START, Array, add_legend, new_canvas
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
@@ -49,7 +50,7 @@ def fidelity(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
         middle, reach = np.log10(positive).mean(), max(0.5, 0.6 * float(np.ptp(np.log10(positive))))
         upper.set_ylim(10.0 ** (middle - reach), 10.0 ** (middle + reach))
     upper.set_ylabel("cost")
-    upper.set_title(titled(name, "surrogate's predictions and verifying runs"))
+    head(upper, case, name, "surrogate's predictions and verifying runs")
     lower.axhspan(-2.0, 2.0, color=PALE, alpha=0.6, linewidth=0, label="two standard deviations")
     lower.axhline(0.0, color=MUTED, linewidth=0.8)
     values = differences(found)

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from radcal.report.archive import Archive
-from radcal.report.drawing import FOUND, MUTED, START, TARGET, add_legend, new_canvas, titled
+from radcal.report.colours import head
+from radcal.report.drawing import FOUND, MUTED, START, TARGET, add_legend, new_canvas
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
@@ -42,7 +43,7 @@ def held_out(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     # like against like: both with the effects of fields
     errors = f"{held.rmse_law_patch_db:.2f} dB off, a constant {held.rmse_constant_patch_db:.2f} dB"
-    axes.set_title(titled(name, f"held-out ground {errors}"))
+    head(axes, case, name, f"held-out ground {errors}")
     axes.set_xlabel("block, in the order of its prediction")
     axes.set_ylabel("mean level [dB]")
     add_legend(canvas, axes.get_legend_handles_labels(), 5)

@@ -240,7 +240,7 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) 
         overall=[figure for figure in figures if figure.material is None],
         figures={m["name"]: [figure for figure in figures if figure.material == m["name"]] for m in materials},
         reasons=list(dict.fromkeys(reason for m in materials for reason in m["left_out"])),
-        looks=archive.looks,
+        looks=f"{archive.looks:g}",
         max_runs=archive.max_runs,
         margin_px=config.get("target", {}).get("margin_px"),
         config=_yaml(archive.config),

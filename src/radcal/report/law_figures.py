@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from radcal.config.objectives import OBJECTIVES
 from radcal.radar.laws import Law
 from radcal.report.archive import Archive, MaterialResult
+from radcal.report.colours import head
 from radcal.report.drawing import (
     DESIGN,
     FOUND,
@@ -23,7 +24,6 @@ from radcal.report.drawing import (
     add_legend,
     new_canvas,
     short,
-    titled,
 )
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def _law_cost(case: Archive, name: str, costs: Array) -> tuple[Canvas, str, str]
     if numbers:
         upper.axhline(numbers, label="a right law", **SAMPLING)
     upper.set_ylabel("squared residuals")
-    upper.set_title(titled(name, f"best misfit {short(squares[material.best])} in run {material.best}"))
+    head(upper, case, name, f"best misfit {short(squares[material.best])} in run {material.best}")
     rms = material.rms
     _runs(lower, case, material, np.where(rms > 0, rms, rms[rms > 0].min() / 3.0 if (rms > 0).any() else 1.0))
     if material.rms_sampling > 0:
@@ -143,7 +143,7 @@ def _density_cost(case: Archive, name: str) -> tuple[Canvas, str, str]:
     top = max(float(shown.max()), float(positive.max()))
     axes.set_ylim(bottom, 2.0 * top)
     _number_runs(axes, rms.size)
-    axes.set_title(titled(name, f"best rms {short(rms[material.best])} 1/{case.levels.unit} in run {material.best}"))
+    head(axes, case, name, f"best rms {short(rms[material.best])} 1/{case.levels.unit} in run {material.best}")
     axes.set_ylabel(f"difference of the densities, rms [1/{case.levels.unit}]")
     add_legend(canvas, axes.get_legend_handles_labels(), 3)
     caption = (
@@ -182,7 +182,7 @@ def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
             f"Over the incidence seen the law found differs from the hidden truth (green, dotted; middle panel) by at "
             f"most {difference:.2g} dB."
         )
-    panels[0].set_title(titled(name, title))
+    head(panels[0], case, name, title)
     panels[0].set_ylabel("\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} [dB]")
     _pixels(panels[-1], incidence_deg)
     add_legend(canvas, panels[0].get_legend_handles_labels(), 3)

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.report.archive import Archive
-from radcal.report.drawing import FILLS, Array, add_legend, label, new_canvas
+from radcal.report.colours import colours_of
+from radcal.report.drawing import Array, add_legend, label, new_canvas
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -195,7 +196,7 @@ def residual(case: Archive) -> tuple[Canvas, str, str] | None:
     rows = -(-(len(labels) + 1) // columns)
     canvas, panels, stacked, aspect = panels_for(difference.shape, 2, below=0.215 * rows)
     _difference_map(canvas, panels[0], difference, aspect)
-    colours = ["#FFFFFF", *(FILLS[(number - 1) % len(FILLS)] for number in range(1, len(case.names) + 1))]
+    colours = ["#FFFFFF", *colours_of(case)]
     _material_map(panels[1], material, present, colours, aspect)
     if not stacked:
         canvas.set_layout_engine("compressed", wspace=0.05, h_pad=0.08)
@@ -205,7 +206,7 @@ def residual(case: Archive) -> tuple[Canvas, str, str] | None:
     speckle = 10.0 / np.log(10.0) * np.sqrt(2.0 * float(polygamma(1, case.looks))) / _BOXCAR
     caption = (
         f"Left: calibrated minus measured image, mean of the dB values over {_BOXCAR} x {_BOXCAR} pixels; red: "
-        f"too bright, blue: too dark. With {case.looks} looks speckle alone leaves a standard deviation of at least "
+        f"too bright, blue: too dark. With {case.looks:g} looks speckle alone leaves a standard deviation of at least "
         f"{speckle:.2g} dB there. White: no ground of the scene, or no measured value. Right: the materials of the "
         "scene; those marked * were calibrated, the others kept their laws."
     )

@@ -22,7 +22,7 @@ from radcal.measurement.levels import Levels
 from radcal.measurement.registration import Registered
 from radcal.measurement.target import Targets
 from radcal.radar.geometry import Geometry
-from radcal.radar.laws import EXTERNAL, Law, seen_rad
+from radcal.radar.laws import EXTERNAL, FORMULA, Law, seen_rad
 from radcal.report.archive import (
     Archive,
     Check,
@@ -45,7 +45,7 @@ from radcal.scene.model import Scene
 from radcal.storage.disclosure import disclosed
 from radcal.storage.runs import Record
 
-__all__ = ["gather"]
+__all__ = ["gather", "without_level"]
 
 _LARGEST_SCENE = 1200  # largest number of archived cells per side
 _MOST_OBJECTS = 20_000  # largest number of archived objects; a figure cannot show more as separate dots
@@ -128,7 +128,7 @@ def gather(
         passes=_passes(case, history, targets, passes, final) if targets.further else None,
         images=Images(
             # figures compare whole images in dB, after subtraction of the assumed level
-            measured_db=measurement.image_db - np.float32(_level_db(targets.levels)),
+            measured_db=without_level(measurement.image_db, targets.levels),
             reference_db=conclusion.reference_db,
             calibrated_db=conclusion.calibrated_db,
             material=geometry.material,
@@ -154,6 +154,8 @@ def _as_written(case: stages.Archive, stop: Stop) -> dict[str, Any]:
     for section, further in FURTHER.items():
         if further in data:
             data[section] = [data[section], *data.pop(further)]
+    for name, colour in data.pop("colours", {}).items():
+        data["materials"][name]["colour"] = colour
     return data
 
 
@@ -175,7 +177,7 @@ def _passes(
         new = {record.key for record in final[2 * k : 2 * k + 2]} - known
         known |= new
         found[str(k + 1)] = PassSummary(
-            depression_deg=one.radar.depression_deg,
+            depression_deg=one.radar.centre_depression_deg,
             look_side=one.radar.look_side,
             polarisation=one.radar.polarisation,
             looks=one.radar.looks,
@@ -220,15 +222,16 @@ def _final_parameters(case: stages.Archive, history: History, targets: Targets) 
 
 def _law(values: Any, material: Material, radar: Radar) -> LawParameters:
     """Parameters of a material's law in one or several runs, with the conditions of the law."""
-    external = material.law == EXTERNAL
+    named = material.law in (EXTERNAL, FORMULA)
     return LawParameters(
         values=np.array(values, dtype=np.float64),
         law=material.law,
         polarisation=radar.polarisation,
         frequency_ghz=radar.frequency_ghz,
         angles_deg=None if material.angles_deg is None else tuple(material.angles_deg),
-        names=tuple(material.parameter_names) if external else None,
-        units=tuple(material.parameter_units) if external else None,
+        names=tuple(material.parameter_names) if named else None,
+        units=tuple(material.parameter_units) if named else None,
+        formula=material.formula,
     )
 
 
@@ -261,9 +264,9 @@ def _levels(levels: Levels) -> LevelSummary:
     return LevelSummary(**{item.name: getattr(levels, item.name) for item in fields(LevelSummary)})
 
 
-def _level_db(levels: Levels) -> float:
-    """Level [dB] that is subtracted from the measured image in the archive."""
-    return 0.0 if levels.normalisation == "none" else levels.offset_db
+def without_level(image_db: NDArray[np.float32], levels: Levels) -> NDArray[np.float32]:
+    """Measured image [dB] after subtraction of its assumed level."""
+    return image_db - np.float32(0.0 if levels.normalisation == "none" else levels.offset_db)
 
 
 def _scene(scene: Scene) -> SceneView:

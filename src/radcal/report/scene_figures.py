@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radcal.report.archive import Archive
-from radcal.report.drawing import FILLS, Array, add_legend, label, new_canvas
+from radcal.report.colours import colours_of
+from radcal.report.drawing import Array, add_legend, label, new_canvas
 from radcal.report.map_figures import axis_labels, image_extent, panels_for
 
 if TYPE_CHECKING:
@@ -24,7 +27,7 @@ _LISTED = 8  # largest number of materials named in the caption
 def _colours(case: Archive) -> tuple[Any, Any]:
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
-    colours = ["#FFFFFF", *(FILLS[k % len(FILLS)] for k in range(len(case.names)))]
+    colours = ["#FFFFFF", *colours_of(case)]
     return ListedColormap(colours), BoundaryNorm((np.arange(len(colours) + 1) - 0.5).tolist(), len(colours))
 
 
@@ -32,7 +35,8 @@ def _material_legend(canvas: Canvas, case: Archive, present: NDArray[Any]) -> No
     from matplotlib.patches import Patch
 
     numbers = [int(k) for k in np.unique(present) if 0 < k <= len(case.names)]
-    handles = [Patch(facecolor=FILLS[(k - 1) % len(FILLS)], edgecolor="black", linewidth=0.5) for k in numbers]
+    colours = colours_of(case)
+    handles = [Patch(facecolor=colours[k - 1], edgecolor="black", linewidth=0.5) for k in numbers]
     add_legend(canvas, (handles, [label(case.names[k - 1], 30) for k in numbers]), 6)
 
 
@@ -45,8 +49,8 @@ def scene(case: Archive) -> tuple[Canvas, str, str] | None:
     cell_m = view.cell_m * view.step
     objects_m = None if view.objects is None else view.objects.places_m
     canvas = new_canvas(9.5, 9.1)
-    _plans(canvas, elevation, view.material, objects_m, cell_m, _colours(case))
-    _view(canvas, elevation, view.material, cell_m, _colours(case))
+    _plans(canvas, elevation, view.material, objects_m, cell_m, _colours(case), _directions(case))
+    _view(canvas, elevation, view.material, cell_m, _colours(case), _directions(case))
     _material_legend(canvas, case, view.material)
     ny, nx = elevation.shape
     caption = (
@@ -56,6 +60,27 @@ def scene(case: Archive) -> tuple[Canvas, str, str] | None:
     if objects_m is not None:
         caption += " Objects are dots, whatever their size."
     return canvas, caption, "Shaded relief, material map, elevation map and a view of the terrain."
+
+
+@dataclass(frozen=True)
+class _Directions:
+    """Words for the axes of the scene's grid: across, along, and the corners from which light and view come."""
+
+    across: str = "east [km]"
+    along: str = "north [km]"
+    light: str = "north-west"
+    view: str = "south-west"
+
+
+def _directions(case: Archive) -> _Directions:
+    """Words for a grid that is turned to the track, or that points to the north."""
+    radar = json.loads(case.config).get("radar", {})
+    heading = float((radar[0] if isinstance(radar, list) else radar).get("heading_deg", 0.0))
+    if not heading:
+        return _Directions()
+    return _Directions(
+        "right of the track [km]", f"along the track, {heading:g} deg [km]", "ahead on the left", "behind on the left"
+    )
 
 
 def _light() -> LightSource:
@@ -77,13 +102,14 @@ def _plans(
     objects_m: NDArray[Any] | None,
     cell_m: float,
     colours: tuple[Any, Any],
+    directions: _Directions,
 ) -> None:
     """Relief, materials with objects, and elevation, seen from above."""
     sides = _sides_km(elevation.shape, cell_m)
     cmap, norm = colours
     flat = [canvas.add_subplot(2, 2, k) for k in (1, 2, 3)]
     flat[0].imshow(_light().hillshade(elevation, dx=cell_m, dy=cell_m), cmap="gray", origin="lower", extent=sides)
-    flat[0].set_title("shaded relief, light from north-west")
+    flat[0].set_title(f"shaded relief, light from {directions.light}")
     flat[1].imshow(material, cmap=cmap, norm=norm, origin="lower", extent=sides, interpolation="nearest")
     if objects_m is not None:
         flat[1].plot(
@@ -97,12 +123,19 @@ def _plans(
     bar.set_label("elevation [m]")
     for panel in flat:
         panel.grid(False)
-        panel.set_xlabel("east [km]")
-        panel.set_ylabel("north [km]")
+        panel.set_xlabel(directions.across)
+        panel.set_ylabel(directions.along)
         panel.locator_params(nbins=5)
 
 
-def _view(canvas: Canvas, elevation: Array, material: NDArray[Any], cell_m: float, colours: tuple[Any, Any]) -> None:
+def _view(
+    canvas: Canvas,
+    elevation: Array,
+    material: NDArray[Any],
+    cell_m: float,
+    colours: tuple[Any, Any],
+    directions: _Directions,
+) -> None:
     """Terrain with its materials, seen from the south-west."""
     solid = cast(Any, canvas.add_subplot(2, 2, 4, projection="3d"))
     ny, nx = elevation.shape
@@ -117,14 +150,15 @@ def _view(canvas: Canvas, elevation: Array, material: NDArray[Any], cell_m: floa
         x, y, low, facecolors=shaded, rstride=1, cstride=1, linewidth=0, antialiased=False, shade=False
     )
     surface.set_rasterized(True)  # rasterised, since thousands of faces would be slow and large as vectors
-    height = float(np.ptp(elevation))
+    height = max(float(np.ptp(elevation)), 1.0)  # level ground would have a box without a height
     span = max(sides[1], sides[3])
-    times = max(1, round(0.25 * span * 1000.0 / max(height, 1.0)))
+    times = max(1, round(0.25 * span * 1000.0 / height))
     solid.set_box_aspect((sides[1] / span, sides[3] / span, height / 1000.0 * times / span))
     solid.view_init(elev=32.0, azim=-120.0)
-    solid.set_title(f"seen from south-west, heights {times} times" if times > 1 else "seen from south-west")
-    solid.set_xlabel("east [km]")
-    solid.set_ylabel("north [km]")
+    seen = f"seen from {directions.view}"
+    solid.set_title(f"{seen}, heights {times} times" if times > 1 else seen)
+    solid.set_xlabel(directions.across)
+    solid.set_ylabel(directions.along)
     solid.locator_params(nbins=4)
     solid.tick_params(axis="z", labelsize=8.5)
 

@@ -109,7 +109,8 @@ def _finished(summary: Mapping[str, Any]) -> list[str]:
         parameters = ", ".join(f"{key} {value:.4g}" for key, value in material["parameters"].items())
         # in a case of one material, the first line is its verdict
         said = f"{material['verdict']} " if len(materials) > 1 else ""
-        lines.append(f"{name}: {said}{material['law']} with {parameters}; {_known(material)}")
+        law = material.get("formula", material["law"])
+        lines.append(f"{name}: {said}{law} with {parameters}; {_known(material)}")
     return [*lines, f"runs: {runs['total']} ({each}{reused}); end: {summary['stop_reason']}."]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -131,13 +132,16 @@ def calibrated_materials(archive: Archive, materials: Mapping[str, Material]) ->
     Returns
     -------
     dict
-        Section ``materials`` as plain data. ``looks`` is given where the calibration found texture.
+        Section ``materials`` as plain data. ``looks`` is given where the calibration found texture, ``colour`` where
+        the case gives it.
     """
-    found = {}
+    found, written = {}, json.loads(archive.config).get("materials", {})
     for name, material in materials.items():
-        kept = ("law", "angles_deg", "names", "units", "integer")
+        kept = ("law", "angles_deg", "formula", "names", "units", "integer")
         data = {"calibrate": False, **material.model_dump(mode="json", include=set(kept), exclude_none=True)}
         data["parameters"] = [float(x) for x in archive.laws[name].values]
+        if colour := written.get(name, {}).get("colour"):
+            data["colour"] = colour
         looks = material.looks
         if name in archive.materials:
             result = archive.materials[name]
@@ -165,7 +169,7 @@ def calibrated_yaml(archive: Archive, materials: Mapping[str, Mapping[str, Any]]
     import yaml
 
     heading = _HEADING.format(
-        case=archive.case, verdict=" ".join(verdict.split()), looks=archive.looks, noise_seed=noise_seed
+        case=archive.case, verdict=" ".join(verdict.split()), looks=f"{archive.looks:g}", noise_seed=noise_seed
     )
     plain = {name: dict(material) for name, material in materials.items()}
     return heading + yaml.safe_dump(

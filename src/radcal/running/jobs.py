@@ -25,6 +25,7 @@ __all__ = [
     "FAILURE",
     "OWNER",
     "PROGRESS",
+    "RESULTS",
     "STARTED",
     "Follower",
     "die_with_parent",
@@ -39,6 +40,9 @@ STARTED = "RADCAL_STARTED"  # time when this invocation began [s since 1970]
 OWNER = "RADCAL_OWNER"  # process number of the Snakemake process that starts the jobs on this machine
 FAILURE = "RADCAL_FAILURE"  # file to which a failed job writes its error message
 PROGRESS = "RADCAL_PROGRESS"  # file for the progress lines of jobs on other machines, which have no terminal
+
+# environment variable that the command radcal sets for the session
+RESULTS = "RADCAL_RESULTS"  # folder that contains the results folders of all cases; results if missing
 
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
 

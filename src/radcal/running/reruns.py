@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from radcal.config import Case
-from radcal.config.sections import FURTHER
+from radcal.config.sections import DERIVED
 from radcal.config.stages import STAGES
 
 __all__ = ["reruns_table"]
@@ -52,7 +52,7 @@ def reruns_table() -> str:
         Table in Markdown, with one row for each top-level key of the configuration.
     """
     lines = ["| key | stages that read it | new runs of the simulator |", "|---|---|---|"]
-    for section in (name for name in Case.model_fields if name not in FURTHER.values()):
+    for section in (name for name in Case.model_fields if name not in DERIVED):
         rules = ", ".join(_first(section)) or ("archive" if section in STAGES["archive"].model_fields else "none")
         lines.append(f"| `{section}` | {rules} | {_RUNS[section]} |")
     return "\n".join(lines) + "\n"

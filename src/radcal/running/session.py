@@ -14,7 +14,7 @@ from typing import Any
 from radcal.config import Case, check_reuse, input_files, load
 from radcal.config.yaml_file import check_words
 from radcal.errors import RadcalError, StoreError
-from radcal.running.jobs import CASE, FAILURE, OWNER, PROGRESS, STARTED, Follower
+from radcal.running.jobs import CASE, FAILURE, OWNER, PROGRESS, RESULTS, STARTED, Follower
 from radcal.running.salvage import files_of, salvage
 from radcal.running.simulator_change import simulator_change
 from radcal.running.slurm import cancel_leftovers, remember
@@ -25,10 +25,10 @@ from radcal.storage.files import sweep_scripts, unwritable
 from radcal.storage.lock import CaseLock, leave
 from radcal.storage.records import REPLACE
 
-__all__ = ["Session", "is_dry_run", "open_session"]
+__all__ = ["Session", "is_dry_run", "is_planned", "open_session"]
 
 _SNAKEMAKE = Path(".snakemake")
-_RESULTS = Path("results")
+_RESULTS = "results"
 
 
 def open_session(
@@ -52,13 +52,14 @@ def open_session(
         Snakemake's logger, to which the session adds its filter of messages.
     """
     guard(logger)
+    results = os.environ.get(RESULTS) or _RESULTS
     try:
         check_words(words)
-        case = with_seed_bits(load(files, config), _RESULTS)
+        case = with_seed_bits(load(files, config), results)
         inputs = input_files(case)
         check_command(case)
-        check_reuse(case, _RESULTS)
-        session = Session(case, remote, inputs=inputs)
+        check_reuse(case, results)
+        session = Session(case, remote, results, inputs)
     except RadcalError as error:
         sys.exit(f"radcal: {error}")
     logger.addFilter(session.messages)
@@ -68,6 +69,18 @@ def open_session(
 def is_dry_run(words: Iterable[str]) -> bool:
     """Whether a command line contains the dry-run option, which a Snakefile cannot query from Snakemake."""
     return any(re.fullmatch("--dry-?run|-[a-z]*n[a-z]*", word) for word in words)
+
+
+def is_planned(workflow: Any) -> bool:
+    """Whether a Snakemake command is a dry run whose jobs are known.
+
+    Parameters
+    ----------
+    workflow : snakemake.workflow.Workflow
+        Workflow at the end of its command.
+    """
+    # a command that lists rules or unlocks has no executor, and one that failed no scheduler
+    return workflow._executor_plugin is not None and workflow.dryrun and workflow.scheduler is not None
 
 
 class Session:
@@ -207,6 +220,10 @@ class Session:
                 f"stopped. Finished runs are kept in {runs}, logs in {self.folder / 'logs'}; once the cause is "
                 "removed, the same command continues."
             )
+
+    def say(self, sentence: str) -> None:
+        """Print a sentence on the terminal."""
+        _say(sentence)
 
     def _refusal(self) -> str | None:
         """Message about the first folder or result file that is not writable; None if all are writable."""

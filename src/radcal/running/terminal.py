@@ -146,7 +146,7 @@ class Messages:
 
 def _protected(text: str) -> str:
     """Error message that replaces Snakemake's message about write-protected outputs."""
-    files = re.findall(r"(?m)^\s+(results/\S+)$", text)
+    files = re.findall(r"(?m)^\s+(\S.*)$", text.partition("affected files:")[2])
     return (
         f"{files[0] if files else 'a result'} is write-protected, and is to be made again: make it writable "
         "(chmod u+w), or give the case another name (case: ...)."

@@ -7,6 +7,7 @@ CRS has another order of axes.
 from __future__ import annotations
 
 import difflib
+import math
 import re
 import warnings
 from typing import TYPE_CHECKING, Any
@@ -19,12 +20,15 @@ if TYPE_CHECKING:
 __all__ = [
     "METRES",
     "crs_of",
+    "earth_radius_m",
+    "geoid_m",
     "horizontal",
     "label",
     "named_datum",
     "same_datum",
     "same_place",
     "transformation_note",
+    "turned",
     "utm",
     "vertical_datum",
     "vertical_unit",
@@ -91,6 +95,80 @@ def utm(longitude_deg: float, latitude_deg: float) -> CRS | None:
     place = AreaOfInterest(longitude_deg, latitude_deg, longitude_deg, latitude_deg)
     found = query_utm_crs_info("WGS 84", place)
     return CRS.from_authority(found[0].auth_name, found[0].code) if found else None
+
+
+def turned(crs: CRS, place: tuple[float, float], heading_deg: float) -> CRS:
+    """CRS whose second axis points along a track, and whose first axis points to the right of the track.
+
+    Parameters
+    ----------
+    crs : pyproj.CRS
+        Projected CRS.
+    place : (float, float)
+        Coordinates in ``crs`` of the place that becomes the origin; the scale is 1 on the line through it.
+    heading_deg : float
+        Heading of the track at this place, clockwise from north [deg].
+
+    Returns
+    -------
+    pyproj.CRS
+        Hotine oblique Mercator projection (variant B) on the datum of ``crs``, in metres.
+
+    References
+    ----------
+    PROJ, "Oblique Mercator" (omerc): ``alpha`` is the azimuth of the central line, ``gamma`` the angle from the
+    rectified to the skew grid. With gamma = 0 the central line is the second axis. PROJ does so for alpha from -90 to
+    90 degrees only, so that other headings take the opposite direction of the line and gamma = 180 degrees.
+    """
+    from pyproj import Transformer
+    from pyproj.crs import ProjectedCRS
+    from pyproj.crs.coordinate_operation import HotineObliqueMercatorBConversion
+
+    longitude, latitude = Transformer.from_crs(crs, crs.geodetic_crs, always_xy=True).transform(*place)
+    azimuth, gamma = (heading_deg + 180.0) % 360.0 - 180.0, 0.0
+    if not -90.0 < azimuth <= 90.0:
+        azimuth, gamma = azimuth - math.copysign(180.0, azimuth), 180.0
+    line = HotineObliqueMercatorBConversion(
+        latitude_projection_centre=latitude,
+        longitude_projection_centre=longitude,
+        azimuth_projection_centre=azimuth,
+        angle_from_rectified_to_skew_grid=gamma,
+    )
+    return ProjectedCRS(line, name=f"track of heading {heading_deg:g} degrees", geodetic_crs=crs.geodetic_crs)
+
+
+def earth_radius_m(crs: str, place: tuple[float, float], azimuth_deg: float) -> float:
+    """Radius of curvature of the ellipsoid along a direction.
+
+    Parameters
+    ----------
+    crs : str
+        Projected CRS, with its ellipsoid.
+    place : (float, float)
+        Coordinates in the CRS.
+    azimuth_deg : float
+        Direction, clockwise from north [deg].
+
+    Returns
+    -------
+    float
+        Radius of the normal section [m], by Euler's formula from the radii of the meridian and of the prime vertical.
+
+    References
+    ----------
+    Torge and Mueller, "Geodesy" (4th edition, 2012), section 4.1.3.
+    """
+    from pyproj import CRS, Transformer
+
+    plane = CRS.from_user_input(crs)
+    _, latitude = Transformer.from_crs(plane, plane.geodetic_crs, always_xy=True).transform(*place)
+    ellipsoid = plane.ellipsoid
+    assert ellipsoid is not None  # noqa: S101 - every geodetic datum has one
+    major, ratio = ellipsoid.semi_major_metre, 1.0 - (ellipsoid.semi_minor_metre / ellipsoid.semi_major_metre) ** 2
+    root = math.sqrt(1.0 - ratio * math.sin(math.radians(latitude)) ** 2)
+    meridian, vertical = major * (1.0 - ratio) / root**3, major / root
+    azimuth = math.radians(azimuth_deg)
+    return 1.0 / (math.cos(azimuth) ** 2 / meridian + math.sin(azimuth) ** 2 / vertical)
 
 
 def vertical_unit(crs: CRS) -> str | None:
@@ -207,3 +285,43 @@ def transformation_note(source: CRS, target: CRS, name: str) -> str | None:
         f"{name}: the best transformation from {source.name} to {target.name} needs a grid that is not installed; "
         f"the one used {known}."
     )
+
+
+def geoid_m(datum: str, longitude_deg: float, latitude_deg: float) -> float | None:
+    """Height of the zero level of a vertical datum above the ellipsoid WGS 84 at a place [m].
+
+    Parameters
+    ----------
+    datum : str
+        Name of the datum, as in :attr:`.Scene.vertical_datum`.
+    longitude_deg, latitude_deg : float
+        Place on WGS 84 [deg].
+
+    Returns
+    -------
+    float or None
+        0 for an ellipsoid; None where PROJ lacks the grid of the geoid, or the datum has none.
+    """
+    from pyproj import CRS, Transformer
+    from pyproj.crs import CompoundCRS
+    from pyproj.database import query_crs_info
+    from pyproj.enums import PJType
+    from pyproj.exceptions import ProjError
+    from pyproj.transformer import TransformerGroup
+
+    if "ellips" in datum.lower():
+        return 0.0
+    found = [info for info in query_crs_info("EPSG", PJType.VERTICAL_CRS) if _key(info.name) == _key(datum)]
+    for info in sorted(found, key=lambda info: len(info.name)):  # the shortest name first, because others add the unit
+        above = CompoundCRS("heights", [CRS.from_epsg(4326), CRS.from_authority(info.auth_name, info.code)])
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            if not TransformerGroup(above, CRS.from_epsg(4979), always_xy=True).best_available:
+                return None
+        try:
+            change = Transformer.from_crs(above, CRS.from_epsg(4979), always_xy=True)
+            height = change.transform(longitude_deg, latitude_deg, 0.0, errcheck=True)[2]
+        except ProjError:
+            return None
+        return float(height)
+    return None

@@ -14,7 +14,7 @@ from radcal.config import RasterScene, expand_path, vrt_folders
 from radcal.errors import SceneError
 from radcal.reading.intake import LARGEST_VALUES
 from radcal.reading.rasters import open_raster
-from radcal.scene.crs import METRES, crs_of, horizontal, same_place, utm
+from radcal.scene.crs import METRES, crs_of, horizontal, same_place, turned, utm
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -78,6 +78,8 @@ class Grid:
         Cell size [m].
     rows, columns : int
         Number of cells to the north and to the east.
+    turned : bool
+        Whether the axes of the CRS are turned to a track, so that they are those of no raster.
     """
 
     crs: CRS
@@ -86,6 +88,7 @@ class Grid:
     cell_m: float
     rows: int
     columns: int
+    turned: bool = False
 
     @property
     def box(self) -> Box:
@@ -94,7 +97,8 @@ class Grid:
 
     def cut(self, parts: int) -> Grid:
         """Grid of the same area with smaller cells: each side of a cell is divided into ``parts`` equal parts."""
-        return Grid(self.crs, self.west, self.south, self.cell_m / parts, self.rows * parts, self.columns * parts)
+        rows, columns = self.rows * parts, self.columns * parts
+        return Grid(self.crs, self.west, self.south, self.cell_m / parts, rows, columns, self.turned)
 
 
 @contextmanager
@@ -208,7 +212,7 @@ def _middle(box: Box) -> tuple[float, float]:
     return 0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])
 
 
-def scene_grid(elevation: Source, materials: Source, config: RasterScene) -> Grid:
+def scene_grid(elevation: Source, materials: Source, config: RasterScene, heading_deg: float = 0.0) -> Grid:
     """Grid of the scene's cells, on the configured bounds or, without bounds, on the area that both rasters cover.
 
     If the scene has the CRS of the elevation raster, the distance of the grid's south-west corner from the raster's
@@ -220,6 +224,9 @@ def scene_grid(elevation: Source, materials: Source, config: RasterScene) -> Gri
         The rasters.
     config : RasterScene
         Section ``scene``, with optional CRS, cell size and bounds.
+    heading_deg : float
+        Heading of the track [deg]. Unless it is 0, the grid is turned so that its rows follow each other along the
+        track, and lies inside of the configured bounds or of the area that both rasters cover.
 
     Raises
     ------
@@ -245,6 +252,9 @@ def scene_grid(elevation: Source, materials: Source, config: RasterScene) -> Gri
             )
         box = config.bounds
         west, south = (west, south) if same else box[:2]
+    if heading_deg:
+        crs, box = _turned(crs, box, heading_deg)
+        same, (west, south) = False, box[:2]
     pixel = float(np.sqrt(np.prod(pixel_m(elevation, crs, box))))
     # three digits are enough for the size of a pixel in another projection
     cell = config.cell_m or (pixel if same else float(f"{pixel:.3g}"))
@@ -262,7 +272,43 @@ def scene_grid(elevation: Source, materials: Source, config: RasterScene) -> Gri
             f"scene.cell_m is {cell:g}, which makes {columns} x {rows} cells, expected at most {LARGEST_CELLS:.0e}: "
             "give smaller scene.bounds or a larger scene.cell_m."
         )
-    return Grid(crs, float(west), float(south), float(cell), rows, columns)
+    return Grid(crs, float(west), float(south), float(cell), rows, columns, bool(heading_deg))
+
+
+def _turned(crs: CRS, box: Box, heading_deg: float) -> tuple[CRS, Box]:
+    """CRS turned to the heading of a track, and the box of largest area in it that lies inside of a box of ``crs``."""
+    from pyproj import Transformer
+
+    middle = _middle(box)
+    turned_crs = turned(crs, middle, heading_deg)
+    to_map = Transformer.from_crs(turned_crs, crs, always_xy=True)
+    x, y = Transformer.from_crs(crs, turned_crs, always_xy=True).transform(*middle)
+    # the map's north is not that of the ellipsoid: the angle is that between the axes of the two CRSs
+    (left, right), (below, above) = to_map.transform([x, x], [y - 1.0, y + 1.0])
+    wide, high = _inscribed(box[2] - box[0], box[3] - box[1], float(np.arctan2(right - left, above - below)))
+    # a line that is straight in one CRS is bent in the other: the box is reduced until its border is inside
+    along = np.linspace(-0.5, 0.5, 21)
+    side = np.full_like(along, 0.5)
+    across, up = np.concatenate([along, along, side, -side]) * wide, np.concatenate([side, -side, along, along]) * high
+    east, north = to_map.transform(x + across, y + up)
+    beyond = max(
+        np.max(np.abs(east - middle[0])) / (0.5 * (box[2] - box[0])),
+        np.max(np.abs(north - middle[1])) / (0.5 * (box[3] - box[1])),
+    )
+    wide, high = wide / max(beyond, 1.0), high / max(beyond, 1.0)
+    return turned_crs, (x - 0.5 * wide, y - 0.5 * high, x + 0.5 * wide, y + 0.5 * high)
+
+
+def _inscribed(width: float, height: float, angle: float) -> tuple[float, float]:
+    """Width and height of the largest rectangle, turned by an angle [rad], inside of a rectangle."""
+    sine, cosine = abs(float(np.sin(angle))), abs(float(np.cos(angle)))
+    short, long = min(width, height), max(width, height)
+    if short <= 2.0 * sine * cosine * long or abs(sine - cosine) < 1e-9:
+        # two corners touch the long sides, and the area is largest where the others lie half-way between them
+        first, second = 0.5 * short / sine, 0.5 * short / cosine
+        return (first, second) if width >= height else (second, first)
+    double = cosine**2 - sine**2
+    return (width * cosine - height * sine) / double, (height * cosine - width * sine) / double
 
 
 def _target(elevation: Source, box: Box, config: RasterScene) -> CRS:

@@ -27,8 +27,8 @@ class Scene:
     names : tuple of str
         Material names: ``names[k - 1]`` is the name of material id k. Id 0 means no material.
     material : ndarray of uint8, shape (ny, nx)
-        Material id of each cell. Axis 0 points north (row 0 is in the south) and axis 1 east. In a slant-range scene,
-        axis 0 is slant range and axis 1 is azimuth.
+        Material id of each cell. Axis 0 points north (row 0 is in the south) and axis 1 east, unless the grid is
+        turned. In a slant-range scene, axis 0 is slant range and axis 1 is azimuth.
     elevation_m : ndarray of float64, shape (ny, nx), or None
         Elevation of the cell centres [m]; None for a slant-range scene.
     cell_m : float
@@ -46,6 +46,9 @@ class Scene:
         Notes on how the source files were processed: resampling, vertical datum, gaps.
     objects : Objects or None
         Objects on the ground; None in a scene without objects, such as every slant-range scene.
+    heading_deg : float or None
+        Heading of the track for which the grid is turned, clockwise from north [deg]: axis 0 points along the track,
+        and axis 1 to its right. None for axes that point to the north and to the east of the CRS.
     slope_error_deg : float
         Standard error of the ground's slope in any one direction [deg]; 0 if it is unknown.
     """
@@ -61,6 +64,7 @@ class Scene:
     vertical_datum: str | None = None
     notes: tuple[str, ...] = ()
     objects: Objects | None = None
+    heading_deg: float | None = None
     slope_error_deg: float = 0.0
 
     def require(self, materials: list[str]) -> None:
@@ -79,8 +83,12 @@ class Scene:
                 raise SceneError(f"materials.{name}: covers no cell of the scene.")
         lawless = sorted(present - set(materials))
         if lawless:
+            several = ", ".join(repr(name) for name in lawless)
+            keys = ", ".join(f"materials.{name}" for name in lawless)
+            has = "has no law" if len(lawless) == 1 else "have no law"
             raise SceneError(
-                f"materials: the scene's {lawless[0]!r} has no law; add materials.{lawless[0]} with parameters."
+                f"materials: the scene's {several} {has}; add {keys} with parameters (with scene.landcover, the names "
+                "alone, as in water: {})."
             )
 
 

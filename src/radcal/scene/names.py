@@ -7,9 +7,10 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+from radcal.config.landcover import LANDCOVERS
 from radcal.errors import SceneError
 
-__all__ = ["by_id", "read_names"]
+__all__ = ["by_id", "landcover_names", "read_names"]
 
 
 def read_names(path: Path, present: Iterable[int], raster: Path) -> dict[int, str]:
@@ -49,6 +50,46 @@ def read_names(path: Path, present: Iterable[int], raster: Path) -> dict[int, st
     missing = sorted(set(present) - {0, *names})
     if missing:
         raise SceneError(f"scene.names: {path} has no name for material id {missing[0]} of {raster}.")
+    return names
+
+
+def landcover_names(landcover: str, path: Path | None, present: Iterable[int], raster: Path) -> dict[int, str]:
+    """Names of the codes of a land-cover map that occur in a raster.
+
+    Parameters
+    ----------
+    landcover : str
+        Name of the land-cover map, a key of :data:`radcal.config.landcover.LANDCOVERS`.
+    path : path, optional
+        File with names that replace those of the map, or name further codes.
+    present : iterable of int
+        Codes in the raster; 0 means no material.
+    raster : path
+        Path of the raster, for error messages.
+
+    Returns
+    -------
+    dict
+        Name of each code that is present, in ascending order of the codes.
+
+    Raises
+    ------
+    SceneError
+        The file is not a JSON object of codes and names, two codes have one name, or a code has none.
+    """
+    codes = sorted(set(present) - {0})
+    own = read_names(path, (), raster) if path is not None else {}
+    known = {code: cover.name for code, cover in LANDCOVERS[landcover].items()} | own
+    missing = [code for code in codes if code not in known]
+    if missing:
+        raise SceneError(
+            f"scene.landcover is {landcover}, which has no code {missing[0]} of {raster}: name it in scene.names, or "
+            "declare it as no-data of the raster."
+        )
+    names = {code: known[code] for code in codes}
+    twice = [name for name, times in Counter(names.values()).items() if times > 1]
+    if twice:
+        raise SceneError(f"scene.names: more than one code of {raster} has the name {twice[0]!r}.")
     return names
 
 

@@ -24,7 +24,7 @@ from radcal.scene.crs import (
 )
 from radcal.scene.grid import LARGEST_CELLS, Grid, Source, box_in, opened, pixel_m, scene_grid, subdivision
 from radcal.scene.model import Scene
-from radcal.scene.names import by_id, read_names
+from radcal.scene.names import by_id, landcover_names, read_names
 from radcal.scene.rounding import height_step_m, rounding_error_m
 from radcal.storage.files import digest
 
@@ -38,7 +38,7 @@ _TOLERANCE_PX = 0.001
 _MARGIN_PX = 3  # margin [pixels] that is read around the scene: cubic convolution reaches 2 pixels
 
 
-def raster_scene(config: RasterScene) -> Scene:
+def raster_scene(config: RasterScene, heading_deg: float = 0.0) -> Scene:
     """Scene from a raster of elevation and a raster of material ids, both resampled to one grid.
 
     Elevation is interpolated by cubic convolution, and the material of a cell is that of the nearest pixel. A cell
@@ -50,6 +50,8 @@ def raster_scene(config: RasterScene) -> Scene:
     ----------
     config : RasterScene
         Section ``scene``: files, CRS, cell size, bounds and vertical datum.
+    heading_deg : float
+        Heading of the track, clockwise from north [deg]; unless it is 0, the grid is turned to it.
 
     Returns
     -------
@@ -68,20 +70,19 @@ def raster_scene(config: RasterScene) -> Scene:
     ----------
     Keys, "Cubic convolution interpolation for digital image processing", IEEE TASSP 29 (1981).
     """
-    names_path = expand_path(config.names, "scene.names")
     with (
         opened("scene.elevation", config) as elevation,
         opened("scene.materials", config) as materials,
     ):
         _check_heights(elevation)
         datum, origin = _datum(elevation, config)
-        grid = scene_grid(elevation, materials, config)
+        grid = scene_grid(elevation, materials, config, heading_deg)
         heights, filled, how_heights, step = _heights(elevation, grid)
         ids, how_ids = _ids(materials, grid)
         # interpolated heights are no steeper than the raster's own from pixel to pixel
         posting = max(grid.cell_m, *pixel_m(elevation, grid.crs, grid.box))
         slope_error, about_steps = _slope_error_deg(config.elevation_error_m, step, posting)
-        names = read_names(names_path, (int(k) for k in np.unique(ids)), materials.path)
+        ids, names = _named(ids, materials, config)
         notes = [
             f"cells of {grid.cell_m:g} m in {grid.crs.name}",
             f"elevation {how_heights}, materials {how_ids}",
@@ -123,8 +124,21 @@ def raster_scene(config: RasterScene) -> Scene:
         transform=(grid.cell_m, 0.0, grid.west, 0.0, grid.cell_m, grid.south),
         vertical_datum=datum,
         notes=tuple(notes),
+        heading_deg=heading_deg or None,
         slope_error_deg=slope_error,
     )
+
+
+def _named(ids: NDArray[np.uint8], materials: Source, config: RasterScene) -> tuple[NDArray[np.uint8], dict[int, str]]:
+    """Material ids with their names; the codes of a land-cover map become ids from 1, in the order of the codes."""
+    path = expand_path(config.names, "scene.names") if config.names is not None else None
+    present = [int(k) for k in np.unique(ids)]
+    if config.landcover is not None:
+        covers = landcover_names(config.landcover, path, present, materials.path)
+        return np.searchsorted([0, *covers], ids).astype(np.uint8), dict(enumerate(covers.values(), start=1))
+    if path is None:
+        raise TypeError("scene.names is missing without scene.landcover")  # the configuration refuses this
+    return ids, read_names(path, present, materials.path)
 
 
 def _slope_error_deg(error_m: float, step_m: float, posting_m: float) -> tuple[float, list[str]]:
@@ -212,6 +226,8 @@ def _warped(
             f"expected at most {LARGEST_CELLS:.0e}: give smaller scene.bounds or a coarser raster."
         )
     west, _, _, north = grid.box
+    # GDAL takes the extent of a turned grid in pixels for their ratio of sizes, and smooths: cells are no larger here
+    extras = {"XSCALE": 1, "YSCALE": 1} if grid.turned else {}
     # Env gives GDAL the path of PROJ's database, without which all datums count as equal. A WarpedVRT, which needs a
     # file, is used because rasterio.warp.reproject() ignores a tolerance
     with rasterio.Env(), MemoryFile() as memory:
@@ -237,6 +253,7 @@ def _warped(
                 tolerance=_TOLERANCE_PX,
                 nodata=empty,
                 src_nodata=empty,
+                **extras,
             ) as warped,
         ):
             return np.asarray(warped.read(1))[::-1]

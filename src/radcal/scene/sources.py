@@ -17,8 +17,17 @@ from radcal.storage.files import digest
 __all__ = ["make_scene"]
 
 
-def make_scene(config: SceneConfig, materials: list[str]) -> Scene:
+def make_scene(config: SceneConfig, materials: list[str], heading_deg: float = 0.0) -> Scene:
     """Build the configured scene, with its objects, and check that it contains the configured materials.
+
+    Parameters
+    ----------
+    config : SceneConfig
+        Section ``scene``.
+    materials : list of str
+        Names of the configured materials.
+    heading_deg : float
+        Heading of the track, clockwise from north [deg], to which the grid of a raster scene is turned.
 
     Raises
     ------
@@ -28,7 +37,7 @@ def make_scene(config: SceneConfig, materials: list[str]) -> Scene:
     if isinstance(config, BuiltinScene):
         scene = builtin_scene(config.seed, config.landscape)
     elif isinstance(config, RasterScene):
-        scene = raster_scene(config)
+        scene = raster_scene(config, heading_deg)
     else:
         scene = slant_range_scene(config)
     scene.require(materials)

@@ -14,7 +14,7 @@ from radcal.errors import ConfigError
 from radcal.radar import SIMULATOR_VERSION
 from radcal.radar.geometry import Geometry
 from radcal.radar.image import ImageFormation, decibels
-from radcal.radar.laws import EXTERNAL, LAWS, Law, law_for
+from radcal.radar.laws import EXTERNAL, Law, law_for, laws_known
 from radcal.radar.radiometry import noise_floor_db
 from radcal.radar.reflectivity import Reflectivity, law_tables, reflectivity
 
@@ -23,12 +23,16 @@ __all__ = ["BuiltinSimulator"]
 
 @dataclass(frozen=True)
 class _Last:
-    """Seed, parameters, reflectivity and image of the last run, parts of which the next run reuses."""
+    """Seed, parameters, reflectivity, image and factors of the last run, parts of which the next run reuses.
+
+    The image has whole looks; ``thinning`` brings it to a number of looks that is not whole.
+    """
 
     noise_seed: int
     parameters: Mapping[str, Sequence[float]]
     cells: Reflectivity
     image: NDArray[np.float32]
+    thinning: NDArray[np.float32] | None
 
 
 class BuiltinSimulator:
@@ -61,7 +65,7 @@ class BuiltinSimulator:
             if not law.has_curve:
                 raise ConfigError(
                     f"materials.{name}.law is {EXTERNAL}, which only simulator.kind: command can simulate, expected "
-                    f"one of {sorted(LAWS)}."
+                    f"one of {laws_known(external=False)}."
                 )
         noise_db = noise_floor_db(radar, geometry.flat_incidence_deg)
         self._formation = ImageFormation(radar, geometry.shape, noise_db, geometry.points)
@@ -82,12 +86,13 @@ class BuiltinSimulator:
         last, self._last = self._last, None  # this run overwrites the arrays of the last run, or needs their memory
         if last is None or last.noise_seed != noise_seed:
             cells = reflectivity(self._geometry, law_tables(self._geometry.names, self._laws, parameters))
-            image = self._formation.intensity(cells, noise_seed)
+            image, thinning = self._formation.intensity(cells, noise_seed), self._formation.thinning(noise_seed)
         else:
             others = {name: law for name, law in self._laws.items() if parameters[name] != last.parameters[name]}
             changed = np.array([False, *(name in others for name in self._geometry.names)])
             tables = law_tables(self._geometry.names, others, parameters)
             cells = reflectivity(self._geometry, tables, last.cells, changed)
             image = self._formation.intensity(cells, noise_seed, last.image, self._formation.touched(cells, changed))
-        self._last = _Last(noise_seed, parameters, cells, image)
-        return decibels(image)
+            thinning = last.thinning
+        self._last = _Last(noise_seed, parameters, cells, image, thinning)
+        return decibels(image if thinning is None else image * thinning)

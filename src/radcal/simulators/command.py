@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import logging
-import platform
+import shlex
 import shutil
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,23 +18,19 @@ import tomli_w
 from numpy.typing import NDArray
 
 from radcal.config import (
-    Case,
-    CommandSimulation,
     InputFile,
     Material,
     Radar,
     executable_path,
-    expand_path,
-    files_below,
 )
 from radcal.errors import ConfigError, SimulatorError, StoreError
 from radcal.reading.arrays import read_array
 from radcal.reading.images import ImageFile, reading, to_db
-from radcal.simulators.placeholders import SEED, Marked, Marker, argument, template
+from radcal.simulators.command_plan import CommandPlan, check_command
+from radcal.simulators.placeholders import SEED, argument
 from radcal.simulators.process import output_tail, run_program
 from radcal.simulators.raw import read_raw
-from radcal.simulators.seed_width import check_seeds
-from radcal.storage.files import working_folder
+from radcal.storage.files import atomic, working_folder
 
 if TYPE_CHECKING:
     from radcal.radar.geometry import Geometry
@@ -43,118 +38,12 @@ if TYPE_CHECKING:
 __all__ = ["CommandPlan", "CommandSimulator", "check_command", "toml_text"]
 
 _VERSION_SECONDS = 60.0
-_HASH_CHUNK = 1 << 20
 
 logger = logging.getLogger(__name__)
 
 
 class _Failed(SimulatorError):
     """Failed run for which a retry may succeed."""
-
-
-class CommandPlan:
-    """Program, files, placeholders and seed of an external simulator, checked before the first run.
-
-    Parameters
-    ----------
-    config : CommandSimulation
-        Configuration of the external simulator.
-    materials : mapping
-        Materials by name, with the names of their parameters.
-
-    Raises
-    ------
-    ConfigError
-        The program, a template or a file is missing, a placeholder is unknown, or radcal would not pass a parameter or
-        the seed to the program.
-    """
-
-    def __init__(self, config: CommandSimulation, materials: Mapping[str, Material]) -> None:
-        self.config = config
-        self.executable = executable_path(config.command[0], "simulator.command", config.environment)
-        self.files = [expand_path(text, f"simulator.files.{k}") for k, text in enumerate(config.files)]
-        self.links = [expand_path(text, f"simulator.links.{k}", folder=True) for k, text in enumerate(config.links)]
-        parameters = {
-            f"{name}.{key}": x
-            for name, material in materials.items()
-            for key, x in material.handed(material.start_parameters).items()
-        }
-        known: dict[str, float | int | str] = {**parameters, SEED: 1}
-        paths = dict.fromkeys(("output", "folder", "geometry", "python"), "")
-        if config.input is not None:
-            paths["input"] = ""
-        self.arguments = [
-            argument(text, f"simulator.command.{k}").checked({**known, **paths})
-            for k, text in enumerate(config.command[1:], start=1)
-        ]
-        self.templates: list[tuple[Marked, str]] = []
-        for k, item in enumerate(config.templates):
-            path = expand_path(item.template, f"simulator.templates.{k}.template")
-            # latin-1 preserves every byte of the template, in any encoding
-            text = path.read_bytes().decode("latin-1")
-            marked = template(text, item.delimiter, f"simulator.templates.{k}.template: {path}").checked(known)
-            self.templates.append((marked, item.file))
-        if config.input is None:
-            used = {name for marked in self._texts for name in marked.names}
-            unused = [name for name in parameters if name not in used]
-            if unused:
-                raise ConfigError(
-                    f"simulator: the parameter {unused[0]} never reaches the program"
-                    f"{f' (nor do {len(unused) - 1} more)' if len(unused) > 1 else ''}: put {{{unused[0]}}} into "
-                    f"simulator.command, @{unused[0]}@ into a template, or set simulator.input."
-                )
-            if SEED not in used and not config.seedless:
-                raise ConfigError(
-                    f"simulator: {SEED} never reaches the program, so that every run has the same random numbers: put "
-                    f"{{{SEED}}} into simulator.command, @{SEED}@ into a template, or set simulator.input; for a "
-                    "program that takes no seed set simulator.seedless: true."
-                )
-
-    @property
-    def _texts(self) -> list[Marked]:
-        """All texts with placeholders: arguments of the command, and templates."""
-        return [*self.arguments, *(marked for marked, _ in self.templates)]
-
-    @property
-    def seed_places(self) -> list[tuple[str, Marker]]:
-        """Placeholders of the seed in the arguments of the command and in the templates."""
-        return [(marked.where, place) for marked in self._texts for place in marked.places(SEED)]
-
-    def stage(self, folder: Path) -> None:
-        """Copy the configured files into a run's folder, and make the configured symbolic links there."""
-        for path in self.files:
-            shutil.copy2(path, folder / path.name)
-        for path in self.links:
-            (folder / path.name).symlink_to(path.resolve())
-
-    def hashes(self) -> dict[str, Any]:
-        """SHA-256 of all configured files on which the program's output may depend."""
-        config = self.config
-        return {
-            # for Python, the version replaces the hash, so that an update of the system does not invalidate all runs
-            "executable": f"{platform.python_implementation()} {platform.python_version()}"
-            if config.command[0] == "{python}"
-            else _sha256(self.executable),
-            "templates": [_sha256(expand_path(item.template, "simulator.templates")) for item in config.templates],
-            "files": {path.name: _sha256(path) for path in self.files},
-            "links": {
-                str(item.relative_to(path.parent)): _sha256(item) for path in self.links for item in files_below(path)
-            },
-        }
-
-
-def check_command(case: Case) -> None:
-    """Check the configuration of an external simulator without a run; a built-in simulator needs no check.
-
-    Raises
-    ------
-    ConfigError, SimulatorError
-        :class:`CommandPlan` or :func:`radcal.simulators.seed_width.check_seeds` found an error.
-    """
-    if isinstance(case.simulator, CommandSimulation):
-        plan = CommandPlan(case.simulator, case.materials)
-        if case.simulator.input is None:
-            check_seeds(case, plan.seed_places)
 
 
 class CommandSimulator:
@@ -276,7 +165,32 @@ class CommandSimulator:
                 else:
                     shutil.rmtree(folder, ignore_errors=True)
 
-    def _attempt(self, folder: Path, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> NDArray[np.float32]:
+    def write_input(self, folder: Path, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> list[Path]:
+        """Write the program's input files and command line as a run has them, each atomically, without a run.
+
+        Parameters
+        ----------
+        folder : path
+            The folder; the command line names files in it.
+        parameters, noise_seed
+            As for :meth:`run`.
+
+        Returns
+        -------
+        list of path
+            The input files, and ``command.txt``, one line for a POSIX shell.
+        """
+        command, texts = self._filled(folder.absolute(), parameters, noise_seed)
+        texts["command.txt"] = (shlex.join(command) + "\n").encode()
+        for name, content in texts.items():
+            with atomic(folder / name) as partial:
+                partial.write_bytes(content)
+        return [folder / name for name in texts]
+
+    def _filled(
+        self, folder: Path, parameters: Mapping[str, Sequence[float]], noise_seed: int
+    ) -> tuple[list[str], dict[str, bytes]]:
+        """Command line, and content of each input file by its name in a folder."""
         config = self._config
         output = folder / config.output.file
         values: dict[str, float | int | str] = {
@@ -291,13 +205,20 @@ class CommandSimulator:
             "geometry": str(self._geometry_path),
         }
         values["python"] = str(executable_path("{python}", "simulator.command", {}))
+        texts: dict[str, bytes] = {}
         if config.input is not None:
             values["input"] = str(folder / config.input.file)
-            self._write(folder / config.input.file, self._input_text(parameters, noise_seed))
-        for marked, file in self._plan.templates:
-            self._write(folder / file, marked.filled(values), "latin-1")
+            texts[config.input.file] = self._input_text(parameters, noise_seed).encode()
+        texts |= {file: marked.filled(values).encode("latin-1") for marked, file in self._plan.templates}
+        return [str(self._plan.executable), *(marked.filled(values) for marked in self._plan.arguments)], texts
+
+    def _attempt(self, folder: Path, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> NDArray[np.float32]:
+        config = self._config
+        output = folder / config.output.file
+        command, texts = self._filled(folder, parameters, noise_seed)
+        for name, content in texts.items():
+            self._write(folder / name, content)
         output.parent.mkdir(parents=True, exist_ok=True)
-        command = [str(self._plan.executable), *(marked.filled(values) for marked in self._plan.arguments)]
         ended = run_program(command, folder, config.environment, config.timeout_s)
         program = self._plan.executable.name
         if ended.code is None:
@@ -349,10 +270,10 @@ class CommandSimulator:
         return toml_text(data) if self._config.input.format == "toml" else json.dumps(data, indent=1) + "\n"
 
     @staticmethod
-    def _write(path: Path, text: str, encoding: str = "utf-8") -> None:
+    def _write(path: Path, content: bytes) -> None:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(text.encode(encoding))
+            path.write_bytes(content)
         except OSError as error:
             raise StoreError(f"{path}: cannot be written ({error.strerror or error}).") from error
 
@@ -387,11 +308,3 @@ def toml_text(data: Mapping[str, Any]) -> str:
         return {k: written(v) if isinstance(v, Mapping) else v for k, v in table.items() if v is not None}
 
     return tomli_w.dumps(written(data))
-
-
-def _sha256(path: Path) -> str:
-    total = hashlib.sha256()
-    with path.open("rb") as handle:
-        while chunk := handle.read(_HASH_CHUNK):
-            total.update(chunk)
-    return total.hexdigest()

@@ -14,7 +14,7 @@ import numpy as np
 
 from radcal.config import Material, Radar, stages
 from radcal.errors import SimulatorError
-from radcal.radar.laws import EXTERNAL
+from radcal.radar.laws import EXTERNAL, FORMULA
 from radcal.seeds import noise_seed as seed_of_noise
 from radcal.simulators.protocol import Simulator
 from radcal.simulators.texturing import orders_of, with_textures
@@ -34,7 +34,9 @@ def _law_description(material: Material, first: Radar, radar: Radar, seed: int) 
     # A law gets only the entries that it needs, so that the hashes of earlier runs with other laws do not change.
     if material.angles_deg:
         description["angles_deg"] = material.angles_deg
-    if material.law == EXTERNAL:
+    if material.law == FORMULA:
+        description["formula"] = material.unbound_law.formula  # without blanks, which change nothing
+    if material.law in (EXTERNAL, FORMULA):
         description["names"] = list(material.parameter_names)
     if material.looks is not None:
         # the texture depends on all of these; an external program's pass is described without its looks
@@ -97,11 +99,15 @@ class Runner:
     def description(self, parameters: Parameters, noise_seed: int, repeat: bool = False) -> dict[str, Any]:
         """Plain data that determine the pixel values of a run, and whose hash is the hash of the run."""
         # If no frequency is configured, the key is omitted. Runs recorded before the key existed keep their hashes.
-        unknown = {"frequency_ghz"} if self._radar.frequency_ghz is None else set()
+        left_out = self._not_told | ({"frequency_ghz"} if self._radar.frequency_ghz is None else set())
+        radius = self._geometry.earth_radius_m
         return {
             "simulator": dict(self._simulator.identity),
             "scene": self._scene_identity,
-            "pass": self._radar.model_dump(mode="json", exclude=unknown | self._not_told),
+            "pass": {
+                **{key: value for key, value in self._radar.described().items() if key not in left_out},
+                **({} if radius is None else {"earth_radius_m": radius}),
+            },
             "materials": {
                 name: {**law, "parameters": [float(x) for x in parameters[name]]} for name, law in self._laws.items()
             },
@@ -187,6 +193,10 @@ class Runner:
             # while this job waited for the lock, a job of a killed command may have simulated this run
             found = self._found(key, image)
             return found if found is not None else self._simulate(key, description, parameters, noise_seed, image)
+
+    def is_recorded(self, parameters: Parameters, noise_seed: int) -> bool:
+        """Whether the run store has a file of the run; whether it can be read is not checked."""
+        return self._store.path(digest(self.description(parameters, noise_seed))).is_file()
 
     def _found(self, key: str, image: bool) -> Record | None:
         """Record of a run; None if it is missing, or if its numbers of pixels differ from those of the geometry."""

@@ -8,7 +8,6 @@ from pathlib import Path
 from radcal.config import CommandSimulation, stages
 from radcal.radar.geometry import Geometry, read_geometry
 from radcal.scene.model import read_scene
-from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.command import CommandPlan, CommandSimulator
 from radcal.simulators.protocol import Simulator
 from radcal.simulators.runner import Runner
@@ -39,6 +38,8 @@ def make_simulator(case: stages.Simulator, geometry: Geometry, geometry_path: st
         plan = CommandPlan(case.simulator, case.materials)
         work = Path(geometry_path).parent / "external"
         return CommandSimulator(plan, case.materials, case.radar, geometry, geometry_path, work)
+    from radcal.simulators.builtin import BuiltinSimulator  # with compiled functions
+
     return BuiltinSimulator(geometry, case.radar, case.laws)
 
 

@@ -27,9 +27,9 @@ SCHEMAS: Mapping[str, int] = {
     "registered": 2,
     "target": 5,
     "surrogate": 5,
-    "posterior": 1,
+    "posterior": 2,
     "run": 2,
-    "calibration": 3,
+    "calibration": 4,
 }
 """Schema version of the layout of each kind of HDF5 file, by the name of the kind."""
 

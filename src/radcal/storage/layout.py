@@ -34,6 +34,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.storage.dimensions import attach_scales, label_dimensions
+
 __all__ = ["About", "Attribute", "Inline", "Main", "put", "same", "table", "take"]
 
 _COMPRESSED = (
@@ -55,12 +57,21 @@ class About:
     unit : str
         Unit of the numbers; empty for numbers without a unit.
     shape : str
-        Shape of an array, such as ``n, 3``; only :func:`table` uses it.
+        Shape of an array, such as ``n, 3``; its parts become the labels of the dataset's dimensions.
+    scale : bool
+        Whether the array is a dimension scale: the coordinate of its dimension in all datasets of its group that have a
+        dimension of the same label.
     """
 
     description: str
     unit: str = ""
     shape: str = ""
+    scale: bool = False
+
+    @property
+    def labels(self) -> list[str]:
+        """Labels of the dimensions."""
+        return [part.strip() for part in self.shape.split(",")] if self.shape else []
 
 
 @dataclass(frozen=True)
@@ -126,6 +137,8 @@ def put(group: h5py.Group, value: Any) -> None:
             group.attrs[entry.name] = _attribute(one, entry.kind)
         else:
             _put(group, entry.name, one, entry.kind, entry.about)
+    described = {entry.name: entry.about for entry in _entries(type(value)) if entry.about is not None}
+    attach_scales(group, {name: (about.labels, about.scale) for name, about in described.items()})
 
 
 def take(group: h5py.Group, kind: type[T], without: Collection[str] = ()) -> T:
@@ -231,6 +244,11 @@ def _is_attribute(kind: Any) -> bool:
     return kind in (bool, int, float, str) or typing.get_origin(kind) is Literal
 
 
+def _is_dataset(kind: Any) -> bool:
+    """Whether values of a type are stored as datasets."""
+    return _is_array(kind) or (isinstance(kind, type) and is_dataclass(kind) and _main(kind) is not None)
+
+
 def _main(kind: Any) -> str | None:
     """Name of the field annotated :class:`Main`; None for a dataclass that is stored as a group."""
     return next((entry.name for entry in _entries(kind) if entry.main), None)
@@ -248,7 +266,7 @@ def _put(group: h5py.Group, name: str, value: Any, kind: Any, about: About | Non
     elif _is_mapping(kind):
         made = group.create_group(name, track_order=True)
         for key, item in value.items():
-            _put(made, key, item, _item(kind))
+            _put(made, key, item, _item(kind), about if _is_dataset(_item(kind)) else None)
     elif isinstance(kind, type) and is_dataclass(kind):
         main = _main(kind)
         if main is None:
@@ -265,6 +283,7 @@ def _put(group: h5py.Group, name: str, value: Any, kind: Any, about: About | Non
         made.attrs["description"] = about.description
         if about.unit:
             made.attrs["unit"] = about.unit
+        label_dimensions(made, about.labels)
 
 
 def _attribute(value: Any, kind: Any) -> Any:

@@ -66,6 +66,11 @@ class Record:
         """Runs of all passes with these parameters, this one first."""
         return (self, *self.further)
 
+    @property
+    def all_seconds(self) -> float:
+        """Wall time of the simulator in all draws and passes [s]."""
+        return sum(draw.seconds for one in self.passes for draw in (one, *one.draws))
+
     def largest_difference_db(self, other: Record) -> float:
         """Largest absolute difference between the pixels of this run and those of another run [dB]."""
         each = [
@@ -196,6 +201,7 @@ class RunStore:
             file.attrs["description"] = json.dumps(disclosed(description), sort_keys=True)
             file.attrs["seconds"] = record.seconds
             file.attrs["unit"] = "dB"
+            file.create_group("pixels_db")  # empty in a forward run, which calibrates nothing
             for name, values in record.pixels_db.items():
                 file.create_dataset(f"pixels_db/{name}", data=values, dtype="f4", compression="gzip")
             if record.image_db is not None:

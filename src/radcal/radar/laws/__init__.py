@@ -6,7 +6,8 @@ function :func:`law_for` binds these conditions to the law. With its conditions 
 ``law(phi_rad, parameters) -> sigma0 [dB]``.
 
 The law ``EXTERNAL`` is not in the registry: it has names and units of parameters, but no curve, because only an
-external simulator can compute its backscatter.
+external simulator can compute its backscatter. Neither is ``FORMULA``, whose curve is a formula in the case file
+(:mod:`radcal.radar.laws.formula`).
 
 Every law of the registry is finite from 0 to 90 degrees. In laws whose power vanishes at grazing incidence, the cosine
 is limited to at least 1e-6 (an incidence of 89.99994 degrees). Outside of its valid angles a law is extrapolated by its
@@ -19,12 +20,30 @@ from collections.abc import Sequence
 
 from radcal.errors import ConfigError
 from radcal.radar.laws.curves import CURVES
+from radcal.radar.laws.formula import FORMULA, formula_law, refuse_infinite
 from radcal.radar.laws.law import EXTERNAL, Law, seen_rad
 from radcal.radar.laws.soil import SOIL
 
-__all__ = ["EXTERNAL", "LAWS", "Law", "external_law", "law_for", "laws_table", "seen_rad"]
+__all__ = [
+    "EXTERNAL",
+    "FORMULA",
+    "LAWS",
+    "Law",
+    "external_law",
+    "formula_law",
+    "law_for",
+    "laws_known",
+    "laws_table",
+    "refuse_infinite",
+    "seen_rad",
+]
 
 LAWS: dict[str, Law] = {**CURVES, **SOIL}
+
+
+def laws_known(external: bool = True) -> list[str]:
+    """Names of all laws, for error messages; without the law that only an external simulator can evaluate if false."""
+    return [*sorted(LAWS), FORMULA, *[EXTERNAL] * external]
 
 
 def external_law(names: Sequence[str], units: Sequence[str] | None = None) -> Law:
@@ -53,13 +72,14 @@ def law_for(
     angles_deg: Sequence[float] | None = None,
     names: Sequence[str] | None = None,
     units: Sequence[str] | None = None,
+    formula: str | None = None,
 ) -> Law:
     """Law of a given name, with its conditions (carrier frequency, polarisation, knots) bound to it.
 
     Parameters
     ----------
     name : str
-        Name of the law: a key of ``LAWS``, or ``EXTERNAL``.
+        Name of the law: a key of ``LAWS``, ``FORMULA`` or ``EXTERNAL``.
     frequency_ghz : float, optional
         Carrier frequency [GHz].
     polarisation : str, optional
@@ -67,7 +87,9 @@ def law_for(
     angles_deg : sequence of float, optional
         Knots of a tabulated law [deg].
     names, units : sequence of str, optional
-        Names and units of the parameters of an external law.
+        Names and units of the parameters of an external law or of a formula.
+    formula : str, optional
+        Formula of a law ``FORMULA``.
 
     Returns
     -------
@@ -77,13 +99,20 @@ def law_for(
     Raises
     ------
     ConfigError
-        The law is unknown, or a condition that it needs is not given.
+        The law is unknown, its formula is not accepted, or a condition that it needs is not given.
     """
     if name == EXTERNAL:
         return external_law(names or (), units)
-    if name not in LAWS:
-        raise ConfigError(f"law is {name!r}, expected one of {[*sorted(LAWS), EXTERNAL]}.")
-    law = LAWS[name].bound(frequency_ghz=frequency_ghz, polarisation=polarisation, angles_deg=angles_deg)
+    if name == FORMULA:
+        try:
+            unbound = formula_law(formula or "", names or (), units)
+        except ValueError as error:
+            raise ConfigError(f"{error}.") from None
+    elif name in LAWS:
+        unbound = LAWS[name]
+    else:
+        raise ConfigError(f"law is {name!r}, expected one of {laws_known()}.")
+    law = unbound.bound(frequency_ghz=frequency_ghz, polarisation=polarisation, angles_deg=angles_deg)
     if law.needs:
         keys = {"angles_deg": "angles_deg of the material"}
         missing = keys.get(law.needs[0], f"radar.{law.needs[0]}")

@@ -1,0 +1,129 @@
+"""Simulator runs that the planned jobs of a command make at most, without those that the run store has."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from radcal.calibration.design import design_points
+from radcal.calibration.history import read_runs
+from radcal.config import Case, stages
+from radcal.errors import RadcalError
+from radcal.radar import SIMULATOR_VERSION
+from radcal.running.time_left import FINAL_RUNS, reference_count
+from radcal.scene.model import read_scene
+from radcal.seeds import noise_seed
+from radcal.simulators.runner import Runner
+from radcal.storage.records import read_json
+from radcal.storage.runs import RunStore
+
+__all__ = ["planned_runs", "runs_sentence"]
+
+Jobs = Sequence[tuple[str, Mapping[str, str]]]
+
+
+@dataclass(frozen=True)
+class _Known:
+    """In place of a simulator, where only its identity is asked for."""
+
+    identity: Mapping[str, Any]
+
+
+class _Flat:
+    """In place of a geometry over flat earth."""
+
+    earth_radius_m = None
+
+
+def planned_runs(case: Case, jobs: Jobs, folder: str | Path) -> dict[str, int]:
+    """Largest number of runs of the simulator that planned jobs make, by kind.
+
+    Parameters
+    ----------
+    case : Case
+        The configuration.
+    jobs : sequence of (str, mapping)
+        Rule and wildcards of each planned job.
+    folder : path
+        Results folder of the case.
+
+    Returns
+    -------
+    dict
+        Number by kind: measurement (synthetic), reference, design, infill, final.
+    """
+    folder = Path(folder)
+    planned = {rule for rule, _ in jobs}
+    counts = dict.fromkeys(("measurement", "reference", "design", "infill", "final"), 0)
+    passes = {f"passes/{number}/" if number > 1 else "": one for number, one in enumerate(case.passes, start=1)}
+    for at, one in passes.items():
+        of_pass = [(rule, words) for rule, words in jobs if words.get("at", "") == at]
+        if ("measurement", at) in [(rule, words.get("at", "")) for rule, words in of_pass]:
+            counts["measurement"] += one.measurement.source == "synthetic"
+        known = None if planned & {"scene", "geometry", "simulator", "reuse"} else _known(case, folder, at)
+        if any(rule == "reference_run" for rule, _ in of_pass):
+            start = stages.ReferenceRun.of(one).at_start
+            stored = known is not None and known(start).is_recorded(one.start_parameters, noise_seed(start))
+            counts["reference"] += reference_count(case.simulator) - stored
+        chunks = [int(words["chunk"]) for rule, words in of_pass if rule == "design_chunk"]
+        if chunks:
+            counts["design"] += _of_design(case, chunks, None if known is None else known(stages.DesignChunk.of(one)))
+    if "final_runs" in planned:
+        counts["final"] = FINAL_RUNS * len(passes)
+        counts["infill"] = len(passes) * _infill(case, jobs, folder)
+    return counts
+
+
+def _of_design(case: Case, chunks: Sequence[int], runner: Runner | None) -> int:
+    """Runs of chunks of the design in one pass that the store lacks."""
+    size, step = case.design_size, case.design.chunk
+    numbers = [k for chunk in chunks for k in range(chunk * step, min((chunk + 1) * step, size))]
+    if runner is None or case.design.reuse is not None:  # the runs of another case take the place of some
+        return len(numbers)
+    stage = stages.DesignChunk.of(case)
+    points, seed = design_points(stage, size), noise_seed(stage)
+    return sum(not runner.is_recorded(points[k], seed) for k in numbers if k < len(points))
+
+
+def _infill(case: Case, jobs: Jobs, folder: Path) -> int:
+    """Largest number of infill runs of one pass: up to the limit, without the iterations that are finished."""
+    most = max(case.stop.max_runs - case.design_size, 0)
+    if any(rule == "scores" for rule, _ in jobs):
+        return most
+    first = min((int(words["k"]) for rule, words in jobs if rule in ("train", "propose", "verify")), default=None)
+    if first is None:
+        return 0
+    try:
+        design = read_runs([folder / "scores.json"]).count("design")
+    except RadcalError:
+        return most
+    return max(case.stop.max_runs - design - first, 0)
+
+
+def _known(case: Case, folder: Path, at: str) -> Callable[[stages.Simulation], Runner] | None:
+    """Function that makes a runner of a pass which only knows the hashes of runs; None before they can be known."""
+    try:
+        identity: dict[str, Any] = {"kind": "builtin", "version": SIMULATOR_VERSION}
+        if case.simulator.kind == "command":
+            identity = {key: x for key, x in read_json(folder / f"{at}simulator.json").items() if key != "seed_bits"}
+        scene = read_scene(folder / "scene.h5").identity
+    except (RadcalError, OSError):
+        return None
+    if any(one.radar.earth != "flat" for one in case.passes):  # a run's hash holds the radius, which the geometry gives
+        return None
+    simulator: Any = _Known(identity)
+    geometry: Any = _Flat()
+    return lambda one: Runner(RunStore(folder / "runs"), simulator, geometry, scene, one, first=case.radar)
+
+
+def runs_sentence(counts: Mapping[str, int], draws: int = 1) -> str:
+    """Sentence on the largest number of runs, by kind, each of some draws of speckle."""
+    kinds = ", ".join(f"{count} {kind}" for kind, count in counts.items() if count)
+    if not kinds:
+        return "no simulator run would be made."
+    each = f", each of {draws} speckle draws" if draws > 1 else ""
+    search = "; most cases need far fewer infill" if counts.get("infill") else ""
+    most = sum(counts.values())
+    return f"at most {most} simulator runs would be made ({kinds}{each}){search}; stored ones are left out."

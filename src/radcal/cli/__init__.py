@@ -1,0 +1,33 @@
+"""Command ``radcal``: one module for each of its commands, which imports slow modules only when it needs them.
+
+A command is added by a module with a text ``HELP`` and a function ``main``, and a line below.
+"""
+
+from __future__ import annotations
+
+import typer
+
+from radcal.cli import advise, apply, check, compare, new, run, show, simulate
+from radcal.cli.run import check_folder, checked_case, snakemake_command
+
+__all__ = ["app", "check_folder", "checked_case", "snakemake_command"]
+
+app = typer.Typer(
+    add_completion=False, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)  # fmt: skip
+
+
+@app.callback()
+def _radcal() -> None:
+    """Calibrate the backscatter laws of a SAR simulator against a measured image."""
+
+
+app.command("new", help=new.HELP)(new.main)
+app.command("check", help=check.HELP)(check.main)
+app.command("run", help=run.HELP)(run.main)
+app.command("show", help=show.HELP)(show.main)
+app.command("compare", help=compare.HELP)(compare.main)
+app.command("simulate", help=simulate.HELP)(simulate.main)
+app.command("apply", help=apply.HELP)(apply.main)
+app.command("advise", help=advise.HELP)(advise.main)

@@ -1,0 +1,32 @@
+"""Command ``radcal apply``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from radcal.cli.arguments import Results, sentences
+
+__all__ = ["HELP", "main"]
+
+HELP = "Predict the image of another scene or pass from the laws of a finished case, and compare it with its image."
+
+
+def main(
+    case: Annotated[str, typer.Argument(metavar="CASE", help="Name, results folder or YAML file.", show_default=False)],
+    to: Annotated[Path, typer.Option("--to", metavar="OTHER", help="YAML file of the other case.", show_default=False)],
+    out: Annotated[Path | None, typer.Option(help="By default results/<other>/applied_<case>.")] = None,
+    results: Results = Path("results"),
+) -> None:
+    """Apply the laws of a case to another one."""
+    from radcal.config import load_forward, load_measured
+    from radcal.report.applied import apply
+    from radcal.report.showing import results_folder
+
+    with sentences():
+        folder, other = results_folder(case, results), load_forward([to])
+        below = results / other.case
+        found = apply(folder, other, load_measured([to]), out or below / f"applied_{folder.name}", below / "runs")
+        typer.echo("\n".join(found))

@@ -1,0 +1,58 @@
+"""Arguments that several commands have, and what all commands do with an error."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from radcal.errors import RadcalError
+
+__all__ = ["CaseFiles", "Results", "Settings", "overrides", "sentences"]
+
+CaseFiles = Annotated[
+    list[Path], typer.Argument(metavar="CASE...", readable=False, help="YAML files of cases.", show_default=False)
+]
+Results = Annotated[
+    Path,
+    typer.Option("--results", metavar="FOLDER", envvar="RADCAL_RESULTS", help="Folder of the results of all cases."),
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="One key of the case, as stop.rms=1e-6; may be repeated."),
+]
+
+
+@contextmanager
+def sentences() -> Iterator[None]:
+    """Context that prints the message of a :class:`RadcalError` as one line and exits with status 1."""
+    try:
+        yield
+    except RadcalError as error:
+        typer.echo(f"radcal: {error}", err=True)
+        raise typer.Exit(1) from None
+
+
+def overrides(words: Sequence[str] | None) -> dict[str, Any]:
+    """Settings of the command line, parsed and merged section by section.
+
+    Parameters
+    ----------
+    words : sequence of str or None
+        Settings as typed, each ``key=value``.
+
+    Raises
+    ------
+    ConfigError
+        A setting is not of this form, or a key is given twice.
+    """
+    from radcal.config.yaml_file import check_words, merged, setting
+
+    check_words(words or [], "--set")
+    data: dict[str, Any] = {}
+    for word in words or []:
+        data = merged(data, setting(word, "--set"))
+    return data

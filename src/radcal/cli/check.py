@@ -1,0 +1,51 @@
+"""Command ``radcal check``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import typer
+
+from radcal.cli.arguments import CaseFiles, Results, Settings, overrides, sentences
+
+__all__ = ["HELP", "main"]
+
+HELP = """Check cases without running anything, and list all of their problems at once.
+
+Keys and values, files, scene, geometry and measured image are checked as the calibration checks them. If all is well,
+the command prints what would be read, how many simulator runs the case may take, and how much memory its jobs request.
+With a product such as a Sentinel-1 SAFE folder it prints section radar as the annotation gives it, even with problems.
+
+What only the calibration can find out, such as the registration, is not checked. The exit status is 1 if a problem was
+found, else 0.
+"""
+
+
+def main(cases: CaseFiles, settings: Settings = None, results: Results = Path("results")) -> None:
+    """Check cases."""
+    wrong = [case for case in cases if not _is_right(case, settings, results)]
+    if wrong and len(cases) > 1:
+        names = ", ".join(str(case) for case in wrong)
+        typer.echo(f"radcal: {len(wrong)} of {len(cases)} cases cannot be run: {names}", err=True)
+    if wrong:
+        raise typer.Exit(1)
+
+
+def _is_right(case: Path, settings: list[str] | None, results: Path) -> bool:
+    """Whether a case can be run; what was found is printed."""
+    from radcal.running.case_check import check_case
+    from radcal.running.workflow_files import carried_case
+
+    with sentences():
+        found = check_case([carried_case(case)], overrides(settings), results)
+    if found.problems:
+        count = len(found.problems)
+        typer.echo(f"radcal: {case} cannot be run; {count} problem{'s' if count > 1 else ''} found:", err=True)
+        for text in found.problems:
+            typer.echo(f"  - {text.removeprefix(f'{case}: ')}", err=True)
+        for line in found.remarks():
+            typer.echo(line)
+        return False
+    typer.echo(f"{case}: no problem found.")
+    typer.echo(found.summary())
+    return True

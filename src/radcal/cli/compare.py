@@ -1,0 +1,33 @@
+"""Command ``radcal compare``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from radcal.cli.arguments import Results, sentences
+
+__all__ = ["HELP", "main"]
+
+HELP = """Compare the laws of two finished cases: one table, and one figure of both laws with their bands.
+
+A and B are names of cases below results/, results folders, or YAML files. The figure is written beside the results
+folder of A.
+"""
+
+
+def main(
+    first: Annotated[str, typer.Argument(metavar="A", help="Name, results folder or YAML file.", show_default=False)],
+    second: Annotated[str, typer.Argument(metavar="B", help="The same of the other case.", show_default=False)],
+    results: Results = Path("results"),
+) -> None:
+    """Compare two cases."""
+    from radcal.report.comparison import compare
+    from radcal.report.showing import results_folder
+
+    with sentences():
+        folders = [results_folder(case, results) for case in (first, second)]
+        figure = folders[0].with_name(f"{folders[0].name}_and_{folders[1].name}.png")
+        typer.echo("\n".join(compare(folders, figure)))

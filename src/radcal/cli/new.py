@@ -1,0 +1,99 @@
+"""Command ``radcal new``."""
+
+from __future__ import annotations
+
+import inspect
+import sys
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from radcal.cli.arguments import sentences
+from radcal.cli.new_entries import ENTRIES, Entry
+
+if TYPE_CHECKING:
+    from radcal.running.new_case import NewCase
+
+__all__ = ["HELP", "main"]
+
+HELP = """Write a new case, from questions at a terminal or from options.
+
+CASE is the YAML file to write, or a name. What the files say is read from them: size, CRS, pixel spacing, bands, codes
+of the land cover. A line that is still to be decided is marked FILL_IN; radcal check lists these lines. No file is
+overwritten.
+
+\b
+Example:
+  radcal new config/mine.yaml --elevation dem.tif --landcover cover.tif --image s1.tif
+"""
+
+
+def main(case: str, **answers: Any) -> None:
+    """Write a new case."""
+    from radcal.running.new_case import NewCase, case_path
+
+    given = {entry.key: answers[entry.name] for entry in ENTRIES if answers[entry.name] not in (None, [], ())}
+    asked = not answers["no_questions"] and _at_terminal()
+    with sentences():
+        path = case_path(case)
+        keys = {entry.key: entry.optional for entry in ENTRIES}
+        new = NewCase(path, given, keys)
+        seen = set(given)
+        # an answer may answer later questions: a file tells its bands, a band its scale
+        while asked and (left := [one for one in ENTRIES if one.key not in seen and _is_open(one, new)]):
+            seen.add(left[0].key)
+            given |= _asked(left[0])
+            new = NewCase(path, given, keys)
+        written = new.write({entry.key: entry.text for entry in ENTRIES})
+    for line in written:
+        typer.echo(line)
+    if new.undecided:
+        options = ", ".join(entry.option.split(",")[0] for entry in ENTRIES if entry.key in new.undecided)
+        typer.echo(f"Still to be decided, marked FILL_IN (or by options in a new case): {options}.")
+    typer.echo(f"Next: radcal check {path}\nThen: radcal run {path} reference, and radcal run {path}")
+
+
+def _at_terminal() -> bool:
+    return sys.stdin.isatty()
+
+
+def _is_open(entry: Entry, new: NewCase) -> bool:
+    """Whether a key is to be asked for: undecided, or a choice that has a default."""
+    return entry.key in new.undecided or (entry.key == "materials.calibrated" and new.materials != [])
+
+
+def _asked(entry: Entry) -> dict[str, Any]:
+    """Answer at the terminal; an empty one leaves the key undecided."""
+    while text := typer.prompt(entry.text, default="", show_default=False).strip():
+        try:
+            return {entry.key: [part.strip() for part in text.split(",")] if entry.several else entry.kind(text)}
+        except ValueError:
+            typer.echo(f"{text!r} is not a number.", err=True)
+    return {}
+
+
+def _options() -> dict[str, Any]:
+    """Types of the options, which typer reads from the signature of a command."""
+    types: dict[str, Any] = {
+        "case": Annotated[str, typer.Argument(metavar="CASE", help="YAML file to write, or a name.")],
+        "no_questions": Annotated[bool, typer.Option("--no-questions", help="Ask nothing, even at a terminal.")],
+    }
+    for entry in ENTRIES:
+        kind: Any = list[entry.kind] if entry.several else entry.kind  # type: ignore[name-defined]
+        option = typer.Option(*entry.option.split(","), help=entry.text, show_default=False)
+        types[entry.name] = Annotated[kind | None, option]
+    return types
+
+
+main.__annotations__ = {**_options(), "return": None}
+main.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
+    [
+        inspect.Parameter(
+            name,
+            inspect.Parameter.KEYWORD_ONLY,
+            annotation=kind,
+            default={"case": inspect.Parameter.empty, "no_questions": False}.get(name),
+        )
+        for name, kind in _options().items()
+    ]
+)

@@ -1,0 +1,296 @@
+"""Command ``radcal run``, which checks a case before it starts Snakemake.
+
+Snakemake alone would load the case file before any code of the workflow runs, and would print a traceback if the file
+cannot be read.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+
+import typer
+
+from radcal.cli.arguments import Results, Settings, overrides, sentences
+
+if TYPE_CHECKING:
+    from radcal.config import Case
+
+__all__ = ["HELP", "check_folder", "checked_case", "main", "snakemake_command", "sorted_words"]
+
+_TARGETS = ("all", "reference", "design")  # documented targets; every other rule of the workflow is also a valid target
+_OURS = ("--conf", "-C")  # prefixes of Snakemake's options --configfile and --config, however they are abbreviated
+_ELSEWHERE = (
+    "--cores",
+    "-c",
+    "--jobs",
+    "-j",
+    "--profile",
+    "--executor",
+    "-e",
+)  # with any of these options, --cores all is not added
+
+HELP = """Check cases and calibrate them, in the folder of your clone or anywhere else.
+
+The cases are checked first; a fault in one is reported in one sentence, and none is run. Then Snakemake runs the
+workflow of one case after the other, up to the TARGETS if any are named: reference (one run, to test the setup), design
+(the initial runs), all (the default), any other rule of the workflow or a file below results/. A case that fails does
+not stop the next one. Stop the command at any time: the same command continues.
+
+Results go to results/<case> below the current folder, or below the folder of --results.
+
+\b
+Examples:
+  radcal run config/mine.yaml --dry-run             what would run, and how many simulator runs at most
+  radcal run config/mine.yaml reference             one run
+  radcal run config/mine.yaml                       the whole calibration
+  radcal run config/mine.yaml --set stop.rms=1e-6   one key changed: goes on from there
+  radcal run config/a.yaml config/b.yaml            two cases
+  radcal run config/mine.yaml -- --forcerun report  what follows -- is for Snakemake
+
+The exit status is Snakemake's: 0 when all is done. Of several cases it is that of the first that failed.
+"""
+
+
+def main(
+    words: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="CASE... [TARGETS]",
+            help="YAML files of cases, where to stop, and after -- options for Snakemake.",
+            show_default=False,
+        ),
+    ],
+    cores: Annotated[
+        str | None, typer.Option("--cores", "-c", metavar="N", help="Cores to use; all of this machine if missing.")
+    ] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", "-n", help="Say what would run, and run nothing.")] = False,
+    settings: Settings = None,
+    results: Results = Path("results"),
+) -> None:
+    """Check cases and calibrate them."""
+    from radcal.errors import ConfigError
+    from radcal.running.workflow_files import carried_case, workflow_folder
+
+    cases, targets, further = sorted_words(words)
+    here = Path.cwd()
+    with sentences():
+        folder = workflow_folder(here)
+        check_folder(folder, targets)
+        if "{" in str(results) or "}" in str(results):
+            raise ConfigError(f"--results is {str(results)!r}, expected a folder without braces in its name.")
+        changes = overrides(settings)
+        files = [carried_case(case) for case in cases]
+        elsewhere = None if folder == here else folder
+        if elsewhere is not None:  # radcal's own profiles, by the name that they have in a clone
+            own = {word: str(folder / word) for word in further if word.startswith("profiles/")}
+            further = [word if Path(word).exists() else own.get(word, word) for word in further]
+        commands = [snakemake_command(case, targets, further, changes, cores, dry_run, elsewhere) for case in files]
+        names = _checked(files, changes)
+    os.environ["RADCAL_RESULTS"] = str(results)  # radcal.running.jobs.RESULTS, whose import takes a second
+    if elsewhere is not None:
+        typer.echo(f"radcal: results go to {(here / results).resolve()}", err=True)
+    if len(commands) == 1:
+        _become(commands[0])
+    raise typer.Exit(_one_after_the_other(dict(zip(names, commands, strict=True))))
+
+
+def sorted_words(words: Sequence[str]) -> tuple[list[Path], list[str], list[str]]:
+    """Case files, targets, and options for Snakemake among the words of a command line.
+
+    Parameters
+    ----------
+    words : sequence of str
+        The first word is a case, and so is every later one that ends with .yaml or .yml. From the first word with a
+        dash on, all words are for Snakemake.
+    """
+    first = next((k for k, word in enumerate(words) if word.startswith("-")), len(words))
+    ours = words[:first]
+    is_case = [k == 0 or word.lower().endswith((".yaml", ".yml")) for k, word in enumerate(ours)]
+    cases = [Path(word) for word, case in zip(ours, is_case, strict=True) if case]
+    return cases, [word for word, case in zip(ours, is_case, strict=True) if not case], list(words[first:])
+
+
+def check_folder(folder: Path, targets: Iterable[str] = ()) -> None:
+    """Raise an error if a folder does not contain radcal's workflow, or if the workflow lacks a target.
+
+    Parameters
+    ----------
+    folder : path
+        Folder in which Snakemake will run.
+    targets : iterable of str
+        Names of rules, or paths of files below ``results/``.
+
+    Raises
+    ------
+    ConfigError
+        The folder has no Snakefile of radcal, or a target is neither a rule nor a path with a slash.
+    """
+    from radcal.config import nearest
+    from radcal.errors import ConfigError
+    from radcal.running.workflow_files import holds_workflow
+
+    if not holds_workflow(folder):
+        raise ConfigError(f"{folder} is not the folder of radcal's workflow, with Snakefile, workflow and config.")
+    files = [folder / "Snakefile", *(folder / "workflow/rules").glob("*.smk")]
+    pages = [path.read_text(encoding="utf-8") for path in files]
+    rules = set(re.findall(r"^(?:rule|checkpoint) (\w+):", "\n".join(pages), re.MULTILINE))
+    for target in targets:
+        if target not in rules and "/" not in target:
+            raise ConfigError(f"there is no target {target!r}{nearest(target, _TARGETS)}.")
+
+
+def checked_case(path: Path, overrides: dict[str, Any]) -> Case:
+    """Load a case file and check its keys, values and input files.
+
+    Parameters
+    ----------
+    path : path
+        The case file.
+    overrides : dict
+        Keys that the command line changes, section by section.
+
+    Raises
+    ------
+    ConfigError
+        The case is wrong; the message names the first problem.
+    """
+    from radcal.config import input_files, load
+
+    case = load([path], overrides)
+    input_files(case)
+    return case
+
+
+def snakemake_command(
+    case: Path,
+    targets: Sequence[str],
+    further: Sequence[str],
+    overrides: dict[str, Any],
+    cores: str | None,
+    dry_run: bool,
+    elsewhere: Path | None = None,
+) -> list[str]:
+    """Snakemake command that runs the workflow, as a list of arguments.
+
+    Parameters
+    ----------
+    case : path
+        The case file.
+    targets : sequence of str
+        Targets. They precede all options, because an option with several arguments would consume them.
+    further : sequence of str
+        Further options for Snakemake.
+    overrides : dict
+        Keys that the command line changes, section by section.
+    cores : str or None
+        Number of cores, or ``all``. None means ``all``, unless ``further`` gives cores, jobs, a profile or an executor.
+    dry_run : bool
+        Whether Snakemake only lists the jobs, without running them.
+    elsewhere : path, optional
+        Folder of the workflow where it is not the current folder.
+
+    Raises
+    ------
+    ConfigError
+        The number of cores is invalid, or an option would replace the checked case.
+    """
+    from radcal.errors import ConfigError
+
+    if cores is not None and cores != "all" and not re.fullmatch("0*[1-9][0-9]{0,5}", cores):
+        raise ConfigError(f"--cores is {cores!r}, expected a number from 1 on, or all.")
+    for word in further:
+        if word.startswith(_OURS):
+            raise ConfigError(
+                f"{word} after -- would replace the case that is checked: type --set KEY=VALUE before --."
+            )
+    if cores is None and not any(word.partition("=")[0] in _ELSEWHERE for word in further):
+        cores = "all"
+    # -P removes the current folder from Python's path, because a file there might have the name of a library
+    command = [sys.executable, "-P", "-m", "snakemake", *targets, "--configfile", str(case)]
+    if elsewhere is not None:
+        # a profile of that name in the current folder would belong to another workflow
+        command += ["--snakefile", str(elsewhere / "Snakefile")]
+        command += ["--workflow-profile", str(elsewhere / "profiles" / "default")]
+    if overrides:
+        command += ["--config", *(f"{key}={_for_snakemake(value)}" for key, value in overrides.items())]
+    if cores is not None:
+        command += ["--cores", cores]
+    return [*command, *["--dry-run"] * dry_run, *further]
+
+
+def _for_snakemake(value: Any) -> str:
+    """Text of a value for Snakemake's option ``--config``, in JSON.
+
+    A section is one text in quotes, because Snakemake would convert every value inside a section to text. The blanks
+    at both ends prevent Snakemake from removing the quotes.
+    """
+    import json
+
+    text = json.dumps(value, ensure_ascii=False, default=str)
+    return f" {json.dumps(text, ensure_ascii=False)} " if isinstance(value, dict | list) else text
+
+
+def _checked(files: Sequence[Path], changes: dict[str, Any]) -> list[str]:
+    """Names of the cases; each wrong case is reported in a line, and then all are refused."""
+    from radcal.errors import ConfigError
+
+    names: dict[str, Path] = {}
+    problems = []
+    for file in files:
+        try:
+            name = checked_case(file, changes).case
+            if name in names:
+                raise ConfigError(f"{file}: case is {name!r}, which {names[name]} is called, too, expected another.")
+            names[name] = file
+        except ConfigError as error:
+            problems.append(str(error))
+    if problems:
+        raise ConfigError("\nradcal: ".join(problems))
+    return list(names)
+
+
+def _one_after_the_other(commands: Mapping[str, Sequence[str]]) -> int:
+    """Exit status of a command for each case; a case that fails does not stop the next one, Ctrl-C does."""
+    ended: dict[str, int] = {}
+    children: list[subprocess.Popen[bytes]] = []
+    stopped = False
+
+    def stop(number: int, _: object) -> None:
+        nonlocal stopped
+        stopped = True
+        if number == signal.SIGTERM and children:  # the terminal sends Ctrl-C to the child, too
+            children[-1].terminate()
+
+    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        for name, command in commands.items():
+            typer.echo(f"radcal: case {name} ({len(ended) + 1} of {len(commands)})", err=True)
+            children.append(subprocess.Popen(command))  # noqa: S603 - a list of arguments, never a shell
+            ended[name] = children[-1].wait()
+            if stopped:
+                break
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    for name in commands:
+        status = ended.get(name)
+        said = "not begun" if status is None else "done" if status == 0 else f"failed (exit status {status})"
+        if stopped and status not in (None, 0) and name == list(ended)[-1]:
+            said = "stopped; the same command continues"
+        typer.echo(f"radcal: {name}: {said}", err=True)
+    failed = [status for status in ended.values() if status != 0]
+    return 130 if stopped else failed[0] if failed else 0
+
+
+def _become(command: Sequence[str]) -> NoReturn:
+    """Replace this process by another program, which then receives Ctrl-C and determines the exit status."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os.execv(command[0], list(command))  # noqa: S606 - a list of arguments, never a shell

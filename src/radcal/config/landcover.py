@@ -1,0 +1,184 @@
+"""Land-cover maps whose codes have known names, and starting laws for these names.
+
+The starting laws are starting values, nothing more: one constant gamma for a kind of terrain, of one band, without
+polarisation, season or moisture. A calibration replaces them; a material with fixed parameters keeps them, so that its
+level may be wrong by many dB.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from radcal.config.materials import DEFAULT_LAW
+
+__all__ = ["LANDCOVERS", "Cover", "LandCover", "landcover_table", "starting_keys"]
+
+LandCover = Literal["esa_worldcover", "corine", "nlcd"]
+
+# gamma [dB] at 10 GHz of kinds of terrain, as the function surfacegamma of MathWorks' Phased Array System Toolbox lists
+# them: woods, metropolitan and sea state 3 after Long, "Radar Reflectivity of Land and Sea", 3rd edition, Artech House
+# (2001); farmland and flatland after Nathanson, "Radar Design Principles", 2nd edition, SciTech (1999)
+_GAMMA_DB = {"woods": -15.0, "metropolitan": 0.0, "farmland": -15.0, "flatland": -20.0, "sea state 3": -40.0}
+# X1 + X2 cos(phi) is 10 log10(cos(phi)) within 0.2 dB from 20 to 60 degrees (least squares)
+_LINE_DB = (-5.86, 6.05)
+_BELOW_DB, _ABOVE_DB = 30.0, 15.0  # bounds of X1 about gamma; those of X2 to X4 are the default case's
+_BOUNDS = [[0.0, 16.0], [0.0, 22.0], [0.0, 12.0]]
+_X4 = 4.0
+
+
+@dataclass(frozen=True)
+class Cover:
+    """One class of a land-cover map.
+
+    Attributes
+    ----------
+    name : str
+        Name of the material.
+    terrain : str
+        Kind of terrain whose gamma starts its law.
+    taken_for : bool
+        Whether the source has no such terrain, so that another one stands for it.
+    """
+
+    name: str
+    terrain: str
+    taken_for: bool = False
+
+
+_FOREST, _CROPS, _URBAN, _WATER = "woods", "farmland", "metropolitan", "sea state 3"
+
+
+def _covers(*classes: tuple[int, str, str, bool]) -> dict[int, Cover]:
+    return {code: Cover(name, terrain, taken_for) for code, name, terrain, taken_for in classes}
+
+
+LANDCOVERS: Mapping[str, Mapping[int, Cover]] = {
+    # ESA WorldCover product user manual, version 2.0, table of classes
+    "esa_worldcover": _covers(
+        (10, "tree_cover", _FOREST, False),
+        (20, "shrubland", _FOREST, True),
+        (30, "grassland", _CROPS, True),
+        (40, "cropland", _CROPS, False),
+        (50, "built_up", _URBAN, False),
+        (60, "bare_sparse_vegetation", "flatland", False),
+        (70, "snow_and_ice", "flatland", True),
+        (80, "permanent_water_bodies", _WATER, True),
+        (90, "herbaceous_wetland", _CROPS, True),
+        (95, "mangroves", _FOREST, False),
+        (100, "moss_and_lichen", "flatland", True),
+    ),
+    # CORINE nomenclature, 44 classes in the order of their codes 111 to 523, which is that of the raster's values
+    "corine": _covers(
+        (1, "continuous_urban_fabric", _URBAN, False),
+        (2, "discontinuous_urban_fabric", _URBAN, False),
+        (3, "industrial_or_commercial_units", _URBAN, False),
+        (4, "road_and_rail_networks", "flatland", True),
+        (5, "port_areas", _URBAN, False),
+        (6, "airports", "flatland", False),
+        (7, "mineral_extraction_sites", "flatland", True),
+        (8, "dump_sites", "flatland", True),
+        (9, "construction_sites", _URBAN, True),
+        (10, "green_urban_areas", _CROPS, True),
+        (11, "sport_and_leisure_facilities", _CROPS, True),
+        (12, "non-irrigated_arable_land", _CROPS, False),
+        (13, "permanently_irrigated_land", _CROPS, False),
+        (14, "rice_fields", _CROPS, False),
+        (15, "vineyards", _CROPS, False),
+        (16, "fruit_trees_and_berry_plantations", _FOREST, False),
+        (17, "olive_groves", _FOREST, False),
+        (18, "pastures", _CROPS, True),
+        (19, "annual_crops_with_permanent_crops", _CROPS, False),
+        (20, "complex_cultivation_patterns", _CROPS, False),
+        (21, "agriculture_with_natural_vegetation", _CROPS, False),
+        (22, "agro-forestry_areas", _FOREST, False),
+        (23, "broad-leaved_forest", _FOREST, False),
+        (24, "coniferous_forest", _FOREST, False),
+        (25, "mixed_forest", _FOREST, False),
+        (26, "natural_grasslands", _CROPS, True),
+        (27, "moors_and_heathland", _CROPS, True),
+        (28, "sclerophyllous_vegetation", _FOREST, True),
+        (29, "transitional_woodland-shrub", _FOREST, False),
+        (30, "beaches_dunes_sands", "flatland", False),
+        (31, "bare_rocks", "flatland", True),
+        (32, "sparsely_vegetated_areas", "flatland", False),
+        (33, "burnt_areas", "flatland", True),
+        (34, "glaciers_and_perpetual_snow", "flatland", True),
+        (35, "inland_marshes", _CROPS, True),
+        (36, "peat_bogs", _CROPS, True),
+        (37, "salt_marshes", _CROPS, True),
+        (38, "salines", "flatland", True),
+        (39, "intertidal_flats", "flatland", True),
+        (40, "water_courses", _WATER, True),
+        (41, "water_bodies", _WATER, True),
+        (42, "coastal_lagoons", _WATER, True),
+        (43, "estuaries", _WATER, True),
+        (44, "sea_and_ocean", _WATER, False),
+    ),
+    # National Land Cover Database (USGS), class legend; 51 and 72 to 74 occur in Alaska alone
+    "nlcd": _covers(
+        (11, "open_water", _WATER, True),
+        (12, "perennial_ice_snow", "flatland", True),
+        (21, "developed_open_space", _CROPS, True),
+        (22, "developed_low_intensity", _URBAN, False),
+        (23, "developed_medium_intensity", _URBAN, False),
+        (24, "developed_high_intensity", _URBAN, False),
+        (31, "barren_land", "flatland", False),
+        (41, "deciduous_forest", _FOREST, False),
+        (42, "evergreen_forest", _FOREST, False),
+        (43, "mixed_forest", _FOREST, False),
+        (51, "dwarf_scrub", _CROPS, True),
+        (52, "shrub_scrub", _FOREST, True),
+        (71, "grassland_herbaceous", _CROPS, True),
+        (72, "sedge_herbaceous", _CROPS, True),
+        (73, "lichens", "flatland", True),
+        (74, "moss", "flatland", True),
+        (81, "pasture_hay", _CROPS, True),
+        (82, "cultivated_crops", _CROPS, False),
+        (90, "woody_wetlands", _FOREST, True),
+        (95, "emergent_herbaceous_wetlands", _CROPS, True),
+    ),
+}
+"""Classes of each land-cover map by their code."""
+
+
+def starting_keys(landcover: str, name: str, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Keys of a material that the starting law of a land cover gives, none of which the case gives.
+
+    Parameters
+    ----------
+    landcover : str
+        Name of the land-cover map.
+    name : str
+        Material.
+    given : mapping
+        Keys of the material in the case.
+
+    Returns
+    -------
+    dict
+        A fixed material gets the law of constant gamma; a calibrated one the default law, its bounds, and as start the
+        parameters that are closest to constant gamma. Empty where the case gives another law or the parameters, and for
+        a name that the map does not have.
+    """
+    cover = next((cover for cover in LANDCOVERS.get(landcover, {}).values() if cover.name == name), None)
+    if cover is None or given.get("law", DEFAULT_LAW) != DEFAULT_LAW:
+        return {}
+    gamma = _GAMMA_DB[cover.terrain]
+    if not given.get("calibrate"):
+        return {} if "law" in given or "parameters" in given else {"law": "constant_gamma", "parameters": [gamma]}
+    if "bounds" in given:
+        return {}
+    bounds = {"bounds": [[gamma - _BELOW_DB, gamma + _ABOVE_DB], *_BOUNDS]}
+    start = {"start": [gamma + _LINE_DB[0], _LINE_DB[1], 0.0, _X4]}
+    return bounds if "start" in given else {**bounds, **start}
+
+
+def landcover_table(landcover: str) -> str:
+    """Table of the classes of a land-cover map, in Markdown for ``docs/landcover.md``."""
+    lines = ["| code | material | starting gamma [dB] | terrain of the source |", "|---|---|---|---|"]
+    for code, cover in LANDCOVERS[landcover].items():
+        taken = " (taken for it)" if cover.taken_for else ""
+        lines.append(f"| {code} | `{cover.name}` | {_GAMMA_DB[cover.terrain]:g} | {cover.terrain}{taken} |")
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,284 @@
+"""Acquisition of a product as its annotation gives it at a scene, and how section ``radar`` compares with it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.config import Radar
+from radcal.config.sensors import SENSORS
+from radcal.radar.bands import letter_band, within_band
+from radcal.radar.radiometry import noise_floor_db
+
+__all__ = ["Acquisition", "contradictions", "differences", "radar_keys", "radar_section"]
+
+# over one degree the laws of natural surfaces change by up to 1 dB (docs/measured_images.md, "One incidence")
+_INCIDENCE_DEG = 1.0
+_HEADING_DEG = 5.0
+_NOISE_DB = 1.0
+_LOOKS = 1.0
+_RATIO = 1.25
+_FREQUENCY = 0.01  # relative; the bandwidth of most sensors is larger
+
+
+@dataclass(frozen=True)
+class Acquisition:
+    """Pass of a product at one scene.
+
+    Attributes
+    ----------
+    product : str
+        Name of the product.
+    sensor : str
+        Mission and mode, such as "S1B IW GRD".
+    start : str
+        Time of the first line (UTC).
+    pass_direction : str
+        ``ascending`` or ``descending``.
+    platform_heading_deg : float
+        Heading of the satellite below itself, as annotated, clockwise from north [deg, 0 to 360].
+    heading_deg : float
+        Heading of the flight over the scene: across the direction in which the radar looks at the scene's middle,
+        clockwise from true north [deg, 0 to 360]. It differs from the former by the convergence of the meridians.
+    look_side : str
+        ``right`` or ``left``.
+    incidence_deg : float
+        Incidence on the ellipsoid at the middle of the scene [deg].
+    altitude_m : float
+        Height of the radar above the ellipsoid [m].
+    frequency_hz : float
+        Carrier frequency [Hz].
+    polarisation : str
+        Transmitted and received polarisation.
+    looks : float
+        Equivalent number of looks; the product of ``numbers_of_looks`` where no source gives it.
+    numbers_of_looks : (int, int)
+        Looks in range and in azimuth, which overlap.
+    range_spacing_m, azimuth_spacing_m : float
+        Pixel spacings in ground range and azimuth [m].
+    range_resolution_m, azimuth_resolution_m : float
+        -3 dB widths of a look's response in slant range and azimuth [m].
+    nesz_db : tuple of (float, float)
+        Noise-equivalent sigma0 [dB] against incidence [deg] over the scene, ascending.
+    noise_removed : bool
+        Whether the processor has subtracted thermal noise.
+    """
+
+    product: str
+    sensor: str
+    start: str
+    pass_direction: str
+    platform_heading_deg: float
+    heading_deg: float
+    look_side: str
+    incidence_deg: float
+    altitude_m: float
+    frequency_hz: float
+    polarisation: str
+    looks: float
+    numbers_of_looks: tuple[int, int]
+    range_spacing_m: float
+    azimuth_spacing_m: float
+    range_resolution_m: float
+    azimuth_resolution_m: float
+    nesz_db: tuple[tuple[float, float], ...]
+    noise_removed: bool
+
+    @property
+    def slant_spacing_m(self) -> float:
+        """Pixel spacing in slant range at the scene [m]."""
+        return self.range_spacing_m * float(np.sin(np.radians(self.incidence_deg)))
+
+    @property
+    def look_azimuth_deg(self) -> float:
+        """Direction in which the radar looks, clockwise from true north [deg, 0 to 360]."""
+        return (self.heading_deg + (90.0 if self.look_side == "right" else -90.0)) % 360.0
+
+    def sentence(self) -> str:
+        """Description for notes."""
+        levels = [level for _, level in self.nesz_db]
+        noise = f"{min(levels):.1f}" + (f" to {max(levels):.1f}" if max(levels) - min(levels) >= 0.05 else "")
+        return (
+            f"{self.product}: {self.sensor} {self.polarisation} of {self.start}, {self.pass_direction}, heading "
+            f"{self.heading_deg:.1f} deg over the scene, looking {self.look_side}, incidence {self.incidence_deg:.2f} "
+            f"deg, {self.frequency_hz / 1e9:.4g} GHz, {self.numbers_of_looks[0]} x {self.numbers_of_looks[1]} looks "
+            f"(equivalent {self.looks:.3g}), pixels of {self.range_spacing_m:g} m in ground range and "
+            f"{self.azimuth_spacing_m:g} m in azimuth, noise-equivalent sigma0 {noise} dB."
+        )
+
+
+def radar_keys(acquisition: Acquisition) -> dict[str, tuple[Any, str]]:
+    """Values of section ``radar`` that correspond to an acquisition, each with a remark, which may be empty.
+
+    Parameters
+    ----------
+    acquisition : Acquisition
+        Acquisition at a scene.
+    """
+    a = acquisition
+    noise = [list(pair) for pair in a.nesz_db]
+    sensor = _sensor(a)
+    keys = {
+        "sensor": (sensor, "whose values those of the image override"),
+        "altitude_m": (float(round(a.altitude_m)), ""),
+        "incidence_deg": (round(a.incidence_deg, 2), "at the middle of the scene, on the ellipsoid"),
+        # 359.999 is rounded to 360, which is 0
+        "heading_deg": (round(a.heading_deg, 2) % 360.0, "over the scene, from true north"),
+        "look_side": (a.look_side, f"to {a.look_azimuth_deg:.1f} deg from north"),
+        "band": (letter_band(a.frequency_hz) or "unknown", ""),
+        "frequency_ghz": (float(f"{a.frequency_hz / 1e9:.6g}"), ""),
+        "polarisation": (a.polarisation, ""),
+        "range_resolution_m": (round(a.range_resolution_m, 2), "slant range"),
+        "azimuth_resolution_m": (round(a.azimuth_resolution_m, 2), ""),
+        "range_spacing_m": (round(a.slant_spacing_m, 3), f"slant range, of {a.range_spacing_m:g} m on the ground"),
+        "azimuth_spacing_m": (a.azimuth_spacing_m, ""),
+        "looks": (float(f"{min(max(a.looks, 1.0), 64.0):.4g}"), "equivalent number of looks"),
+        "nesz_db": (-100.0, "the processor has subtracted the noise") if a.noise_removed else (noise, ""),
+        "radiometry": ("sigma0_ref", ""),
+    }
+    return keys if sensor is not None else {key: item for key, item in keys.items() if key != "sensor"}
+
+
+def _sensor(acquisition: Acquisition) -> str | None:
+    """Sensor of :data:`.SENSORS` whose values are those of an acquisition; None if none fits."""
+    a = acquisition
+    lengths = {
+        "range_resolution_m": a.range_resolution_m,
+        "azimuth_resolution_m": a.azimuth_resolution_m,
+        "range_spacing_m": a.slant_spacing_m,
+        "azimuth_spacing_m": a.azimuth_spacing_m,
+        "looks": a.looks,
+    }
+    for name, sensor in SENSORS.items():
+        known = sensor.values_at(a.incidence_deg)
+        if (
+            {*lengths, "frequency_ghz", "look_side"} <= known.keys()
+            and abs(known["frequency_ghz"] * 1e9 / a.frequency_hz - 1.0) <= _FREQUENCY
+            and known["look_side"] == a.look_side
+            and all(1.0 / _RATIO <= known[key] / own <= _RATIO for key, own in lengths.items())
+        ):
+            return name
+    return None
+
+
+def radar_section(acquisition: Acquisition) -> str:
+    """Section ``radar`` in YAML that corresponds to an acquisition.
+
+    Parameters
+    ----------
+    acquisition : Acquisition
+        Acquisition at a scene.
+    """
+    a = acquisition
+    lines = [f"radar:   # {a.product}, {a.pass_direction}, heading {a.heading_deg:.2f} deg over the scene"]
+    for key, (value, remark) in radar_keys(a).items():
+        shown = f"{value:.10g}" if isinstance(value, float) else str(value)
+        lines.append(f"  {key}: {shown}" + (f"   # {remark}" if remark else ""))
+    return "\n".join(lines) + "\n"
+
+
+def contradictions(
+    acquisition: Acquisition, radar: Radar, incidence_deg: NDArray[np.float64], slope_deg: float = 0.0
+) -> list[str]:
+    """Keys of section ``radar`` with which the image cannot be compared, each with the product's value.
+
+    Parameters
+    ----------
+    acquisition : Acquisition
+        Acquisition of the product.
+    radar : Radar
+        Configured pass.
+    incidence_deg : ndarray
+        Incidence on flat ground of the configured pass over the scene [deg].
+    slope_deg : float
+        Slope of steep ground of the scene [deg], which another heading shows at another incidence.
+
+    Returns
+    -------
+    list of str
+        Phrases of the form "radar.band is X, its carrier is 5.405 GHz (band C)".
+    """
+    a, found = acquisition, []
+    carrier = f"{a.frequency_hz / 1e9:.4g} GHz (band {letter_band(a.frequency_hz) or 'without a letter'})"
+    if within_band(radar.band, a.frequency_hz) is False:
+        found.append(f"radar.band is {radar.band}, its carrier {carrier}")
+    elif radar.frequency_ghz is not None and abs(radar.frequency_ghz * 1e9 / a.frequency_hz - 1.0) > _FREQUENCY:
+        found.append(f"radar.frequency_ghz is {radar.frequency_ghz:g}, its carrier {carrier}")
+    if abs(radar.looks - a.looks) > _LOOKS:
+        found.append(f"radar.looks is {radar.looks:g}, its equivalent number of looks {a.looks:.3g}")
+    middle = float(np.median(incidence_deg))
+    if abs(middle - a.incidence_deg) > _INCIDENCE_DEG:
+        key = "depression_deg" if radar.incidence_deg is None else "incidence_deg"
+        instead = " instead of depression_deg" if radar.incidence_deg is None else ""
+        found.append(
+            f"radar.{key} is {getattr(radar, key):g}, an incidence of {middle:.2f} deg at the scene, where its own is "
+            f"{a.incidence_deg:.2f} deg (incidence_deg: {a.incidence_deg:.2f}{instead})"
+        )
+    apart = _apart(a.look_azimuth_deg, _look_azimuth_deg(radar))
+    if apart > 90.0:
+        found.append(
+            f"radar.look_side is {radar.look_side}, a look to {_look_azimuth_deg(radar):.0f} deg from north, it looks "
+            f"to {a.look_azimuth_deg:.1f} deg, from the other side of every slope (look_side: {a.look_side}, "
+            f"heading_deg: {a.heading_deg:.2f})"
+        )
+    elif (change := _turned_deg(slope_deg, apart)) > _INCIDENCE_DEG:
+        found.append(
+            f"radar.heading_deg is {radar.heading_deg:g}, a look to {_look_azimuth_deg(radar):.1f} deg from north, it "
+            f"looks to {a.look_azimuth_deg:.1f} deg, which changes the incidence on slopes of {slope_deg:.1f} deg, as "
+            f"the scene has them, by up to {change:.1f} deg (look_side: {a.look_side}, heading_deg: "
+            f"{a.heading_deg:.2f})"
+        )
+    return found
+
+
+def differences(acquisition: Acquisition, radar: Radar) -> list[str]:
+    """Sentences on keys of section ``radar`` that differ from the product, although the image can be compared."""
+    a, found = acquisition, []
+    look = _look_azimuth_deg(radar)
+    if _HEADING_DEG < _apart(a.look_azimuth_deg, look) <= 90.0:
+        found.append(
+            f"{a.product}: it looks to {a.look_azimuth_deg:.1f} deg from north (heading {a.heading_deg:.2f} deg), the "
+            f"configured pass to {look:.1f} deg, so that slopes have another incidence than in the image."
+        )
+    angles, levels = (np.array(part) for part in zip(*a.nesz_db, strict=True))
+    # the noise floor of radiometry sigma0_ref is noise-equivalent sigma0 itself
+    configured = noise_floor_db(radar.model_copy(update={"radiometry": "sigma0_ref"}), angles)
+    if not a.noise_removed and np.abs(configured - levels).max() > _NOISE_DB:
+        worst = int(np.argmax(np.abs(configured - levels)))
+        found.append(
+            f"{a.product}: its noise-equivalent sigma0 is {levels[worst]:.1f} dB at {angles[worst]:.1f} deg, "
+            f"radar.nesz_db {configured[worst]:.1f} dB."
+        )
+    for key, own in (
+        ("range_resolution_m", a.range_resolution_m),
+        ("azimuth_resolution_m", a.azimuth_resolution_m),
+        ("range_spacing_m", a.slant_spacing_m),
+        ("azimuth_spacing_m", a.azimuth_spacing_m),
+    ):
+        value = getattr(radar, key)
+        if not 1.0 / _RATIO <= value / own <= _RATIO:
+            found.append(f"{a.product}: its {key} is {own:.3g} at the scene, radar.{key} {value:g}.")
+    return found
+
+
+def _look_azimuth_deg(radar: Radar) -> float:
+    """Direction in which the configured pass looks [deg]; without a heading its track heads to the grid's north."""
+    return (radar.heading_deg + (90.0 if radar.look_side == "right" else 270.0)) % 360.0
+
+
+def _turned_deg(slope_deg: float, apart_deg: float) -> float:
+    """Largest change of the local incidence on a slope when the look turns [deg].
+
+    To first order in the slope, the local incidence is that on level ground less the slope times the cosine of the
+    angle between aspect and look; 2 sin(apart / 2) is the largest change of this cosine.
+    """
+    return 2.0 * slope_deg * math.sin(0.5 * math.radians(apart_deg))
+
+
+def _apart(one: float, other: float) -> float:
+    """Angle between two directions [deg, 0 to 180]."""
+    return abs((one - other + 180.0) % 360.0 - 180.0)

@@ -1,0 +1,65 @@
+"""Statements on the numbers of a raster in its tags and band names."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from radcal.reading.arrays import is_raster
+from radcal.reading.rasters import open_raster
+
+__all__ = ["Tags", "tags_of"]
+
+# tag of OPERA RTC-S1 images, whose processor writes gamma0, sigma0 or beta0 into it
+_NORMALISATION = "PROCESSING_INFORMATION_OUTPUT_BACKSCATTER_NORMALIZATION_CONVENTION"
+# band names of Earth Engine ("VV") and of SNAP ("Sigma0_VV", "Sigma0_VV_db")
+_BAND = re.compile(r"(?:(?:Sigma|Gamma|Beta)0_)?(?P<pol>HH|HV|VH|VV)(?P<db>_db)?", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Tags:
+    """What a raster says of one band; None where it says nothing.
+
+    Attributes
+    ----------
+    polarisation : str or None
+        Transmitted and received polarisation.
+    normalisation : str or None
+        ``gamma0``, ``sigma0`` or ``beta0`` after radiometric terrain correction.
+    decibels : bool
+        Whether the name of the band says dB.
+    """
+
+    polarisation: str | None = None
+    normalisation: str | None = None
+    decibels: bool = False
+
+
+def tags_of(path: Path, band: int | None, folders: Sequence[Path] = ()) -> Tags:
+    """Tags of a measured image; empty for files that are no rasters or cannot be read, which their reader says.
+
+    Parameters
+    ----------
+    path : path
+        Any measured image.
+    band : int, optional
+        Number of the band, from 1.
+    folders : sequence of path
+        Folders in which the sources of a VRT may lie, besides its own.
+    """
+    if not is_raster(path):
+        return Tags()
+    try:
+        with open_raster(path, folders) as raster:
+            normalisation, names = raster.tags().get(_NORMALISATION), raster.descriptions
+    except Exception:  # the libraries' exceptions for damaged files have no common base class
+        return Tags()
+    name = names[(band or 1) - 1] if (band or 1) <= len(names) else None
+    found = _BAND.fullmatch((name or "").strip())
+    return Tags(
+        found["pol"].upper() if found else None,
+        normalisation.strip().lower() if normalisation else None,
+        bool(found and found["db"]),
+    )

@@ -1,0 +1,179 @@
+"""Position of the track relative to the ground, over a flat or a curved earth.
+
+Over a curved earth the ground is a sphere, whose radius is that of the ellipsoid at the scene. The scene is computed in
+the plane that touches the sphere at the scene's centre: heights are lowered by the drop of the sphere below this plane
+along ground range, and the track stays where it is seen from the centre. Along azimuth nothing is lowered, because an
+orbit bends with the earth. ``docs/simulator.md`` gives the errors of this approximation.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radcal.config import Radar
+from radcal.config.angles import MEAN_RADIUS_M, depression_deg, incidence_deg
+
+__all__ = ["Sight", "heading_at_scene", "heading_of_sight", "sight"]
+
+
+def heading_at_scene(
+    heading_deg: float, incidence_deg: float, altitude_m: float, latitude_deg: float, look_side: str = "right"
+) -> float:
+    """Heading of a track at the scene that it sees, from the heading below the satellite.
+
+    Meridians converge between the place below the satellite and the scene, by some degrees for an orbit. Annotations of
+    products give the heading below the satellite, ``radar.heading_deg`` is that at the scene. The result is right to
+    0.4 degrees, because the height of an orbit above the ellipsoid is not constant; :func:`heading_of_sight` is exact.
+
+    Parameters
+    ----------
+    heading_deg : float
+        Heading below the satellite, relative to the ground, clockwise from north [deg].
+    incidence_deg : float
+        Incidence on level ground at the scene [deg].
+    altitude_m : float
+        Height of the track above the ground [m].
+    latitude_deg : float
+        Latitude of the scene [deg].
+    look_side : str
+        ``right`` or ``left``.
+
+    Returns
+    -------
+    float
+        Heading at the scene, across the direction to the satellite [deg], 0 to 360.
+
+    References
+    ----------
+    Napier's analogies for the spherical triangle of pole, place below the satellite, and scene (Snyder, "Map
+    projections: a working manual", USGS Professional Paper 1395 (1987), chapter 5, has the formulas of such triangles).
+    """
+    side = 90.0 if look_side == "right" else -90.0
+    arc = math.radians(incidence_deg + depression_deg(incidence_deg, altitude_m) - 90.0)
+    look = math.radians((heading_deg + side + 180.0) % 360.0 - 180.0)
+    colatitude = math.radians(90.0 - latitude_deg)
+    at_pole = math.asin(math.sin(arc) * math.sin(abs(look)) / math.sin(colatitude))
+    ratio = math.sin(0.5 * (colatitude + arc)) / math.sin(0.5 * (colatitude - arc))
+    at_scene = 2.0 * math.atan2(1.0, math.tan(0.5 * (abs(look) - at_pole)) * ratio)
+    return (math.degrees(math.copysign(math.pi - at_scene, look)) - side) % 360.0
+
+
+def heading_of_sight(
+    satellite_m: ArrayLike, place_m: ArrayLike, longitude_deg: float, latitude_deg: float, look_side: str = "right"
+) -> float:
+    """Heading of a track at the scene, across the line of sight from a satellite at zero Doppler.
+
+    Parameters
+    ----------
+    satellite_m, place_m : array_like, shape (3,)
+        Earth-centred, earth-fixed coordinates of the satellite, when it sees the scene's centre at zero Doppler, and of
+        the scene's centre [m].
+    longitude_deg, latitude_deg : float
+        Geodetic longitude and latitude of the scene's centre [deg].
+    look_side : str
+        ``right`` or ``left``.
+
+    Returns
+    -------
+    float
+        Heading, clockwise from north [deg], 0 to 360: the value of ``radar.heading_deg``.
+    """
+    away = np.asarray(place_m, dtype=np.float64) - np.asarray(satellite_m, dtype=np.float64)
+    longitude, latitude = math.radians(longitude_deg), math.radians(latitude_deg)
+    east = away @ [-math.sin(longitude), math.cos(longitude), 0.0]
+    along = [-math.sin(latitude) * math.cos(longitude), -math.sin(latitude) * math.sin(longitude), math.cos(latitude)]
+    bearing = math.degrees(math.atan2(east, away @ along))
+    return (bearing - (90.0 if look_side == "right" else -90.0)) % 360.0
+
+
+@dataclass(frozen=True)
+class Sight:
+    """Position of the track, in the plane across it, relative to the scene's centre.
+
+    Attributes
+    ----------
+    height_m : float
+        Height of the track above the plane that touches the ground at the scene's centre, at the scene's mean
+        elevation [m].
+    ground_m : float
+        Distance in this plane from the place below the track to the scene's centre [m].
+    altitude_m : float
+        Height of the track above the ground below it [m]: ``height_m`` over a flat earth.
+    radius_m : float
+        Radius of the ground [m]; infinite for a flat earth.
+    """
+
+    height_m: float
+    ground_m: float
+    altitude_m: float
+    radius_m: float
+
+    def flat_incidence_deg(self, slant_m: ArrayLike) -> NDArray[np.float64]:
+        """Incidence on level ground at a slant range [deg]."""
+        slant = np.asarray(slant_m, dtype=np.float64)
+        if math.isinf(self.radius_m):
+            return np.asarray(np.degrees(np.arccos(np.minimum(self.height_m / slant, 1.0))))
+        altitude, radius = self.altitude_m, self.radius_m
+        # law of cosines, with the difference of the large squares written out
+        cosine = (altitude * (altitude + 2.0 * radius) - slant**2) / (2.0 * radius * slant)
+        return np.asarray(np.degrees(np.arccos(np.minimum(cosine, 1.0))))
+
+    def slant_range_m(self, flat_incidence_deg: float) -> float:
+        """Slant range at which level ground has an incidence [m]."""
+        cosine = np.cos(np.radians(flat_incidence_deg))
+        if math.isinf(self.radius_m):
+            return float(self.height_m / cosine)
+        return _slant_range_m(float(cosine), self.altitude_m, self.radius_m)
+
+    def lowered(self, elevation_m: NDArray[np.float64], cell_m: float) -> NDArray[np.float64]:
+        """Heights above the plane that touches the ground at the scene's centre.
+
+        Parameters
+        ----------
+        elevation_m : ndarray, shape (ny, nx)
+            Elevation of the cells [m]; axis 1 is ground range.
+        cell_m : float
+            Cell size [m].
+
+        Returns
+        -------
+        ndarray, shape (ny, nx)
+            Elevation less u^2 / 2R at the distance u from the scene's centre along ground range [m].
+        """
+        if math.isinf(self.radius_m):
+            return elevation_m
+        columns = elevation_m.shape[1]
+        along = (np.arange(columns) + 0.5 - 0.5 * columns) * cell_m
+        return np.asarray(elevation_m - along**2 / (2.0 * self.radius_m))
+
+
+def _slant_range_m(cosine: float, altitude_m: float, radius_m: float) -> float:
+    """Slant range [m] of a track above a sphere, from the cosine of the incidence on the sphere."""
+    # the positive root of r^2 + 2 R cos(theta) r = H (H + 2R), in the form without cancellation
+    product, half = altitude_m * (altitude_m + 2.0 * radius_m), radius_m * cosine
+    return product / (half + math.sqrt(half**2 + product))
+
+
+def sight(radar: Radar, radius_m: float = MEAN_RADIUS_M) -> Sight:
+    """Position of the track of a pass relative to the scene's centre.
+
+    Parameters
+    ----------
+    radar : Radar
+        Pass.
+    radius_m : float
+        Radius of the ground at the scene [m]; without effect for ``earth: flat``.
+    """
+    if radar.earth == "flat":
+        ground = float(radar.altitude_m / np.tan(np.radians(radar.depression_deg)))
+        return Sight(radar.altitude_m, ground, radar.altitude_m, math.inf)
+    incidence = radar.incidence_deg
+    if incidence is None:
+        incidence = incidence_deg(radar.depression_deg, radar.altitude_m, radius_m)
+    angle = math.radians(incidence)
+    slant = _slant_range_m(math.cos(angle), radar.altitude_m, radius_m)
+    return Sight(slant * math.cos(angle), slant * math.sin(angle), radar.altitude_m, radius_m)

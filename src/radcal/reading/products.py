@@ -1,0 +1,88 @@
+"""Products whose file names say scale, radiometry and polarisation of the numbers in the file."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from radcal.reading.safe import is_safe_name
+
+__all__ = ["NamedProduct", "named_product"]
+
+
+@dataclass(frozen=True)
+class NamedProduct:
+    """What the name of a file says of its numbers.
+
+    Attributes
+    ----------
+    called : str
+        Name of the product, for messages.
+    scale : str
+        Scale of the numbers: db, power or amplitude.
+    radiometry : str or None
+        Radiometry of the numbers; None where the name does not say it.
+    polarisation : str or None
+        Transmitted and received polarisation; None where the name does not say it.
+    filtered : bool
+        Whether speckle was filtered.
+    """
+
+    called: str
+    scale: str
+    radiometry: str | None
+    polarisation: str | None
+    filtered: bool = False
+
+
+# S1x_yy_aaaaaaaaTbbbbbb_ppo_RTCzz_u_defklm_ssss, followed by the polarisation: HyP3's RTC product guide, section
+# "Naming Convention"
+_HYP3 = re.compile(
+    r"S1[A-D]_\w\w_\d{8}T\d{6}_[SD][HV][PRO]_RTC\d+_G_"
+    r"(?P<radiometry>[gs])(?P<scale>[pda])[uw](?P<filter>[nf])[ec][dm]_[0-9A-F]{4}_(?P<pol>HH|HV|VH|VV)\.tiff?",
+    re.IGNORECASE,
+)
+# names that the processor s1ard (CEOS-ARD Normalised Radar Backscatter of Sentinel-1) gives to its images
+_NRB = re.compile(r"s1[a-d]-\w\w-nrb-.*-(?P<pol>hh|hv|vh|vv)-(?P<radiometry>[gs])-lin\.tiff?", re.IGNORECASE)
+# OPERA_L2_RTC-S1_<burst>_<acquisition>_<processing>_<sensor>_<spacing>_<version>_<polarisation>.tif
+_OPERA = re.compile(r"OPERA_L2_RTC-S1_.*_(?P<pol>HH|HV|VH|VV)\.tiff?", re.IGNORECASE)
+_HYP3_SCALES = {"p": "power", "d": "db", "a": "amplitude"}
+
+
+def named_product(path: str) -> NamedProduct | None:
+    """Product that the name of a file or SAFE folder belongs to; None for other names.
+
+    Terrain-flattened sigma0 has no counterpart among radcal's radiometries that a source confirms, so that its
+    radiometry is not taken from the name.
+
+    Parameters
+    ----------
+    path : str
+        Path as configured; only its last part is used.
+
+    References
+    ----------
+    Alaska Satellite Facility, HyP3 RTC product guide, naming convention. CEOS-ARD for Synthetic Aperture Radar,
+    Normalised Radar Backscatter. OPERA RTC-S1 product specification, JPL D-108758.
+    """
+    if is_safe_name(path):
+        # digital numbers are amplitudes, calibrated for level ground
+        return NamedProduct("a Sentinel-1 product", "amplitude", "sigma0_ref", None)
+    name = path.rpartition("/")[2]
+    if (found := _HYP3.fullmatch(name)) is not None:
+        return NamedProduct(
+            "a HyP3 RTC product",
+            _HYP3_SCALES[found["scale"].lower()],
+            _flattened(found["radiometry"]),
+            found["pol"].upper(),
+            found["filter"].lower() == "f",
+        )
+    if (found := _NRB.fullmatch(name)) is not None:
+        return NamedProduct("a CEOS-ARD NRB product", "power", _flattened(found["radiometry"]), found["pol"].upper())
+    if (found := _OPERA.fullmatch(name)) is not None:
+        return NamedProduct("an OPERA RTC-S1 product", "power", "gamma0_rtc", found["pol"].upper())
+    return None
+
+
+def _flattened(letter: str) -> str | None:
+    return "gamma0_rtc" if letter.lower() == "g" else None

@@ -1,0 +1,306 @@
+"""Advice on a further pass: how far each of some passes is expected to narrow the bands of a finished calibration."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.assessment.budget import Budget
+from radcal.assessment.curves import GRID_DEG
+from radcal.assessment.posterior import KeptDraws
+from radcal.assessment.preposterior import Sight, half_widths_after, half_widths_now, sight_of
+from radcal.config import Case, Radar, case_from
+from radcal.errors import ConfigError, StoreError
+from radcal.measurement.levels import Levels
+from radcal.radar.geometry import Geometry
+from radcal.radar.projection import make_geometry
+from radcal.report.archive import Archive, read_archive
+from radcal.report.tables import write_csv
+from radcal.scene.model import Scene, read_scene
+
+__all__ = ["Advised", "advice_on", "advise", "candidates", "of_archive"]
+
+Doubles = NDArray[np.float64]
+
+_STEP_DEG = 15.0
+_DEPRESSIONS = (10.0, 75.0)
+_INCIDENCES = (15.0, 80.0)
+_SIDES = ("right", "left")
+_EQUAL = 1.05
+_LITTLE = 0.9  # of the half-width now
+COLUMNS = (
+    "depression_deg", "look_side", "material", "incidence_p05_deg", "incidence_p95_deg", "half_width_now_db",
+    "half_width_after_db", "over_from_deg", "over_to_deg", "layover", "shadow",
+)  # fmt: skip
+_HEADINGS = ("pass", "material", "incidence 5-95 %", "half-width now", "after", "layover", "shadow")
+
+
+@dataclass(frozen=True)
+class Advised:
+    """What one pass is expected to do for the band of one material.
+
+    Attributes
+    ----------
+    radar : Radar
+        The pass.
+    material : str
+        Calibrated material.
+    incidence_deg : (float, float) or None
+        5 and 95 % quantile of the local incidence of its usable pixels [deg]; None for fewer than 50 pixels.
+    now_db, after_db : float
+        Mean half-width of the 90 % band of sigma0 [dB] over ``over_deg``, now and expected after this pass.
+    over_deg : (float, float)
+        Incidence over which the half-widths are averaged [deg].
+    layover, shadow : float
+        Shares of the image's pixels in layover, and with ground in shadow.
+    """
+
+    radar: Radar
+    material: str
+    incidence_deg: tuple[float, float] | None
+    now_db: float
+    after_db: float
+    over_deg: tuple[float, float]
+    layover: float
+    shadow: float
+
+    @property
+    def name(self) -> str:
+        """Depression and look side in words."""
+        if self.radar.incidence_deg is not None:
+            return f"incidence {self.radar.incidence_deg:g} deg {self.radar.look_side}"
+        return f"{self.radar.depression_deg:g} deg {self.radar.look_side}"
+
+
+def candidates(case: Case, depressions: Sequence[float] = ()) -> list[Radar]:
+    """Passes to compare: depressions on both look sides, without the passes of the case.
+
+    Parameters
+    ----------
+    case : Case
+        Its first pass gives the other settings.
+    depressions : sequence of float
+        Depression angles [deg]; by default that of the first pass, and 15 degrees more and less. Of a case with
+        ``incidence_deg``, the incidences are 90 degrees less these angles.
+    """
+    first = case.radar
+    if first.incidence_deg is not None:
+        return _of_orbit(case, first.incidence_deg, depressions)
+    if not depressions:
+        around = (first.depression_deg + step for step in (0.0, -_STEP_DEG, _STEP_DEG))
+        depressions = [angle for angle in around if _DEPRESSIONS[0] <= angle <= _DEPRESSIONS[1]]
+    for angle in depressions:
+        if not 5.0 < angle < 85.0:
+            raise ConfigError(f"--depression is {angle:g}, expected an angle above 5 and below 85 degrees.")
+    taken = {(one.radar.depression_deg, one.radar.look_side) for one in case.passes}
+    return [
+        first.model_copy(update={"depression_deg": float(angle), "look_side": side})
+        for angle in depressions
+        for side in _SIDES
+        if (angle, side) not in taken
+    ]
+
+
+def _of_orbit(case: Case, incidence_deg: float, depressions: Sequence[float]) -> list[Radar]:
+    """Passes to compare of a case with ``incidence_deg``: incidences on both look sides, over the curved earth."""
+    given = [90.0 - angle for angle in depressions]
+    around = [incidence_deg + step for step in (0.0, -_STEP_DEG, _STEP_DEG)]
+    incidences = given or [angle for angle in around if _INCIDENCES[0] <= angle <= _INCIDENCES[1]]
+    for angle in incidences:
+        if not 5.0 < angle < 85.0:
+            raise ConfigError(f"--depression is {90.0 - angle:g}, expected an angle above 5 and below 85 degrees.")
+    taken = {(one.radar.incidence_deg, one.radar.look_side) for one in case.passes}
+    return [
+        case.radar.model_copy(update={"incidence_deg": round(angle, 2), "look_side": side})
+        for angle in incidences
+        for side in _SIDES
+        if (round(angle, 2), side) not in taken
+    ]
+
+
+def _opposite(radar: Radar) -> str:
+    """Sentence on the pass from the other side, which has another heading than the scene's grid."""
+    heading = (180.0 - radar.heading_deg) % 360.0
+    return (
+        f"All passes have heading_deg {radar.heading_deg:g}, that of the scene's grid. A satellite that sees the scene "
+        f"from the other side with the same look side, half a day apart, heads to about {heading:.1f} deg: the other "
+        "look side of the table stands for it, in a direction that differs by "
+        f"{abs((2.0 * radar.heading_deg + 180.0) % 360.0 - 180.0):.1f} deg."
+    )
+
+
+def advice_on(
+    case: Case,
+    scene: Scene,
+    found: Mapping[str, tuple[KeptDraws, Doubles]],
+    budget: Budget,
+    passes: Sequence[Radar],
+    over_deg: tuple[float, float] | None = None,
+) -> list[Advised]:
+    """Expected narrowing of the bands of calibrated materials by each of some passes, one pass at a time.
+
+    Parameters
+    ----------
+    case : Case
+        Passes and target settings of the calibration.
+    scene : Scene
+        Scene of the calibration, with elevations.
+    found : mapping
+        Draws from the posterior of each material, and their curves [dB], shape (m, 361).
+    budget : Budget
+        Standard errors of level and noise.
+    passes : sequence of Radar
+        Passes to compare.
+    over_deg : (float, float), optional
+        Incidence of interest [deg]; by default from the lowest 5 % to the highest 95 % quantile that the material has
+        in one of the passes of the case or of those compared.
+
+    Returns
+    -------
+    list of Advised
+        Passes in the order of their mean half-width after, the narrowest first; the materials of a pass together.
+    """
+    geometries = [make_geometry(scene, radar) for radar in passes]
+    own = [(one.radar, make_geometry(scene, one.radar)) for one in case.passes]
+    rows: list[list[Advised]] = [[] for _ in passes]
+    for name, (draws, curves) in found.items():
+        sights = [sight_of(name, made, radar, case.target) for radar, made in zip(passes, geometries, strict=True)]
+        known = [sight_of(name, made, radar, case.target) for radar, made in own]
+        seen = [_seen(one) for one in (*sights, *known) if one is not None]
+        over = over_deg or (min(low for low, _ in seen), max(high for _, high in seen))
+        of = np.flatnonzero((over[0] <= GRID_DEG) & (over[1] >= GRID_DEG)).astype(np.int64)
+        fields, looks = np.sqrt((draws.fields_db**2).mean(axis=0)), float(np.median(draws.looks))
+        now = float(half_widths_now(curves[:, of]).mean())
+        for each, radar, made, sight in zip(rows, passes, geometries, sights, strict=True):
+            after = now
+            if sight is not None:
+                after = float(half_widths_after(curves, [sight], fields, looks, budget, of).mean())
+            incidence = None if sight is None else _seen(sight)
+            each.append(Advised(radar, name, incidence, now, after, over, *_hidden(made)))
+    return [row for each in sorted(rows, key=_mean_after) for row in each]
+
+
+def _mean_after(rows: Sequence[Advised]) -> float:
+    return float(np.mean([row.after_db for row in rows]))
+
+
+def _seen(sight: Sight) -> tuple[float, float]:
+    low, high = np.quantile(sight.incidence_deg, [0.05, 0.95])
+    return float(low), float(high)
+
+
+def _hidden(geometry: Geometry) -> tuple[float, float]:
+    return float(geometry.layover.mean()), float(geometry.shadow.mean())
+
+
+def of_archive(archive: Archive, folder: str | Path) -> dict[str, tuple[KeptDraws, Doubles]]:
+    """Draws from the posterior of each calibrated material whose law has a curve in dB, and their curves [dB].
+
+    Raises
+    ------
+    ConfigError
+        No material has such draws.
+    """
+    found = {}
+    for name, material in archive.materials.items():
+        posterior = material.posterior
+        if posterior is not None and posterior.curve is not None and posterior.draws is not None:
+            found[name] = (posterior.draws, posterior.draws.curves_db(archive.laws[name].curve()))
+    if not found:
+        raise ConfigError(
+            f"{folder}: no calibrated material has a band of sigma0 in dB, expected a law with a curve and "
+            "target.normalisation none or offset."
+        )
+    return found
+
+
+def advise(
+    folder: str | Path, depressions: Sequence[float] = (), over_deg: tuple[float, float] | None = None
+) -> list[str]:
+    """Lines of a table of further passes, which is also written to ``advice.csv`` in the results folder.
+
+    Parameters
+    ----------
+    folder : path
+        Results folder of a finished case.
+    depressions : sequence of float
+        Depression angles to compare [deg]; see :func:`candidates`.
+    over_deg : (float, float), optional
+        Incidence of interest [deg]; see :func:`advice_on`.
+
+    Returns
+    -------
+    list of str
+
+    Raises
+    ------
+    ConfigError
+        The scene has no elevations, no law has a band, or an angle is impossible.
+    DamagedError, StoreError
+        A file is damaged, or is missing because the calibration is not finished.
+    """
+    folder = Path(folder)
+    if not (folder / "calibration.h5").is_file():
+        raise StoreError(f"{folder}: the calibration is not finished, expected calibration.h5; radcal show says more.")
+    if over_deg is not None and not 0.0 <= over_deg[0] < over_deg[1] <= 90.0:
+        raise ConfigError(f"--between is {over_deg[0]:g} {over_deg[1]:g}, expected two increasing angles in 0 to 90.")
+    archive, scene = read_archive(folder / "calibration.h5", images=False), read_scene(folder / "scene.h5")
+    if scene.elevation_m is None:
+        raise ConfigError(
+            f"{folder}: the scene is in slant range, whose incidence is the same in every pass, expected a scene with "
+            "elevations."
+        )
+    case = case_from(json.loads(archive.config), f"{folder}/calibration.h5")
+    levels = Levels(archive.levels.normalisation, archive.levels.offset_db, archive.levels.offset_error_db)
+    passes = candidates(case, depressions)
+    if not passes:
+        raise ConfigError("--depression names only passes that the case has, expected at least one other.")
+    found = of_archive(archive, folder)
+    rows = advice_on(case, scene, found, Budget.of(case.uncertainty, levels), passes, over_deg)
+    write_csv(folder / "advice.csv", COLUMNS, _rows(rows))
+    orbit = [_opposite(case.radar)] if case.radar.incidence_deg is not None else []
+    return [*_table(rows), *_sentences(rows), *orbit, f"table: {folder / 'advice.csv'}"]
+
+
+def _rows(rows: Sequence[Advised]) -> Iterator[tuple[object, ...]]:
+    for row in rows:
+        seen = row.incidence_deg or (float("nan"), float("nan"))
+        widths = (row.now_db, row.after_db, *row.over_deg, row.layover, row.shadow)
+        yield (float(row.radar.centre_depression_deg), row.radar.look_side, row.material, *seen, *widths)
+
+
+def _table(rows: Sequence[Advised]) -> Iterator[str]:
+    cells = [_HEADINGS]
+    for row in rows:
+        seen = "too few pixels" if row.incidence_deg is None else "{:.1f}-{:.1f} deg".format(*row.incidence_deg)
+        widths = (f"+-{row.now_db:.2f} dB", f"+-{row.after_db:.2f} dB")
+        cells.append((row.name, row.material, seen, *widths, f"{100 * row.layover:.1f} %", f"{100 * row.shadow:.1f} %"))
+    sizes = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    for line in cells:
+        yield "  ".join(cell.ljust(size) for cell, size in zip(line, sizes, strict=True)).rstrip()
+
+
+def _sentences(rows: Sequence[Advised]) -> Iterator[str]:
+    """Advice for each material, in words."""
+    for name in dict.fromkeys(row.material for row in rows):
+        best = min((row for row in rows if row.material == name), key=lambda row: row.after_db)
+        over = f"between {best.over_deg[0]:.1f} and {best.over_deg[1]:.1f} degrees"
+        if best.after_db > _LITTLE * best.now_db:
+            yield f"{name}: no pass of the table is expected to narrow the band by a tenth {over}."
+        else:
+            yield (
+                f"{name}: a pass of {best.name} is expected to narrow the band most, from +-{best.now_db:.2f} dB to "
+                f"+-{best.after_db:.2f} dB (mean half-width {over})."
+            )
+            own = [row for row in rows if row.material == name and row is not best]
+            if equal := [row.name for row in own if row.after_db <= _EQUAL * best.after_db]:
+                yield f"{name}: as good within 5 %, which the draws do not tell apart: {', '.join(equal)}."
+    yield (
+        "Expected of a linear-Gaussian model with the draws of the posterior: a law that does not fit, an image that "
+        "cannot be registered or a wrong level are not part of it."
+    )

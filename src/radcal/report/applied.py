@@ -1,0 +1,314 @@
+"""Laws of a finished calibration on another scene or pass: predicted image, and its comparison with a measured one."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.assessment.curves import Curves
+from radcal.assessment.posterior import Posterior
+from radcal.assessment.preposterior import Sight, sight_of
+from radcal.config import Case, Material, TargetConfig, Uncertainty, stages
+from radcal.config.limits import ALL_PIXELS
+from radcal.errors import ConfigError, StoreError
+from radcal.measurement.classes import class_of
+from radcal.measurement.registration import register
+from radcal.measurement.sources import make_measurement
+from radcal.radar.geometry import Geometry
+from radcal.radar.laws import Law
+from radcal.radar.texture import log_speckle_cumulants
+from radcal.report.applied_figures import KNOWN, OUTSIDE, SEEN, Prediction, draw_predictions
+from radcal.report.archive import Archive, read_archive
+from radcal.report.export import ground_layers
+from radcal.report.geotiff import Layer, map_grid, write_geotiff
+from radcal.report.simulated import Forward, forward
+from radcal.report.tables import calibrated_materials, write_csv
+from radcal.scene.model import Scene
+from radcal.seeds import derived_rng
+from radcal.simulators.sources import make_simulator
+
+__all__ = ["COLUMNS", "apply", "predictions", "with_laws"]
+
+Doubles = NDArray[np.float64]
+
+COLUMNS = (
+    "pass", "material", "incidence_from_deg", "incidence_to_deg", "incidence_deg", "pixels", "known", "predicted_db",
+    "p05_db", "p95_db", "measured_db", "inside",
+)  # fmt: skip
+_QUANTILES = [0.05, 0.5, 0.95]
+
+
+def with_laws(archive: Archive, source: Mapping[str, Any], other: stages.Forward) -> stages.Forward:
+    """Another case's forward run, in which the materials calibrated in an archive have their laws and looks.
+
+    Parameters
+    ----------
+    archive : Archive
+        Results of a calibration.
+    source : mapping
+        Section ``materials`` of its case, as plain data or models.
+    other : stages.Forward
+        Scene, passes, simulator and other materials.
+
+    Raises
+    ------
+    ConfigError
+        The other case has none of the materials.
+    """
+    own = {name: Material.model_validate(value) for name, value in source.items()}
+    found = calibrated_materials(archive, own)
+    shared = [name for name in archive.materials if name in other.materials]
+    if not shared:
+        raise ConfigError(
+            f"{archive.case} has calibrated {', '.join(archive.materials)}, of which {other.case} has no material: "
+            f"it has {', '.join(other.materials)}."
+        )
+    changed = {name: Material.model_validate(found[name]) for name in shared}
+    return other.model_copy(update={"materials": {**other.materials, **changed}})
+
+
+def predictions(
+    name: str,
+    posterior: Posterior,
+    law: Law,
+    calibrated: Sequence[float] | Doubles,
+    sight: Sight,
+    image_db: Doubles,
+    level_db: float,
+    looks: float,
+    seed: int,
+    measured_db: Doubles | None = None,
+) -> list[Prediction]:
+    """Predicted level of a material in each incidence-angle bin of a pass.
+
+    The simulated image at the calibrated X gives the mean of each bin, with area term, noise and speckle. Each draw of
+    the posterior moves it by the difference of its law from the calibrated one over the bin's angles. To this come, at
+    random, the effects of fields and blocks with the draw's standard deviations, the speckle of measured and simulated
+    pixels, and the level of the image.
+
+    Parameters
+    ----------
+    name : str
+        Material.
+    posterior : Posterior
+        With draws.
+    law : Law
+        Its law.
+    calibrated : array_like, shape (d,)
+        X of the simulated image.
+    sight : Sight
+        What the pass sees of the material.
+    image_db : ndarray, shape (p,)
+        Simulated pixels, in the order of ``sight.incidence_deg`` [dB].
+    level_db : float
+        Standard error of the level of the image [dB].
+    looks : float
+        Effective looks of the simulated pixels.
+    seed : int
+        Seed of the random effects.
+    measured_db : ndarray, shape (p,), optional
+        Measured pixels [dB], NaN where there is none.
+    """
+    draws = posterior.draws
+    assert draws is not None  # noqa: S101 - asked for by the caller
+    curves = Curves(law, draws.parameters[[0, -1]])(draws.parameters)
+    start = Curves(law, draws.parameters[[0, -1]])(np.array([calibrated], dtype=np.float64))
+    moved = sight.means_db(curves) - sight.means_db(start)
+    rng = derived_rng(seed, "apply", name)
+    m, n = moved.shape
+    between, within = draws.fields_db.T
+    for spread, shared in ((between, sight.patches), (within, sight.cells)):
+        moved = moved + spread[:, None] * rng.multivariate_normal(np.zeros(n), shared, m, method="eigh")
+    speckle = np.array([float(log_speckle_cumulants(float(looks))[1]) for looks in draws.looks])
+    # of the measured and of the simulated pixels
+    moved += np.sqrt(2.0 * speckle[:, None] / sight.independent) * rng.standard_normal((m, n))
+    moved += level_db * rng.standard_normal((m, 1))
+    # looks of a draw change the mean of the logarithm of speckle
+    moved += np.array([float(log_speckle_cumulants(float(x))[0]) for x in draws.looks])[:, None]
+    moved -= float(log_speckle_cumulants(looks)[0])
+    return list(_bins(name, posterior, sight, image_db, moved, measured_db))
+
+
+def _bins(
+    name: str,
+    posterior: Posterior,
+    sight: Sight,
+    image_db: Doubles,
+    moved: Doubles,
+    measured_db: Doubles | None,
+) -> Iterator[Prediction]:
+    member = class_of(sight.incidence_deg, sight.edges_deg)
+    for k, (first, last) in enumerate(zip(sight.edges_deg, sight.edges_deg[1:], strict=False)):
+        inside = member == k
+        low, middle, high = image_db[inside].mean() + np.quantile(moved[:, k], _QUANTILES)
+        angle = float(sight.incidence_deg[inside].mean())
+        values = np.array([np.nan]) if measured_db is None else measured_db[inside]
+        values = values[np.isfinite(values)]
+        measured = float(values.mean()) if values.size else float("nan")
+        edges = (float(first), float(last))
+        known = _known(posterior, angle)
+        yield Prediction(name, edges, angle, int(inside.sum()), known, float(middle), float(low), float(high), measured)
+
+
+def _known(posterior: Posterior, angle_deg: float) -> str:
+    known = posterior.known_between_deg
+    if known is not None and known[0] <= angle_deg <= known[1]:
+        return KNOWN
+    return SEEN if any(low <= angle_deg <= high for low, high in posterior.seen_deg) else OUTSIDE
+
+
+@dataclass(frozen=True)
+class _Pass:
+    """Predicted and, where there is one, measured image of one pass [dB]."""
+
+    geometry: Geometry
+    predicted_db: NDArray[np.float32]
+    measured_db: NDArray[np.float32] | None
+    said: tuple[str, ...]
+
+
+def apply(
+    folder: str | Path, other: stages.Forward, measured: Case | None, out: str | Path, runs: str | Path
+) -> list[str]:
+    """Laws of a finished calibration on another case's scene and passes, compared with its measured images.
+
+    Parameters
+    ----------
+    folder : path
+        Results folder of the finished case.
+    other : stages.Forward
+        The other case.
+    measured : Case or None
+        The other case with its measured images; None without.
+    out : path
+        Folder of the files written: ``predicted.tif``, masks, ``predictions.csv`` and ``predictions.png``.
+    runs : path
+        Folder of the other case's run store.
+
+    Returns
+    -------
+    list of str
+        A table, with one line for each material and incidence-angle bin, remarks, and paths.
+
+    Raises
+    ------
+    ConfigError
+        No material in common, or no posterior in dB.
+    StoreError
+        The calibration is not finished.
+    RadcalError
+        The other case cannot be simulated, or its image cannot be read.
+    """
+    folder, out = Path(folder), Path(out)
+    if not (folder / "calibration.h5").is_file():
+        raise StoreError(f"{folder}: the calibration is not finished, expected calibration.h5; radcal show says more.")
+    archive = read_archive(folder / "calibration.h5", images=False)
+    config = json.loads(archive.config)
+    changed = with_laws(archive, config["materials"], other)
+    scene, passes = forward(changed, out, runs)
+    rows: list[tuple[int, Prediction]] = []
+    lines: list[str] = []
+    files: list[Path] = []
+    for number, made in enumerate(passes, start=1):
+        one = _measured(measured, number, made, scene, out)
+        lines += one.said
+        files += _images(out, number, other.passes[number - 1], scene, one)
+        rows += [(number, row) for row in _of_pass(archive, config, changed, number, one)]
+    if not rows:
+        raise ConfigError(f"{folder}: no calibrated material with a band in dB has 50 usable pixels in {other.case}.")
+    files += [out / "predictions.csv", out / "predictions.png"]
+    write_csv(files[-2], COLUMNS, map(_cells, rows))
+    draw_predictions(files[-1], [row for _, row in rows], archive.case, other.case)
+    return [*_table(rows, len(passes) > 1), *lines, *_conclusion(rows), *map(str, files)]
+
+
+def _measured(case: Case | None, number: int, made: Forward, scene: Scene, out: Path) -> _Pass:
+    """Measured image of a pass, registered onto the predicted one as the configuration of its case has it."""
+    if case is None:
+        return _Pass(made.geometry, made.image_db, None, ())
+    one = case.passes[number - 1]
+    path = (out / f"passes/{number}" if number > 1 else out) / "geometry.h5"
+    simulator = make_simulator(stages.Simulator.of(one), made.geometry, path)
+    found = make_measurement(stages.Measurement.of(one), made.geometry, simulator, scene, partly=True)
+    registered = register(made.image_db, found, one.registration)
+    said = (f"pass {number}: {found.source}; {registered.verdict}", *found.notes)
+    return _Pass(made.geometry, made.image_db, registered.measurement.image_db, said)
+
+
+def _images(out: Path, number: int, case: stages.Forward, scene: Scene, one: _Pass) -> list[Path]:
+    """GeoTIFFs of a pass."""
+    ending, tags = f"_pass{number}" if number > 1 else "", {"case": case.case, "radiometry": case.radar.radiometry}
+    layers = {"predicted": Layer(one.predicted_db, "dB", "image predicted from the laws of another case", tags)}
+    if one.measured_db is not None:
+        layers["measured"] = Layer(one.measured_db, "dB", "measured image, registered", tags)
+    grid, paths = map_grid(scene, one.geometry), []
+    for name, layer in {**layers, **ground_layers(one.geometry, tags)}.items():
+        paths.append(out / f"{name}{ending}.tif")
+        write_geotiff(paths[-1], layer, grid)
+    return paths
+
+
+def _of_pass(
+    archive: Archive, config: Mapping[str, Any], changed: stages.Forward, number: int, one: _Pass
+) -> Iterator[Prediction]:
+    """Predictions of all materials in a pass."""
+    case = changed.passes[number - 1]
+    target = TargetConfig.model_validate({**config["target"], "pixels": ALL_PIXELS})
+    budget = Uncertainty.model_validate(config["uncertainty"])
+    for name, material in archive.materials.items():
+        posterior = material.posterior
+        if name not in changed.materials or posterior is None or posterior.draws is None or posterior.curve is None:
+            continue
+        sight = sight_of(name, one.geometry, case.radar, target)
+        if sight is None:
+            continue
+        looks = changed.materials[name].looks or float(archive.looks)
+        simulated = one.predicted_db.ravel()[sight.pixels].astype(np.float64)
+        values = None if one.measured_db is None else one.measured_db.ravel()[sight.pixels].astype(np.float64)
+        x, seed = archive.laws[name].values, changed.seed
+        yield from predictions(
+            name, posterior, case.laws[name], x, sight, simulated, budget.level_db, looks, seed, values
+        )
+
+
+def _cells(row: tuple[int, Prediction]) -> tuple[object, ...]:
+    number, one = row
+    band = (one.predicted_db, one.p05_db, one.p95_db, one.measured_db)
+    return (number, one.material, *one.edges_deg, one.incidence_deg, one.pixels, one.known, *band, one.inside)
+
+
+def _table(rows: Sequence[tuple[int, Prediction]], several: bool) -> Iterator[str]:
+    cells = [("pass", "material", "incidence", "pixels", "law there", "predicted (90 %)", "measured", "inside")]
+    for number, one in rows:
+        band = f"{one.predicted_db:.2f} ({one.p05_db:.2f} to {one.p95_db:.2f}) dB"
+        measured = "-" if one.inside is None else f"{one.measured_db:.2f} dB"
+        inside = {True: "yes", False: "no", None: "-"}[one.inside]
+        angles = f"{one.edges_deg[0]:.1f}-{one.edges_deg[1]:.1f} deg"
+        cells.append((str(number), one.material, angles, str(one.pixels), one.known, band, measured, inside))
+    shown = [line if several else line[1:] for line in cells]
+    sizes = [max(map(len, column)) for column in zip(*shown, strict=True)]
+    for line in shown:
+        yield "  ".join(cell.ljust(size) for cell, size in zip(line, sizes, strict=True)).rstrip()
+
+
+def _conclusion(rows: Sequence[tuple[int, Prediction]]) -> Iterator[str]:
+    """What the comparison has shown, by material."""
+    for name in dict.fromkeys(one.material for _, one in rows):
+        for known, where in (
+            (KNOWN, "where sigma0 is known"),
+            (SEEN, "at angles that the calibration has seen, where sigma0 is not called known"),
+            (OUTSIDE, "at angles that the calibration has not seen (an extrapolation by the law's formula)"),
+        ):
+            of = [one for _, one in rows if (one.material, one.known) == (name, known)]
+            compared = [one for one in of if one.inside is not None]
+            if compared:
+                held = sum(bool(one.inside) for one in compared)
+                yield f"{name}: {held} of {len(compared)} bins lie inside of their 90 % interval {where}."
+            elif of:
+                yield f"{name}: {len(of)} bins are predicted {where}; nothing measured to compare them with."

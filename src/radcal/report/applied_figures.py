@@ -1,0 +1,97 @@
+"""Level of a material in one incidence-angle bin of another image, predicted and measured, and its figure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from radcal.report.drawing import FOUND, STYLE, add_legend, new_canvas, titled
+from radcal.storage.files import atomic
+
+__all__ = ["KNOWN", "OUTSIDE", "SEEN", "Prediction", "draw_predictions"]
+
+KNOWN, SEEN, OUTSIDE = "known", "not known", "not seen"
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Level of one material in one incidence-angle bin of a pass, predicted and measured.
+
+    Attributes
+    ----------
+    material : str
+        Calibrated material.
+    edges_deg : (float, float)
+        Edges of the bin [deg].
+    incidence_deg : float
+        Mean local incidence of its pixels [deg].
+    pixels : int
+        Number of usable pixels.
+    known : str
+        Of the bin's mean incidence: ``known``, ``not known`` (seen by the calibration, where sigma0 is not called
+        known) or ``not seen`` by the calibration.
+    predicted_db, p05_db, p95_db : float
+        Median and 90 % interval of the mean of the bin's pixels, which are in dB.
+    measured_db : float
+        Mean of the measured pixels in dB; NaN without a measured image.
+    """
+
+    material: str
+    edges_deg: tuple[float, float]
+    incidence_deg: float
+    pixels: int
+    known: str
+    predicted_db: float
+    p05_db: float
+    p95_db: float
+    measured_db: float = float("nan")
+
+    @property
+    def inside(self) -> bool | None:
+        """Whether the measured mean lies inside of the interval; None without one."""
+        return None if np.isnan(self.measured_db) else self.p05_db <= self.measured_db <= self.p95_db
+
+
+def draw_predictions(path: str | Path, rows: Sequence[Prediction], source: str, other: str) -> None:
+    """Draw one panel for each material: predicted band and measured means over the incidence, as a PNG file.
+
+    Parameters
+    ----------
+    path : path
+        The file, written atomically.
+    rows : sequence of Prediction
+        Bins of all materials and passes.
+    source, other : str
+        Names of the cases of laws and image.
+    """
+    import matplotlib as mpl
+
+    names = list(dict.fromkeys(row.material for row in rows))
+    with mpl.rc_context(STYLE):
+        columns = min(len(names), 3)
+        lines = -(-len(names) // columns)
+        canvas = new_canvas(0.8 + 4.4 * columns, 0.8 + 3.2 * lines)
+        panels = canvas.subplots(lines, columns, squeeze=False)
+        for axes, name in zip(panels.ravel(), names, strict=False):
+            own = [row for row in rows if row.material == name]
+            for known, width in ((KNOWN, 3.0), (SEEN, 1.5), (OUTSIDE, 0.8)):
+                some = [row for row in own if row.known == known]
+                middle = np.array([row.predicted_db for row in some])
+                error = np.abs(np.array([[row.p05_db, row.p95_db] for row in some]).reshape(-1, 2).T - middle)
+                label = f"law of {source}, 90 %: {known}"
+                x = [row.incidence_deg for row in some]
+                axes.errorbar(x, middle, error, fmt="none", elinewidth=width, color=FOUND["color"], label=label)
+            compared = [row for row in own if row.inside is not None]
+            x, y = [row.incidence_deg for row in compared], [row.measured_db for row in compared]
+            axes.plot(x, y, "k.", markersize=6, label=f"measured, {other}")
+            axes.set_title(titled(name))
+            axes.set_xlabel("local incidence [deg]")
+            axes.set_ylabel("mean of the pixels in dB [dB]")
+        for axes in panels.ravel()[len(names) :]:
+            axes.remove()
+        add_legend(canvas, panels[0, 0].get_legend_handles_labels(), 2)
+        with atomic(path) as partial:
+            canvas.savefig(partial, format="png", dpi=150, metadata={"Software": None}, facecolor="white")

@@ -1,0 +1,207 @@
+"""What the files of a new case say of themselves: size, CRS, pixel spacing, codes, bands and scale."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from radcal.errors import ConfigError
+from radcal.reading.arrays import is_raster
+from radcal.reading.rasters import check_blocks, open_raster
+from radcal.scene.crs import METRES, crs_of, horizontal, label, vertical_datum
+
+if TYPE_CHECKING:
+    from radcal.measurement.acquisition import Acquisition
+
+__all__ = ["RasterFacts", "code_counts", "product_acquisition", "raster_facts"]
+
+_POLARISATIONS = ("HH", "HV", "VH", "VV")
+_SAMPLE_PX = 1024  # side of the sample from which the range of an image's numbers is read
+_HEIGHTS_PX = 100  # side of the sample of heights of which a product tells its acquisition
+_STRIP_VALUES = 20_000_000
+
+
+@dataclass(frozen=True)
+class RasterFacts:
+    """What a raster says of itself.
+
+    Attributes
+    ----------
+    rows, columns : int
+        Size.
+    bands : tuple of str
+        Polarisation or description of each band; empty text where the file gives none.
+    crs : str or None
+        Horizontal CRS; None in a file without georeference.
+    datum : str or None
+        Vertical datum, where the CRS names it.
+    pixel_m : (float, float) or None
+        Size of a pixel on the ground [m], east and north, in the middle of the raster.
+    numbers : dict
+        By band, from 1: lowest, median and highest number, or "complex", or None without any number.
+    """
+
+    rows: int
+    columns: int
+    bands: tuple[str, ...]
+    crs: str | None
+    datum: str | None
+    pixel_m: tuple[float, float] | None
+    numbers: Mapping[int, tuple[float, float, float] | str | None] = field(default_factory=dict)
+
+    def sentence(self) -> str:
+        """Size, CRS and pixel size in words."""
+        where = "no georeference" if self.crs is None else self.crs.splitlines()[0][:60]
+        ground = "" if self.pixel_m is None else f", pixels of {self.pixel_m[0]:.4g} x {self.pixel_m[1]:.4g} m"
+        several = f", {len(self.bands)} bands" if len(self.bands) > 1 else ""
+        return f"{self.rows} x {self.columns} pixels{several}, {where}{ground}"
+
+
+@cache
+def raster_facts(path: Path, key: str, numbers: bool = False) -> RasterFacts | None:
+    """Facts of a raster; None of a file that is no raster, such as an array of numpy.
+
+    Parameters
+    ----------
+    path : path
+        File.
+    key : str
+        Configuration key of the file, for messages.
+    numbers : bool
+        Whether a sample of each band is read.
+
+    Raises
+    ------
+    ConfigError
+        The file does not exist or cannot be read.
+    """
+    if not path.is_file():
+        raise ConfigError(f"{key}: the file {path} does not exist.")
+    if not is_raster(path):
+        return None
+    try:
+        with open_raster(path) as raster:
+            crs = crs_of(raster)
+            return RasterFacts(
+                raster.height,
+                raster.width,
+                tuple(_name(text) for text in raster.descriptions),
+                None if crs is None else label(horizontal(crs)),
+                None if crs is None else vertical_datum(crs),
+                None if crs is None else _pixel_m(raster, horizontal(crs)),
+                {band: _numbers(raster, band) for band in raster.indexes} if numbers else {},
+            )
+    except ConfigError:
+        raise
+    except Exception as error:  # the libraries' exceptions for damaged files have no common base class
+        raise ConfigError(f"{key}: {path} cannot be read as a raster ({error}).") from None
+
+
+@cache
+def product_acquisition(path: Path, heights: Path, polarisation: str | None) -> Acquisition:
+    """Acquisition of a Sentinel-1 product over a raster of heights.
+
+    Parameters
+    ----------
+    path : path
+        SAFE folder or its manifest.
+    heights : path
+        Georeferenced raster of heights [m].
+    polarisation : str, optional
+        By default the first of the product.
+
+    Raises
+    ------
+    ConfigError, MeasurementError
+        The raster has no CRS; the product cannot be read, or does not show the raster.
+    """
+    from radcal.config import FileMeasurement, Radar
+    from radcal.measurement.overpass import told
+    from radcal.scene.model import Scene
+
+    with open_raster(heights) as raster:
+        check_blocks(raster)
+        shape = (min(raster.height, _HEIGHTS_PX), min(raster.width, _HEIGHTS_PX))
+        coarse = raster.read(1, out_shape=shape, masked=True).astype(np.float64)
+        down, across = raster.height / shape[0], raster.width / shape[1]
+        middle = float(np.median(coarse.compressed())) if coarse.count() else 0.0
+        crs, t = crs_of(raster), raster.transform
+    if crs is None:
+        raise ConfigError(f"scene.elevation: {heights} has no CRS, expected heights on the map for a Sentinel-1 image.")
+    scene = Scene(
+        identity="",
+        names=("ground",),
+        material=np.ones(shape, np.uint8),
+        elevation_m=np.asarray(coarse.filled(middle)),
+        cell_m=1.0,  # the acquisition does not depend on it
+        crs=horizontal(crs).to_wkt(),
+        transform=(t.a * across, t.b * down, t.c, t.d * across, t.e * down, t.f),
+        vertical_datum=vertical_datum(crs),
+    )
+    radar = Radar(polarisation=polarisation) if polarisation else Radar()
+    return told(path, FileMeasurement.model_validate({"path": str(path)}), radar, scene).acquisition
+
+
+@cache
+def code_counts(path: Path) -> dict[int, int]:
+    """Number of pixels of each code in the first band of a raster of land cover, without those of no data.
+
+    Raises
+    ------
+    ConfigError
+        The file cannot be read or holds something else than whole numbers.
+    """
+    from rasterio.windows import Window
+
+    counts: dict[int, int] = {}
+    try:
+        with open_raster(path) as raster:
+            check_blocks(raster)
+            if np.dtype(raster.dtypes[0]).kind not in "ui":
+                raise ConfigError(f"scene.materials: {path} holds {raster.dtypes[0]}, expected whole material ids.")
+            rows = max(1, _STRIP_VALUES // raster.width)
+            for first in range(0, raster.height, rows):
+                strip = Window(0, first, raster.width, min(rows, raster.height - first))
+                codes, times = np.unique(raster.read(1, window=strip, masked=True).compressed(), return_counts=True)
+                for code, count in zip(codes.tolist(), times.tolist(), strict=True):
+                    counts[code] = counts.get(code, 0) + count
+    except ConfigError:
+        raise
+    except Exception as error:  # as above
+        raise ConfigError(f"scene.materials: {path} cannot be read as a raster ({error}).") from None
+    return dict(sorted(counts.items()))
+
+
+def _name(description: str | None) -> str:
+    text = (description or "").strip()
+    return next((name for name in _POLARISATIONS if name in text.upper().replace("_", " ").split()), text)
+
+
+def _pixel_m(raster: Any, plane: Any) -> tuple[float, float]:
+    """Ground size of the middle pixel [m], east and north, along the ellipsoid of a geographic CRS."""
+    from pyproj import Geod
+
+    t = raster.transform
+    if not plane.is_geographic:
+        unit = plane.axis_info[0].unit_conversion_factor if plane.axis_info[0].unit_name not in METRES else 1.0
+        return float(np.hypot(t.a, t.d) * unit), float(np.hypot(t.b, t.e) * unit)
+    column, row = raster.width / 2, raster.height / 2
+    x, y = t.c + t.a * column + t.b * row, t.f + t.d * column + t.e * row
+    geod = Geod(ellps="WGS84")
+    return float(geod.inv(x, y, x + t.a, y + t.d)[2]), float(geod.inv(x, y, x + t.b, y + t.e)[2])
+
+
+def _numbers(raster: Any, band: int) -> tuple[float, float, float] | str | None:
+    """Lowest, median and highest number of a sample of a band."""
+    if "complex" in raster.dtypes[band - 1]:
+        return "complex"
+    check_blocks(raster)
+    shape = (min(raster.height, _SAMPLE_PX), min(raster.width, _SAMPLE_PX))
+    values = raster.read(band, out_shape=shape, masked=True).compressed().astype(np.float64)
+    values = values[np.isfinite(values)]
+    return (float(values.min()), float(np.median(values)), float(values.max())) if values.size else None

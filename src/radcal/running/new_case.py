@@ -1,0 +1,369 @@
+"""A new case as commented YAML, from the answers of a user and from what the files say of themselves."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from radcal.config import FILL_IN
+from radcal.config.landcover import LANDCOVERS
+from radcal.config.sections import check_case_name
+from radcal.config.sensors import SENSORS
+from radcal.errors import ConfigError
+from radcal.measurement.acquisition import radar_keys
+from radcal.radar.bands import letter_band
+from radcal.reading.safe import is_safe_name
+from radcal.running.file_facts import RasterFacts, code_counts, product_acquisition, raster_facts
+from radcal.scene.names import read_names
+from radcal.storage.files import atomic
+
+__all__ = ["NewCase", "case_path"]
+
+# bounds for real surfaces in dB; those of the law are for levels above 0 dB
+_BOUNDS = "[[-40, 0], [0, 20], [0, 25], [0, 12]]"
+_HIDDEN = "[-24, 10, 14, 5]"  # inside of these bounds
+_DEPRESSION_DEG, _SAMPLING = 45.0, 1.4  # of the default pass: depression, and resolution over pixel spacing
+_FILES = ("scene.elevation", "scene.materials", "scene.labels", "measurement.path")
+_PLAIN = re.compile(r"[A-Za-z./~$][A-Za-z0-9_./${}-]*")
+_NOT_TEXT = ("y", "n", "yes", "no", "on", "off", "true", "false", "null", "~")
+
+
+def case_path(case: str) -> Path:
+    """Path of a new case: a YAML file as typed, else a file of that name in ``config``, or here without that folder."""
+    path = Path(case)
+    if path.suffix.lower() in (".yaml", ".yml"):
+        return path
+    folder = Path("config") if len(path.parts) == 1 and Path("config").is_dir() else path.parent
+    return folder / f"{path.name}.yaml"
+
+
+class _Raw(str):
+    """Text that is YAML already."""
+
+    __slots__ = ()
+
+
+class NewCase:
+    """A new case.
+
+    Parameters
+    ----------
+    path : path
+        Case file to be written.
+    answers : mapping
+        Values by key, such as ``radar.looks``; ``measurement.path`` may be ``synthetic``.
+    keys : mapping
+        Whether a key is optional, by key, in the order of the lines of section ``radar``.
+
+    Attributes
+    ----------
+    undecided : list of str
+        Keys without a value, whose lines are marked.
+    materials : list of str
+        Names of the materials in the land cover.
+
+    Raises
+    ------
+    ConfigError
+        The case exists, its name is none, or a file cannot be read.
+    """
+
+    def __init__(self, path: Path, answers: Mapping[str, Any], keys: Mapping[str, bool]) -> None:
+        if path.exists():
+            raise ConfigError(f"{path}: exists, and radcal new overwrites nothing: type another name.")
+        self.path, self.name, self._keys = path, path.stem, keys
+        check_case_name(self.name, str(path))
+        self._values: dict[str, Any] = {"scene.source": "raster", **answers}
+        self._notes: dict[str, str] = {}
+        self._names: dict[int, str] = {}
+        self._counts: dict[int, int] = {}
+        self.undecided: list[str] = []
+        self._read_scene()
+        self._read_image()
+        self._derive()
+        self.materials = list(self._names.values())
+        self._materials = self._material_lines()
+        self._sections = {name: getattr(self, f"_{name}_keys")() for name in ("scene", "measurement", "radar")}
+        for section, keys in self._sections.items():
+            self.undecided += [f"{section}.{key}" for key in keys if f"{section}.{key}" not in self._values]
+
+    @property
+    def _synthetic(self) -> bool:
+        return bool(self._values["measurement.source"] == "synthetic")
+
+    @property
+    def _slant(self) -> bool:
+        return bool(self._values["scene.source"] == "slant_range")
+
+    def _facts(self, key: str, numbers: bool = False) -> RasterFacts | None:
+        facts = raster_facts(Path(self._values[key]).expanduser(), key, numbers) if key in self._values else None
+        if facts is not None:
+            self._notes[key] = facts.sentence()
+        return facts
+
+    def _read_scene(self) -> None:
+        heights, cover = self._facts("scene.elevation"), self._facts("scene.materials")
+        if cover is not None and cover.crs is None:
+            if heights is not None:
+                raise ConfigError(
+                    f"scene.materials: {self._values['scene.materials']} has no CRS and scene.elevation is given, "
+                    "expected land cover on the map."
+                )
+            self._values["scene.source"] = "slant_range"
+            self._values["scene.labels"] = self._values["scene.materials"]
+            self._notes["scene.labels"] = self._notes["scene.materials"]
+        if heights is not None and heights.datum is not None:
+            self._notes["scene.elevation"] += f", heights above {heights.datum}"
+            self._values.setdefault("scene.vertical_datum", "")  # known from the file, no line
+        if cover is not None:
+            path = Path(self._values["scene.materials"]).expanduser()
+            self._counts = {code: count for code, count in code_counts(path).items() if code != 0}
+            if names := self._values.get("scene.names"):
+                self._names = read_names(Path(names).expanduser(), self._counts, path)
+            else:
+                self._names = {code: f"code_{code}" for code in self._counts}
+                self._read_preset()
+
+    def _read_preset(self) -> None:
+        """Names of the codes by a land-cover map with known codes, or the maps that have all codes, as a remark."""
+        preset = self._values.get("scene.landcover")
+        if preset is None:
+            fits = [name for name, known in LANDCOVERS.items() if self._counts and self._counts.keys() <= known.keys()]
+            if fits and not self._slant:
+                self._notes["scene.names"] = f"the codes are also those of {' and '.join(fits)} (--landcover-preset)"
+            return
+        if preset not in LANDCOVERS:
+            raise ConfigError(f"--landcover-preset is {preset}, expected one of {', '.join(LANDCOVERS)}.")
+        if unknown := [str(code) for code in self._counts if code not in LANDCOVERS[preset]]:
+            raise ConfigError(f"--landcover-preset is {preset}, which has no code {', '.join(unknown)}: give --names.")
+        self._names = {code: LANDCOVERS[preset][code].name for code in self._counts}
+        self._values["scene.names"] = ""  # known by the map, no line
+
+    def _read_product(self) -> None:
+        """Section radar by the annotation of a SAFE folder, at the scene's heights."""
+        self._values |= {"measurement.band": "", "measurement.scale": "", "measurement.radiometry": ""}
+        if "scene.elevation" not in self._values:
+            return
+        path = Path(self._values["measurement.path"]).expanduser()
+        heights = Path(self._values["scene.elevation"]).expanduser()
+        if not path.exists():
+            raise ConfigError(f"measurement.path: the folder {path} does not exist.")
+        found = product_acquisition(path, heights, self._values.get("radar.polarisation"))
+        self._notes["measurement.path"] = f"{found.sensor}, {found.pass_direction}, {found.start}"
+        given = {key for key in self._values if key.startswith("radar.")}
+        for key, (value, remark) in radar_keys(found).items():
+            if f"radar.{key}" in given or (key == "incidence_deg" and "radar.depression_deg" in given):
+                continue
+            self._values[f"radar.{key}"] = _Raw(str(value)) if isinstance(value, list) else value
+            self._notes[f"radar.{key}"] = "; ".join(text for text in ("of the product", remark) if text)
+
+    def _read_image(self) -> None:
+        if self._values.get("measurement.path") == "synthetic":
+            self._values["measurement.source"] = "synthetic"
+            heights = self._facts("scene.elevation")
+            sensor = SENSORS.get(self._values.get("radar.sensor", ""))
+            known = {} if sensor is None else sensor.values
+            if heights is not None and heights.pixel_m is not None and "range_spacing_m" not in known:
+                self._note_spacing(heights.pixel_m, self._values.get("radar.depression_deg", _DEPRESSION_DEG), "cells")
+            for way in ("range", "azimuth"):
+                if (spacing := self._values.get(f"radar.{way}_spacing_m")) is not None:
+                    self._values.setdefault(f"radar.{way}_resolution_m", float(f"{_SAMPLING * spacing:.4g}"))
+            return
+        self._values["measurement.source"] = "file"
+        if is_safe_name(self._values.get("measurement.path", "")):
+            self._read_product()
+            return
+        facts = self._facts("measurement.path", numbers=True)
+        if facts is None:
+            self._values.setdefault("measurement.band", "")
+            return
+        band = self._values.get("measurement.band")
+        if len(facts.bands) == 1:
+            band = 1
+            self._values.setdefault("measurement.band", "")  # the only one, no line
+        elif band is None and (wanted := self._values.get("radar.polarisation")) in facts.bands:
+            band = self._values["measurement.band"] = facts.bands.index(wanted) + 1
+        listed = ", ".join(f"{k} {name or 'without a name'}" for k, name in enumerate(facts.bands, start=1))
+        self._notes["measurement.band"] = f"bands of the file: {listed}"
+        if band is None or not 1 <= band <= len(facts.bands):
+            return
+        if facts.bands[band - 1] in ("HH", "HV", "VH", "VV"):
+            self._values.setdefault("radar.polarisation", facts.bands[band - 1])
+        numbers = facts.numbers.get(band)
+        if isinstance(numbers, tuple):
+            low, middle, high = numbers
+            self._notes["measurement.scale"] = f"the numbers run from {low:.3g} to {high:.3g}, median {middle:.3g}"
+            if low < 0:
+                self._values.setdefault("measurement.scale", "db")
+                self._notes["measurement.scale"] += ": negative ones are in dB"
+        elif numbers == "complex":
+            self._values.setdefault("measurement.scale", "complex")
+        depression = self._values.get("radar.depression_deg")
+        if (incidence := self._values.get("radar.incidence_deg")) is not None:
+            depression = 90.0 - incidence  # of what counts here, the angle between slant range and level ground
+        if facts.pixel_m is not None:
+            self._note_spacing(facts.pixel_m, depression, "the image's pixels")
+
+    def _note_spacing(self, pixel_m: tuple[float, float], depression_deg: float | None, of: str) -> None:
+        """Spacings of the simulated image whose pixels are as large as those of a raster on the map."""
+        east, north = pixel_m
+        self._values.setdefault("radar.azimuth_spacing_m", float(f"{north:.4g}"))
+        self._notes["radar.azimuth_spacing_m"] = f"as {of}"
+        angle = "sine of the incidence" if "radar.incidence_deg" in self._values else "cosine of the depression angle"
+        said = f"{of} of {east:.4g} m times the {angle}"
+        self._notes["radar.range_spacing_m"] = said
+        if depression_deg is not None:
+            spacing = east * math.cos(math.radians(depression_deg))
+            self._values.setdefault("radar.range_spacing_m", float(f"{spacing:.4g}"))
+
+    def _derive(self) -> None:
+        frequency = self._values.get("radar.frequency_ghz")
+        if frequency is not None and (letter := letter_band(frequency * 1e9)) is not None:
+            self._values.setdefault("radar.band", letter)
+        if "radar.looks" in self._values and float(self._values["radar.looks"]).is_integer():
+            self._values["radar.looks"] = int(self._values["radar.looks"])
+
+    def _scene_keys(self) -> list[str]:
+        if self._slant:
+            return ["source", "labels", "names", "near_incidence_deg", "far_incidence_deg"]
+        preset = ["landcover"] if "scene.landcover" in self._values else []
+        return ["source", "elevation", "materials", *preset, "names", "vertical_datum"]
+
+    def _measurement_keys(self) -> list[str]:
+        if self._synthetic:
+            return ["source", "synthetic"]
+        # an array's name is needed only where the file has several
+        optional = ["dataset"] if "measurement.dataset" in self._values else []
+        if self._values.get("measurement.radiometry") == "":  # of a product that tells it
+            return ["source", "path"]
+        self._values["measurement.radiometry"] = self._values.get("radar.radiometry", FILL_IN)
+        self._notes["measurement.radiometry"] = "the same as in section radar"
+        return ["source", "path", "band", *optional, "scale", "radiometry"]
+
+    def _radar_keys(self) -> list[str]:
+        # a land cover in slant range has no track, and of an invented pass the defaults are as good as any
+        unseen = {"radar.altitude_m", "radar.depression_deg", "radar.look_side"} if self._slant else set[str]()
+        keys, needed = {**self._keys, "radar.band": True}, set[str]()
+        if "radar.incidence_deg" in self._values:
+            keys["radar.depression_deg"] = True
+        if (name := self._values.get("radar.sensor")) is not None:
+            if name not in SENSORS:
+                raise ConfigError(f"--sensor is {name}, expected one of {', '.join(SENSORS)}.")
+            sensor = SENSORS[name]
+            # what the sensor gives is asked for by nothing; radiometry is no value of a sensor
+            keys |= {f"radar.{key}": True for key in (*sensor.values, "depression_deg", "frequency_ghz")}
+            missing = {f"radar.{key}" for key in sensor.missing(self._given_radar())}
+            needed = missing | ({"radar.heading_deg"} if sensor.orbit and not self._slant else set())
+            keys |= dict.fromkeys(needed, False)
+        return [
+            key.removeprefix("radar.")
+            for key, may_lack in keys.items()
+            if key.startswith("radar.")
+            and (key in self._values or key in needed or not (may_lack or self._synthetic or key in unseen))
+        ]
+
+    def _given_radar(self) -> dict[str, Any]:
+        return {key.removeprefix("radar."): x for key, x in self._values.items() if key.startswith("radar.")}
+
+    def _material_lines(self) -> list[str]:
+        """Lines of the materials: those to calibrate with bounds, the others with a constant gamma."""
+        fixed = {}
+        for word in self._values.get("materials.fixed", ()):
+            name, equals, level = word.partition("=")
+            if not equals or not re.fullmatch(r"[-+]?\d+(\.\d*)?", level.strip()):
+                raise ConfigError(f"--fixed {word}: expected NAME=DB such as water=-17.")
+            fixed[name.strip()] = float(level)
+        chosen = self._values.get("materials.calibrated") or [n for n in self._names.values() if n not in fixed]
+        for name in [*chosen, *fixed]:
+            if self._names and name not in self._names.values():
+                known = ", ".join(self._names.values())
+                raise ConfigError(f"there is no material {name!r} in the land cover (known: {known}).")
+        total = sum(self._counts.values())
+        lines, hidden = [], list[str]()
+        for code, name in self._names.items():
+            count = self._counts.get(code, 0)
+            share = f"  # code {code}: {count:,} of {total:,} pixels"
+            lines.append(f"  {_scalar(name)}:{share}")
+            if name in chosen:
+                hidden.append(name)
+                lines.append("    calibrate: true")
+                lines.append("    law: mangia  # or another one of docs/laws.md")
+                lines.append(f"    bounds: {_BOUNDS}  # wide ones for levels of real surfaces in dB: narrow them")
+                continue
+            if name not in fixed and "scene.landcover" in self._values:
+                lines.append("    calibrate: false  # with the starting law of docs/landcover.md: a guess of its level")
+                continue
+            level = f"{fixed[name]:g}" if name in fixed else FILL_IN
+            if name not in fixed:
+                self.undecided.append("materials.fixed")
+            lines.append("    law: constant_gamma  # not calibrated")
+            lines.append(f"    parameters: [{level}]  # gamma [dB]")
+        if self._synthetic:
+            laws = ", ".join(f"{_scalar(name)}: {_HIDDEN}" for name in hidden)
+            self._notes["measurement.synthetic"] = "hidden laws, which the calibration is to find"
+            self._values["measurement.synthetic"] = _Raw(f"{{parameters: {{{laws}}}}}")
+        if not lines:
+            self.undecided.append("materials")
+            lines = [f"  {FILL_IN}: {{calibrate: true}}  # name of a material, and its law (docs/laws.md)"]
+        return lines
+
+    def write(self, comments: Mapping[str, str]) -> list[str]:
+        """Write the case, and the names of the codes if no file of names was given.
+
+        Parameters
+        ----------
+        comments : mapping
+            What each key is, by its name with dots.
+
+        Returns
+        -------
+        list of str
+            Lines on the files written.
+        """
+        said = []
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        if self._names and "scene.names" not in self._values:
+            names = self.path.with_name(f"{self.name}_names.json")
+            if names.exists():
+                raise ConfigError(f"{names}: exists, and radcal new overwrites nothing: give it with --names.")
+            with atomic(names) as partial:
+                partial.write_text(json.dumps({str(k): v for k, v in self._names.items()}, indent=1) + "\n", "utf-8")
+            self._values["scene.names"] = str(names)
+            self.undecided.remove("scene.names")
+            said.append(f"{names}: names of {len(self._names)} codes, made up: change them there and in the case.")
+        with atomic(self.path) as partial:
+            partial.write_text("\n".join(self._lines(comments)) + "\n", "utf-8")
+        return [*said, f"{self.path}: written."]
+
+    def _lines(self, comments: Mapping[str, str]) -> list[str]:
+        lines = [
+            "# Written by radcal new. Every other key has a default (config/config.yaml).",
+            *([f"# Lines with {FILL_IN} are still to be decided; radcal check lists them."] * bool(self.undecided)),
+            f"case: {self.name}",
+        ]
+        for section, keys in self._sections.items():
+            lines.append(f"{section}:")
+            for key in keys:
+                name = f"{section}.{key}"
+                value = self._values.get(name, FILL_IN)
+                if value == "":
+                    continue
+                # of a file that is given its content matters, not what it was asked for
+                told = name in self._notes and name in (*_FILES, "measurement.band", "measurement.scale")
+                about = [text for text in ("" if told else comments.get(name), self._notes.get(name)) if text]
+                lines.append(f"  {key}: {_scalar(value)}" + (f"  # {'; '.join(about)}" if about else ""))
+        return [*lines, "materials:", *self._materials]
+
+
+def _scalar(value: object) -> str:
+    """A value in YAML."""
+    if isinstance(value, _Raw):
+        return value
+    if isinstance(value, str):
+        plain = _PLAIN.fullmatch(value) and value.lower() not in _NOT_TEXT
+        return value if plain else json.dumps(value, ensure_ascii=False)
+    return f"{value:.10g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,61 @@
+"""Folder of radcal's workflow: the current one in a clone, else the one that was installed with radcal."""
+
+from __future__ import annotations
+
+from importlib import metadata
+from pathlib import Path
+
+import radcal
+from radcal.errors import ConfigError
+
+__all__ = ["carried_case", "holds_workflow", "workflow_folder"]
+
+_MARK = '"""radcal'  # first letters of radcal's Snakefile
+
+
+def holds_workflow(folder: Path) -> bool:
+    """Whether a folder has the Snakefile of radcal."""
+    try:
+        with (folder / "Snakefile").open(encoding="utf-8") as file:
+            return file.read(len(_MARK)) == _MARK
+    except (OSError, UnicodeDecodeError):
+        return False
+
+
+def workflow_folder(here: Path) -> Path:
+    """Folder with the Snakefile that a command of radcal runs.
+
+    Parameters
+    ----------
+    here : path
+        Current folder, which is taken if it is the folder of a clone.
+
+    Raises
+    ------
+    ConfigError
+        ``here`` is no clone, and radcal was installed without its workflow.
+    """
+    if holds_workflow(here):
+        return here
+    clone = Path(radcal.__file__).resolve().parents[2]  # of an editable installation
+    if holds_workflow(clone):
+        return clone
+    for file in metadata.files("radcal") or ():
+        # the wheel's data files lie where the installation has put them, of which its list of files knows
+        if file.name == "Snakefile" and holds_workflow(folder := Path(str(file.locate())).parent.resolve()):
+            return folder
+    raise ConfigError(
+        f"{here} is not the folder of a clone of radcal, and radcal was installed without its workflow: go to a clone "
+        "with cd, or install radcal again."
+    )
+
+
+def carried_case(path: Path) -> Path:
+    """Path of a case file: as typed, or below radcal's own ``config`` where only that has it."""
+    if path.exists() or path.is_absolute() or path.parts[:1] != ("config",):
+        return path
+    try:
+        carried = workflow_folder(Path.cwd()) / path
+    except ConfigError:
+        return path
+    return carried if carried.is_file() else path

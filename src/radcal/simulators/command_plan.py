@@ -1,0 +1,132 @@
+"""Program, files, placeholders and seed of an external simulator, checked before its first run."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from radcal.config import Case, CommandSimulation, Material, executable_path, expand_path, files_below
+from radcal.errors import ConfigError
+from radcal.simulators.placeholders import SEED, Marked, Marker, argument, template
+from radcal.simulators.seed_width import check_seeds
+
+__all__ = ["CommandPlan", "check_command"]
+
+_HASH_CHUNK = 1 << 20
+
+
+class CommandPlan:
+    """Program, files, placeholders and seed of an external simulator, checked before the first run.
+
+    Parameters
+    ----------
+    config : CommandSimulation
+        Configuration of the external simulator.
+    materials : mapping
+        Materials by name, with the names of their parameters.
+
+    Raises
+    ------
+    ConfigError
+        The program, a template or a file is missing, a placeholder is unknown, or radcal would not pass a parameter or
+        the seed to the program.
+    """
+
+    def __init__(self, config: CommandSimulation, materials: Mapping[str, Material]) -> None:
+        self.config = config
+        self.executable = executable_path(config.command[0], "simulator.command", config.environment)
+        self.files = [expand_path(text, f"simulator.files.{k}") for k, text in enumerate(config.files)]
+        self.links = [expand_path(text, f"simulator.links.{k}", folder=True) for k, text in enumerate(config.links)]
+        parameters = {
+            f"{name}.{key}": x
+            for name, material in materials.items()
+            for key, x in material.handed(material.start_parameters).items()
+        }
+        known: dict[str, float | int | str] = {**parameters, SEED: 1}
+        paths = dict.fromkeys(("output", "folder", "geometry", "python"), "")
+        if config.input is not None:
+            paths["input"] = ""
+        self.arguments = [
+            argument(text, f"simulator.command.{k}").checked({**known, **paths})
+            for k, text in enumerate(config.command[1:], start=1)
+        ]
+        self.templates: list[tuple[Marked, str]] = []
+        for k, item in enumerate(config.templates):
+            path = expand_path(item.template, f"simulator.templates.{k}.template")
+            # latin-1 preserves every byte of the template, in any encoding
+            text = path.read_bytes().decode("latin-1")
+            marked = template(text, item.delimiter, f"simulator.templates.{k}.template: {path}").checked(known)
+            self.templates.append((marked, item.file))
+        if config.input is None:
+            used = {name for marked in self._texts for name in marked.names}
+            unused = [name for name in parameters if name not in used]
+            if unused:
+                raise ConfigError(
+                    f"simulator: the parameter {unused[0]} never reaches the program"
+                    f"{f' (nor do {len(unused) - 1} more)' if len(unused) > 1 else ''}: put {{{unused[0]}}} into "
+                    f"simulator.command, @{unused[0]}@ into a template, or set simulator.input."
+                )
+            if SEED not in used and not config.seedless:
+                raise ConfigError(
+                    f"simulator: {SEED} never reaches the program, so that every run has the same random numbers: put "
+                    f"{{{SEED}}} into simulator.command, @{SEED}@ into a template, or set simulator.input; for a "
+                    "program that takes no seed set simulator.seedless: true."
+                )
+
+    @property
+    def _texts(self) -> list[Marked]:
+        """All texts with placeholders: arguments of the command, and templates."""
+        return [*self.arguments, *(marked for marked, _ in self.templates)]
+
+    @property
+    def seed_places(self) -> list[tuple[str, Marker]]:
+        """Placeholders of the seed in the arguments of the command and in the templates."""
+        return [(marked.where, place) for marked in self._texts for place in marked.places(SEED)]
+
+    def stage(self, folder: Path) -> None:
+        """Copy the configured files into a run's folder, and make the configured symbolic links there."""
+        for path in self.files:
+            shutil.copy2(path, folder / path.name)
+        for path in self.links:
+            (folder / path.name).symlink_to(path.resolve())
+
+    def hashes(self) -> dict[str, Any]:
+        """SHA-256 of all configured files on which the program's output may depend."""
+        config = self.config
+        return {
+            # for Python, the version replaces the hash, so that an update of the system does not invalidate all runs
+            "executable": f"{platform.python_implementation()} {platform.python_version()}"
+            if config.command[0] == "{python}"
+            else _sha256(self.executable),
+            "templates": [_sha256(expand_path(item.template, "simulator.templates")) for item in config.templates],
+            "files": {path.name: _sha256(path) for path in self.files},
+            "links": {
+                str(item.relative_to(path.parent)): _sha256(item) for path in self.links for item in files_below(path)
+            },
+        }
+
+
+def check_command(case: Case) -> None:
+    """Check the configuration of an external simulator without a run; a built-in simulator needs no check.
+
+    Raises
+    ------
+    ConfigError, SimulatorError
+        :class:`CommandPlan` or :func:`radcal.simulators.seed_width.check_seeds` found an error.
+    """
+    if isinstance(case.simulator, CommandSimulation):
+        plan = CommandPlan(case.simulator, case.materials)
+        if case.simulator.input is None:
+            check_seeds(case, plan.seed_places)
+
+
+def _sha256(path: Path) -> str:
+    total = hashlib.sha256()
+    with path.open("rb") as handle:
+        while chunk := handle.read(_HASH_CHUNK):
+            total.update(chunk)
+    return total.hexdigest()

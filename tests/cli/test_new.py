@@ -1,0 +1,251 @@
+"""A new case from options and from questions: what the files say is in it, what is open is marked, and it loads."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rasterio
+import yaml
+from pyproj import Transformer
+from rasterio.transform import from_origin
+from safe_product import place_of, write_product
+from typer.testing import CliRunner, Result
+
+from radcal.cli import app
+from radcal.config import load
+from radcal.running.case_check import check_case
+
+DATA = Path(os.environ.get("RADCAL_DATA", "")) / "sentinel1"
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning"),
+    pytest.mark.filterwarnings("ignore:Use `@` matmul:PendingDeprecationWarning"),  # of rasterio about affine
+]
+needs_data = pytest.mark.skipif(not os.environ.get("RADCAL_DATA"), reason="RADCAL_DATA is not set")
+REMAINING = """--vertical-datum EGM2008 --radiometry sigma0_ref --frequency 5.405 --altitude 693000 --depression 51
+    --look-side right --range-resolution 13 --azimuth-resolution 22 --looks 4 --nesz -22""".split()  # noqa: SIM905
+
+
+def new(*arguments: str, answers: str | None = None) -> Result:
+    return CliRunner().invoke(app, ["new", *map(str, arguments)], input=answers)
+
+
+def write(path: Path, bands: list[np.ndarray], names: tuple[str, ...] = (), pixel_m: float | None = 20.0) -> str:
+    where = {} if pixel_m is None else {"crs": "EPSG:32631", "transform": from_origin(6e5, 5.8e6, pixel_m, pixel_m)}
+    height, width = bands[0].shape
+    settings = {"height": height, "width": width, "count": len(bands), "dtype": bands[0].dtype, **where}
+    with rasterio.open(path, "w", driver="GTiff", **settings) as raster:
+        for number, values in enumerate(bands, start=1):
+            raster.write(values, number)
+            if names:
+                raster.set_band_description(number, names[number - 1])
+    return path.name
+
+
+@pytest.fixture
+def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Options that name a scene of 30 x 40 pixels of 20 m, and an image of two bands in power."""
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(4)
+    cover = np.full((30, 40), 7, dtype=np.uint8)
+    cover[:, :13], cover[:4] = 2, 0
+    power = rng.gamma(4.0, 0.25, (2, 30, 40)).astype(np.float32)
+    return [
+        "--elevation", write(tmp_path / "dem.tif", [rng.normal(90, 2, (30, 40)).astype(np.float32)]),
+        "--landcover", write(tmp_path / "cover.tif", [cover]),
+        "--image", write(tmp_path / "image.tif", [*power], ("sigma0_VH", "sigma0 VV")),
+    ]  # fmt: skip
+
+
+def test_what_the_files_say_is_read_and_the_rest_is_marked(files: list[str]) -> None:
+    done = new("mine", *files, "--polarisation", "VV", "--depression", "40")
+    assert done.exit_code == 0, done.output
+    text = Path("mine.yaml").read_text()
+    data = yaml.safe_load(text)
+    assert data["measurement"] == {
+        "source": "file", "path": "image.tif", "band": 2, "scale": "FILL_IN", "radiometry": "FILL_IN",
+    }  # fmt: skip
+    # pixels of 20 m on the ground are 20 m times the cosine of 40 degrees in slant range
+    assert (data["radar"]["range_spacing_m"], data["radar"]["azimuth_spacing_m"]) == (15.32, 20)
+    assert "30 x 40 pixels, 2 bands, EPSG:32631, pixels of 20 x 20 m" in text
+    assert "bands of the file: 1 VH, 2 VV" in text
+    # 26 rows of 13 and of 27 columns
+    assert "code_2:  # code 2: 338 of 1,040 pixels" in text
+    assert "code_7:  # code 7: 702 of 1,040 pixels" in text
+    assert json.loads(Path("mine_names.json").read_text()) == {"2": "code_2", "7": "code_7"}
+    marked = {f"{s}.{key}" for s in ("scene", "measurement", "radar") for key, x in data[s].items() if x == "FILL_IN"}
+    assert marked == {
+        "scene.vertical_datum", "measurement.scale", "measurement.radiometry", "radar.radiometry", "radar.altitude_m",
+        "radar.look_side", "radar.frequency_ghz", "radar.range_resolution_m", "radar.azimuth_resolution_m",
+        "radar.looks", "radar.nesz_db",
+    }  # fmt: skip
+    checked = CliRunner().invoke(app, ["check", "mine.yaml"])
+    assert checked.exit_code == 1
+    said = checked.stderr.splitlines()
+    assert said[0] == f"radcal: mine.yaml cannot be run; {len(marked)} problems found:"
+    assert {line.split()[1] for line in said[1:]} == marked
+    assert done.stdout.splitlines()[-2:] == [
+        "Next: radcal check mine.yaml",
+        "Then: radcal run mine.yaml reference, and radcal run mine.yaml",
+    ]
+    assert "--vertical-datum" in done.stdout
+    run = CliRunner().invoke(app, ["run", "mine.yaml"])
+    assert run.exit_code == 1
+    assert "mine.yaml: scene.vertical_datum is FILL_IN, expected a value, which is still" in run.stderr
+
+
+def test_nothing_is_overwritten_and_wrong_answers_are_told(files: list[str]) -> None:
+    Path("old.yaml").write_text("case: old\n")
+    Path("mine_names.json").write_text("{}")
+    for arguments, said in (
+        (["old"], "old.yaml: exists, and radcal new overwrites nothing"),
+        (["my case"], "my case.yaml: the name of the case is 'my case', expected a letter followed by"),
+        (["mine", *files], "mine_names.json: exists, and radcal new overwrites nothing: give it with --names"),
+        (["mine", "--elevation", "gone.tif"], "scene.elevation: the file gone.tif does not exist"),
+        (["mine", *files, "--material", "grass"], "there is no material 'grass' in the land cover (known: code_2, c"),
+        (["mine", *files, "--fixed", "code_2=low"], "--fixed code_2=low: expected NAME=DB such as water=-17"),
+        (["mine", "--landcover", "dem.tif"], "scene.materials: dem.tif holds float32, expected whole material ids"),
+    ):
+        done = new(*arguments)
+        assert (done.exit_code, done.stderr.count("\n")) == (1, 1), done.output
+        assert said in done.stderr
+    assert Path("old.yaml").read_text() == "case: old\n"
+    assert not Path("mine.yaml").exists()
+
+
+def test_questions_at_a_terminal_are_those_that_the_files_leave_open(
+    files: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("radcal.cli.new._at_terminal", lambda: True)
+    Path("names.json").write_text('{"2": "water", "7": "crops"}')
+    # names, datum, band, which tells the polarisation, scale, radiometry, frequency (after a slip), altitude,
+    # depression, from which the spacing follows, side, resolutions, looks, noise, material, level of the other one
+    answers = "names.json\nEGM2008\n1\npower\ngamma0\nten\n9.6\n5000\n45\nleft\n\n30\n4\n-25\ncrops\nwater=-17\n"
+    done = new("mine", *files, answers=answers)
+    assert done.exit_code == 0, done.output
+    data = yaml.safe_load(Path("mine.yaml").read_text())
+    assert "'ten' is not a number." in done.stderr
+    assert data["scene"]["names"] == "names.json"
+    assert data["radar"]["radiometry"] == data["measurement"]["radiometry"] == "gamma0"
+    assert {key: data["radar"][key] for key in ("frequency_ghz", "band", "look_side", "looks", "nesz_db")} == {
+        "frequency_ghz": 9.6, "band": "X", "look_side": "left", "looks": 4, "nesz_db": -25,
+    }  # fmt: skip
+    assert data["radar"]["polarisation"] == "VH"
+    # an empty answer leaves the key open; pixel spacing follows from the depression angle
+    assert data["radar"]["range_resolution_m"] == "FILL_IN"
+    assert data["radar"]["range_spacing_m"] == 14.14
+    assert data["materials"]["water"] == {"law": "constant_gamma", "parameters": [-17]}
+    assert data["materials"]["crops"]["calibrate"] is True
+    assert not Path("mine_names.json").exists()
+
+
+def test_a_case_with_a_synthetic_image_can_be_run_at_once(files: list[str]) -> None:
+    scene = [*files[:4], "--image", "synthetic", "--vertical-datum", "local"]
+    done = new("folder/mine.yaml", *scene, "--material", "code_7")
+    assert done.exit_code == 0, done.output
+    assert "parameters: [FILL_IN]" in Path("folder/mine.yaml").read_text()
+    fixed = ["--material", "code_7", "--fixed", "code_2=-12.5"]
+    new("own", *scene, *fixed)
+    found = check_case(["own.yaml"])
+    assert found.problems == []
+    case = load(["own.yaml"])
+    assert case.calibrated == ["code_7"]
+    assert case.materials["code_2"].parameters == [-12.5]
+    assert case.measurement.synthetic.parameters == {"code_7": [-24, 10, 14, 5]}
+    # as large as the cells, and sampled as the default pass is
+    assert (case.radar.range_spacing_m, case.radar.azimuth_resolution_m) == (14.14, 28)
+
+
+def test_land_cover_without_a_place_is_a_scene_in_slant_range(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    labels = np.full((20, 30), 3, dtype=np.uint8)
+    image = np.random.default_rng(1).normal(-12, 2, (20, 30)).astype(np.float32)
+    np.save("image.npy", image)
+    done = new("flat", "--landcover", write(tmp_path / "labels.tif", [labels], pixel_m=None), "--image", "image.npy")
+    assert done.exit_code == 0, done.output
+    data = yaml.safe_load(Path("flat.yaml").read_text())
+    assert data["scene"]["labels"] == "labels.tif"
+    assert {"near_incidence_deg", "far_incidence_deg"} < data["scene"].keys()
+    assert "altitude_m" not in data["radar"]
+    assert "band" not in data["measurement"]
+
+
+def test_nothing_given_gives_a_case_that_check_lists(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "config").mkdir()
+    assert new("mine").exit_code == 0
+    problems = check_case(["config/mine.yaml"]).problems
+    for key in ("scene.elevation", "scene.names", "measurement.path", "radar.looks", "materials.FILL_IN"):
+        assert sum(f"{key} is FILL_IN" in text for text in problems) == 1, key
+    assert not any("missing" in text for text in problems)
+
+
+def test_a_sensor_leaves_open_what_it_does_not_give(files: list[str]) -> None:
+    done = new("mine", *files, "--sensor", "sentinel1_iw_grdh", "--polarisation", "VV", "--incidence", "40")
+    assert done.exit_code == 0, done.output
+    radar = yaml.safe_load(Path("mine.yaml").read_text())["radar"]
+    assert {key for key, value in radar.items() if value == "FILL_IN"} == {"heading_deg", "nesz_db", "radiometry"}
+    # pixels of 20 m on the ground are 20 m times the sine of 40 degrees in slant range
+    assert (radar["incidence_deg"], radar["range_spacing_m"]) == (40, 12.86)
+    whole = ["--heading", "190.5", "--nesz", "-22", "--radiometry", "sigma0_ref", "--incidence", "40"]
+    done = new("own", *files[:4], "--image", "synthetic", "--sensor", "sentinel1_iw_grdh", "--vertical-datum", "local",
+               *whole, "--polarisation", "VV")  # fmt: skip
+    assert done.exit_code == 0, done.output
+    case = load(["own.yaml"])
+    assert (case.radar.looks, case.radar.heading_deg, case.radar.altitude_m) == (4.4, 190.5, 693_000)
+    assert "expected one of sentinel1_iw_grdh, " in new("no", "--sensor", "sentinel").stderr
+
+
+def test_known_land_cover_names_the_codes(files: list[str], tmp_path: Path) -> None:
+    cover = np.full((30, 40), 40, dtype=np.uint8)
+    cover[:, :13] = 80
+    scene = ["--elevation", "dem.tif", "--landcover", write(tmp_path / "known.tif", [cover])]
+    done = new("offered", *scene, "--image", "synthetic", "--vertical-datum", "local")
+    assert "the codes are also those of esa_worldcover (--landcover-preset)" in Path("offered.yaml").read_text()
+    preset = ["--landcover-preset", "esa_worldcover", "--vertical-datum", "local", "--image", "synthetic"]
+    done = new("mine", *scene, *preset, "--material", "cropland")
+    assert done.exit_code == 0, done.output
+    assert not Path("mine_names.json").exists()
+    assert check_case(["mine.yaml"]).problems == []
+    case = load(["mine.yaml"])
+    assert (case.calibrated, case.materials["permanent_water_bodies"].parameters) == (["cropland"], [-40.0])
+    wrong = new("no", *files, "--landcover-preset", "esa_worldcover")
+    assert "--landcover-preset is esa_worldcover, which has no code 2, 7: give --names" in wrong.stderr
+
+
+def test_a_product_fills_the_section_of_the_radar(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    safe = write_product(tmp_path)
+    x, y = Transformer.from_crs("EPSG:4326", "EPSG:32633", always_xy=True).transform(*place_of(60.0, 50.0, 120.0))
+    where = {"crs": "EPSG:32633", "transform": from_origin(x - 300.0, y + 300.0, 15.0, 15.0)}
+    for name, dtype, value in (("level.tif", "float32", 120.0), ("level_cover.tif", "uint8", 40)):
+        with rasterio.open(name, "w", "GTiff", 40, 40, 1, dtype=dtype, **where) as raster:
+            raster.write(np.full((40, 40), value, dtype=dtype), 1)
+    scene = ["--elevation", "level.tif", "--landcover", "level_cover.tif", "--landcover-preset", "esa_worldcover"]
+    done = new("mine", *scene, "--vertical-datum", "WGS84 ellipsoid", "--image", str(safe), "--nesz", "-31")
+    assert done.exit_code == 0, done.output
+    assert "FILL_IN" not in Path("mine.yaml").read_text()
+    found = check_case(["mine.yaml"])
+    assert found.problems == []
+    radar, printed = load(["mine.yaml"]).radar, yaml.safe_load(found.sections[0])["radar"]
+    assert (radar.heading_deg, radar.incidence_deg) == (printed["heading_deg"], printed["incidence_deg"])
+    assert (radar.looks, radar.nesz_db, radar.look_side) == (4.4, -31.0, "right")
+
+
+@needs_data
+def test_a_sentinel_1_chip_passes_the_check(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    of = {"--elevation": "elevation_plane", "--landcover": "landcover", "--image": "s1"}
+    files = [word for option, name in of.items() for word in (option, str(DATA / f"{name}.tif"))]
+    fixed = ["--material", "crops", "--fixed", "water=-17", "--fixed", "bare=-7"]
+    done = new("chip", *files, "--names", str(DATA / "names.json"), "--polarisation", "VV", *REMAINING, *fixed)
+    assert done.exit_code == 0, done.output
+    assert "FILL_IN" not in Path("chip.yaml").read_text()
+    found = check_case(["chip.yaml"])
+    assert found.problems == []
+    case = load(["chip.yaml"])
+    assert (case.measurement.band, case.measurement.scale, case.radar.band) == (1, "db", "C")
+    assert "crops:  # code 2: 77,303 of 262,133 pixels" in Path("chip.yaml").read_text()

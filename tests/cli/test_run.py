@@ -1,0 +1,285 @@
+"""The command radcal run, up to where Snakemake takes over; tests/workflow goes on from there."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+from types import SimpleNamespace
+from typing import NoReturn
+
+import pytest
+from snakemake.cli import parse_args, parse_config
+from typer.testing import CliRunner, Result
+
+from radcal.cli import app, snakemake_command
+from radcal.cli.run import sorted_words
+from radcal.config import load
+from radcal.config.yaml_file import check_words
+from radcal.errors import ConfigError
+from radcal.running import workflow_files
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def clone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """What a clone has that is looked at."""
+    for name in ("Snakefile", "workflow", "config", "profiles"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.yaml").write_text("case: mine\nstop: {rms: 0.1}\n")
+    return tmp_path
+
+
+def run(*arguments: str) -> Result:
+    return CliRunner().invoke(app, ["run", *arguments])
+
+
+def refused(*arguments: str) -> str:
+    done = run(*arguments)
+    assert done.exit_code == 1, done.output
+    assert done.stdout == ""
+    assert done.stderr.count("\n") == 1
+    assert done.stderr.startswith("radcal: ")
+    return done.stderr.removeprefix("radcal: ").rstrip("\n")
+
+
+BAD_FILES = {
+    "utf16.yaml": ("case: mine\n".encode("utf-16"), "utf16.yaml: is text in UTF-16, expected UTF-8: save it as UTF-8."),
+    "latin1.yaml": ("# é\n".encode("latin-1"), "latin1.yaml, line 1: not a text file in UTF-8 (byte 0xe9"),
+    "recursive.yaml": (b"stop: &a {rms: *a}\n", "recursive.yaml, line 1: the anchor that stop.rms refers to contains"),
+    "empty.yaml": (b"", "empty.yaml: is empty, expected keys and values such as case: mine."),
+    "tabbed.yaml": (b"stop:\n\trms: 1\n", "tabbed.yaml, line 2: not a YAML file (a tab, expected blanks"),
+    "two.yaml": (b"case: a\n---\ncase: b\n", "two.yaml, line 2: not a YAML file (a second document begins"),
+    "twice.yaml": (b"seed: 1\nseed: 2\n", "twice.yaml, line 2: seed is given here and in line 1, expected each key"),
+    # Snakemake would run the Python code in it
+    "code.yaml": (b"__use_yte__: true\n", "code.yaml: unknown key __use_yte__ "),
+    "files.yaml": (
+        b"measurement: {source: file, path: gone.tif, scale: db, radiometry: sigma0_ref}\n",
+        "measurement.path: the file gone.tif does not exist.",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BAD_FILES)
+def test_what_snakemake_would_answer_with_a_traceback_ends_in_a_sentence(clone: Path, name: str) -> None:
+    content, said = BAD_FILES[name]
+    (clone / name).write_bytes(content)
+    assert refused(name).startswith(said)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["gone.yaml"], "gone.yaml: cannot be read (No such file or directory)."),
+        (["config"], "config: cannot be read (a folder, expected a YAML file)."),
+        (["a\nb.yaml"], "a\\nb.yaml: cannot be read (No such file or directory)."),
+        (["mine.yaml", "desing"], "there is no target 'desing' (did you mean 'design'?)."),
+        (["mine.yaml", "other.yaml"], "other.yaml: cannot be read (No such file or directory)."),
+        (["mine.yaml", "report", "mine.yaml"], "mine.yaml: case is 'mine', which mine.yaml is called, too, expected"),
+        (["mine.yaml", "--results", "{a}"], "--results is '{a}', expected a folder without braces in its name."),
+        (["mine.yaml", "--cores", "0"], "--cores is '0', expected a number from 1 on, or all."),
+        (["mine.yaml", "-c", "1.5"], "--cores is '1.5', expected a number from 1 on, or all."),
+        (["mine.yaml", "--set", "stop.rms"], "--set stop.rms: expected KEY=VALUE such as stop.rms=1e-6."),
+        (["mine.yaml", "--set", "stop.rsm=1"], "mine.yaml: unknown key stop.rsm (did you mean 'rms'?)."),
+        (["mine.yaml", "--set", "stop.rms=low"], "mine.yaml: stop.rms is 'low', expected a valid number"),
+        (["mine.yaml", "--set", "seed=1", "--set", "seed=2"], "--set: seed is given twice, expected once."),
+        (["mine.yaml", "--set", "stop.rms=[1"], "--set stop.rms=[1: not valid JSON or YAML ("),
+        (["mine.yaml", "--", "--config", "seed=3"], "--config after -- would replace the case that is checked: type"),
+        (["mine.yaml", "--", "-n", "--configfile=b.yaml"], "--configfile=b.yaml after -- would replace the case"),
+    ],
+)
+def test_wrong_commands_end_in_a_sentence(clone: Path, arguments: list[str], said: str) -> None:
+    assert refused(*arguments).startswith(said)
+
+
+@pytest.fixture
+def started(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
+    """Commands that were to take the place of this process, in a command of one case."""
+    commands: list[list[str]] = []
+
+    def execv(_: str, words: list[str]) -> NoReturn:
+        commands.append(words)
+        raise SystemExit(0)
+
+    monkeypatch.setattr("radcal.cli.run.os.execv", execv)
+    monkeypatch.setenv("RADCAL_RESULTS", "")  # put back after the test
+    return commands
+
+
+def test_a_clones_own_workflow_is_run_in_its_folder(clone: Path, started: list[list[str]]) -> None:
+    run("mine.yaml")
+    assert not {"--snakefile", "--workflow-profile"} & set(started[0])
+    assert os.environ["RADCAL_RESULTS"] == "results"
+
+
+@pytest.mark.parametrize("folder", ["elsewhere", "others"])
+def test_elsewhere_radcals_own_workflow_is_run(
+    clone: Path, folder: str, started: list[list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (clone / folder).mkdir()
+    if folder == "others":
+        (clone / "others/Snakefile").write_text("rule all:\n    input: []\n")
+    monkeypatch.chdir(clone / folder)
+    done = run("../mine.yaml", "--results", "found", "--", "--profile", "profiles/slurm")
+    assert started[0][-2:] == ["--profile", str(ROOT / "profiles/slurm")]
+    started[0][-2:] = []
+    found = parse_args(started[0][4:])[1]
+    assert (Path(found.snakefile), Path(found.workflow_profile)) == (ROOT / "Snakefile", ROOT / "profiles/default")
+    assert found.nolock  # radcal's own lock dies with its process; from the profile
+    assert os.environ["RADCAL_RESULTS"] == "found"
+    assert done.stderr == f"radcal: results go to {clone / folder / 'found'}\n"
+    monkeypatch.setattr(workflow_files, "radcal", SimpleNamespace(__file__=str(clone / "a/b/c/radcal.py")))
+    monkeypatch.setattr(workflow_files.metadata, "files", lambda _: None)
+    said = f"{clone / folder} is not the folder of a clone of radcal, and radcal was installed without its workflow"
+    assert refused("../mine.yaml").startswith(said)
+
+
+def test_the_workflow_of_a_wheel_is_found_by_its_list_of_files(clone: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    share = clone / "share/radcal"
+    share.mkdir(parents=True)
+    for name in ("Snakefile", "workflow", "config", "profiles"):
+        (clone / name).rename(share / name)
+    entry = SimpleNamespace(name="Snakefile", locate=lambda: share / "Snakefile")
+    monkeypatch.setattr(workflow_files, "radcal", SimpleNamespace(__file__=str(clone / "lib/python/site/radcal.py")))
+    monkeypatch.setattr(workflow_files.metadata, "files", lambda _: [SimpleNamespace(name="METADATA"), entry])
+    assert workflow_files.workflow_folder(clone) == share.resolve()
+    assert workflow_files.carried_case(Path("config/paper.yaml")) == share.resolve() / "config/paper.yaml"
+    assert workflow_files.carried_case(Path("config/none.yaml")) == Path("config/none.yaml")
+    assert workflow_files.carried_case(Path("mine.yaml")) == Path("mine.yaml")
+
+
+def test_a_wheel_has_all_that_a_clone_has() -> None:
+    globs = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["data-files"]
+    for folder, patterns in globs.items():
+        assert all(Path(pattern).parent == Path(folder).relative_to("share/radcal") for pattern in patterns)
+    packed = {path for patterns in globs.values() for pattern in patterns for path in ROOT.glob(pattern)}
+    tracked = subprocess.run(
+        ["git", "ls-files", "Snakefile", "workflow", "profiles", "config"], cwd=ROOT, capture_output=True, text=True
+    ).stdout.split()
+    assert {ROOT / name for name in tracked} <= packed
+    assert len(packed) > 30
+
+
+def test_words_are_sorted_into_cases_targets_and_options() -> None:
+    words = ["a", "design", "b.yml", "results/a/x.h5", "C.YAML", "--", "d.yaml", "-n"]
+    assert sorted_words(words[:5]) == (
+        [Path("a"), Path("b.yml"), Path("C.YAML")],
+        ["design", "results/a/x.h5"],
+        [],
+    )
+    assert sorted_words(["a", "--forcerun", "b.yaml"]) == ([Path("a")], [], ["--forcerun", "b.yaml"])
+
+
+STANDS_IN = """
+import os, pathlib, signal, sys, time
+case = pathlib.Path(sys.argv[sys.argv.index("--configfile") + 1]).read_text().split()[1]
+print("ran", case, flush=True)
+if case == "stopped":  # by Ctrl-C, which reaches radcal, too
+    os.kill(os.getppid(), signal.SIGINT)
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    time.sleep(0.2)
+    os.kill(os.getpid(), signal.SIGINT)
+sys.exit({"mine": 0, "bad": 3, "last": 4}.get(case, 0))
+"""
+
+
+def test_a_case_that_fails_does_not_stop_the_next(
+    clone: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("bad", "last"):
+        (clone / f"{name}.yaml").write_text(f"case: {name}\n")
+    # Snakemake's place is taken by a program that ends as the case is named: what is tested comes before and after
+    (clone / "end.py").write_text(STANDS_IN)
+    monkeypatch.setattr(
+        "radcal.cli.run.snakemake_command",
+        lambda case, *_: [sys.executable, "end.py", "--configfile", str(case)],
+    )
+    monkeypatch.setenv("RADCAL_RESULTS", "")
+    done = run("bad.yaml", "mine.yaml", "last.yaml")
+    assert done.exit_code == 3
+    assert capfd.readouterr().out.split() == ["ran", "bad", "ran", "mine", "ran", "last"]
+    assert done.stderr.splitlines()[-3:] == [
+        "radcal: bad: failed (exit status 3)",
+        "radcal: mine: done",
+        "radcal: last: failed (exit status 4)",
+    ]
+    (clone / "stopped.yaml").write_text("case: stopped\n")
+    done = run("mine.yaml", "stopped.yaml", "last.yaml")
+    assert done.exit_code == 130
+    assert capfd.readouterr().out.split() == ["ran", "mine", "ran", "stopped"]
+    assert done.stderr.splitlines()[-3:] == [
+        "radcal: mine: done",
+        "radcal: stopped: stopped; the same command continues",
+        "radcal: last: not begun",
+    ]
+    assert run("mine.yaml", "mine2.yaml").exit_code == 1
+    (clone / "wrong.yaml").write_text("case: wrong\nsede: 1\n")
+    done = run("mine.yaml", "wrong.yaml", "gone.yaml")
+    assert capfd.readouterr().out == "", "no case is run if one is wrong"
+    assert [line[:25] for line in done.stderr.splitlines()] == [
+        "radcal: wrong.yaml: unkno",
+        "radcal: gone.yaml: cannot",
+    ]
+
+
+def parsed(*words: str, overrides: dict[str, object] | None = None, cores: str | None = None, further: str = ""):
+    """What Snakemake's own parser makes of the command."""
+    command = snakemake_command(Path("mine.yaml"), words, further.split(), overrides or {}, cores, dry_run=True)
+    assert command[:4] == [sys.executable, "-P", "-m", "snakemake"]
+    return parse_args(command[4:])[1]
+
+
+def test_targets_case_and_options_reach_snakemake_as_what_they_are(clone: Path) -> None:
+    found = parsed("design", "results/mine/scene.h5", overrides={"seed": 7}, cores="2", further="--forcerun report -p")
+    assert found.targets == ["design", "results/mine/scene.h5"]
+    assert [str(path) for path in found.configfile] == ["mine.yaml"]
+    assert (found.cores, found.dryrun, found.config) == (2, True, ["seed=7"])
+    assert (set(found.forcerun), found.printshellcmds) == ({"report"}, True)
+    assert parsed().targets in ([], set())
+
+
+def test_all_cores_are_used_unless_somebody_says_where_jobs_run(clone: Path) -> None:
+    assert parsed().cores >= 1
+    assert parsed(cores="3").cores == 3
+    assert parsed(further="--jobs 50").cores is None
+    assert parsed(further="--cores=5").cores == 5
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        {"stop": {"rms": 1e-6, "max_runs": 30}, "seed": 7, "objective": "density"},
+        {"validation": None, "radar": {"frequency_ghz": None, "band": "X"}, "replace": True, "case": "other"},
+        {
+            "measurement": {
+                "source": "file",
+                "path": 'it\'s "ü" \U0001f4e1.tif',
+                "scale": "db",
+                "radiometry": "sigma0_ref",
+            }
+        },
+    ],
+)
+def test_settings_arrive_as_they_were_meant(clone: Path, overrides: dict[str, object]) -> None:
+    words = parsed(overrides=overrides).config
+    check_words(words)
+    assert load(["mine.yaml"], parse_config(words)) == load(["mine.yaml"], overrides)
+
+
+def test_a_settings_numbers_are_those_of_a_case_file(clone: Path) -> None:
+    with pytest.raises(ConfigError, match=r"stop\.max_runs is 1, expected at least design\.size"):
+        load(["mine.yaml"], {"stop": {"max_runs": 1}})
+    assert "stop.max_runs is 1," in refused("mine.yaml", "--set", "stop.max_runs=1")
+
+
+def test_help_is_there_at_once() -> None:
+    code = "import sys, radcal.cli; print({'numpy', 'pydantic', 'yaml', 'snakemake', 'h5py'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "set()\n"
+    shown = CliRunner().invoke(app, ["run", "--help"])
+    assert shown.exit_code == 0
+    assert "  radcal run config/mine.yaml --set stop.rms=1e-6   one key changed" in shown.output

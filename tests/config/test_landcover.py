@@ -1,0 +1,101 @@
+"""Starting laws and names of land-cover maps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from radcal.config import Case, case_from
+from radcal.config.landcover import LANDCOVERS, landcover_table, starting_keys
+from radcal.errors import ConfigError
+from radcal.radar.laws import law_for
+
+
+def case(materials: dict[str, Any], landcover: str | None = "esa_worldcover", **keys: Any) -> Case:
+    scene = {"landcover": landcover, **keys}
+    return case_from(
+        {
+            "scene": {
+                "source": "raster",
+                "elevation": "a.tif",
+                "materials": "b.tif",
+                "landcover": "esa_worldcover",
+                **scene,
+            },
+            "materials": materials,
+            "measurement": {"source": "file", "path": "c.tif", "scale": "db", "radiometry": "sigma0_ref"},
+        }
+    )
+
+
+def test_names_give_laws() -> None:
+    found = case({"tree_cover": {}, "cropland": {"calibrate": True}}).materials
+    assert (found["tree_cover"].law, found["tree_cover"].parameters) == ("constant_gamma", [-15.0])
+    crops = found["cropland"]
+    assert crops.law == "mangia"
+    assert crops.box == [(-45.0, 0.0), (0.0, 16.0), (0.0, 22.0), (0.0, 12.0)]
+    start = law_for("mangia")
+    angles = np.radians(np.linspace(20.0, 60.0, 9))
+    expected = -15.0 + 10.0 * np.log10(np.cos(angles))
+    np.testing.assert_allclose(start(angles, crops.start_parameters), expected, atol=0.2)
+
+
+def test_every_value_can_be_overridden() -> None:
+    found = case(
+        {
+            "tree_cover": {"parameters": [-20.0, 6.0, 3.0, 2.0]},
+            "built_up": {"law": "constant_gamma", "parameters": [-2.5]},
+            "cropland": {"calibrate": True, "bounds": [[-40, -10], [0, 9], [0, 8], [0, 7]]},
+            "grassland": {"calibrate": True, "start": [-22.0, 5.0, 3.0, 2.0]},
+            "bare_sparse_vegetation": {"calibrate": True, "law": "constant_gamma", "bounds": [[-30, 0]]},
+        }
+    ).materials
+    assert (found["tree_cover"].law, found["tree_cover"].parameters) == ("mangia", [-20.0, 6.0, 3.0, 2.0])
+    assert found["built_up"].parameters == [-2.5]
+    assert found["cropland"].start_parameters == [-25.0, 4.5, 4.0, 3.5]
+    assert found["grassland"].start_parameters == [-22.0, 5.0, 3.0, 2.0]
+    assert found["grassland"].box[0] == (-45.0, 0.0)
+    assert found["bare_sparse_vegetation"].box == [(-30.0, 0.0)]
+
+
+def test_other_names_and_maps_give_nothing() -> None:
+    assert starting_keys("esa_worldcover", "dyke", {}) == {}
+    assert starting_keys("nlcd", "tree_cover", {}) == {}
+    with pytest.raises(ConfigError, match=r"materials\.dyke: a material that is not calibrated needs parameters"):
+        case({"dyke": {}, "cropland": {"calibrate": True}})
+    with pytest.raises(ConfigError, match="scene.landcover is 'worldcover', expected 'esa_worldcover', 'corine'"):
+        case({"cropland": {"calibrate": True}}, landcover="worldcover")
+    with pytest.raises(ConfigError, match="names is missing, expected a file of names, or landcover"):
+        case({"cropland": {"calibrate": True, "law": "mangia"}}, landcover=None)
+
+
+@pytest.mark.parametrize("landcover", LANDCOVERS)
+def test_all_classes_start_inside_of_their_bounds(landcover: str) -> None:
+    names = [cover.name for cover in LANDCOVERS[landcover].values()]
+    assert len(set(names)) == len(names)
+    fixed = case({**{name: {} for name in names}, names[0]: {"calibrate": True}}, landcover=landcover)
+    assert set(fixed.materials) == set(names)
+    case({name: {"calibrate": True} for name in names}, landcover=landcover)
+    assert landcover_table(landcover).count("\n") == len(names) + 2
+
+
+def test_colours_are_no_part_of_what_determines_runs() -> None:
+    plain = case({"cropland": {"calibrate": True}})
+    coloured = case({"cropland": {"calibrate": True, "colour": "#12aB9f"}})
+    assert coloured.colours == {"cropland": "#12aB9f"}
+    assert coloured.sections("materials") == plain.sections("materials")
+    assert "colours" not in plain.sections("materials", "colours")
+    assert coloured.sections("colours") == {"colours": {"cropland": "#12aB9f"}}
+    with pytest.raises(ConfigError, match="materials.cropland.colour is 'green', expected"):
+        case({"cropland": {"calibrate": True, "colour": "green"}})
+    with pytest.raises(ConfigError, match="unknown key colours"):
+        case_from({"colours": {"dyke": "#000000"}})
+
+
+@pytest.mark.parametrize("landcover", LANDCOVERS)
+def test_the_page_has_the_generated_table(landcover: str) -> None:
+    page = (Path(__file__).resolve().parents[2] / "docs/landcover.md").read_text(encoding="utf-8")
+    assert landcover_table(landcover) in page

@@ -1,0 +1,50 @@
+"""Cases with a product whose name says how its numbers are read."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from radcal.config import FileMeasurement, case_from
+from radcal.errors import ConfigError
+
+HYP3 = "S1A_IW_20180128T161201_DVP_RTC30_G_gdunem_FD6A_VV.tif"
+
+
+def case(radar: dict[str, Any] | None = None, path: str = HYP3, **measurement: Any) -> FileMeasurement:
+    found = case_from(
+        {
+            "measurement": {"source": "file", "path": path, **measurement},
+            "radar": {"polarisation": "VV", "radiometry": "gamma0_rtc", **(radar or {})},
+        }
+    ).measurement
+    assert isinstance(found, FileMeasurement)
+    return found
+
+
+def test_the_name_replaces_three_keys() -> None:
+    found = case()
+    assert (found.scale, found.radiometry, found.polarisation) == ("db", "gamma0_rtc", "VV")
+    assert case(scale="db", polarisation="VV") == case()
+
+
+@pytest.mark.parametrize(
+    ("radar", "measurement", "words"),
+    [
+        (
+            None,
+            {"scale": "power"},
+            "scale is power, S1A.*tif is a HyP3 RTC product, whose scale is db: leave the key out",
+        ),
+        (None, {"radiometry": "sigma0_ref"}, "radiometry is sigma0_ref, .* whose radiometry is gamma0_rtc"),
+        (None, {"polarisation": "VH"}, "polarisation is VH, .* whose polarisation is VV"),
+        ({"polarisation": "VH"}, {}, "measurement.polarisation is VV, radar.polarisation is VH"),
+        ({"radiometry": "sigma0_ref"}, {}, "measurement.radiometry is gamma0_rtc, radar.radiometry is sigma0_ref"),
+        (None, {"path": HYP3.replace("gdunem", "sdunem")}, "measurement.radiometry is missing"),
+        (None, {"path": "other.tif"}, "measurement.scale is missing"),
+    ],
+)
+def test_contradictions_are_one_sentence(radar: dict[str, Any] | None, measurement: dict[str, Any], words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        case(radar, **measurement)

@@ -1,0 +1,115 @@
+"""Values of known sensors: complete, overridden by the case, and the same as on their page."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from radcal.config import Radar, case_from, load_with_problems
+from radcal.config.sensors import SENSORS, sensors_table
+from radcal.errors import ConfigError
+
+PAGE = Path(__file__).parents[2] / "docs" / "sensors.md"
+GRD = {"sensor": "sentinel1_iw_grdh", "incidence_deg": 37.0, "polarisation": "VV", "nesz_db": -23.5}
+EXAMPLES: dict[str, Any] = {
+    "altitude_m": 525e3, "incidence_deg": 33.0, "look_side": "left", "polarisation": "HV", "nesz_db": -21.0,
+    "range_resolution_m": 2.1, "azimuth_resolution_m": 3.3, "range_spacing_m": 0.9, "azimuth_spacing_m": 1.6,
+    "looks": 1.7,
+}  # fmt: skip
+
+
+def test_lengths_in_ground_range_become_lengths_in_slant_range() -> None:
+    radar = Radar(**GRD)
+    sine = math.sin(math.radians(37.0))
+    assert (radar.range_resolution_m, radar.range_spacing_m) == pytest.approx((20.0 * sine, 10.0 * sine))
+    assert (radar.azimuth_resolution_m, radar.azimuth_spacing_m) == (22.0, 10.0)
+    assert (radar.looks, radar.altitude_m, radar.earth, radar.band, radar.frequency_ghz) == (
+        4.4, 693e3, "curved", "C", 5.405,
+    )  # fmt: skip
+
+
+def test_the_case_overrides_every_value() -> None:
+    given = {"altitude_m": 700e3, "look_side": "left", "range_spacing_m": 5.0, "looks": 4, "azimuth_resolution_m": 25.0}
+    radar = Radar(**GRD, **given)
+    assert {key: getattr(radar, key) for key in given} == given
+    assert radar.range_resolution_m == pytest.approx(20.0 * math.sin(math.radians(37.0)))
+
+
+@pytest.mark.parametrize("name", SENSORS)
+def test_what_is_asked_for_and_what_is_given_are_a_whole_pass(name: str) -> None:
+    sensor = SENSORS[name]
+    radar = Radar(sensor=name, **{key: EXAMPLES[key] for key in sensor.asks})
+    assert Radar.model_validate(radar.model_dump(mode="json")) == radar
+    assert "sensor" not in radar.described()
+    known = {*sensor.values, *sensor.asks, "frequency_ghz", "sensor", "depression_deg", "earth", "heading_deg",
+             "radiometry"}  # fmt: skip
+    assert known >= set(Radar.model_fields)  # no default of another sensor is taken in silence
+    assert not sensor.values.keys() & set(sensor.asks)
+    for key in sensor.asks:
+        rest = {other: EXAMPLES[other] for other in sensor.asks if other != key}
+        with pytest.raises(ConfigError, match=f"radar: {key} is missing, which sensor {name} does not give"):
+            case_from({"radar": {"sensor": name, **rest}})
+
+
+def test_a_depression_angle_replaces_the_incidence() -> None:
+    keys = {key: value for key, value in GRD.items() if key != "incidence_deg"}
+    radar = Radar(**keys, depression_deg=50.0)
+    assert (radar.earth, radar.range_spacing_m) == ("flat", pytest.approx(10.0 * math.cos(math.radians(50.0))))
+    radar = Radar(**keys, depression_deg=55.0, earth="curved")
+    assert radar.range_spacing_m == pytest.approx(10.0 * math.sin(math.radians(radar.centre_incidence_deg)))
+    assert radar.centre_incidence_deg > 39.0
+
+
+@pytest.mark.parametrize("value", [math.inf, math.nan, -1e9, 10**400, "x", None, [], True, 1e-300])
+@pytest.mark.parametrize("key", ["incidence_deg", "depression_deg", "altitude_m", "earth"])
+def test_wild_values_beside_a_sensor_end_in_a_sentence(key: str, value: object) -> None:
+    for name, more in (("sentinel1_iw_grdh", GRD), ("capella_strip_slc", {**EXAMPLES, "earth": "curved"})):
+        angle = {} if key == "incidence_deg" else {"incidence_deg": None, "depression_deg": 50.0, "earth": "curved"}
+        with contextlib.suppress(ConfigError):
+            case_from({"radar": {**more, **angle, "sensor": name, key: value}})
+
+
+def test_missing_keys_are_listed_with_all_other_mistakes(tmp_path: Path) -> None:
+    (tmp_path / "case.yaml").write_text("radar: {sensor: sentinel1_iw_grdh, incidence_deg: 35, loks: 4}\nseed: -1\n")
+    case, problems = load_with_problems([tmp_path / "case.yaml"])
+    assert case is not None
+    assert case.radar.band == "C"
+    assert [text.partition(": ")[2] for text in problems] == [
+        "unknown key radar.loks (did you mean 'looks'?).",
+        "seed is -1, expected greater than or equal to 0.",
+        "radar: polarisation and nesz_db are missing, which sensor sentinel1_iw_grdh does not give (docs/sensors.md).",
+    ]
+
+
+def test_a_satellite_over_a_map_needs_its_heading() -> None:
+    scene = {"source": "raster", "elevation": "a.tif", "materials": "b.tif", "names": "c.json"}
+    with pytest.raises(ConfigError, match="radar.heading_deg is missing: the track of sensor sentinel1_iw_grdh does"):
+        case_from({"scene": scene, "radar": GRD})
+    for heading in (0, 192.5):
+        case = case_from({"scene": scene, "radar": {**GRD, "heading_deg": heading}})
+        assert case_from(case.model_dump(mode="json")) == case
+    with pytest.raises(ConfigError, match=r"scene.objects.path is given, whose positions are not turned"):
+        case_from({"scene": {**scene, "objects": {"path": "d.csv"}}, "radar": {**GRD, "heading_deg": 192.5}})
+    image = {"source": "file", "path": "a.tif", "scale": "power", "radiometry": "sigma0_ref"}
+    both = [{**GRD, "heading_deg": 192.5}, {**GRD, "heading_deg": 348.0}]
+    with pytest.raises(ConfigError, match="heading_deg are 192.5, 348, expected the same heading in all passes"):
+        case_from({"scene": scene, "radar": both, "measurement": [image, image]})
+
+
+def test_a_pass_without_the_later_keys_is_described_as_before() -> None:
+    later = {"sensor", "incidence_deg", "earth", "heading_deg"}
+    for radar in (Radar(), Radar(heading_deg=0.0, earth="flat", looks=4.0)):
+        assert not later & radar.model_dump(mode="json").keys()
+        assert radar.described() == Radar().model_dump(mode="json")
+        assert repr(radar.described()["looks"]) == "4"
+    orbit = Radar(altitude_m=7e5, incidence_deg=30.0, heading_deg=192.0)
+    assert orbit.described() | {"incidence_deg": 30.0, "earth": "curved", "heading_deg": 192.0} == orbit.described()
+    assert "depression_deg" not in orbit.described()
+
+
+def test_the_page_has_every_value_with_its_source() -> None:
+    assert sensors_table() in PAGE.read_text(encoding="utf-8")

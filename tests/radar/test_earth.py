@@ -1,0 +1,363 @@
+"""Curved earth against an independent computation in earth-centred coordinates, and against Sentinel-1's annotation."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+from pyproj import CRS, Geod, Transformer
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
+from scipy.optimize import brentq
+
+from radcal.config import Radar
+from radcal.config.angles import MEAN_RADIUS_M, depression_deg, incidence_deg
+from radcal.radar import projection
+from radcal.radar.earth import Sight, heading_at_scene, heading_of_sight, sight
+from radcal.radar.facets import LAID_OVER, VISIBLE
+from radcal.radar.lines import Lines
+from radcal.radar.projection import make_geometry
+from radcal.scene.crs import earth_radius_m, label, turned
+from radcal.scene.model import Scene
+
+CELLS, CELL_M, MEAN_M = 200, 100.0, 300.0  # 20 x 20 km
+SPACE = CRS.from_epsg(4978)  # earth-centred, earth-fixed
+TO_SPACE = Transformer.from_crs(CRS.from_epsg(4979), SPACE, always_xy=True)
+
+
+def in_space(longitude: Any, latitude: Any, height: Any) -> np.ndarray:
+    return np.stack(TO_SPACE.transform(longitude, latitude, height), axis=-1)
+
+
+def unit(vector: np.ndarray) -> np.ndarray:
+    return vector / np.linalg.norm(vector, axis=-1, keepdims=True)
+
+
+@dataclass
+class Truth:
+    """What a satellite at a constant height above the ellipsoid sees of points in space at zero Doppler."""
+
+    points: np.ndarray
+    slant_m: np.ndarray
+    to_satellite: np.ndarray
+    along_m: np.ndarray
+    satellite: np.ndarray
+
+
+def seen_from_orbit(scene: Scene, radar: Radar) -> Truth:
+    """Zero-Doppler geometry of all cells, on the ellipsoid, without any of radcal's geometry."""
+    to_space = Transformer.from_crs(CRS.from_user_input(scene.crs).to_3d(), SPACE, always_xy=True)
+    to_place = Transformer.from_crs(SPACE, CRS.from_epsg(4979), always_xy=True)
+    x = (np.arange(CELLS) + 0.5 - CELLS / 2) * CELL_M
+    across, along = np.meshgrid(x, x)
+    points = np.stack(to_space.transform(across, along, scene.elevation_m), axis=-1)
+
+    def at(*place: float) -> np.ndarray:
+        return np.array(to_space.transform(*place))
+
+    middle = at(0.0, 0.0, MEAN_M)
+    up = unit(at(0.0, 0.0, MEAN_M + 1000.0) - middle)
+    forward = unit(at(0.0, 100.0, MEAN_M) - at(0.0, -100.0, MEAN_M))
+    side = np.cross(forward, up) * (1.0 if radar.look_side == "right" else -1.0)
+    angle = math.radians(float(radar.incidence_deg or 0.0))
+    sight_line = math.cos(angle) * up - math.sin(angle) * side
+
+    def height(slant: float) -> float:
+        return float(to_place.transform(*(middle + slant * sight_line))[2])
+
+    wanted = MEAN_M + radar.altitude_m
+    satellite = middle + brentq(lambda s: height(s) - wanted, radar.altitude_m, 4 * radar.altitude_m) * sight_line
+    longitude, latitude, high = to_place.transform(*satellite)
+    overhead = unit(in_space(longitude, latitude, high + 1000.0) - satellite)
+    velocity = unit(np.cross(overhead, sight_line))
+    velocity *= np.sign(velocity @ forward)
+    east = np.array([-math.sin(math.radians(longitude)), math.cos(math.radians(longitude)), 0.0])
+    bearing = math.degrees(math.atan2(velocity @ east, velocity @ np.cross(overhead, east)))
+    steps = np.linspace(-14_000.0, 14_000.0, 57)
+    same = np.ones_like(steps)
+    track = Geod(ellps="WGS84").fwd(longitude * same, latitude * same, bearing * same, steps)
+    orbit = CubicSpline(steps, in_space(track[0], track[1], high * same))
+    when = (points - satellite) @ velocity
+    for _ in range(6):  # Newton's method for a line of sight across the velocity
+        moving = orbit(when, 1)
+        when = when + ((points - orbit(when)) * moving).sum(axis=-1) / (moving**2).sum(axis=-1)
+    to_satellite = orbit(when) - points
+    return Truth(points, np.linalg.norm(to_satellite, axis=-1), unit(to_satellite), when, satellite)
+
+
+def make_scene(latitude: float, heading: float, relief: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Scene:
+    utm = CRS.from_epsg(32633)
+    crs = label(turned(utm, Transformer.from_crs("OGC:CRS84", utm, always_xy=True).transform(15.3, latitude), heading))
+    x = (np.arange(CELLS) + 0.5 - CELLS / 2) * CELL_M
+    heights = relief(*np.meshgrid(x, x)) + np.zeros((CELLS, CELLS))
+    corner = -CELLS / 2 * CELL_M
+    return Scene(
+        "earth", ("grass",), np.ones((CELLS, CELLS), dtype=np.uint8), heights - heights.mean() + MEAN_M, CELL_M,
+        crs=crs, transform=(CELL_M, 0.0, corner, 0.0, CELL_M, corner), heading_deg=heading or None,
+    )  # fmt: skip
+
+
+def hills(across: np.ndarray, along: np.ndarray) -> np.ndarray:
+    """Hills 300 m high, with slopes up to 13 degrees."""
+    return 150.0 * np.sin(across * 2 * np.pi / 4000.0 + 1.0) * np.cos(along * 2 * np.pi / 5200.0 + 0.3)
+
+
+def flat(across: np.ndarray, along: np.ndarray) -> np.ndarray:
+    return np.zeros_like(across)
+
+
+def orbit_pass(**keys: Any) -> Radar:
+    return Radar(
+        **{
+            "altitude_m": 693e3, "incidence_deg": 38.0, "heading_deg": 192.0, "range_spacing_m": 70.0,
+            "range_resolution_m": 140.0, "azimuth_spacing_m": 100.0, "azimuth_resolution_m": 200.0, **keys,
+        }
+    )  # fmt: skip
+
+
+@dataclass
+class Facets:
+    lines: Lines
+    slant_m: np.ndarray
+    seen: Sight
+
+
+def facets_of(scene: Scene, radar: Radar, monkeypatch: pytest.MonkeyPatch) -> Facets:
+    """Facets of the scene, one for each cell, as the geometry of the image is made from."""
+    found: list[Facets] = []
+    pixels = projection._pixels
+
+    def keep(scene: Any, radar: Any, seen: Any, material: Any, lines: Lines, k: int, step: float, near: float,
+             base: float, shape: Any, points: Any) -> Any:  # fmt: skip
+        assert k == 1
+        found.append(Facets(lines, 0.5 * (lines.near_m.astype(float) + lines.far_m) + base, seen))
+        return pixels(scene, radar, seen, material, lines, k, step, near, base, shape, points)
+
+    monkeypatch.setattr(projection, "_pixels", keep)
+    # pixels at least as large as cells, so that cells are not divided
+    make_geometry(scene, radar.model_copy(update={"range_spacing_m": 120.0, "range_resolution_m": 240.0}))
+    return found[0]
+
+
+def local_incidence_deg(truth: Truth) -> np.ndarray:
+    normal = np.cross(np.gradient(truth.points, axis=1), np.gradient(truth.points, axis=0))
+    return np.degrees(np.arccos((unit(normal) * truth.to_satellite).sum(axis=-1)))
+
+
+PASSES = [
+    (42.0, {"heading_deg": 192.0, "incidence_deg": 38.0}),
+    (5.0, {"heading_deg": 12.0, "incidence_deg": 30.0, "look_side": "left"}),
+    (-33.0, {"heading_deg": 348.0, "incidence_deg": 23.0, "altitude_m": 628e3}),
+    (68.0, {"heading_deg": 281.0, "incidence_deg": 45.0, "altitude_m": 514e3, "look_side": "left"}),
+]
+
+
+@pytest.mark.parametrize(("latitude", "keys"), PASSES)
+def test_incidence_and_slant_range_are_those_of_the_ellipsoid(
+    latitude: float, keys: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    radar = orbit_pass(**keys)
+    scene = make_scene(latitude, radar.heading_deg, hills)
+    truth, facets = seen_from_orbit(scene, radar), facets_of(scene, radar, monkeypatch)
+    inside = (slice(1, -1), slice(1, -1))
+    found = facets.lines.incidence.astype(float) * 90.0 / 65535.0
+    slant = facets.slant_m
+    if radar.look_side == "left":
+        found, slant = found[:, ::-1], slant[:, ::-1]
+    expected = local_incidence_deg(truth)
+    assert np.ptp(expected) > 20.0
+    assert np.abs(found - expected)[inside].max() < 0.01
+    # slant range from the scene's centre, in rows of Sentinel-1 GRD, which are 10 m on the ground
+    middle = float(np.linalg.norm(truth.satellite - np.array(centre_in_space(scene))))
+    error = (slant - facets.seen.slant_range_m(radar.incidence_deg)) - (truth.slant_m - middle)
+    rows = error / (10.0 * math.sin(math.radians(radar.incidence_deg)))
+    assert np.abs(rows[inside]).max() < 0.45
+    assert np.sqrt(np.mean(rows[inside] ** 2)) < 0.15
+    # azimuth lines of radcal are parallel; those of an orbit converge
+    x = (np.arange(CELLS) + 0.5 - CELLS / 2) * CELL_M
+    per_m = np.polyfit(np.repeat(x, CELLS), truth.along_m.ravel(), 1)[0]
+    columns = (truth.along_m / per_m - x[:, None]) / 10.0
+    assert np.abs(columns - columns.mean()).max() < 0.4
+
+
+def centre_in_space(scene: Scene) -> Any:
+    crs = CRS.from_user_input(scene.crs).to_3d()
+    return Transformer.from_crs(crs, SPACE, always_xy=True).transform(0.0, 0.0, MEAN_M)
+
+
+def test_level_ground_of_an_image_has_the_ellipsoids_incidence() -> None:
+    radar = orbit_pass()
+    scene = make_scene(42.0, 192.0, flat)
+    truth, geometry = seen_from_orbit(scene, radar), make_geometry(scene, radar)
+    row, column = np.clip(np.rint(geometry.ground).astype(int), 0, CELLS - 1)
+    # one cell is 0.006 degrees of incidence
+    gradient = np.gradient(local_incidence_deg(truth), axis=1)[row, column] * (geometry.ground[1] - column)
+    expected = local_incidence_deg(truth)[row, column] + gradient
+    inner = (slice(4, -4), slice(4, -4))
+    assert np.abs(geometry.incidence_deg - expected)[inner].max() < 0.005
+    assert np.abs(geometry.flat_incidence_deg[:, None] - expected)[inner].max() < 0.01
+    assert np.ptp(geometry.flat_incidence_deg) > 0.8
+    assert geometry.earth_radius_m == pytest.approx(6_371_000, abs=20_000)
+    # over a flat earth, the look angle of 33.7 degrees would be the incidence
+    level = Radar(altitude_m=693e3, depression_deg=radar.centre_depression_deg)
+    assert 90.0 - level.depression_deg < 38.0 - 4.0
+
+
+@pytest.mark.parametrize(("incidence", "least_hidden", "least_laid"), [(62.0, 0.2, 0.0), (28.0, 0.0, 0.1)])
+def test_shadow_and_layover_are_those_of_rays_in_space(
+    incidence: float, least_hidden: float, least_laid: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Cliffs, which hide the ground behind them, or are nearer to the radar than the ground before them."""
+
+    def cliffs(across: np.ndarray, along: np.ndarray) -> np.ndarray:
+        return 260.0 * (np.floor(across / 700.0) % 2 == 1) + 90.0 * (np.floor(along / 2300.0) % 2)
+
+    radar = orbit_pass(incidence_deg=incidence, altitude_m=514e3)
+    scene = make_scene(42.0, 192.0, cliffs)
+    truth, facets = seen_from_orbit(scene, radar), facets_of(scene, radar, monkeypatch)
+    # angle at the satellite from the vertical; every row of cells is seen across the track
+    angle = np.arccos(truth.to_satellite @ unit(truth.satellite))
+    hidden = angle < np.maximum.accumulate(angle, axis=1) - 1e-9
+    shadow = (facets.lines.state & VISIBLE) == 0
+    assert hidden.mean() > least_hidden
+    # cells at the ends of shadows are visible in part
+    assert np.mean((shadow != hidden) & ~ends(hidden)) < 0.001
+    seen = np.where(hidden, np.nan, truth.slant_m)
+    furthest = np.fmax.accumulate(seen, axis=1)
+    nearest = np.fmin.accumulate(seen[:, ::-1], axis=1)[:, ::-1]
+    laid = ~hidden & ((furthest > truth.slant_m + 120.0) | (nearest < truth.slant_m - 120.0))
+    assert laid.mean() >= least_laid
+    found = (facets.lines.state & LAID_OVER) != 0
+    assert np.mean((found != laid) & ~ends(laid) & ~ends(hidden)) < 0.005
+
+
+def ends(mask: np.ndarray) -> np.ndarray:
+    """Cells next to a change of a mask along ground range."""
+    change = np.zeros(mask.shape, dtype=bool)
+    change[:, 1:] |= mask[:, 1:] != mask[:, :-1]
+    change[:, :-1] |= mask[:, 1:] != mask[:, :-1]
+    return change
+
+
+def test_angles_of_a_sphere() -> None:
+    radius, altitude = 6_371_000.0, 693_000.0
+    # law of sines, with the angle at the earth's centre from the other two
+    look = 30.0
+    inside = math.degrees(math.asin((radius + altitude) / radius * math.sin(math.radians(look)))) - look
+    assert incidence_deg(90.0 - look, altitude, radius) == pytest.approx(look + inside, abs=1e-9)
+    assert inside > 3.0
+    assert depression_deg(look + inside, altitude, radius) == pytest.approx(90.0 - look, abs=1e-9)
+    assert math.isnan(incidence_deg(20.0, altitude, radius))
+    curved = sight(Radar(altitude_m=altitude, depression_deg=60.0, earth="curved"), radius)
+    assert float(curved.flat_incidence_deg(np.hypot(curved.height_m, curved.ground_m))) == pytest.approx(look + inside)
+    assert curved.slant_range_m(look + inside) == pytest.approx(np.hypot(curved.height_m, curved.ground_m), rel=1e-12)
+
+
+def test_a_huge_earth_is_flat() -> None:
+    level = sight(Radar(altitude_m=4000.0, depression_deg=40.0))
+    huge = sight(Radar(altitude_m=4000.0, depression_deg=40.0, earth="curved"), 1e13)
+    assert (huge.height_m, huge.ground_m) == pytest.approx((level.height_m, level.ground_m), rel=1e-6)
+    slant = np.array([6000.0, 7000.0])
+    np.testing.assert_allclose(huge.flat_incidence_deg(slant), level.flat_incidence_deg(slant), atol=1e-5)
+
+
+def test_radius_of_the_ellipsoid() -> None:
+    """The radii of the meridian at pole and equator are a^2 / b and b^2 / a."""
+    a, b = 6378137.0, 6356752.314245
+    at = Transformer.from_crs("OGC:CRS84", "EPSG:32633", always_xy=True).transform(15.0, 0.0)
+    assert earth_radius_m("EPSG:32633", at, 0.0) == pytest.approx(b**2 / a, abs=1.0)
+    assert earth_radius_m("EPSG:32633", at, 90.0) == pytest.approx(a, abs=1.0)
+    assert earth_radius_m("EPSG:3995", (0.0, 0.0), 33.0) == pytest.approx(a**2 / b, abs=1.0)
+    assert b < MEAN_RADIUS_M < a
+
+
+# the shared Sentinel-1 product --------------------------------------------------------------------------------------
+
+
+def annotation() -> ET.Element:
+    folder = Path(os.environ["RADCAL_DATA"]) / "sentinel1"
+    (path,) = folder.glob("*.SAFE/annotation/*.xml")
+    return ET.parse(path).getroot()
+
+
+def texts(root: ET.Element, name: str) -> np.ndarray:
+    return np.array([float(str(item.findtext(name))) for item in root.iter("geolocationGridPoint")])
+
+
+@pytest.mark.skipif("RADCAL_DATA" not in os.environ, reason="RADCAL_DATA is not set: no Sentinel-1 annotation")
+def test_sentinel_1_annotates_the_same_incidence_and_heading() -> None:
+    """The whole swath of 250 km, over terrain of 0 to 1,800 m, from orbit positions and annotated slant ranges."""
+    root = annotation()
+    shape = (np.unique(texts(root, "line")).size, np.unique(texts(root, "pixel")).size)
+    longitude, latitude, height, annotated, time = (
+        texts(root, name).reshape(shape)
+        for name in ("longitude", "latitude", "height", "incidenceAngle", "slantRangeTime")
+    )
+    slant, place = 0.5 * 299_792_458.0 * time, in_space(longitude, latitude, height)
+    position, velocity = (
+        np.array([[float(str(item.findtext(f"{name}/{axis}"))) for axis in "xyz"] for item in root.iter("orbit")])
+        for name in ("position", "velocity")
+    )
+    orbit = CubicHermiteSpline(seconds(root, "orbit", "time"), position, velocity)
+    moment = seconds(root, "geolocationGridPoint", "azimuthTime").reshape(shape)
+    satellite = orbit(moment)
+    np.testing.assert_allclose(np.linalg.norm(satellite - place, axis=-1), slant, atol=1.0)
+    up = unit(in_space(longitude, latitude, height + 1000.0) - place)
+    ellipsoid = np.degrees(np.arccos((unit(satellite - place) * up).sum(axis=-1)))
+    # the annotated angles are those from the earth's radius, and not from the vertical
+    radial = np.degrees(np.arccos((unit(satellite - place) * unit(place)).sum(axis=-1)))
+    np.testing.assert_allclose(annotated, radial, atol=1e-6)
+    utm = Transformer.from_crs("OGC:CRS84", "EPSG:32633", always_xy=True)
+    below = Transformer.from_crs(SPACE, CRS.from_epsg(4979), always_xy=True).transform(*np.moveaxis(satellite, -1, 0))
+    found, headings, middle = np.empty(shape), np.empty((2, *shape)), shape[1] // 2
+    platform = float(str(root.findtext(".//platformHeading")))
+    for row, column in np.ndindex(shape):
+        here = (longitude[row, column], latitude[row, column])
+        heading = heading_of_sight(satellite[row, column], place[row, column], *here)
+        centre = utm.transform(longitude[row, middle], latitude[row, middle])
+        radius = earth_radius_m("EPSG:32633", centre, heading + 90.0) + height[row, column]
+        altitude = below[2][row, column] - height[row, column]
+        seen = sight(Radar(altitude_m=altitude, incidence_deg=annotated[row, column]), radius)
+        found[row, column] = seen.flat_incidence_deg(slant[row, column])
+        headings[0, row, column] = heading
+        headings[1, row, column] = heading_at_scene(platform, ellipsoid[row, column], altitude, here[1])
+    assert np.ptp(ellipsoid) > 14.0
+    assert np.abs(found - ellipsoid).max() < 0.001
+    assert np.abs(found - annotated).max() < 0.04
+    # 2.7 to 4.7 degrees lie between the headings below the satellite and at the scene
+    assert np.abs((platform - headings[0]) % 360.0 - 3.7).max() < 1.5
+    assert np.abs(np.diff(headings, axis=0)).max() < 0.4
+
+
+def seconds(root: ET.Element, kind: str, name: str) -> np.ndarray:
+    times = np.array([str(item.findtext(name)) for item in root.iter(kind)], dtype="datetime64[us]")
+    return (times - np.datetime64("2021-12-23T05:11:00")) / np.timedelta64(1, "us") * 1e-6
+
+
+def test_heading_at_the_scene_of_an_orbit_on_a_sphere() -> None:
+    """Radar and scene in space, with the heading below the radar, and the same heading from the line of sight."""
+    radius, altitude = MEAN_RADIUS_M, 600e3
+    for latitude, bearing, incidence, side in ((50.0, 190.0, 40.0, "right"), (-20.0, 350.0, 25.0, "left")):
+        ground = Geod(a=radius, b=radius)
+        look = depression_deg(incidence, altitude)
+        arc = math.radians(incidence + look - 90.0) * radius
+        across = bearing + (90.0 if side == "right" else -90.0)
+        longitude, north, back = ground.fwd(10.0, latitude, across, arc)
+        expected = (back + 180.0 - (90.0 if side == "right" else -90.0)) % 360.0
+        assert heading_at_scene(bearing, incidence, altitude, north, side) == pytest.approx(expected, abs=1e-6)
+        assert abs((expected - bearing + 180.0) % 360.0 - 180.0) > 0.5
+
+        def space(east: float, up: float, away: float) -> np.ndarray:
+            angles = np.radians([east, up])
+            return away * np.array(
+                [np.cos(angles[1]) * np.cos(angles[0]), np.cos(angles[1]) * np.sin(angles[0]), np.sin(angles[1])]
+            )
+
+        satellite, scene = space(10.0, latitude, radius + altitude), space(longitude, north, radius)
+        assert heading_of_sight(satellite, scene, longitude, north, side) == pytest.approx(expected, abs=1e-6)

@@ -1,0 +1,176 @@
+"""Laws written as formulas: against the built-in laws, and what is refused."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from radcal.assessment.curves import GRID_DEG, Curves
+from radcal.errors import ConfigError
+from radcal.radar.laws import LAWS, law_for
+from radcal.radar.laws.formula import FUNCTIONS, Formula, formula_law, refuse_infinite
+
+MANGIA = ("X1 + X2*cos(phi) + X3*exp(-X4*phi**2)", ("X1", "X2", "X3", "X4"))
+ULABY = ("P1 + P2*exp(-P3*phi) + P4*cos(P5*phi + P6)", ("P1", "P2", "P3", "P4", "P5", "P6"))
+GAMMA = ("gamma + 10*log10(max(cos(phi), 1e-6))", ("gamma",))
+NUMBERS = st.floats(-50.0, 50.0)
+
+
+@given(st.lists(NUMBERS, min_size=4, max_size=4), st.lists(st.floats(0.0, 90.0), min_size=1, max_size=5))
+def test_mangia_as_a_formula_is_mangia(x: list[float], degrees: list[float]) -> None:
+    phi = np.radians(degrees)
+    x[3] = abs(x[3])
+    np.testing.assert_array_equal(Formula(*MANGIA)(phi, x), LAWS["mangia"](phi, x))
+
+
+@pytest.mark.parametrize(("name", "formula"), [("ulaby_dobson", ULABY), ("constant_gamma", GAMMA)])
+def test_other_laws_as_formulas(name: str, formula: tuple[str, tuple[str, ...]]) -> None:
+    rng, phi = np.random.default_rng(3), np.radians(np.linspace(0.0, 90.0, 37))
+    for x in rng.uniform(-3.0, 3.0, (20, len(formula[1]))):
+        np.testing.assert_allclose(Formula(*formula)(phi, x), LAWS[name](phi, x), rtol=1e-14, atol=1e-13)
+
+
+def test_angles_in_degrees_and_the_frequency() -> None:
+    law = law_for("formula", formula="a - theta/b + 20*log10(f_ghz)", names=["a", "b"], frequency_ghz=5.4)
+    assert float(law(math.radians(42.0), [-8.0, 3.0])) == pytest.approx(-8.0 - 14.0 + 20.0 * math.log10(5.4))
+    assert law.needs == ()
+    assert formula_law("a*f_ghz", ["a"]).needs == ("frequency_ghz",)
+    with pytest.raises(ConfigError, match=r"radar.frequency_ghz is missing: law 'formula' depends on it"):
+        law_for("formula", formula="a*f_ghz", names=["a"])
+
+
+def test_each_function_is_the_one_of_its_name() -> None:
+    x = 0.37
+    own: dict[str, Any] = {
+        "arcsin": math.asin, "arccos": math.acos, "arctan": math.atan, "abs": abs, "min": min, "max": max
+    }  # fmt: skip
+    for name in FUNCTIONS:
+        two = name in ("min", "max")
+        found = Formula(f"{name}(a - 1{', 0.2' if two else ''})", ("a",))(0.5, [1.0 + x])
+        expected = (own.get(name) or getattr(math, name))(*([x, 0.2] if two else [x]))
+        assert float(found) == pytest.approx(expected, rel=1e-13), name
+
+
+def test_all_x_are_evaluated_at_once() -> None:
+    law = formula_law(*MANGIA)
+    x = np.random.default_rng(2).uniform(0.0, 9.0, (7, 4))
+    together = law(np.radians(GRID_DEG)[:, None], x.T)
+    assert together.shape == (361, 7)
+    np.testing.assert_array_equal(together.T, Curves(LAWS["mangia"], x[:2])(x))
+    assert Curves(law, x[:2])._together
+    # without the angle, too
+    assert formula_law("a", ["a"])(np.radians([10.0, 20.0]), [-12.0]).tolist() == [-12.0, -12.0]
+    assert formula_law("a", ["a"])(np.radians(GRID_DEG)[:, None], x[:, :1].T).shape == (361, 7)
+
+
+def test_differences_follow_the_parameters() -> None:
+    """As the least squares and the linear covariance take them: differences by steps of 1e-4 and 1e-8 of a box."""
+    phi, x = np.radians([20.0, 50.0]), np.array([-20.0, 8.0, 10.0, 3.0])
+    law = formula_law(*MANGIA)
+    for step in (1e-3, 1e-7):
+        moved = (law(phi, x + [0.0, 0.0, 0.0, step]) - law(phi, x)) / step
+        np.testing.assert_allclose(moved, -x[2] * phi**2 * np.exp(-x[3] * phi**2), rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("a.real", "found 'a.real'"),
+        ("().__class__", "found '().__class__'"),
+        ("__import__('os').system('true')", "found \"__import__('os').system('true')\""),
+        ("(lambda: a)()", "found '(lambda: a)()'"),
+        ("[a][0]", "found '[a][0]'"),
+        ("a if phi > 1 else 2", "found 'a if phi > 1 else 2'"),
+        ("a + True", "found 'True'"),
+        ("a + 'x'", "found \"'x'\""),
+        ("a + 1j", "found '1j'"),
+        ("a + 1e31", "expected numbers up to 1e+30"),
+        ("a + b", "found 'b' in 'a + b', expected one of a, phi, theta, f_ghz, pi, or a function"),
+        ("a + eval(phi)", "found 'eval(phi)'"),
+        ("a*cos(phi, 2)", "expected cos with 1 argument"),
+        ("min(a)", "expected min with 2 arguments"),
+        ("cos(x=a)", "found 'cos(x=a)'"),
+        ("cos(*a)", "found '*a'"),
+        ("cos + a", "found 'cos'"),
+        ("a**21", "expected exponents up to 20"),
+        ("a**-21.0", "expected exponents up to 20"),
+        ("a // 2", "found 'a // 2'"),
+        ("a @ a", "found 'a @ a'"),
+        ("a; a", "expected one expression"),
+        ("a = 2", "expected one expression"),
+        ("(a := 2)", "found 'a := 2'"),
+        ("a +", "expected one expression"),
+        ("", "expected one expression"),
+        ("a\0", "expected one expression"),
+        ("a" + " + a" * 150, "has 601 characters, expected at most 500"),
+        ("a" + " + a" * 60, "nested more than 30 deep"),
+        ("-" * 400 + "a", "nested more than 30 deep"),
+    ],
+)
+def test_anything_else_is_refused(text: str, words: str) -> None:
+    with pytest.raises(ValueError, match="formula") as caught:
+        Formula(text, ("a",))
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [
+        (("a", "b"), "'b' does not occur in the formula"),
+        (("a", "phi"), "'phi' has a meaning in formulas"),
+        (("a", "cos"), "'cos' has a meaning in formulas"),
+        (("a", "_b"), "'_b' is not a letter followed by"),
+        ((), "names has 0 entries"),
+        (tuple(f"a{k}" for k in range(21)), "names has 21 entries, expected 1 to 20"),
+    ],
+)
+def test_names_of_parameters(names: tuple[str, ...], words: str) -> None:
+    with pytest.raises(ValueError, match="names") as caught:
+        Formula("a + phi", names)
+    assert words in str(caught.value)
+
+
+def test_large_powers_end_at_once_and_are_refused() -> None:
+    """Python's whole numbers would grow without limit here."""
+    law = formula_law("a + 9**9**9**9", ["a"])
+    with pytest.raises(ConfigError, match=r"is inf at an incidence of 0 degrees and a = 1, expected a finite sigma0"):
+        law(0.0, [1.0])
+
+
+def test_a_value_that_is_not_finite_is_named() -> None:
+    law = formula_law("a + 10*log10(cos(phi) - b)", ["a", "b"])
+    sentence = (
+        r"formula 'a \+ 10\*log10\(cos\(phi\) - b\)' is nan at an incidence of 80 degrees and a = -10, b = 0.3, "
+        r"expected a finite sigma0 in dB from 0 to 90 degrees\."
+    )
+    with pytest.raises(ConfigError, match=sentence):
+        law(np.radians([70.0, 80.0]), [-10.0, 0.3])
+    assert np.isfinite(law(np.radians([60.0, 70.0]), [-10.0, 0.3])).all()
+
+
+def test_bounds_are_tried_at_their_middle_corners_and_between() -> None:
+    root = formula_law("a + sqrt(b)", ["a", "b"])
+    refuse_infinite(root, box=[(-30, 0), (0, 4)])
+    with pytest.raises(ValueError, match=r"is nan at an incidence of 0 degrees and a = -30, b = -0.01"):
+        refuse_infinite(root, box=[(-30, 0), (-0.01, 4)])
+    with pytest.raises(ValueError, match="is inf at an incidence of 0 degrees and a = 1, b = 2"):
+        refuse_infinite(formula_law("a/(b - 2)", ["a", "b"]), at=[1.0, 2.0])
+    between = formula_law("a + sqrt((b - 1)*(b - 2))", ["a", "b"])  # finite at corners and middle
+    with pytest.raises(ValueError, match="is nan at an incidence"):
+        refuse_infinite(between, box=[(-30, 0), (0, 5)])
+
+
+def test_angles_of_single_precision_do_not_exceed_90_degrees() -> None:
+    law = formula_law("a + 10*log10(cos(phi))", ["a"])
+    assert np.isfinite(law(np.float32(np.pi / 2), [0.0]))
+
+
+def test_blanks_and_brackets_change_nothing() -> None:
+    assert formula_law(" a+(b* cos( phi))", ["a", "b"]).formula == formula_law("a + b*cos(phi)", ["a", "b"]).formula
+    assert formula_law("(a + b)*phi", ["a", "b"]).formula != formula_law("a + b*phi", ["a", "b"]).formula

@@ -1,0 +1,62 @@
+"""Files that the manifest of a SAFE folder lists."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from safe_product import NAME, STEM, write_product
+
+from radcal.reading.safe import SafeRefused, chosen_image, is_safe_name, safe_folder, safe_images
+
+pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
+
+
+@pytest.mark.parametrize("inside", ["", "manifest.safe"])
+def test_images_are_those_of_the_manifest(tmp_path: Path, inside: str) -> None:
+    safe = write_product(tmp_path)
+    images = safe_images(safe / inside)
+    assert [image.polarisation for image in images] == ["VV", "VH"]
+    image = chosen_image(images, "VV")
+    assert image.files == (
+        safe / f"annotation/{STEM}.xml",
+        safe / f"annotation/calibration/calibration-{STEM}.xml",
+        safe / f"annotation/calibration/noise-{STEM}.xml",
+        safe / f"measurement/{STEM}.tiff",
+    )
+    assert safe_folder(safe / inside) == safe
+
+
+def test_only_whole_images_are_offered(tmp_path: Path) -> None:
+    with pytest.raises(SafeRefused, match=r"^it has VV, radar\.polarisation is HV$"):
+        chosen_image(safe_images(write_product(tmp_path)), "HV")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("<XFDU/>", "lists no measured image"),
+        ("no XML", "its XML cannot be parsed"),
+        ('<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>', "declares a document type"),
+    ],
+)
+def test_other_manifests_are_refused(tmp_path: Path, text: str, words: str) -> None:
+    (tmp_path / "manifest.safe").write_text(text)
+    with pytest.raises(SafeRefused, match=words):
+        safe_images(tmp_path)
+
+
+def test_an_image_without_its_tables_is_refused(tmp_path: Path) -> None:
+    safe = write_product(tmp_path)
+    manifest = safe / "manifest.safe"
+    manifest.write_text(manifest.read_text().replace(f"/noise-{STEM}", "/noise-other"))
+    with pytest.raises(SafeRefused, match=f"lists no noise of measurement/{STEM}.tiff"):
+        safe_images(safe)
+
+
+def test_names_of_products() -> None:
+    assert is_safe_name(f"${{DATA}}/{NAME}")
+    assert is_safe_name(f"{NAME}/")
+    assert is_safe_name(f"{NAME}/manifest.safe")
+    assert not is_safe_name(f"{NAME}/measurement/a.tiff")
+    assert not is_safe_name("safe")

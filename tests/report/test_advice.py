@@ -1,0 +1,153 @@
+"""Table of further passes: which are compared, in which order, and what is said."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from archives import changed_material
+
+from radcal.assessment.budget import Budget
+from radcal.assessment.curves import GRID_DEG
+from radcal.assessment.posterior import Curve, KeptDraws, Posterior
+from radcal.config import case_from
+from radcal.errors import ConfigError, StoreError
+from radcal.report.advice import Advised, _opposite, _sentences, _table, advice_on, advise, candidates
+from radcal.report.archive import write_archive
+from radcal.scene.model import Scene, write_scene
+
+BUDGET = Budget(0.2, 0.5, 0.0, 0.0, 0.0)
+
+
+def case(**radar: object):
+    return case_from(
+        {
+            "radar": {"depression_deg": 45, "nesz_db": -60, **radar},
+            "materials": {"slope": {"calibrate": True}, "rest": {"parameters": [1, 2, 3, 4]}},
+            "measurement": {"synthetic": {"parameters": {"slope": [1, 2, 3, 4]}}},
+            "target": {"margin_px": 0},
+        }
+    )
+
+
+def scene() -> Scene:
+    """A plain with a material on rough ground that faces west, towards a radar that looks right (east)."""
+    north, east = np.meshgrid(np.arange(60), np.arange(60), indexing="ij")
+    material = np.where((east > 15) & (east < 45), 1, 2).astype(np.uint8)
+    relief = 0.25 * 5.0 * np.clip(east, 15, 45) + 2.0 * np.sin(east / 3.0) * np.sin(north / 4.0)
+    return Scene("made up", ("slope", "rest"), material, relief, 5.0)
+
+
+def draws() -> tuple[KeptDraws, np.ndarray]:
+    """Lines known at 35 degrees, the less the further away."""
+    slope = np.random.default_rng(2).normal(0.0, 0.08, (400, 1))
+    curves = -10.0 + slope * (GRID_DEG - 35.0) + np.random.default_rng(3).normal(0.0, 0.2, (400, 1))
+    return KeptDraws(np.zeros((400, 4)), np.full(400, 4.0), np.zeros((400, 2))), curves
+
+
+def test_passes_to_compare():
+    found = [(one.depression_deg, one.look_side) for one in candidates(case())]
+    assert found == [(45, "left"), (30, "right"), (30, "left"), (60, "right"), (60, "left")]
+    steep = candidates(case(depression_deg=65, look_side="left"))
+    assert [(one.depression_deg, one.look_side) for one in steep] == [(65, "right"), (50, "right"), (50, "left")]
+    assert [(one.depression_deg, one.look_side) for one in candidates(case(), [45.0])] == [(45, "left")]
+    assert candidates(case())[0].nesz_db == -60
+    with pytest.raises(ConfigError, match="--depression is 85, expected an angle above 5 and below 85"):
+        candidates(case(), [30.0, 85.0])
+
+
+def test_passes_of_an_orbit_are_offered_by_incidence():
+    one = case(altitude_m=693_000)
+    orbit = one.radar.model_copy(update={"incidence_deg": 37.0, "earth": "curved", "heading_deg": 189.0})
+    one = one.model_copy(update={"radar": orbit})
+    found = candidates(one)
+    assert [(each.incidence_deg, each.look_side) for each in found] == [
+        (37, "left"), (22, "right"), (22, "left"), (52, "right"), (52, "left"),
+    ]  # fmt: skip
+    assert {each.heading_deg for each in found} == {189.0}
+    assert [each.incidence_deg for each in candidates(one, [60.0])] == [30.0, 30.0]
+    with pytest.raises(ConfigError, match="--depression is 3, expected an angle above 5 and below 85"):
+        candidates(one, [3.0])
+    assert Advised(found[1], "slope", None, 1.0, 1.0, (20.0, 60.0), 0.0, 0.0).name == "incidence 22 deg right"
+    # to the east, an ascending pass looks to 351 + 90 = 81 deg; the other look side of the table looks to 99 deg
+    said = _opposite(orbit)
+    assert "heads to about 351.0 deg" in said
+    assert said.endswith("differs by 18.0 deg.")
+
+
+def test_passes_far_from_the_known_angle_narrow_a_slope_most():
+    one, (kept, curves) = case(), draws()
+    passes = candidates(one, [30.0, 45.0])
+    rows = advice_on(one, scene(), {"slope": (kept, curves)}, BUDGET, passes)
+    assert [row.after_db for row in rows] == sorted(row.after_db for row in rows)
+    assert len(rows) == 3
+    # the slope faces a radar that looks right: looked at from the other side it is seen at larger angles
+    best, worst = rows[0], rows[-1]
+    assert (best.radar.depression_deg, best.radar.look_side) == (30.0, "left")
+    assert best.incidence_deg is not None
+    assert best.incidence_deg[0] > 60.0
+    assert worst.after_db < rows[0].now_db
+    lowest, highest = (extreme(row.incidence_deg[k] for row in rows) for k, extreme in ((0, min), (1, max)))
+    assert best.over_deg[0] <= lowest
+    assert best.over_deg[1] == highest
+    # at the known angle alone, the pass that sees it says most
+    near = advice_on(one, scene(), {"slope": (kept, curves)}, BUDGET, passes, (34.0, 36.0))
+    assert near[0].now_db < 0.5 * best.now_db
+    assert near[0].over_deg == (34.0, 36.0)
+
+
+def row(side: str, after: float, now: float = 2.0) -> Advised:
+    radar = case().radar.model_copy(update={"look_side": side})
+    return Advised(radar, "slope", (20.04, 41.0), now, after, (20.0, 60.0), 0.0123, 0.002)
+
+
+def test_lines():
+    lines = list(_table([row("left", 1.25), replace(row("right", 1.5), incidence_deg=None)]))
+    assert lines[1].split("  ")[0] == "45 deg left"
+    assert "20.0-41.0 deg" in lines[1]
+    assert lines[1].endswith("+-2.00 dB       +-1.25 dB  1.2 %    0.2 %")
+    assert "too few pixels" in lines[2]
+    said = list(_sentences([row("left", 1.25), row("right", 1.5)]))
+    assert said[0] == (
+        "slope: a pass of 45 deg left is expected to narrow the band most, from +-2.00 dB to +-1.25 dB (mean "
+        "half-width between 20.0 and 60.0 degrees)."
+    )
+    assert said[1].startswith("Expected of a linear-Gaussian model")
+    said = list(_sentences([row("left", 1.25), row("right", 1.31)]))
+    assert said[1] == "slope: as good within 5 %, which the draws do not tell apart: 45 deg right."
+    assert next(_sentences([row("left", 1.85)])).startswith("slope: no pass of the table is expected to narrow")
+
+
+def test_from_a_results_folder(made, tmp_path):
+    with pytest.raises(StoreError, match="is not finished, expected calibration.h5"):
+        advise(tmp_path)
+    kept, _ = draws()
+    x = np.array([-20.0, 8.0, 10.0, 4.0]) + np.random.default_rng(1).normal(0.0, 1.0, (400, 4))
+    four, three, degrees = np.arange(4.0), np.arange(3.0), np.arange(6.0)
+    curve = Curve(degrees, degrees, degrees, degrees, degrees)
+    posterior = Posterior(
+        True, 400.0, 1.01, 500, four, four, four, three, three, three, np.array([[20.0, 25.0]]), np.eye(4), four,
+        np.array([1.0]), four[None], (), curve, draws=replace(kept, parameters=x),
+    )  # fmt: skip
+    write_scene(tmp_path / "scene.h5", replace(scene(), names=("dyke", "unused")))
+    write_archive(tmp_path / "calibration.h5", made.archive)
+    with pytest.raises(ConfigError, match="no calibrated material has a band of sigma0 in dB"):
+        advise(tmp_path)
+    config = json.loads(made.archive.config)
+    archive = replace(changed_material(made.archive, "dyke", posterior=posterior), config=json.dumps(config))
+    write_archive(tmp_path / "calibration.h5", archive)
+    lines = advise(tmp_path, [30.0], (30.0, 60.0))
+    table = pd.read_csv(tmp_path / "advice.csv")
+    assert sorted(table["look_side"]) == ["left", "right"]
+    assert (table["half_width_after_db"] < table["half_width_now_db"]).all()
+    assert table["over_from_deg"].unique().tolist() == [30.0]
+    assert lines[-1] == f"table: {tmp_path / 'advice.csv'}"
+    with pytest.raises(ConfigError, match="--between is 60 30, expected two increasing angles in 0 to 90"):
+        advise(tmp_path, (), (60.0, 30.0))
+    (tmp_path / "scene.h5").unlink()
+    write_scene(tmp_path / "scene.h5", replace(made.scene, elevation_m=None, incidence_deg=np.full(40, 30.0)))
+    with pytest.raises(ConfigError, match="the scene is in slant range, whose incidence is the same in every pass"):
+        advise(tmp_path)

@@ -1,0 +1,155 @@
+"""Laws of a calibration on another image: the interval of each bin, and what is said of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from radcal.assessment.curves import GRID_DEG
+from radcal.assessment.posterior import KeptDraws
+from radcal.assessment.preposterior import Sight
+from radcal.config import load_forward, load_measured
+from radcal.errors import ConfigError, StoreError
+from radcal.radar.laws import LAWS, law_for
+from radcal.radar.texture import log_speckle_cumulants
+from radcal.report.applied import _conclusion, _table, apply, predictions, with_laws
+from radcal.report.applied_figures import Prediction, draw_predictions
+
+LAW = law_for("tabulated", angles_deg=(20.0, 60.0))
+X = np.array([-6.0, -16.0])
+QUANTILE = 1.6449
+
+
+def sight(pixels: int = 400, noise_db: float = -300.0) -> Sight:
+    """Two bins about 30 and 50 degrees, in one field, each with as many independent pixels."""
+    angles = np.repeat([30.0, 50.0], pixels)
+    weights = np.zeros((2, GRID_DEG.size))
+    weights[[0, 1], [120, 200]] = 1.0
+    one, count = np.ones((2, 2)), np.full(2, float(pixels))
+    edges = np.array([30.0, 40.0, 50.0])
+    return Sight(np.arange(angles.size), angles, edges, weights, one, np.eye(2), count, np.full(2, noise_db))
+
+
+def drawn(level_sd: float = 0.0, slope_sd: float = 0.0, fields: tuple[float, float] = (0.0, 0.0)) -> SimpleNamespace:
+    rng = np.random.default_rng(3)
+    a, b = rng.normal(0.0, level_sd, 4000), rng.normal(0.0, slope_sd, 4000)
+    x = X + np.stack([a - 10.0 * b, a + 30.0 * b], axis=1)  # the slope turns about 30 degrees
+    draws = KeptDraws(x, np.full(4000, 4.0), np.tile(fields, (4000, 1)))
+    return SimpleNamespace(draws=draws, known_between_deg=(25.0, 35.0), seen_deg=np.array([[22.0, 52.0]]))
+
+
+def found(posterior: SimpleNamespace, seen: Sight, level_db: float = 0.0, **more: float) -> list[Prediction]:
+    image = LAW(np.radians(seen.incidence_deg), X) + more.pop("off_db", 0.0)
+    measured = image - 0.4
+    return predictions("dyke", posterior, LAW, X, seen, image, level_db, more.pop("looks", 4.0), 5, measured)
+
+
+def half(one: Prediction) -> float:
+    return 0.5 * (one.p95_db - one.p05_db)
+
+
+def test_the_interval_is_that_of_law_speckle_level_and_fields() -> None:
+    many = sight(10**6 // 1000)
+    speckle = float(log_speckle_cumulants(4.0)[1])
+    alone = found(drawn(), many)
+    # of measured and simulated pixels
+    assert half(alone[0]) == pytest.approx(QUANTILE * np.sqrt(2.0 * speckle / 1000.0), rel=0.05)
+    law = found(drawn(level_sd=0.5, slope_sd=0.05), many)
+    rest = 2.0 * speckle / 1000.0
+    assert half(law[0]) == pytest.approx(QUANTILE * np.sqrt(0.25 + rest), rel=0.05)
+    assert half(law[1]) == pytest.approx(QUANTILE * np.sqrt(0.25 + 1.0 + rest), rel=0.05)  # 20 degrees further
+    assert half(found(drawn(), many, level_db=0.7)[1]) == pytest.approx(QUANTILE * np.sqrt(0.49 + rest), rel=0.05)
+    for fields in ((0.6, 0.0), (0.0, 0.6)):
+        assert half(found(drawn(fields=fields), many)[0]) == pytest.approx(QUANTILE * np.sqrt(0.36 + rest), rel=0.05)
+
+
+def test_the_middle_is_the_image_moved_to_the_looks_of_the_draws() -> None:
+    first, second = found(drawn(), sight(), off_db=1.5)
+    assert first.predicted_db == pytest.approx(float(LAW(np.radians(30.0), X)) + 1.5, abs=0.02)
+    assert (first.measured_db, first.pixels) == (pytest.approx(float(LAW(np.radians(30.0), X)) + 1.1), 400)
+    assert second.incidence_deg == 50.0
+    # an image of 2 looks has a lower mean in dB than the draws' 4
+    more = float(log_speckle_cumulants(4.0)[0] - log_speckle_cumulants(2.0)[0])
+    assert more > 0.4
+    assert found(drawn(), sight(), looks=2.0)[0].predicted_db - first.predicted_db == pytest.approx(
+        more - 1.5, abs=0.03
+    )
+
+
+def test_ground_in_the_noise_moves_less_with_its_law() -> None:
+    clear, noisy = (found(drawn(level_sd=0.4), sight(10**4, noise))[0] for noise in (-300.0, -8.5))
+    # signal and noise have the same level at 30 degrees
+    assert half(noisy) == pytest.approx(0.5 * half(clear), rel=0.1)
+
+
+def test_angles_are_called_what_they_are() -> None:
+    first, second = found(drawn(), sight())
+    assert (first.known, second.known) == ("known", "not known")
+    posterior = drawn()
+    posterior.seen_deg = np.array([[22.0, 45.0]])
+    assert [one.known for one in found(posterior, sight())] == ["known", "not seen"]
+    posterior.known_between_deg = None
+    assert [one.known for one in found(posterior, sight())] == ["not known", "not seen"]
+
+
+def one(known: str, measured: float) -> tuple[int, Prediction]:
+    return 1, Prediction("dyke", (20.0, 24.5), 22.0, 310, known, -7.0, -8.25, -6.5, measured)
+
+
+def test_table_and_conclusion_say_only_what_was_shown() -> None:
+    rows = [one("known", -8.0), one("known", -8.5), one("not seen", -6.9), one("not known", float("nan"))]
+    lines = list(_table(rows, several=False))
+    assert lines[1].split("  ")[0] == "dyke"
+    assert "20.0-24.5 deg" in lines[1]
+    assert "-7.00 (-8.25 to -6.50) dB  -8.00 dB  yes" in lines[1]
+    assert lines[2].endswith("-8.50 dB  no")
+    assert lines[4].endswith("-         -")
+    assert list(_table(rows, several=True))[1].startswith("1     dyke")
+    said = list(_conclusion(rows))
+    assert said[0] == "dyke: 1 of 2 bins lie inside of their 90 % interval where sigma0 is known."
+    assert said[1].startswith("dyke: 1 bins are predicted at angles that the calibration has seen, where sigma0 is not")
+    assert said[2].startswith(
+        "dyke: 1 of 1 bins lie inside of their 90 % interval at angles that the calibration has not"
+    )
+
+
+def test_figure(tmp_path) -> None:
+    draw_predictions(tmp_path / "a.png", [row for _, row in (one("known", -8.0), one("not seen", -6.9))], "a", "b")
+    assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_calibrated_materials_replace_those_of_the_other_case(made, tmp_path) -> None:
+    path = tmp_path / "other.yaml"
+    path.write_text("case: other\nmaterials: {dyke: {parameters: [1, 2, 3, 4]}, lake: {parameters: [4, 3, 2, 1]}}\n")
+    other, source = load_forward([path]), made.case.sections("materials")["materials"]
+    changed = with_laws(made.archive, source, other)
+    assert list(changed.materials) == ["dyke", "lake"]
+    assert changed.materials["dyke"].parameters == made.archive.laws["dyke"].values.tolist()
+    assert changed.materials["lake"] == other.materials["lake"]
+    path.write_text("case: other\nmaterials: {lake: {parameters: [4, 3, 2, 1]}}\n")
+    with pytest.raises(ConfigError, match="calibrated dyke, stem beans, of which other has no material: it has lake"):
+        with_laws(made.archive, source, load_forward([path]))
+    assert load_measured([path]) is None
+    with pytest.raises(StoreError, match=r"the calibration is not finished, expected calibration.h5"):
+        apply(tmp_path, load_forward([path]), None, tmp_path / "out", tmp_path / "runs")
+
+
+def test_the_law_at_each_angle_is_taken_over_the_bin() -> None:
+    """A bin of two angles moves by the mean of the law's changes at both."""
+    seen = sight()
+    weights = seen.weights.copy()
+    weights[0] = 0.0
+    weights[0, [100, 140]] = 0.5
+    posterior = drawn()
+    mangia, x = LAWS["mangia"], np.array([-20.0, 8.0, 12.0, 4.0])
+    moved = np.tile(x + [0.0, 0.0, 0.0, 1.5], (4000, 1))
+    posterior.draws = replace(posterior.draws, parameters=moved)
+    image = np.full(800, -5.0)
+    found = predictions("dyke", posterior, mangia, x, replace(seen, weights=weights), image, 0.0, 4.0, 5)
+    phi = np.radians(GRID_DEG[[100, 140]])
+    expected = float(np.mean(mangia(phi, moved[0]) - mangia(phi, x)))
+    assert found[0].predicted_db == pytest.approx(-5.0 + expected, abs=0.03)
+    assert found[0].inside is None

@@ -1,0 +1,60 @@
+"""Largest number of runs, and words on the time that is left."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from radcal.config import case_from
+from radcal.running.jobs import STARTED
+from radcal.running.time_left import at_most, duration, iteration_seconds, largest_runs
+
+EXTERNAL = {
+    "kind": "command",
+    "command": ["./sim", "{input}"],
+    "input": {"format": "json"},
+    "output": {"file": "a.npy", "scale": "db"},
+}
+
+
+def test_the_largest_number_of_runs_is_that_of_all_passes(build_case) -> None:
+    case = build_case(design={"size": 5}, stop={"max_runs": 40})
+    assert largest_runs(case) == {"reference": 1, "design": 5, "infill": 35, "final": 2}
+    external = build_case(design={"size": 5}, stop={"max_runs": 40}, simulator=EXTERNAL)
+    assert largest_runs(external)["reference"] == 2, "repeated, to find out whether it can be"
+    declared = build_case(simulator={**EXTERNAL, "deterministic": True})
+    assert largest_runs(declared)["reference"] == 1
+    file = {"source": "file", "path": "a.npy", "scale": "db", "radiometry": "sigma0_ref"}
+    passes = {"radar": [{}, {"depression_deg": 50}], "measurement": [file, file]}
+    one = {"materials": {"field": {"calibrate": True}}, "design": {"size": 5}, "stop": {"max_runs": 40}}
+    assert largest_runs(case_from({**one, **passes})) == {"reference": 2, "design": 10, "infill": 70, "final": 4}
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [(0.42, "0.42 s"), (89, "89 s"), (91, "1.5 min"), (420, "7 min"), (5500, "1.5 h"), (4e5, "4.6 days")],
+)
+def test_durations_are_said_in_a_fitting_unit(seconds: float, words: str) -> None:
+    assert duration(seconds) == words
+
+
+def test_what_may_still_come_is_said_once_a_time_is_known() -> None:
+    assert at_most(30, 430.0) == "; at most 30 more runs, about 7.2 min each: at most 3.6 h"
+    assert at_most(30, 430.0, " of simulation").endswith(": at most 3.6 h of simulation")
+    assert at_most(0, 430.0) == at_most(30, None) == at_most(29, 2.0) == ""
+
+
+def test_an_iterations_time_is_measured_in_this_command_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    files = []
+    # a design of an earlier command, an iteration after a night, and then iterations of 30, 80 and 50 s
+    for number, ended in enumerate((1000, 50_000, 50_030, 50_110)):
+        files.append(tmp_path / str(number))
+        files[-1].touch()
+        os.utime(files[-1], (ended, ended))
+    monkeypatch.setenv(STARTED, "49_960")
+    assert iteration_seconds(files, now=50_160.0) == 50.0
+    assert iteration_seconds(files[:1], now=50_000.0) is None
+    monkeypatch.delenv(STARTED)
+    assert iteration_seconds(files, now=50_160.0) is None
