@@ -102,3 +102,9 @@ def test_few_looks_may_be_an_error_of_the_incidence():
     found = cause_of(made(looks=2.6), misfit_of())
     assert found.startswith("an error of the local incidence of ")
     assert found.endswith(" degrees would spread the pixels so, as would texture")
+
+
+def test_at_one_incidence_no_error_of_it_explains_few_looks():
+    law, target, geometry, _ = made(looks=2.6)
+    one = replace(law, ground=replace(law.ground, incidence_deg=39.0 + 0.005 * (law.ground.incidence_deg - 39.0)))
+    assert cause_of((one, target, geometry, None), misfit_of()) == UNKNOWN

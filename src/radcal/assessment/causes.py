@@ -20,6 +20,7 @@ UNKNOWN = "cause unknown"
 _FILTERED = 1.5  # times the sensor's looks: those of homogeneous areas in a filtered image
 _LEAST_AREA_DB = 0.3  # spread of the area factor at one incidence, below which it shows nothing
 _ERRORS, _ALIKE = 4.0, 0.35  # standard errors, and distance from one, of the slope against the area factor
+_MOST_OF_VARIANCE = 0.9  # of the mapped incidence, that its error may be
 _FEW_LOOKS, _LIKELY_DEG = 0.8, 6.0
 
 
@@ -135,6 +136,7 @@ def _incidence(law: GroundLaw) -> str:
     if law.fit.looks > _FEW_LOOKS * law.method.looks:
         return ""
     error, _ = error_behind(law.method.law, law.fit, law.ground.incidence_deg, law.method.looks)
-    if not 0.0 < error <= _LIKELY_DEG:
+    # incidence that would be hardly more than its error, as of a material seen at one incidence, explains nothing
+    if not 0.0 < error <= _LIKELY_DEG or error**2 > _MOST_OF_VARIANCE * float(np.var(law.ground.incidence_deg)):
         return ""
     return f"an error of the local incidence of {error:.1f} degrees would spread the pixels so, as would texture"
