@@ -25,18 +25,12 @@ with logged(snakemake.log[0], snakemake.params.case):
     final = [record for record, _ in indexed([snakemake.input.final], runs, case.calibrated)]
     images = [read_registered(path) for path in snakemake.input.registered]
     posteriors = dict(zip(case.calibrated, map(read_posterior, snakemake.input.posterior), strict=True))
+    scene = read_scene(snakemake.input.scene)
+    found = conclude(case, stop, history, targets, geometry, runs, final[:2], posteriors)
     archive = gather(
-        case=case,
-        stop=stop,
-        history=history,
-        scene=read_scene(snakemake.input.scene),
-        geometry=geometry,
-        registered=images[0],
-        targets=targets,
-        conclusion=conclude(case, stop, history, targets, geometry, runs, final[:2], posteriors),
-        passes=images,
-        final=final,
-    )
+        case=case, stop=stop, history=history, scene=scene, geometry=geometry, registered=images[0], targets=targets,
+        conclusion=found, passes=images, final=final,
+    )  # fmt: skip
     write_archive(snakemake.output.archive, archive)
     write_table(snakemake.output.table, archive)
     write_listing(snakemake.output.checksum, [snakemake.output.table])
