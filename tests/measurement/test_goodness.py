@@ -3,13 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy import stats
-from scipy.ndimage import uniform_filter
 
 from radcal import skewnormal
 from radcal.measurement.goodness import _distances as distances
-from radcal.measurement.goodness import effective_sample_size, goodness_of_fit
-
-SHAPE = (150, 170)
+from radcal.measurement.goodness import goodness_of_fit
 
 
 def test_distances_are_those_of_scipy():
@@ -54,52 +51,3 @@ def test_fewer_independent_values_are_less_evidence():
     many, few = (goodness_of_fit(x, dp, np.random.default_rng(0), effective=n) for n in (1500, 60))
     assert many.ks == few.ks
     assert many.ad_p < few.ad_p
-
-
-def test_white_pixels_are_all_independent():
-    image = np.random.default_rng(0).normal(size=SHAPE).astype(np.float32)
-    inside = np.arange(image.size)
-    drawn = np.sort(np.random.default_rng(1).choice(inside, 1000, replace=False))
-    assert effective_sample_size(image, inside, drawn) == pytest.approx(1000, rel=0.1)
-
-
-def test_effective_size_is_that_of_the_variance_of_the_mean():
-    """Moving averages over 3 x 5 pixels: the mean of all has the variance of that many independent ones."""
-    images = [uniform_filter(np.random.default_rng(k).normal(size=SHAPE), (3, 5), mode="wrap") for k in range(300)]
-    inside = np.arange(images[0].size)
-    ratio = np.mean([image.var() for image in images]) / np.var([image.mean() for image in images])
-    found = effective_sample_size(images[0].astype(np.float32), inside, inside)
-    assert found == pytest.approx(images[0].size / 15, rel=0.25)
-    assert found == pytest.approx(ratio, rel=0.35)
-    # few pixels drawn far apart share little
-    drawn = np.sort(np.random.default_rng(1).choice(inside, 200, replace=False))
-    assert 150 < effective_sample_size(images[0].astype(np.float32), inside, drawn) < 200
-
-
-def test_a_slope_of_level_is_not_taken_for_correlation():
-    image = np.random.default_rng(0).normal(size=SHAPE) + np.linspace(0.0, 4.0, SHAPE[0])[:, None]
-    inside = np.arange(image.size)
-    drawn = np.sort(np.random.default_rng(1).choice(inside, 1000, replace=False))
-    assert effective_sample_size(image.astype(np.float32), inside, drawn) > 800
-
-
-def test_what_the_incidence_explains_is_no_correlation():
-    """Hills of a few pixels, and a law on their slopes."""
-    rng = np.random.default_rng(0)
-    incidence = 35.0 + 30.0 * uniform_filter(rng.normal(size=SHAPE), 5, mode="wrap")
-    noise = rng.normal(size=SHAPE)
-    image = (noise - 0.3 * incidence).astype(np.float32)
-    inside = np.arange(image.size)
-    alone = effective_sample_size(noise.astype(np.float32), inside, inside)
-    without = effective_sample_size(image, inside, inside)
-    residual = effective_sample_size(image, inside, inside, incidence.astype(np.float32))
-    assert without < 0.3 * alone
-    assert residual == pytest.approx(alone, rel=0.05)
-    # correlated pixels stay correlated
-    smooth = uniform_filter(rng.normal(size=SHAPE), (3, 5), mode="wrap") - 0.3 * incidence
-    found = effective_sample_size(smooth.astype(np.float32), inside, inside, incidence.astype(np.float32))
-    assert found == pytest.approx(image.size / 15, rel=0.3)
-
-
-def test_one_level_everywhere_is_one_pixel():
-    assert effective_sample_size(np.ones(SHAPE, dtype=np.float32), np.arange(500), np.arange(400)) == 1.0
