@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radcal.errors import MeasurementError
-from radcal.measurement.correlation import independent_pairs
+from radcal.measurement.correlation import independent_pairs, without_trend
 
 __all__ = ["FEWEST", "Classes", "class_cumulants", "class_of", "incidence_edges", "make_classes", "winsorised"]
 
@@ -210,12 +210,7 @@ def _speckle(
     variance: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Variance about a line in the incidence in each bin, and about the means of cells, with its degrees of freedom."""
-    left = values.copy()
-    for k in range(variance.size):
-        inside = member == k
-        away = angle[inside] - angle[inside].mean()
-        level = values[inside] - values[inside].mean()
-        left[inside] = level - away * (away @ level) / max(float(away @ away), 1e-12)
+    left = without_trend(values, angle, member)
     freedom = np.bincount(member) - 2.0
     if cells is not None:
         count = np.bincount(cells)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Correlation", "estimate_correlation", "independent_pairs"]
+__all__ = ["Correlation", "estimate_correlation", "independent_pairs", "without_trend"]
 
 REACH_PX = 6  # lag beyond which speckle is assumed to be uncorrelated
 _GROUPS, _GROUP = 24, 30  # groups of incidence in which a mean is taken: their largest number, and their least size
@@ -142,8 +142,8 @@ def estimate_correlation(
     there, values = np.zeros(image_db.size), np.zeros(image_db.size)
     there[inside] = 1.0
     of_material = image_db.ravel()[inside].astype(np.float64)
-    angle = np.zeros(inside.size) if incidence_deg is None else incidence_deg.ravel()[inside]
-    values[inside] = _without_trend(of_material, angle, 1 if incidence_deg is None else _GROUPS)
+    angle = np.zeros(inside.size) if incidence_deg is None else incidence_deg.ravel()[inside].astype(np.float64)
+    values[inside] = without_trend(of_material, angle, _groups(angle, 1 if incidence_deg is None else _GROUPS))
     count, products = pairs(there.reshape(shape)).round(), pairs(values.reshape(shape))
     variance = products[REACH_PX, REACH_PX] / inside.size
     if variance <= 0.0:  # one level everywhere
@@ -160,10 +160,19 @@ def estimate_correlation(
     return Correlation(np.where(significant == significant[REACH_PX, REACH_PX], correlation, 0.0), shape[1])
 
 
-def _without_trend(values: Doubles, incidence_deg: ArrayLike, most: int) -> Doubles:
-    """Values minus their mean at each incidence: a straight line in each of some groups of about equal size."""
-    angle, left = np.asarray(incidence_deg, dtype=np.float64), values.copy()
-    for group in np.array_split(np.argsort(angle, kind="stable"), max(1, min(most, angle.size // _GROUP))):
-        away, level = angle[group] - angle[group].mean(), values[group] - values[group].mean()
-        left[group] = level - away * (away @ level) / max(float(away @ away), 1e-12)
-    return left
+def without_trend(values: Doubles, incidence_deg: Doubles, group: NDArray[np.int64]) -> Doubles:
+    """Values minus a straight line in the incidence in each group of pixels, shape (pixels,)."""
+    count = np.maximum(np.bincount(group), 1)
+    away = incidence_deg - (np.bincount(group, incidence_deg) / count)[group]
+    level = values - (np.bincount(group, values) / count)[group]
+    slope = np.bincount(group, away * level) / np.maximum(np.bincount(group, away**2), 1e-12)
+    return np.asarray(level - slope[group] * away)
+
+
+def _groups(incidence_deg: ArrayLike, most: int) -> NDArray[np.int64]:
+    """Groups of pixels of about equal size and alike incidence, shape (pixels,)."""
+    order = np.argsort(np.asarray(incidence_deg), kind="stable")
+    count = max(1, min(most, order.size // _GROUP))
+    group = np.empty(order.size, dtype=np.int64)
+    group[order] = np.arange(order.size) * count // max(order.size, 1)
+    return group

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config import Validation
-from radcal.measurement.correlation import Correlation, independent_pairs
+from radcal.measurement.classes import class_of, incidence_edges
+from radcal.measurement.correlation import Correlation, independent_pairs, without_trend
 from radcal.measurement.patches import Cells, make_cells
 
 __all__ = ["Blocks", "Ground"]
@@ -101,8 +102,10 @@ class Ground:
 
     @cached_property
     def sampling(self) -> NDArray[np.float64]:
-        """Sampling variance of each cell's mean [dB^2]."""
-        return self.cells.sampling_variance(self.values_db, self.independent)
+        """Sampling variance of each cell's mean at its incidence [dB^2], which the spread by a law is no part of."""
+        member = class_of(self.incidence_deg, incidence_edges(self.incidence_deg, "auto"))
+        left = without_trend(self.values_db, self.incidence_deg, member)
+        return self.cells.sampling_variance(left, self.independent)
 
     @cached_property
     def independent(self) -> float:
