@@ -108,3 +108,15 @@ def test_at_one_incidence_no_error_of_it_explains_few_looks():
     law, target, geometry, _ = made(looks=2.6)
     one = replace(law, ground=replace(law.ground, incidence_deg=39.0 + 0.005 * (law.ground.incidence_deg - 39.0)))
     assert cause_of((one, target, geometry, None), misfit_of()) == UNKNOWN
+
+
+def test_ground_darker_than_the_simulated_noise_is_told(right):
+    """The level of the worst bin, from which the mean of log speckle is taken off, beside the noise."""
+    law, target, geometry, area = right
+    level = float(LAW(np.radians(law.classes.nodes_deg[0]), TRUTH).mean())
+    below, above = (replace(target, noise_db=level + away) for away in (-0.4, 0.4))
+    dark = misfit_of(worst_deg=float(law.classes.nodes_deg[0].mean()), worst_mean_db=1.5)
+    assert "radar.nesz_db" in cause_of((law, above, geometry, area), dark)
+    assert cause_of((law, below, geometry, area), dark) == UNKNOWN
+    # a simulated image darker than the measured one has no noise too many
+    assert cause_of((law, above, geometry, area), replace(dark, worst_mean_db=-1.5)) == UNKNOWN
