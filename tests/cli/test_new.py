@@ -87,6 +87,9 @@ def test_what_the_files_say_is_read_and_the_rest_is_marked(files: list[str]) -> 
     said = checked.stderr.splitlines()
     assert said[0] == f"radcal: mine.yaml cannot be run; {len(marked)} problems found:"
     assert {line.split()[1] for line in said[1:]} == marked
+    line = text.splitlines().index("  scale: FILL_IN  # " + text.partition("scale: FILL_IN  # ")[2].partition("\n")[0])
+    assert "; for example scale: power" in text.splitlines()[line]
+    assert f"  - measurement.scale is FILL_IN (line {line + 1}), expected its value, for example scale: power." in said
     assert done.stdout.splitlines()[-2:] == [
         "Next: radcal check mine.yaml",
         "Then: radcal run mine.yaml reference, and radcal run mine.yaml",
@@ -94,7 +97,7 @@ def test_what_the_files_say_is_read_and_the_rest_is_marked(files: list[str]) -> 
     assert "--vertical-datum" in done.stdout
     run = CliRunner().invoke(app, ["run", "mine.yaml"])
     assert run.exit_code == 1
-    assert "mine.yaml: scene.vertical_datum is FILL_IN, expected a value, which is still" in run.stderr
+    assert "mine.yaml: scene.vertical_datum is FILL_IN (line 9), expected its value, for exam" in run.stderr
 
 
 def test_nothing_is_overwritten_and_wrong_answers_are_told(files: list[str]) -> None:
@@ -146,7 +149,9 @@ def test_a_case_with_a_synthetic_image_can_be_run_at_once(files: list[str]) -> N
     scene = [*files[:4], "--image", "synthetic", "--vertical-datum", "local"]
     done = new("folder/mine.yaml", *scene, "--material", "code_7")
     assert done.exit_code == 0, done.output
-    assert "parameters: [FILL_IN]" in Path("folder/mine.yaml").read_text()
+    assert "parameters: [FILL_IN]  # gamma [dB], for example parameters: [-15]" in Path("folder/mine.yaml").read_text()
+    (one,) = check_case(["folder/mine.yaml"]).problems
+    assert "materials.code_2.parameters is FILL_IN (line 21), expected its value, for example parameters: [-15]" in one
     fixed = ["--material", "code_7", "--fixed", "code_2=-12.5"]
     new("own", *scene, *fixed)
     found = check_case(["own.yaml"])

@@ -13,6 +13,7 @@ from radcal.config import FILL_IN
 from radcal.config.landcover import LANDCOVERS
 from radcal.config.sections import check_case_name
 from radcal.config.sensors import SENSORS
+from radcal.config.undecided import EXAMPLES
 from radcal.errors import ConfigError
 from radcal.measurement.acquisition import radar_keys
 from radcal.radar.bands import letter_band
@@ -301,7 +302,8 @@ class NewCase:
             if name not in fixed:
                 self.undecided.append("materials.fixed")
             lines.append("    law: constant_gamma  # not calibrated")
-            lines.append(f"    parameters: [{level}]  # gamma [dB]")
+            such = ", for example parameters: [-15]" * (level == FILL_IN)
+            lines.append(f"    parameters: [{level}]  # gamma [dB]{such}")
         if self._synthetic:
             laws = ", ".join(f"{_scalar(name)}: {_HIDDEN}" for name in hidden)
             self._notes["measurement.synthetic"] = "hidden laws, which the calibration is to find"
@@ -342,7 +344,10 @@ class NewCase:
     def _lines(self, comments: Mapping[str, str]) -> list[str]:
         lines = [
             "# Written by radcal new. Every other key has a default (config/config.yaml).",
-            *([f"# Lines with {FILL_IN} are still to be decided; radcal check lists them."] * bool(self.undecided)),
+            *(
+                [f"# Write a value in place of each {FILL_IN}, as the example in its line; radcal check lists them."]
+                * bool(self.undecided)
+            ),
             f"case: {self.name}",
         ]
         for section, keys in self._sections.items():
@@ -354,7 +359,8 @@ class NewCase:
                     continue
                 # of a file that is given its content matters, not what it was asked for
                 told = name in self._notes and name in (*_FILES, "measurement.band", "measurement.scale")
-                about = [text for text in ("" if told else comments.get(name), self._notes.get(name)) if text]
+                such = f"for example {key}: {EXAMPLES[name]}" if value == FILL_IN and name in EXAMPLES else ""
+                about = [text for text in ("" if told else comments.get(name), self._notes.get(name), such) if text]
                 lines.append(f"  {key}: {_scalar(value)}" + (f"  # {'; '.join(about)}" if about else ""))
         return [*lines, "materials:", *self._materials]
 
