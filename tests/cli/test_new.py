@@ -15,9 +15,9 @@ from rasterio.transform import from_origin
 from safe_product import place_of, write_product
 from typer.testing import CliRunner, Result
 
+from radcal.checking.case_check import check_case
 from radcal.cli import app
 from radcal.config import load
-from radcal.running.case_check import check_case
 
 DATA = Path(os.environ.get("RADCAL_DATA", "")) / "sentinel1"
 pytestmark = [
@@ -75,6 +75,10 @@ def test_what_the_files_say_is_read_and_the_rest_is_marked(files: list[str]) -> 
     # 26 rows of 13 and of 27 columns
     assert "code_2:  # code 2: 338 of 1,040 pixels" in text
     assert "code_7:  # code 7: 702 of 1,040 pixels" in text
+    # what is known of neither of them is told apart at the start, so that the start image shows their border
+    starts = [material["start"] for material in data["materials"].values()]
+    assert starts == [[-20.86, 6.05, 0, 4], [-17.86, 6.05, 0, 4]]
+    assert "# gamma -12 dB of no known kind, moved apart from another material: the image at the start needs" in text
     assert json.loads(Path("mine_names.json").read_text()) == {"2": "code_2", "7": "code_7"}
     marked = {f"{s}.{key}" for s in ("scene", "measurement", "radar") for key, x in data[s].items() if x == "FILL_IN"}
     assert marked == {
@@ -216,6 +220,7 @@ def test_known_land_cover_names_the_codes(files: list[str], tmp_path: Path) -> N
     assert not Path("mine_names.json").exists()
     assert check_case(["mine.yaml"]).problems == []
     case = load(["mine.yaml"])
+    assert case.materials["cropland"].start_parameters == [-20.86, 6.05, 0, 4]
     assert (case.calibrated, case.materials["permanent_water_bodies"].parameters) == (["cropland"], [-40.0])
     wrong = new("no", *files, "--landcover-preset", "esa_worldcover")
     assert "--landcover-preset is esa_worldcover, which has no code 2, 7: give --names" in wrong.stderr

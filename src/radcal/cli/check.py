@@ -33,7 +33,7 @@ def main(cases: CaseFiles, settings: Settings = None, results: Results = Path("r
 
 def _is_right(case: Path, settings: list[str] | None, results: Path) -> bool:
     """Whether a case can be run; what was found is printed."""
-    from radcal.running.case_check import check_case
+    from radcal.checking.case_check import check_case
     from radcal.running.workflow_files import carried_case
 
     with sentences():

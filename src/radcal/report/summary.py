@@ -246,6 +246,8 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
     each = np.tile(kinds, keys.size // kinds.size)
     runs = {kind: int(np.count_nonzero((each == kind) & made)) for kind in ("reference", "design", "infill")}
     runs["final"] = sum(one.final_runs for one in passes.values()) if passes else archive.final_runs
+    search = runs["design"] + runs["infill"]
+    reused = int(np.count_nonzero(kinds == "reused"))
     summary: dict[str, Any] = {
         "case": archive.case,
         "objective": archive.objective,
@@ -253,7 +255,7 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
         "converged": archive.converged,
         "stop_reason": archive.reason,
         "tolerance": archive.tolerance,
-        "runs": {**runs, "total": sum(runs.values()), "reused": int(np.count_nonzero(kinds == "reused"))},
+        "runs": {**runs, "total": sum(runs.values()), "search": search, "reused": reused},
         "iterations": int(np.count_nonzero(kinds == "infill")),
         "measurement": archive.measurement,
         "looks": {

@@ -8,17 +8,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from radcal.checking.file_problems import image_problems, is_on_map, scene_problems
+from radcal.checking.outlook import outlook, time_expected
 from radcal.config import Case, Loaded, check_reuse, load_with_problems, missing_inputs
 from radcal.config.inputs import input_files
 from radcal.errors import ConfigError, RadcalError
 from radcal.reading.safe import is_safe_name
 from radcal.running.expected_memory import expected_mb
-from radcal.running.file_problems import image_problems, is_on_map, scene_problems
 from radcal.running.memory_and_time import Stage, memory_mb, values_of
 from radcal.running.time_left import largest_runs
 from radcal.scene.size import scene_size
 
 if TYPE_CHECKING:
+    from radcal.measurement.model import Measurement
     from radcal.radar.geometry import Geometry
     from radcal.scene.model import Scene
 
@@ -52,6 +54,8 @@ class CaseCheck:
         Number of speckle draws of a run.
     sections : tuple of str
         Section ``radar`` in YAML as the annotation of each measured image gives it, of images that have one.
+    outlook : tuple of str
+        Lines on what the calibration will probably meet: time, contrast of the start image, levels.
     """
 
     problems: list[str]
@@ -63,6 +67,7 @@ class CaseCheck:
     peak_mb: Mapping[str, float] = field(default_factory=dict)
     draws: int = 1
     sections: tuple[str, ...] = ()
+    outlook: tuple[str, ...] = ()
 
     def summary(self) -> str:
         """Lines on what would be read, made and needed."""
@@ -79,6 +84,7 @@ class CaseCheck:
             lines.append(
                 f"  memory: about {peak:,.0f} MB in the largest job ({job}); a cluster is asked for {asked:,} MB"
             )
+        lines += [f"  {line}" for line in self.outlook]
         return "\n".join([*lines, *self.remarks()])
 
     def remarks(self) -> list[str]:
@@ -145,6 +151,7 @@ def _checked(case: Case, loaded: Loaded, results: str | Path) -> CaseCheck:
     problems.add(_refused(check_reuse, case, results))
     notes: list[str] = []
     sections: list[str] = []
+    levels: list[str] = []
     shape, demands, peaks = None, dict[Stage, int](), dict[str, float]()
     small = False
     if "scene" not in loaded.without:
@@ -160,15 +167,16 @@ def _checked(case: Case, loaded: Loaded, results: str | Path) -> CaseCheck:
             # a heading or a spacing may be what is wrong, of a scene that can be made
             small = bool(_refused(scene_size, case.scene)) or scene_size(case.scene).resampled <= _LARGEST
     if small:
-        notes, shape = _made(case, loaded, problems, sections)
+        notes, shape = _made(case, loaded, problems, sections, levels)
     elif "scene" in loaded.without:
         _images_alone(case, loaded, problems)
     if not sections:
         said, sections = _of_products(case)
         notes += said
     return CaseCheck(
-        problems, notes, files, shape, largest_runs(case), demands, peaks, case.simulator.draws, tuple(sections)
-    )
+        problems, notes, files, shape, largest_runs(case), demands, peaks, case.simulator.draws, tuple(sections),
+        (time_expected(case, results), *levels) if not problems else (),
+    )  # fmt: skip
 
 
 def _images_alone(case: Case, loaded: Loaded, problems: _Problems) -> None:
@@ -190,7 +198,7 @@ def _refused(check: Any, *arguments: Any) -> list[str]:
 
 
 def _made(
-    case: Case, loaded: Loaded, problems: _Problems, sections: list[str]
+    case: Case, loaded: Loaded, problems: _Problems, sections: list[str], levels: list[str]
 ) -> tuple[list[str], tuple[int, int] | None]:
     """Remarks and image size of scene, geometry and measured images, which are made in memory as the workflow does."""
     from radcal.radar.projection import make_geometry
@@ -225,14 +233,17 @@ def _made(
             _images_alone(one, loaded, problems)
             continue
         if "measurement" not in loaded.without:
-            notes += _measured(one, loaded, geometry, scene, problems, number) or said
+            measured = _measured(one, loaded, geometry, scene, problems, number)
+            notes += said if measured is None else measured.notes
+            if not problems:
+                levels += outlook(one, geometry, measured)
     return notes, shape
 
 
 def _measured(
     one: Case, loaded: Loaded, geometry: Geometry, scene: Scene, problems: _Problems, number: int
-) -> list[str]:
-    """Notes on the measured image of a pass, which is made in memory."""
+) -> Measurement | None:
+    """Measured image of a pass, made in memory; None where it cannot be made or would take long."""
     from radcal.config import FileMeasurement, stages
     from radcal.measurement.sources import make_measurement
     from radcal.measurement.synthetic import check_synthetic
@@ -247,17 +258,17 @@ def _measured(
         if isinstance(one.measurement, FileMeasurement):
             if not (loaded.has_geometry or is_on_map(one.measurement)):
                 problems.add(image_problems(one.measurement, one.radar))
-                return []
+                return None
             nothing: Simulator = None  # type: ignore[assignment]  # a file needs no simulator
-            return list(make_measurement(stage, geometry, nothing, scene, partly=number > 0).notes)
+            return make_measurement(stage, geometry, nothing, scene, partly=number > 0)
         if one.simulator.kind == "builtin" and geometry.material.size <= _LARGEST_RUN and not problems:
             simulator = make_simulator(stage, geometry, "")
-            return list(make_measurement(stage, geometry, simulator, scene, partly=number > 0).notes)
+            return make_measurement(stage, geometry, simulator, scene, partly=number > 0)
         check_synthetic(one.radar, one.measurement.synthetic, (geometry.shape[0], geometry.shape[1]))
     except RadcalError as error:
         problems.add([str(error)])
         _images_alone(one, loaded, problems)
-    return []
+    return None
 
 
 def _of_products(case: Case) -> tuple[list[str], list[str]]:

@@ -15,8 +15,9 @@ from rasterio.transform import from_origin
 from safe_product import NAME, place_of, write_product
 from typer.testing import CliRunner
 
+from radcal.checking.case_check import check_case
 from radcal.cli import app
-from radcal.running.case_check import check_case
+from radcal.storage.records import write_hdf5
 
 TEN_MISTAKES = """
 case: my case
@@ -338,3 +339,51 @@ def test_a_section_that_is_left_out_has_its_files_looked_at(tmp_path: Path, monk
         "scene.names: the file gone.json does not exist.",
         "measurement.band is 3, image.tif has 2.",
     ]
+
+
+def test_what_a_right_case_will_meet_is_told_before_any_run(tmp_path: Path) -> None:
+    path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+    time, rough, level = check_case([path], results=tmp_path / "results").outlook
+    assert time == "time: not known before the first run, which radcal run CASE reference makes"
+    assert rough.startswith("levels, rough (the image is not registered")
+    # power of mean 1 is 0 dB; of four looks the mean of the logarithm lies 0.56 dB below. Each term of the law at its
+    # highest bound gives 0 + 30 cos(phi) + 20 dB and less
+    assert "field: mangia reaches -40.0 to 4" in level
+    assert level.endswith(("the image has about -0.0 dB", "the image has about 0.0 dB"))
+    narrow = {"materials": {"field": {"bounds": [[-40, -30], [0, 3], [0, 2], [0, 20]]}}}
+    (*_, level) = check_case([path], narrow, tmp_path / "results").outlook
+    assert level.endswith(": outside, widen or move materials.field.bounds")
+    for number, seconds in enumerate((9.0, 4.0, 2.5)):
+        with write_hdf5(tmp_path / f"results/mine/runs/{number}.h5", "run") as file:
+            file.attrs["seconds"] = seconds
+    time, *_ = check_case([path], results=tmp_path / "results").outlook
+    # 3 runs of the design and 12 in all at most, of four draws of speckle; one reference run and two final ones
+    assert time == (
+        "time: about 16 s a run (median of the case's stored runs); most cases need at most 15 runs (4 min of "
+        "simulation), stop.max_runs allows at most 15 (4 min)"
+    )
+
+
+def test_a_start_without_contrast_is_told_before_any_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    level = {"height": 90, "width": 100, "crs": "EPSG:32631", "driver": "GTiff", "count": 1}
+    where = from_origin(6e5, 5.8e6, 20.0, 20.0)
+    cover = np.where(np.add.outer(np.arange(90) // 30, np.arange(100) // 30) % 2, 40, 10).astype("uint8")
+    for name, values in (("dem.tif", np.full((90, 100), 50.0, "float32")), ("cover.tif", cover)):
+        with rasterio.open(name, "w", dtype=values.dtype, transform=where, **level) as raster:
+            raster.write(values, 1)
+    text = ON_THE_MAP.replace("{source: file, path: image.tif, band: 1, scale: db, radiometry: sigma0_ref}", "{}")
+    both = "{cropland: {calibrate: true, start: [-20, 6, 0, 4]}, tree_cover: {calibrate: true, start: [-20, 6, 0, 4]}}"
+    Path("mine.yaml").write_text(text.replace("{cropland: {calibrate: true}, tree_cover: {}}", both))
+    found = check_case(["mine.yaml"])
+    assert found.problems == []
+    (said,) = (line for line in found.outlook if line.startswith("warning"))
+    assert "the image simulated at the start has no contrast between materials (the level of its squares var" in said
+    assert (
+        "give cropland and tree_cover starts that differ (materials.cropland.start: [-24.5, 6.0, 0.0, 4.0]), or" in said
+    )
+    for change in (
+        {"registration": {"method": "none"}},
+        {"materials": {"cropland": {"start": [-24.5, 6.0, 0.0, 4.0]}}},
+    ):
+        assert not any(line.startswith("warning") for line in check_case(["mine.yaml"], change).outlook)
