@@ -11,7 +11,10 @@ from radcal.assessment.law_check import check_laws
 from radcal.config import stages
 from radcal.report.archive import read_archive, write_archive
 from radcal.report.law_figures import law
-from radcal.report.summary import summarise
+from radcal.report.law_notes import outside_interval
+from radcal.report.showing import show
+from radcal.report.summary import sentences, summarise
+from radcal.storage.records import write_json
 
 
 def test_the_summary_holds_curve_intervals_and_where_the_law_is_known(made, tmp_path):
@@ -65,3 +68,26 @@ def test_the_figure_shows_the_band_and_where_it_is_known(made):
     assert "2 distinct laws agree with the pixels." in caption
     bare = law(changed_material(made.archive, "dyke", posterior=replace(posterior(), known_between_deg=None)), "dyke")
     assert "known" not in [one.get_label() for one in bare[0].axes[0].collections]
+
+
+def test_x_outside_of_its_own_interval_is_remarked(made, tmp_path):
+    names, box = ["X1", "X2", "X3", "X4"], [[-40, 0], [0, 20], [0, 25], [0, 12]]
+    interval = [[-30, -20], [0.4, 13], [3, 9], [2, 5]]
+    assert outside_interval(names, [-25.0, 5.0, 3.0, 5.0], box, interval) == ""
+    assert outside_interval(names, [-25.0, 1e-11, 11.25, 12.0], box, interval) == (
+        "X2 is at its lower bound 0, outside of its own 90 % interval (0.4 to 13) and X3 is 11.25, outside of its own "
+        "90 % interval (3 to 9) and X4 is at its upper bound 12, outside of its own 90 % interval (2 to 5): many X "
+        "give nearly this law, so that sigma0 and its band say more than X."
+    )
+    x = made.archive.materials["dyke"].parameters.values[made.archive.materials["dyke"].best]
+    low, high = x - 1.0, x + 2.0
+    low[1] = x[1] + 0.5
+    archive = changed_material(made.archive, "dyke", posterior=posterior(parameters_p05=low, parameters_p95=high))
+    said = summarise(archive)["materials"]["dyke"]["parameters_remark"]
+    assert said.startswith(f"X2 is {x[1]:.4g}, outside of its own 90 % interval ({low[1]:.3g} to {high[1]:.3g}): many")
+    assert f"dyke: {said}" in sentences(archive)
+    write_json(tmp_path / "summary.json", summarise(archive), flat=True)
+    for name in ("scene.h5", "reference.json", "scores.json", "final.json", "calibration.h5", "export.json"):
+        (tmp_path / name).touch()
+    (tmp_path / "report.json").touch()
+    assert f"dyke: {said}" in show(tmp_path)

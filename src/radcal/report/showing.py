@@ -124,6 +124,8 @@ def _finished(summary: Mapping[str, Any]) -> list[str]:
         law = material.get("formula", material["law"])
         known = "." if "sigma0" in material["verdict"] else f"; {_known(material)}"
         lines.append(f"{said} {law} with {parameters}{known}")
+        if remark := material.get("parameters_remark"):
+            lines.append(f"{name}: {remark}")
     search = runs["design"] + runs["infill"]
     return [
         *lines,
