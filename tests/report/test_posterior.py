@@ -62,12 +62,12 @@ def test_the_figure_shows_the_band_and_where_it_is_known(made):
     archive = changed_material(made.archive, "dyke", posterior=posterior())
     canvas, caption, _ = law(archive, "dyke")
     band, known = canvas.axes[0].collections[:2]
-    assert (band.get_label(), known.get_label()) == ("90 % band", "known")
+    assert (band.get_label(), known.get_label()) == ("90 % band", "known there")
     angles = known.get_paths()[0].vertices[:, 0]
     assert (angles.min(), angles.max()) == pytest.approx((22.25, 39.5))
     assert "2 distinct laws agree with the pixels." in caption
     bare = law(changed_material(made.archive, "dyke", posterior=replace(posterior(), known_between_deg=None)), "dyke")
-    assert "known" not in [one.get_label() for one in bare[0].axes[0].collections]
+    assert "known there" not in [one.get_label() for one in bare[0].axes[0].collections]
 
 
 def test_x_outside_of_its_own_interval_is_remarked(made, tmp_path):

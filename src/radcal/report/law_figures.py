@@ -192,13 +192,16 @@ def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
         f"law is an extrapolation. {remark}"
     )
     if material.posterior is not None and material.posterior.curve is not None:
-        caption += " Blue band: 90 % of the laws that agree with the pixels, darker where sigma0 is known. "
+        caption += (
+            " Blue band: at each angle 90 % of the laws that agree with the pixels, darker where sigma0 is known; it "
+            "is that of the mean power of the ground, which lies above the law where levels of fields vary. "
+        )
         caption += " ".join(said[0].upper() + said[1:] for said in material.posterior.sentences)
     if material.check.class_deg.size:
         caption += (
-            " Dots: level with which the law would give the simulated pixels of each incidence-angle bin the mean "
-            "of the measured ones; the law need not meet them, because levels of fields vary and the pixels' standard "
-            "deviations count, too."
+            " Dots, with bars of 95 %: level with which the law would give the simulated pixels of each "
+            "incidence-angle bin the mean of the measured ones; the law need not meet them, because levels of fields "
+            "vary and the pixels' standard deviations count, too."
         )
     return canvas, caption, f"Backscatter laws of {name} in dB against local incidence in degrees."
 
@@ -221,7 +224,7 @@ def _curves(axes: Axes, material: MaterialResult, seen: Array) -> None:
     if check.class_deg.size:
         axes.errorbar(
             check.class_deg, check.class_db, 1.96 * check.class_error_db, color="black", linestyle="none",
-            marker="o", markersize=4.5, elinewidth=1.2, zorder=4, label="bins, 95 %",
+            marker="o", markersize=4.5, elinewidth=1.2, zorder=4, label="levels of bins, 95 %",
         )  # fmt: skip
     axes.margins(x=0)
     if axes.get_ylim()[0] < _GRAZING_DB:  # a law that falls steeply at grazing incidence would flatten all other curves
@@ -242,7 +245,7 @@ def _band(axes: Axes, material: MaterialResult) -> None:
         there = np.linspace(first, last, 101)
         axes.fill_between(
             there, np.interp(there, angle, low), np.interp(there, angle, high), color=FOUND["color"], alpha=0.35,
-            linewidth=0, label="known",
+            linewidth=0, label="known there",
         )  # fmt: skip
 
 
