@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config.objectives import OBJECTIVES
+from radcal.measurement.one_incidence import LEAST_SPAN_DEG
 from radcal.radar.laws import Law
 from radcal.report.archive import Archive, MaterialResult
 from radcal.report.colours import head
@@ -173,7 +174,8 @@ def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
         axes.axvspan(low, high, color="#EFEFEF", zorder=0, linewidth=0)
     _curves(panels[0], material, seen)
     if material.hidden is None:
-        title = "no truth to compare with"
+        one = high - low < LEAST_SPAN_DEG
+        title = "seen at one incidence, a level and no law" if one else "no truth to compare with"
         remark = "The image alone cannot tell whether the law found is right."
     else:
         difference = _truth(panels[1], material, material.hidden, incidence_deg, seen)

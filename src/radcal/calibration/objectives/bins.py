@@ -179,7 +179,7 @@ class Bins(Objective):
         known = {name: value for name, value in moved.items() if value is not None}
         if known:
             worst = max(known, key=lambda name: known[name])
-            text += f", a further run may move the law of {worst} most, by {known[worst]:.2g} dB from its best run's"
+            text += f", the law of {worst} may still move most, by {known[worst]:.2g} dB from that of its best run"
         return text
 
 
