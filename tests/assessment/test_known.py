@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from radcal.assessment.curves import GRID_DEG, Curves
-from radcal.assessment.known import Band, band_of, directions, known_between, modes_of
+from radcal.assessment.known import Band, band_of, directions, known_between, modes_of, why_unknown
 from radcal.radar.laws import LAWS, law_for
 
 ANGLES = np.arange(0.0, 85.25, 0.25)
@@ -41,6 +41,21 @@ def test_known_is_the_incidence_seen_where_the_band_is_narrow():
 def test_a_prior_that_is_as_narrow_says_that_the_pixels_add_nothing():
     assert known_between(band(1.0), band(1.9), [(20.0, 30.0)], 1.5) is None
     assert known_between(band(1.0), band(2.1), [(20.0, 30.0)], 1.5) == (20.0, 30.0)
+
+
+def test_only_what_keeps_a_law_unknown_is_named():
+    def why(half: np.ndarray | float, prior: float, seen: tuple[float, float] = (20.0, 30.0)) -> str:
+        one, other = band(half), band(prior)
+        return why_unknown(ANGLES, one.half_width_db, other.half_width_db, [seen], 1.5)
+
+    of_band = "its 90 % band is nowhere narrower than +-1.8 dB, wider than uncertainty.known_db (+-1.5 dB)"
+    assert why(0.09 * ANGLES, 12.0) == of_band
+    of_prior = "the priors alone leave +-1.7 dB, so that the pixels do not even halve it"
+    assert why(1.0, 1.7) == of_prior
+    assert why(1.8, 1.7) == f"{of_band} and {of_prior}"
+    assert why(1.0, 12.0) == "the law does not fit"
+    # at an angle between those of the grid
+    assert why(2.0, 12.0, (24.1, 24.2)).startswith("its 90 % band is nowhere narrower than +-2 dB")
 
 
 def test_the_largest_of_several_intervals_is_known():

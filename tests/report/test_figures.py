@@ -328,3 +328,12 @@ def test_a_scene_of_one_height_is_drawn(made):
         canvas, caption, _ = scene_figures.scene(replace(made.archive, scene=view))
         assert drawn(canvas) == []
     assert "heights from 120 to 120 m" in caption
+
+
+def test_one_incidence_has_the_middle_of_a_scale_and_a_title_of_its_own(made):
+    assert scene_figures._scale(np.linspace(31.0, 45.0, 101)) == pytest.approx((31.14, 44.86))
+    assert scene_figures._scale(np.full(50, 38.75)) == (38.25, 39.25)
+    seen = np.linspace(38.9, 39.1, made.archive.materials["dyke"].incidence_deg.size).astype(np.float32)
+    for angles, title in ((seen, "seen at one incidence, a level and no law"), (10 * (seen - 36), "no truth to")):
+        one = changed_material(made.archive, "dyke", incidence_deg=angles, hidden=None)
+        assert title in law(one, "dyke")[0].axes[0].get_title().replace("\n", " ")

@@ -14,7 +14,15 @@ from radcal.report.summary import numbered_jobs, sentences, summarise, wall_seco
 
 def test_counts_add_up(made):
     summary = summarise(made.archive)
-    assert summary["runs"] == {"reference": 1, "design": 4, "infill": 2, "final": 1, "total": 8, "reused": 0}
+    assert summary["runs"] == {
+        "reference": 1,
+        "design": 4,
+        "infill": 2,
+        "final": 1,
+        "total": 8,
+        "search": 6,
+        "reused": 0,
+    }
     assert summary["iterations"] == 2
     assert (summary["converged"], summary["stop_reason"]) == (False, "unreachable")
     assert summary["wall_seconds"] == {}

@@ -175,6 +175,10 @@ class Targets(dict[str, Target]):
         """Targets of all passes, these first."""
         return (self, *self.further)
 
+    def level_only(self, name: str) -> bool:
+        """Whether a material is seen at one incidence in each pass that shows it."""
+        return all(one[name].level_only for one in self.passes if name in one)
+
     def textured(self, name: str) -> bool:
         """Whether a material has far fewer looks than the image's homogeneous areas, and hence texture."""
         return self[name].looks < _TEXTURED * self.looks
