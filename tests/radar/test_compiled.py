@@ -9,7 +9,9 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from radcal.radar import compiled
@@ -23,6 +25,12 @@ from radcal.radar import points
 one = points.Points(np.zeros(1), np.zeros(1), np.ones(1, np.float32), np.ones(1, np.uint32))
 print(points.phased(one, 7)[0].tolist(), sum(points._phases.stats.cache_hits.values()), points.__file__)
 """
+
+
+@compiled.threaded
+def shared(part: Any, found: Any, factor: Any) -> None:
+    for i in range(part[0], part[1]):
+        found[i, 0], found[i, 1] = part[0], factor * i
 
 
 def twice(x: int) -> int:
@@ -89,6 +97,17 @@ def test_one_process_compiles_a_function_and_others_wait(tmp_path: Path, monkeyp
     monkeypatch.setattr(compiled.time, "sleep", sleep)
     assert double(21) == 42
     assert len(waits) == 3
+
+
+@pytest.mark.parametrize(
+    ("threads", "first"), [(3, [0] * 3 + [3] * 4 + [7] * 4), (3, [0, 1]), (1, [0, 0, 0, 0]), (3, [])]
+)
+def test_threads_share_a_loop_evenly(monkeypatch: pytest.MonkeyPatch, threads: int, first: list[int]) -> None:
+    monkeypatch.setattr(compiled._config, "NUMBA_NUM_THREADS", threads)
+    found = np.full((len(first), 2), -1)
+    shared(len(first), found, 5)
+    np.testing.assert_array_equal(found[:, 0], first)
+    np.testing.assert_array_equal(found[:, 1], 5 * np.arange(len(first)))
 
 
 def test_every_module_with_compiled_functions_is_found(package: Path) -> None:
