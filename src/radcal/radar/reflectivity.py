@@ -59,7 +59,7 @@ def uniform(power: NDArray[np.float32]) -> Reflectivity:
         shape,
         np.arange(n + 1, dtype=np.int32),
         np.ones(n, dtype=np.uint8),
-        np.require(power, np.float32, ["C", "W"]).ravel(),  # compiled functions for read-only arrays would be others
+        np.require(power, np.float32, ["C", "W"]).ravel(),  # for read-only arrays, everything is compiled again
     )
 
 
