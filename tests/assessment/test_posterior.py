@@ -125,6 +125,7 @@ def test_a_removed_offset_has_its_own_error():
     assert Budget.of(config, Levels("offset", 1.2, 0.25)).level_db == 0.25
 
 
+@pytest.mark.statistics
 def test_the_linear_band_covers_hidden_laws():
     """Fifty lines with speckle of their own and a level that is off."""
     rng = np.random.default_rng(11)
@@ -143,6 +144,7 @@ def test_the_linear_band_covers_hidden_laws():
     assert 0.80 <= np.mean(held) <= 0.98
 
 
+@pytest.mark.statistics
 def test_rejection_draws_the_prior_that_the_sampler_sees():
     bins = made_bins(LAWS["mangia"], MANGIA_BOX, MANGIA_X, free_looks=True)
     bins.bins = replace(bins.bins, priors=True)

@@ -53,6 +53,7 @@ def test_law_and_looks_are_found(misfit):
     assert found["field"].identified > 20.0
 
 
+@pytest.mark.statistics
 @pytest.mark.parametrize("looks", [4.0, 2.5])
 def test_the_prior_hardly_moves_the_looks_of_a_single_field(looks):
     """Its bins tell the spread of a field, and not of how many looks other fields are."""
@@ -103,6 +104,7 @@ def test_an_error_of_the_incidence_is_undone_where_it_is_known():
     assert slope["with"] == pytest.approx(wanted, rel=0.1)
 
 
+@pytest.mark.statistics
 def test_bands_hold_and_patches_help():
     held = []
     for seed in range(4):

@@ -67,6 +67,7 @@ def test_a_displaced_image_is_brought_back(registered):
     assert np.isin(moved[np.isfinite(moved)], registered.unregistered_db).all()
 
 
+@pytest.mark.statistics
 def test_the_uncertainty_is_that_of_the_error():
     errors, said = [], []
     for seed in range(4):

@@ -34,12 +34,13 @@ def _no_warnings():
 
 @pytest.fixture(scope="module")
 def figures(made, tmp_path_factory):
-    """Figures in files, whose fonts are not cut to their letters, which takes a third of the time of a report.
+    """Figures in files, of few pixels and with fonts that are not cut to their letters, which takes half as long.
 
-    The small calibration writes them with the fonts that users get.
+    The small calibration writes them with the pixels and the fonts that users get.
     """
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(drawing.STYLE, "pdf.fonttype", 3)
+        patch.setattr(module, "_DPI", 50)
         yield write_figures(made.archive, tmp_path_factory.mktemp("case") / "figures")
 
 
