@@ -87,6 +87,27 @@ def test_a_constant_discrepancy_is_known_from_one_run(runs):
     np.testing.assert_allclose(found.predict(found.unit(x)), truth(x), atol=1e-9)
 
 
+def test_one_run_is_wrong_elsewhere_by_its_own_difference_from_the_baseline():
+    """A process of this mean square and a length scale of one width: 1 - exp(-d^2) of it is unknown at a distance d."""
+    shift = np.array([[0.7, -0.1, 0.2], [-1.2, 0.3, 0.0]])
+    found = surrogate(1, lambda x: truth(x) - shift)
+    at = found.unit(points(1)) + [[0.0, 0.0], [0.3, -0.4], [0.0, 0.2]]
+    wanted = np.outer(1.0 - np.exp([-0.0, -0.25, -0.04]), (shift**2).mean(axis=0))
+    np.testing.assert_allclose(found.error(at) ** 2, wanted, atol=1e-15)
+
+
+def test_errors_of_runs_that_leave_one_out_finds_larger_are_larger():
+    """Points that scatter at a length scale that is far too long for them."""
+    x, values = points(9), np.random.default_rng(4).normal(size=(9, 2, 3))
+    made = train_surrogate(objective(), x, values, POSTERIOR)
+    found = Surrogate(replace(made, scales=np.full((3, 2), 2.0), nugget=np.full(3, 1e-4)), objective())
+    unit, new = found.unit(x), np.array([[0.2, 0.9], [0.5, 0.4]])
+    each = [Kriging(unit, values[..., k], [2.0, 2.0], 1e-4) for k in range(3)]
+    ratio = found.error(new) / found.standard_error(new)[:, 0]
+    np.testing.assert_allclose(ratio**2, np.tile([model.excess for model in each], (2, 1)))
+    assert ratio.min() > 1.05
+
+
 def test_a_right_baseline_is_kept_and_helps():
     def near(x):  # what is missing changes little, and slowly, with X
         return truth(x) + 0.02 * np.asarray(x)[0]
