@@ -12,13 +12,15 @@ from radcal.measurement.goodness import effective_sample_size, goodness_of_fit
 SHAPE = (150, 170)
 
 
-def test_distances_are_those_of_scipy():
-    values = np.sort(np.random.default_rng(1).normal(-10.0, 3.0, 400))
-    dp = (-10.2, 2.9, 0.0)
-    ks, ad = distances(values, dp)
-    assert ks == pytest.approx(stats.kstest(values, stats.norm(-10.2, 2.9).cdf).statistic, rel=1e-9)
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_distances_are_those_of_scipy(sign):
+    """Mirrored, the largest difference lies on the other side of a step."""
+    values = np.sort(sign * np.random.default_rng(1).normal(-10.0, 3.0, 400))
+    fitted = stats.norm(-10.2 * sign, 2.9)
+    ks, ad = distances(values, (-10.2 * sign, 2.9, 0.0))
+    assert ks == pytest.approx(stats.kstest(values, fitted.cdf).statistic, rel=1e-9)
     # the definition as an integral, weighted by 1 / (F (1 - F)), step by step between the values
-    f = np.concatenate([[1e-15], stats.norm(-10.2, 2.9).cdf(values), [1 - 1e-15]])
+    f = np.concatenate([[1e-15], fitted.cdf(values), [1 - 1e-15]])
     share = np.arange(values.size + 1) / values.size
     integral = share**2 * np.diff(np.log(f / (1 - f))) + 2 * share * np.diff(np.log(1 - f)) - np.diff(f + np.log(1 - f))
     assert ad == pytest.approx(values.size * integral.sum(), rel=1e-6)
@@ -44,7 +46,7 @@ def test_p_values_of_fitted_samples_are_uniform():
 )
 def test_what_is_no_skew_normal_is_told(values):
     found = goodness_of_fit(values, skewnormal.fit(values).dp, np.random.default_rng(0))
-    assert found.ad_p <= 0.01
+    assert found.ad_p == 0.01  # the sample itself is one of a hundred
     assert found.ks > 0.02
 
 
@@ -81,6 +83,24 @@ def test_a_slope_of_level_is_not_taken_for_correlation():
     inside = np.arange(image.size)
     drawn = np.sort(np.random.default_rng(1).choice(inside, 1000, replace=False))
     assert effective_sample_size(image.astype(np.float32), inside, drawn) > 800
+
+
+def test_correlated_pixels_on_a_slope_of_level_stay_correlated():
+    smooth = uniform_filter(np.random.default_rng(0).normal(size=SHAPE), (3, 5), mode="wrap")
+    slope = 1.5 * smooth.std() * np.linspace(-1.0, 1.0, SHAPE[0])[:, None]
+    inside = np.arange(smooth.size)
+    found = effective_sample_size((smooth + slope).astype(np.float32), inside, inside)
+    assert found == pytest.approx(smooth.size / 15, rel=0.25)
+
+
+def test_opposite_edges_are_no_neighbours():
+    """Three rows at the top, and the same values again in three rows at the bottom, or others."""
+    image = np.random.default_rng(0).normal(size=SHAPE).astype(np.float32)
+    same = image.copy()
+    same[-3:] = same[:3]
+    inside = np.flatnonzero(np.isin(np.indices(SHAPE)[0], [0, 1, 2, 147, 148, 149]))
+    found, other = (effective_sample_size(one, inside, inside) for one in (same, image))
+    assert found == pytest.approx(other, rel=0.15)
 
 
 def test_what_the_incidence_explains_is_no_correlation():
