@@ -37,9 +37,10 @@ def test_several_gains_of_a_field_count_once():
 
 
 def test_a_gain_within_its_error_is_none():
-    found = Gain.of(np.arange(4), np.array([0.9, -0.5, 0.3, -0.4]))
-    assert not found.better
-    assert not found.worse
+    for sign in (1.0, -1.0):
+        found = Gain.of(np.arange(4), sign * np.array([0.9, -0.5, 0.3, -0.4]))
+        assert not found.better
+        assert not found.worse
     assert Gain.of(np.arange(4), np.array([-0.9, -0.5, -0.3, -0.4])).worse
 
 
