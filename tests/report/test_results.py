@@ -137,6 +137,14 @@ def test_a_proposal_that_was_simulated_before_is_no_further_run(made, tmp_path):
     before, after = summarise(made.archive), summarise(again)
     assert (before["runs"]["infill"], after["runs"]["infill"]) == (2, 1)
     assert before["iterations"] == after["iterations"] == 2
+    # of the design, too, whose later runs and the infill are counted all the same
+    twice = [
+        *made.history.runs[:2],
+        replace(made.history.runs[2], key=made.history.runs[1].key),
+        *made.history.runs[3:],
+    ]
+    counted = summarise(made.gathered(tmp_path / "twice.h5", history=History(twice)))["runs"]
+    assert (counted["design"], counted["infill"]) == (3, 2)
 
 
 def test_a_law_without_a_curve_is_neither_identified_nor_not(made, build_archive, tmp_path):
