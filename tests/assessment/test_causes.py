@@ -12,7 +12,9 @@ from calibration_samples import make_target
 from radcal.assessment.causes import UNKNOWN, area_slope, likely_cause
 from radcal.assessment.fit_test import FitTest
 from radcal.calibration.grounds import fit_grounds
+from radcal.calibration.incidence_error import error_behind
 from radcal.calibration.misfit import Method
+from radcal.measurement.classes import make_classes
 from radcal.measurement.ground import Ground
 from radcal.radar.laws import LAWS
 
@@ -65,7 +67,19 @@ def test_the_area_of_slopes_is_radiometry(sign):
     assert slope == pytest.approx(sign, abs=4.0 * error)
     assert error < 0.1
     said = "radiometry: the residuals go with the area of the ground in a pixel"
-    assert cause_of(parts, misfit_of()).startswith(said)
+    assert cause_of(parts, misfit_of()).startswith(f"{said} ({'+' if sign > 0 else '-'}")
+    # half as many independent pixels leave sqrt(2) times the error
+    half = replace(law, ground=replace(law.ground, independent=0.5))
+    assert area_slope(half, area_db) == pytest.approx((slope, np.sqrt(2.0) * error))
+
+
+def test_a_bent_law_is_no_area():
+    """Residuals of third degree in the incidence, as a law of the wrong form leaves them in a bin."""
+    law, *_, area_db = made()
+    at = law.ground.incidence_deg
+    whole = replace(law, classes=make_classes(law.ground.values_db, at, 1))
+    bent = replace(whole, ground=replace(law.ground, values_db=law.ground.values_db + 5e-4 * (at - 25.0) ** 3))
+    assert area_slope(bent, area_db) == pytest.approx(area_slope(whole, area_db), rel=1e-6, abs=1e-9)
 
 
 def test_half_of_the_area_is_not_radiometry():
@@ -102,6 +116,16 @@ def test_few_looks_may_be_an_error_of_the_incidence():
     found = cause_of(made(looks=2.6), misfit_of())
     assert found.startswith("an error of the local incidence of ")
     assert found.endswith(" degrees would spread the pixels so, as would texture")
+
+
+def test_an_error_that_is_nearly_all_of_the_map_explains_nothing():
+    """A map whose standard deviation is 1.6 degrees, and an error of 1.5."""
+    law, target, geometry, _ = made(looks=2.6)
+    at = 39.0 + 0.15 * (law.ground.incidence_deg - 39.0)
+    narrow = replace(law, ground=replace(law.ground, incidence_deg=at))
+    error, _ = error_behind(LAW, narrow.fit, at, 4.0)
+    assert 0.9 * np.var(at) < error**2 < error * 0.9 * np.var(at)
+    assert cause_of((narrow, target, geometry, None), misfit_of()) == UNKNOWN
 
 
 def test_at_one_incidence_no_error_of_it_explains_few_looks():

@@ -65,6 +65,8 @@ def test_the_same_density_gives_the_same_x(calibrated):
     keys = {"objective": "density", "stop": {"rms": 1e-3, "max_runs": 8}}
     (_, _, _, built_in, ended), (_, _, _, formula, end) = (calibrated(law, **keys) for law in ({}, MANGIA))
     assert (ended.reason, len(built_in.runs)) == (end.reason, len(formula.runs))
+    assert [run.index for run in built_in.infill] == list(range(len(built_in.infill)))
+    assert len(built_in.infill) > 1
     for one, other in zip(built_in.runs, formula.runs, strict=True):
         assert one.scores["field"].parameters == other.scores["field"].parameters
         assert one.scores["field"].dp == other.scores["field"].dp

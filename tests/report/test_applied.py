@@ -66,6 +66,11 @@ def test_the_interval_is_that_of_law_speckle_level_and_fields() -> None:
     assert half(found(drawn(), many, level_db=0.7)[1]) == pytest.approx(QUANTILE * np.sqrt(0.49 + rest), rel=0.05)
     for fields in ((0.6, 0.0), (0.0, 0.6)):
         assert half(found(drawn(fields=fields), many)[0]) == pytest.approx(QUANTILE * np.sqrt(0.36 + rest), rel=0.05)
+    # a bin of four fields, and of two blocks
+    several = replace(many, patches=0.25 * many.patches, cells=0.5 * many.cells)
+    for fields, variance in (((0.6, 0.0), 0.36 / 4.0), ((0.0, 0.6), 0.36 / 2.0)):
+        expected = QUANTILE * np.sqrt(variance + rest)
+        assert half(found(drawn(fields=fields), several)[0]) == pytest.approx(expected, rel=0.05)
 
 
 def test_the_middle_is_the_image_moved_to_the_looks_of_the_draws() -> None:
@@ -93,6 +98,9 @@ def test_angles_are_called_what_they_are() -> None:
     posterior = drawn()
     posterior.seen_deg = np.array([[22.0, 45.0]])
     assert [one.known for one in found(posterior, sight())] == ["known", "not seen"]
+    for ends in ((30.0, 35.0), (25.0, 30.0)):
+        posterior.known_between_deg = ends
+        assert found(posterior, sight())[0].known == "known"
     posterior.known_between_deg = None
     assert [one.known for one in found(posterior, sight())] == ["not known", "not seen"]
 

@@ -51,6 +51,15 @@ def test_differences_are_those_over_the_incidence_that_both_have_seen(pair):
     assert law_difference(pair[0], far, "dyke") is None
 
 
+def test_all_passes_have_seen(pair):
+    """From the lowest angle of one to the highest of another."""
+    seen = np.array([[45.0, 52.0], [28.0, 37.0]])
+    several = replace(pair[1].materials["dyke"].posterior, seen_deg=seen)
+    found = law_difference(changed_material(pair[0], "dyke", posterior=several), pair[1], "dyke")
+    assert found.seen_deg == (30.0, 50.0)
+    assert found.mean_db == 0.0
+
+
 def test_the_command_prints_a_table_and_draws_a_figure(pair, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for archive, name in zip(pair, ("small", "other"), strict=True):
