@@ -248,3 +248,20 @@ def test_replicates_have_the_covariance():
     sd = np.sqrt(np.diag(wanted))
     np.testing.assert_allclose(np.cov(drawn.T)[:6, :6] / np.outer(sd, sd), wanted / np.outer(sd, sd), atol=0.06)
     np.testing.assert_allclose(drawn.mean(axis=0)[:6] / sd, 0.0, atol=0.05)
+
+
+def test_bins_of_nearly_normal_pixels_share_powers_of_the_correlation():
+    """Speckle of very many looks: covariances of normal means, variances and third moments are closed forms."""
+    incidence = np.linspace(30.0, 50.0, 200)
+    classes = make_classes(np.zeros(200), incidence, 2)
+    variance = np.array([1e-4, 4e-4])
+    pairs = np.array(
+        [[[0.02, 0.012], [0.012, 0.03]], [[0.015, 0.006], [0.006, 0.02]], [[0.011, 0.002], [0.002, 0.012]]]
+    )
+    classes = replace(
+        classes, pairs=pairs, speckle_db2=variance, cumulants=np.stack([0.0 * variance, variance, 0.0 * variance], -1)
+    )
+    found = one_patch(classes).sampling.reshape(3, 2, 3, 2)
+    sd = np.sqrt(variance)
+    for k, wanted in enumerate([np.outer(sd, sd) * pairs[0], 0.5 * pairs[1], 6.0 * pairs[2]]):
+        np.testing.assert_allclose(found[k, :, k], wanted, rtol=0.01)
