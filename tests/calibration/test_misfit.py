@@ -265,3 +265,11 @@ def test_bins_of_nearly_normal_pixels_share_powers_of_the_correlation():
     sd = np.sqrt(variance)
     for k, wanted in enumerate([np.outer(sd, sd) * pairs[0], 0.5 * pairs[1], 6.0 * pairs[2]]):
         np.testing.assert_allclose(found[k, :, k], wanted, rtol=0.01)
+    # the skewed speckle of few looks correlates a bin's mean with another's log sd, as much the other way round
+    few = np.array([5.0, 5.0])
+    found = one_patch(
+        replace(classes, speckle_db2=few, cumulants=np.stack([0.0 * few, few, 0.0 * few], -1))
+    ).sampling.reshape(3, 2, 3, 2)
+    alone = sampling_covariance(5.0, 1.0)
+    np.testing.assert_allclose(found[0, 0, 1, 1], alone[0, 1] * pairs[0, 0, 1], rtol=1e-9)
+    np.testing.assert_allclose(found[1, 0, 0, 1], alone[0, 1] * pairs[0, 0, 1], rtol=1e-9)
