@@ -241,6 +241,10 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
         {"radar": {"azimuth_resolution_m": 1e4}},
         ["radar: azimuth_resolution_m is 10000, expected at most 1000 times azimuth_spacing_m (2.5)"],
     ),
+    (
+        {"radar": {"range_resolution_m": 1.7, "range_spacing_m": 1.5}},
+        ["radar.range_resolution_m is 1.7, expected at least 1.78 at radar.range_spacing_m of 1.5", "at most 1.44"],
+    ),
     # other shapes than those expected
     ({"radar": None}, ["some.yaml: radar is None, expected keys and values."]),
     ({"radar": [4]}, ["radar is 4, expected keys and values."]),
