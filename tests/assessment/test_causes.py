@@ -15,6 +15,7 @@ from radcal.calibration.grounds import fit_grounds
 from radcal.calibration.incidence_error import error_behind
 from radcal.calibration.misfit import Method
 from radcal.measurement.classes import make_classes
+from radcal.measurement.correlation import Correlation
 from radcal.measurement.ground import Ground
 from radcal.radar.laws import LAWS
 
@@ -69,8 +70,12 @@ def test_the_area_of_slopes_is_radiometry(sign):
     said = "radiometry: the residuals go with the area of the ground in a pixel"
     assert cause_of(parts, misfit_of()).startswith(f"{said} ({'+' if sign > 0 else '-'}")
     # half as many independent pixels leave sqrt(2) times the error
-    half = replace(law, ground=replace(law.ground, independent=0.5))
-    assert area_slope(half, area_db) == pytest.approx((slope, np.sqrt(2.0) * error))
+    # neighbours in a row of the image correlated by a half: half of the pixels are independent, but for the row's ends
+    lags = np.zeros((13, 13))
+    lags[6, 5:8] = [0.5, 1.0, 0.5]
+    pixels = np.arange(ROWS * COLUMNS)
+    half = replace(law, ground=replace(law.ground, pixels=pixels, correlation=Correlation(lags, pixels.size)))
+    assert area_slope(half, area_db) == pytest.approx((slope, np.sqrt(2.0) * error), rel=1e-3)
 
 
 def test_a_bent_law_is_no_area():

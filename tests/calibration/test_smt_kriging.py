@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from smt.surrogate_models import KRG
 
 from radcal.calibration.kriging import Kriging, train
 from radcal.calibration.smt_kriging import train_smt
@@ -18,6 +17,8 @@ def example(n=5):
 
 def test_length_scales_are_smts(capfd):
     """In widths of the box: kriging with them predicts what smt's own model does."""
+    from smt.surrogate_models import KRG
+
     x, y = example()
     scales, nugget, status = train_smt(x, y)
     model = KRG(print_global=False)

@@ -307,7 +307,7 @@ def test_held_out_ground_and_classes_are_drawn(made):
         assert drawn(canvas) == []
         assert "Dots" in caption
         # bars of 95 %
-        (bars,) = [one for one in canvas.axes[0].containers if one.get_label() == "bins, 95 %"]
+        (bars,) = [one for one in canvas.axes[0].containers if one.get_label() == "levels of bins, 95 %"]
         for segment, level in zip(bars[2][0].get_segments(), (25.0, 35.0), strict=True):
             np.testing.assert_allclose(segment[:, 1], [level - 1.96 * level, level + 1.96 * level])
         assert "Dots" not in law(case, "stem beans")[1]
