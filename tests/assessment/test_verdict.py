@@ -74,7 +74,10 @@ def test_one_incidence_is_a_level_only():
     # a level that is off shows at one incidence, too; what differs from bin to bin there is no misfit of a law
     off = without_angles(fit_of(False, mean_db=-3.0))
     assert off.fits is False
-    assert "does not fit" in verdict("water", off, level_only=True)
+    assert verdict("water", off, level_only=True) == (
+        "water: level only, seen at one incidence, and does not fit: its simulated mean is 3.0 dB below the measured; "
+        "cause unknown."
+    )
     for test in (fit_of(), fit_of(False, mean_db=0.3, worst_mean_db=1.2), fit_of(None)):
         assert without_angles(test).fits is None
     wide = without_angles(fit_of(False, sd_db=4.0, measured_sd_db=4.7))

@@ -62,7 +62,10 @@ def verdict(
         Standard deviation between fields [dB].
     """
     wide = f"; fields differ by {between_db:.1f} dB (sd), which can hide a misfit" * (between_db > DOUBTFUL_SPREAD_DB)
-    if level_only and test.fits is not False:
+    if level_only:
+        if test.fits is False:
+            off = f"its simulated mean {_off(test.mean_db)} the measured"
+            return f"{name}: level only, seen at one incidence, and does not fit: {off}; {cause or 'cause unknown'}."
         spread = f"; {_spread(test)}" * bool(_spread(test))
         return f"{name}: level only, seen at one incidence{spread}{wide}."
     if test.fits is None:
