@@ -13,4 +13,5 @@ with logged(snakemake.log[0], snakemake.params.case):
     targets = read_targets(*snakemake.input.target)
     posterior = posterior_of(case, targets, history, name)
     write_posterior(snakemake.output.posterior, posterior)
-    progress(f"{name}: if its law fits, {posterior.sentence(case.uncertainty.known_db, targets.level_only(name))}")
+    said = posterior.sentence(case.uncertainty.known_db, targets.level_only(name))
+    progress(f"{name}: {'if its law fits, ' * (posterior.known_between_deg is not None)}{said}")
