@@ -95,7 +95,6 @@ def rehearse() -> None:
     from radcal.report.drawing import STYLE, new_canvas
 
     ImageFormation(Radar(), (20, 20), -20.0).intensity(uniform(np.ones((20, 20), np.float32)), 1)
-    STYLE["pdf.fonttype"] = 3  # fonts cut to their letters take a third of a report's time; tests that start cold do it
     with mpl.rc_context(STYLE):
         canvas = new_canvas(3.0, 2.0)
         canvas.subplots().plot([-1.0, 2.0], label="a")
