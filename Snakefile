@@ -33,6 +33,8 @@ SESSION = open_session(
 )
 CASE, FILES, OUT = SESSION.case, SESSION.inputs, SESSION.folder
 config["stop"] = CASE.sections("stop")["stop"]  # with all defaults, for the scripts
+# for words on the time left alone, so that no job depends on it
+config["design_size"] = CASE.design_size
 
 
 include: "workflow/rules/passes.smk"

@@ -94,14 +94,14 @@ def tested(found: GroundLaw, objective: str, seed: int) -> FitTest:
     return check_fit(comparison, score, pixels, float("nan"), np.random.default_rng(seed))
 
 
-def grounds_of(kind: str, objective: str, count: int, looks: float) -> list[tuple[GroundLaw, FitTest]]:
+def grounds_of(kind: str, objective: str, count: int, looks: float, seed: int) -> list[tuple[GroundLaw, FitTest]]:
     """Laws found of so many grounds, and their tests."""
     misfit = {"classes": BinMisfit, "likelihood": LikelihoodMisfit}[objective]
     results = []
     for first in range(0, count, SEVERAL):
         # the seed does not depend on the kind: the same truths are disturbed
         grounds = {
-            str(k): made_ground(kind, looks, np.random.default_rng(1000 + k)) for k in range(first, first + SEVERAL)
+            str(k): made_ground(kind, looks, np.random.default_rng(seed + k)) for k in range(first, first + SEVERAL)
         }
         found = fit_grounds(grounds, dict.fromkeys(grounds, Method(LAW, BOX, LOOKS, misfit=misfit)))
         results += [(law, tested(law, objective, int(name))) for name, law in found.items()]
@@ -151,6 +151,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="20 grounds of each kind in place of 120")
     parser.add_argument("--objective", choices=["classes", "likelihood"], default="classes", help="what was minimised")
+    parser.add_argument("--first", type=int, default=1000, help="seed of the first ground of each kind")
     arguments = parser.parse_args()
     count = 20 if arguments.quick else 120
     result: dict[str, Any] = {}
@@ -159,7 +160,7 @@ def main() -> None:
         print(f"{'truth':14} {'n':>4} {columns}")
         for kind, looks in [*((kind, LOOKS) for kind in KINDS), ("right", 2.5)]:
             name = kind if looks == LOOKS else f"{kind}_{looks:g}_looks"
-            found = grounds_of(kind, arguments.objective, count, looks)
+            found = grounds_of(kind, arguments.objective, count, looks, arguments.first)
             line = result[name] = row(found)
             print(
                 f"{name:14} {line['n']:4.0f} {line['does_not_fit']:12.3f} {line['p_below_0.05']:9.3f} "

@@ -30,6 +30,7 @@ from radcal.assessment.budget import FIELD_FREEDOM, Budget
 from radcal.assessment.curves import Curves
 from radcal.assessment.posterior import draw, sigma0_db, summarised
 from radcal.assessment.unknowns import Model
+from radcal.calibration.grounds import bins_of
 from radcal.calibration.law_fit import LOOKS
 from radcal.calibration.objectives.bins import Bins
 from radcal.calibration.objectives.objective import Material
@@ -37,7 +38,7 @@ from radcal.calibration.priors import CurvePrior, looks_residuals
 from radcal.calibration.surrogate import Surrogate, Training
 from radcal.config import Uncertainty
 from radcal.measurement.class_target import ClassTarget
-from radcal.measurement.classes import class_of, incidence_edges, make_classes
+from radcal.measurement.classes import class_of, incidence_edges
 from radcal.measurement.goodness import Goodness
 from radcal.measurement.ground import Ground
 from radcal.measurement.levels import Levels
@@ -95,7 +96,7 @@ def simulated(seed: int, budget: Budget, looks: float | None) -> tuple[Ground, d
 def model_of(ground: Ground, config: Uncertainty) -> Model:
     """Model of a ground's pixels, on a surrogate that is law and speckle."""
     edges = incidence_edges(ground.incidence_deg, "auto")
-    classes = make_classes(ground.values_db, ground.incidence_deg, "auto")
+    classes = bins_of(ground, "auto")
     bins = ClassTarget(classes, Spread(0.5, 0.3), 1, True, True, STATED_DEG, BOX.mean(axis=1), SENSOR)
     nothing, count = np.zeros(3), np.arange(PIXELS)
     target = Target(

@@ -30,7 +30,7 @@ from radcal.assessment.validation import cross_validate, held_out
 from radcal.calibration.grounds import GroundLaw, fit_grounds, marginal_law
 from radcal.calibration.incidence_error import incidence_warnings
 from radcal.calibration.misfit import LikelihoodMisfit, Method
-from radcal.measurement.goodness import effective_sample_size
+from radcal.measurement.correlation import estimate_correlation
 from radcal.measurement.ground import Blocks, Ground
 from radcal.measurement.patches import label_patches
 from radcal.radar.laws import LAWS
@@ -135,7 +135,8 @@ def flevoland_grounds(folder: Path, polarisation: str) -> dict[str, Ground]:
             incidence[row],
             label_patches(labels == number)[mask],
             row // MEANS,
-            effective_sample_size(image, pixels, pixels) / pixels.size,
+            pixels,
+            estimate_correlation(image, pixels),
         )
     return grounds
 

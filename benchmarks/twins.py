@@ -153,7 +153,7 @@ def single_threaded(job: tuple[str, int]) -> dict[str, Any]:
     import numba
     from threadpoolctl import threadpool_limits
 
-    numba.set_num_threads(1)
+    numba.config.NUMBA_NUM_THREADS = 1
     with threadpool_limits(1):
         return twin(*job)
 

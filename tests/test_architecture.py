@@ -41,6 +41,10 @@ FLOW: list[tuple[str, list[str]]] = [
 EXCEPTIONS: dict[Edge, str] = {
     ("config", "radar.bands"): "letters of bands are checked against a table that knows no configuration",
     ("config", "radar.laws"): "names, lengths and ranges of parameters are checked against the registry of laws",
+    (
+        "config",
+        "radar.speckle",
+    ): "resolutions are checked against the width of a band, a number that knows no configuration",
     ("config", "scene.objects"): "kinds of objects are checked against a list that knows no configuration",
 }
 

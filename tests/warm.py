@@ -2,7 +2,8 @@
 
 The workflow stays the real one: Snakefile, rules, profile and scripts as they are, one process for Snakemake and one
 for each job. Only the start of an interpreter and its imports, three quarters of a tiny calibration's CPU time, are
-spent once. The small calibration, the tests of faults and those of the cluster start everything as people do.
+spent once, and fonts in PDF files are not cut to their letters. The small calibration, the tests of faults and those of
+the cluster start everything as people do.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import ast
 import contextlib
 import gc
 import importlib
+import io
 import json
 import os
 import random
@@ -73,13 +75,31 @@ def interpreter(path: str) -> list[str]:
 
 
 def preload() -> None:
-    """Import what the scripts name, and what they come to later; run none of it, so that there is no thread to fork."""
+    """Import what the scripts name, and what they come to later; nothing of it starts a thread, to fork safely."""
     for script in sorted(SCRIPTS.glob("*.py")):
         for node in ast.parse(script.read_text()).body:
             if isinstance(node, ast.ImportFrom) and node.module:
                 importlib.import_module(node.module)
     for name in LATE:
         importlib.import_module(name)
+    rehearse()
+
+
+def rehearse() -> None:
+    """Form an image and draw a figure, so that machine code and fonts are loaded before the fork, not in each job."""
+    import matplotlib as mpl
+
+    from radcal.config import Radar
+    from radcal.radar.image import ImageFormation
+    from radcal.radar.reflectivity import uniform
+    from radcal.report.drawing import STYLE, new_canvas
+
+    ImageFormation(Radar(), (20, 20), -20.0).intensity(uniform(np.ones((20, 20), np.float32)), 1)
+    with mpl.rc_context(STYLE):
+        canvas = new_canvas(3.0, 2.0)
+        canvas.subplots().plot([-1.0, 2.0], label="a")
+        for ending in ("png", "pdf"):
+            canvas.savefig(io.BytesIO(), format=ending)
 
 
 def serve(path: str) -> Callable[[], None]:

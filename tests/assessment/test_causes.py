@@ -12,7 +12,10 @@ from calibration_samples import make_target
 from radcal.assessment.causes import UNKNOWN, area_slope, likely_cause
 from radcal.assessment.fit_test import FitTest
 from radcal.calibration.grounds import fit_grounds
+from radcal.calibration.incidence_error import error_behind
 from radcal.calibration.misfit import Method
+from radcal.measurement.classes import make_classes
+from radcal.measurement.correlation import Correlation
 from radcal.measurement.ground import Ground
 from radcal.radar.laws import LAWS
 
@@ -65,7 +68,23 @@ def test_the_area_of_slopes_is_radiometry(sign):
     assert slope == pytest.approx(sign, abs=4.0 * error)
     assert error < 0.1
     said = "radiometry: the residuals go with the area of the ground in a pixel"
-    assert cause_of(parts, misfit_of()).startswith(said)
+    assert cause_of(parts, misfit_of()).startswith(f"{said} ({'+' if sign > 0 else '-'}")
+    # half as many independent pixels leave sqrt(2) times the error
+    # neighbours in a row of the image correlated by a half: half of the pixels are independent, but for the row's ends
+    lags = np.zeros((13, 13))
+    lags[6, 5:8] = [0.5, 1.0, 0.5]
+    pixels = np.arange(ROWS * COLUMNS)
+    half = replace(law, ground=replace(law.ground, pixels=pixels, correlation=Correlation(lags, pixels.size)))
+    assert area_slope(half, area_db) == pytest.approx((slope, np.sqrt(2.0) * error), rel=1e-3)
+
+
+def test_a_bent_law_is_no_area():
+    """Residuals of third degree in the incidence, as a law of the wrong form leaves them in a bin."""
+    law, *_, area_db = made()
+    at = law.ground.incidence_deg
+    whole = replace(law, classes=make_classes(law.ground.values_db, at, 1))
+    bent = replace(whole, ground=replace(law.ground, values_db=law.ground.values_db + 5e-4 * (at - 25.0) ** 3))
+    assert area_slope(bent, area_db) == pytest.approx(area_slope(whole, area_db), rel=1e-6, abs=1e-9)
 
 
 def test_half_of_the_area_is_not_radiometry():
@@ -104,7 +123,29 @@ def test_few_looks_may_be_an_error_of_the_incidence():
     assert found.endswith(" degrees would spread the pixels so, as would texture")
 
 
+def test_an_error_that_is_nearly_all_of_the_map_explains_nothing():
+    """A map whose standard deviation is 1.6 degrees, and an error of 1.5."""
+    law, target, geometry, _ = made(looks=2.6)
+    at = 39.0 + 0.15 * (law.ground.incidence_deg - 39.0)
+    narrow = replace(law, ground=replace(law.ground, incidence_deg=at))
+    error, _ = error_behind(LAW, narrow.fit, at, 4.0)
+    assert 0.9 * np.var(at) < error**2 < error * 0.9 * np.var(at)
+    assert cause_of((narrow, target, geometry, None), misfit_of()) == UNKNOWN
+
+
 def test_at_one_incidence_no_error_of_it_explains_few_looks():
     law, target, geometry, _ = made(looks=2.6)
     one = replace(law, ground=replace(law.ground, incidence_deg=39.0 + 0.005 * (law.ground.incidence_deg - 39.0)))
     assert cause_of((one, target, geometry, None), misfit_of()) == UNKNOWN
+
+
+def test_ground_darker_than_the_simulated_noise_is_told(right):
+    """The level of the worst bin, from which the mean of log speckle is taken off, beside the noise."""
+    law, target, geometry, area = right
+    level = float(LAW(np.radians(law.classes.nodes_deg[0]), TRUTH).mean())
+    below, above = (replace(target, noise_db=level + away) for away in (-0.4, 0.4))
+    dark = misfit_of(worst_deg=float(law.classes.nodes_deg[0].mean()), worst_mean_db=1.5)
+    assert "radar.nesz_db" in cause_of((law, above, geometry, area), dark)
+    assert cause_of((law, below, geometry, area), dark) == UNKNOWN
+    # a simulated image darker than the measured one has no noise too many
+    assert cause_of((law, above, geometry, area), replace(dark, worst_mean_db=-1.5)) == UNKNOWN

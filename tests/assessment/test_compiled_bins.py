@@ -52,10 +52,14 @@ def test_whitened_differences_have_the_density_of_their_covariance():
         RNG.uniform(0.1, 3.0, count),
         RNG.uniform(0.1, 2.0, (count, 3)),
     )
-    found, log_determinant = whitened(difference, base, between, patches, within, cells, error)
+    log_sds = np.array([[covariance(n), covariance(n)], [np.zeros((n, n)), covariance(n)]])
+    log_sds[1, 0] = log_sds[0, 1]
+    found, log_determinant = whitened(difference, base, between, patches, within, cells, log_sds, error)
     for m in range(count):
         whole = base + np.diag(np.repeat(error[m] ** 2, n))
         whole[:n, :n] += between[m] * patches + within[m] * cells
+        both = np.array([between[m], within[m]])
+        whole[n : 2 * n, n : 2 * n] += np.einsum("a,b,abij->ij", both, both, log_sds)
         wanted = multivariate_normal(cov=whole).logpdf(difference[m])
         density = -0.5 * (found[m] @ found[m]) - log_determinant[m] - 1.5 * n * np.log(2.0 * np.pi)
         assert density == pytest.approx(wanted, rel=1e-10)
@@ -64,7 +68,7 @@ def test_whitened_differences_have_the_density_of_their_covariance():
 def test_a_covariance_that_is_none_gives_nan():
     found, log_determinant = whitened(
         np.ones((1, 3)), np.diag([1.0, -1.0, 1.0]), np.zeros(1), np.zeros((1, 1)), np.zeros(1), np.zeros((1, 1)),
-        np.zeros((1, 3)),
+        np.zeros((2, 2, 1, 1)), np.zeros((1, 3)),
     )  # fmt: skip
     assert np.isnan(log_determinant[0])
     assert np.isnan(found[0, 1:]).all()

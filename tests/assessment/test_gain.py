@@ -29,10 +29,18 @@ def test_the_standard_error_is_the_jackknifes():
     assert drawn.std() == pytest.approx(found.error * np.sqrt(4.0 / 5.0), rel=0.02)
 
 
+def test_several_gains_of_a_field_count_once():
+    """Fields of 0.2 (twice), 0.5 and -0.1: their means scatter by 0.3."""
+    found = Gain.of(np.array([3, 8, 3, 5]), np.array([0.1, 0.5, 0.3, -0.1]))
+    assert (found.mean, found.fields) == (pytest.approx(0.2), 3)
+    assert found.error == pytest.approx(0.3 / np.sqrt(3.0))
+
+
 def test_a_gain_within_its_error_is_none():
-    found = Gain.of(np.arange(4), np.array([0.9, -0.5, 0.3, -0.4]))
-    assert not found.better
-    assert not found.worse
+    for sign in (1.0, -1.0):
+        found = Gain.of(np.arange(4), sign * np.array([0.9, -0.5, 0.3, -0.4]))
+        assert not found.better
+        assert not found.worse
     assert Gain.of(np.arange(4), np.array([-0.9, -0.5, -0.3, -0.4])).worse
 
 

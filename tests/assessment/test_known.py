@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from radcal.assessment.curves import GRID_DEG, Curves
-from radcal.assessment.known import Band, band_of, directions, known_between, modes_of
+from radcal.assessment.known import Band, band_of, directions, known_between, modes_of, why_unknown
 from radcal.radar.laws import LAWS, law_for
 
 ANGLES = np.arange(0.0, 85.25, 0.25)
@@ -43,6 +43,21 @@ def test_a_prior_that_is_as_narrow_says_that_the_pixels_add_nothing():
     assert known_between(band(1.0), band(2.1), [(20.0, 30.0)], 1.5) == (20.0, 30.0)
 
 
+def test_only_what_keeps_a_law_unknown_is_named():
+    def why(half: np.ndarray | float, prior: float, seen: tuple[float, float] = (20.0, 30.0)) -> str:
+        one, other = band(half), band(prior)
+        return why_unknown(ANGLES, one.half_width_db, other.half_width_db, [seen], 1.5)
+
+    of_band = "its 90 % band is nowhere narrower than +-1.8 dB, wider than uncertainty.known_db (+-1.5 dB)"
+    assert why(0.09 * ANGLES, 12.0) == of_band
+    of_prior = "the priors alone leave +-1.7 dB, so that the pixels do not even halve it"
+    assert why(1.0, 1.7) == of_prior
+    assert why(1.8, 1.7) == f"{of_band} and {of_prior}"
+    assert why(1.0, 12.0) == "the law does not fit"
+    # at an angle between those of the grid
+    assert why(2.0, 12.0, (24.1, 24.2)).startswith("its 90 % band is nowhere narrower than +-2 dB")
+
+
 def test_the_largest_of_several_intervals_is_known():
     half = np.where((ANGLES > 24.0) & (ANGLES < 26.0), 3.0, 1.0)
     assert known_between(band(half), WIDE, [(20.0, 36.0)], 1.5) == (26.0, 36.0)
@@ -64,6 +79,9 @@ def test_combinations_that_the_data_fix_come_first():
     said = found.sentence(["X1", "X2"])
     assert "fixed by the pixels: +0.7" in said
     assert "not fixed: +0.7" in said
+    each = found.sentence(["X1", "X2"]).partition("not fixed")
+    assert each[0].count("-0.7") == 0
+    assert each[2].count("-0.7") == 1
 
 
 def test_curves_that_keep_apart_are_modes_with_their_shares():
@@ -74,6 +92,11 @@ def test_curves_that_keep_apart_are_modes_with_their_shares():
     assert found.share == pytest.approx([0.7, 0.3], abs=0.06)
     assert found.parameters[:, 0] == pytest.approx([4.0, -4.0], abs=0.2)
     assert modes_of(curves[x > 0], x[x > 0, None], [(20.0, 30.0)]).share == pytest.approx([1.0])
+    # nearer to each other than 1 dB they are one
+    for apart, groups in ((1.6, 2), (0.8, 1)):
+        near = np.where(np.arange(3000) % 10 < 7, 0.5 * apart, -0.5 * apart)
+        found = modes_of(near[:, None] * np.ones(GRID_DEG.size), near[:, None], [(20.0, 30.0)])
+        assert len(found.share) == groups
     # apart only where nothing is seen
     bent = np.where(GRID_DEG > 40.0, curves, 0.3 * rng.standard_normal((3000, 1)))
     assert len(modes_of(bent, x[:, None], [(20.0, 30.0)]).share) == 1
@@ -93,6 +116,9 @@ def test_curves_of_many_parameters_are_those_of_each(law, parameters):
     angles = np.array([[13.3, 41.17, 58.0]])
     found = Curves.at(curves(x), angles)
     assert found == pytest.approx(np.stack([law(np.radians(angles[0]), one) for one in x]), abs=0.01)
+    # between two angles of the grid a curve is straight
+    straight = Curves.at(np.stack([GRID_DEG, -2.0 * GRID_DEG]), np.array([[0.0, 13.3, 41.17, 90.0]]))
+    assert straight == pytest.approx(np.outer([1.0, -2.0], [0.0, 13.3, 41.17, 90.0]))
     each = Curves.at(curves(x), np.array([[20.0], [50.0]]))
     assert each[:, 0] == pytest.approx(
         [float(law(np.radians(a), one)) for a, one in zip((20.0, 50.0), x, strict=True)], abs=0.01

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from calibration_samples import make_target
 
+from radcal.assessment import law_check
 from radcal.assessment.constant import constants
-from radcal.assessment.law_check import _held_sentences, check_laws, texture_note
+from radcal.assessment.law_check import _held_sentences, _levels_asked, _start_db, check_laws, texture_note
 from radcal.assessment.validation import CrossValidation, HeldOut, cross_validate
 from radcal.calibration.expected import LawForward
 from radcal.calibration.history import History, Run, Score
@@ -247,3 +248,57 @@ def test_what_held_out_ground_says():
     assert _held_sentences(case, "area", replace(held, n_blocks=22, coverage_90=17 / 22)) == []
     (narrow,) = _held_sentences(case, "area", replace(held, n_blocks=22, coverage_90=15 / 22))
     assert "68 % of 22 held-out means lie inside" in narrow
+
+
+def test_the_level_asked_is_the_laws_where_bins_hold_what_is_expected():
+    """Measured cumulants are those of the law at 2.5 looks, as the run shows it with speckle of 4: nothing is asked."""
+    case, targets, history = made()
+    objective = make_objectives(case, targets)["area"]
+    law = objective.law(history.runs[0].scores["area"])
+    nodes = law.classes.nodes_deg
+    shown = LawForward(LAW, nodes, 2.5)(TRUTH)
+    law = replace(law, classes=replace(law.classes, cumulants=shown), fit=replace(law.fit, looks=2.5))
+    score = replace(
+        history.runs[0].scores["area"], statistics=from_cumulants(LawForward(LAW, nodes, 4.0)(TRUTH)).tolist()
+    )
+    angle, level, error = _levels_asked(law, score, 4.0)
+    np.testing.assert_allclose(angle, nodes.mean(axis=1))
+    np.testing.assert_allclose(level, LAW(np.radians(nodes), TRUTH).mean(axis=1))
+    np.testing.assert_allclose(error, np.sqrt(shown[:, 1] / law.classes.effective))
+    # an error of the incidence bends what is expected, and is taken off again: the law at the mapped angles is asked
+    method = replace(law.method, incidence_error_deg=3.0)
+    there = law_check.law_cumulants(LAW, TRUTH, law_check.true_angles(law.ground, law.classes, method, nodes))
+    bent = shown.copy()
+    bent[:, 0] += there[:, 0] - LAW(np.radians(nodes), TRUTH).mean(axis=1)
+    told = replace(law, method=method, classes=replace(law.classes, cumulants=bent))
+    np.testing.assert_allclose(_levels_asked(told, score, 4.0)[1], level)
+
+
+def test_the_start_is_expected_with_the_speckle_of_the_sensor():
+    case, targets, _ = made(materials={"area": {"calibrate": True, "bounds": [[0, 50]] * 4, "start": [9, 8, 7, 2]}})
+    ground = targets["area"].kept_out
+    speckle = 10.0 * np.log10(np.random.default_rng(1).gamma(4.0, 0.25, 400_000)).mean()
+    wanted = LAW(np.radians(ground.incidence_deg), [9.0, 8.0, 7.0, 2.0]) + speckle
+    np.testing.assert_allclose(_start_db(case, "area", ground), wanted, atol=0.02)
+    assert speckle < -0.5
+
+
+@pytest.mark.parametrize(("local", "looks"), [(2.5, 2.5), (9.0, 4.0), (float("nan"), 4.0)])
+def test_the_marginal_law_has_the_looks_of_neighbours_up_to_the_sensors(monkeypatch, local, looks):
+    asked = []
+    whole = law_check.marginal_law
+    monkeypatch.setattr(law_check, "marginal_law", lambda law, n: asked.append(n) or whole(law, n))
+    case, targets, history = made()
+    check_laws(case, Targets({"area": replace(targets["area"], looks=local)}), history)
+    assert asked == [looks]
+
+
+def test_folds_of_a_few_pixels_predict_nothing():
+    """Ten pixels in the odd blocks: neither half can be left out."""
+    case, targets, history = made(kept=(0, 1, 4, 5), validation={"rows": 20, "means": 10, "keep": "both"})
+    target = targets["area"]
+    block = target.block.copy()
+    block[:10] = 2
+    check = check_laws(case, Targets({"area": replace(target, block=block)}), history)["area"]
+    assert check.held is None
+    assert any("validation checks nothing" in said for said in check.sentences)

@@ -83,6 +83,19 @@ def test_level_and_fields_limit_what_a_pass_says(budget: Budget, fields: np.ndar
     assert sd_left(curves, [sight(independent=1e9)], AT_30, budget, fields=fields) == pytest.approx(expected, rel=1e-5)
 
 
+def test_an_error_of_the_noise_floor_counts_by_the_noise_in_the_mean_level() -> None:
+    """Noise 10 dB below the mean of curves that differ much is a tenth of the power."""
+    curves = lines(level_sd=3.0, slope_sd=0.0)
+    seen = sight(independent=1e12, noise_db=-20.0)
+    floor = 10.0 ** ((-20.0 - float(seen.means_db(curves).mean())) / 10.0)
+    prior, variance = seen.means_db(curves).var(), (2.0 * floor) ** 2
+    found = half_widths_after(curves, [seen], NO_FIELDS, 4.0, Budget(0.0, 0.5, 0.0, 0.0, 0.0, 2.0), AT_30)
+    across = np.mean((curves[:, 120] - curves[:, 120].mean()) * seen.means_db(curves)[:, 0])
+    left = curves[:, 120].var() - across**2 / (prior + variance)
+    ratio = float((found / half_widths_now(curves[:, AT_30]))[0])
+    assert ratio == pytest.approx(np.sqrt(left / curves[:, 120].var()), rel=1e-3)
+
+
 def test_ground_in_the_noise_says_little() -> None:
     curves = lines(level_sd=0.1, slope_sd=0.0)
     clear, equal, deep = (sd_left(curves, [sight(independent=2000.0, noise_db=n)], AT_30) for n in (-60.0, -10.0, 10.0))

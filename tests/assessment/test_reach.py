@@ -70,9 +70,23 @@ def test_a_level_above_all_laws_is_refused_unless_it_is_the_noises():
     with pytest.raises(ConfigError, match="the measured level is -15.0 dB"):
         check_reach(case, targets_at(-15.0))
     check_reach(case, targets_at(-15.0, noise_db=-16.0))
+    # up to 3 dB above the highest level of the law, -30 + 5 cos(phi) + 5 exp(-phi^2), is allowed
+    at = np.radians(np.linspace(30.0, 40.0, 60))
+    highest = float(np.mean(-30.0 + 5.0 * np.cos(at) + 5.0 * np.exp(-(at**2))))
+    check_reach(case, targets_at(highest + 2.9))
+    with pytest.raises(ConfigError, match="the measured level is"):
+        check_reach(case, targets_at(highest + 3.1))
 
 
 def test_normalised_images_and_external_laws_have_no_level():
     image = case_with(bounds=[[0, 50]] * 4).model_copy(deep=True)
     image = image.model_copy(update={"target": image.target.model_copy(update={"normalisation": "image"})})
     check_reach(image, targets_at(-30.0))
+    outside = image.model_copy(
+        update={
+            "target": image.target.model_copy(update={"normalisation": "none"}),
+            "materials": {"crops": image.materials["crops"].model_copy(update={"law": "external", "names": ["p"]})},
+        }
+    )
+    assert not outside.laws["crops"].has_curve
+    check_reach(outside, targets_at(-30.0))

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import polygamma
 
 from radcal.assessment.constant import constants
 from radcal.assessment.gain import Gain
@@ -18,9 +19,12 @@ from radcal.assessment.recommendation import (
     share_among_cells,
     trend,
 )
-from radcal.calibration.grounds import fit_grounds
+from radcal.calibration.grounds import GroundLaw, fit_grounds
+from radcal.calibration.law_fit import LawFit
 from radcal.calibration.misfit import Method
+from radcal.measurement.classes import make_classes
 from radcal.measurement.ground import Ground
+from radcal.measurement.patches import Spread
 from radcal.radar.laws import LAWS
 
 LAW = LAWS["mangia"]
@@ -113,3 +117,60 @@ def test_fields_that_hold_all_angles_alike_are_silent():
     against = FieldCheck(1.0, 0.9, Gain(-0.1, 0.02, 8), 0.1)
     assert recommend(law, against).predictor == "law"
     assert recommend(found(ground), against).predictor == "constant"
+
+
+@pytest.fixture(scope="module")
+def steep():
+    """The true steep law, as if found, on eight fields at angles of their own."""
+    ground = fields(1, STEEP, APART)
+    classes = make_classes(ground.values_db, ground.incidence_deg, 4)
+    covariance = np.diag([0.04, 0.02, 1e-6, 1e-6, 0.01])
+    fit = LawFit(STEEP, 3.5, 0.0, covariance, np.eye(5))
+    return GroundLaw(ground, METHOD, classes, Spread(0.5, 0.3), fit)
+
+
+def test_the_band_is_that_of_a_normal_law(steep):
+    """Largest at the smallest angle, where cos(phi) is; X1, X2 and the log looks have errors of 0.2, 0.14 and 0.1."""
+    low = np.radians(np.quantile(steep.ground.incidence_deg, 0.05))
+    of_looks = 10.0 / np.log(10.0) * (3.5 * polygamma(1, 3.5) - 1.0)
+    variance = 0.04 + 0.02 * np.cos(low) ** 2 + 0.01 * of_looks**2
+    assert half_width_db(steep) == pytest.approx(1.6449 * np.sqrt(variance), rel=1e-3)
+
+
+def test_the_trend_is_the_law_in_generalised_least_squares_of_all_cells(steep):
+    """Dense algebra: effects of fields with a gradient as large across each of them."""
+    cells, at = steep.ground.cells, steep.ground.incidence_deg
+    mean, law, angle = (cells.mean(v) for v in (steep.ground.values_db, steep.levels_db(at), at))
+    covariance = np.diag(steep.ground.sampling + 0.3**2)
+    for label in np.unique(cells.patch):
+        of = cells.patch == label
+        z = np.where(of, (angle - angle[of].mean()) / angle[of].std(), 0.0)
+        covariance += 0.5**2 * (np.outer(of, of) + np.outer(z, z))
+    inverse = np.linalg.inv(covariance)
+    design = np.stack([np.ones(mean.size), law], axis=-1)
+    normal = np.linalg.inv(design.T @ inverse @ design)
+    slope = (normal @ design.T @ inverse @ mean)[1]
+    assert slope == pytest.approx(1.0, abs=0.2)
+    assert trend(steep) == pytest.approx(slope**2 / normal[1, 1], rel=1e-6)
+
+
+def test_four_fields_are_enough_for_their_own_error(steep):
+    """Three are not: the law must then be seen inside of the fields, too."""
+    flat = replace(steep, spread=Spread(20.0, 0.3))
+    assert trend(flat) < 4.0
+    gains = {fields: FieldCheck(0.3, 0.5, Gain(0.5, 0.1, fields), 5.0) for fields in (3, 4)}
+    assert recommend(flat, gains[4]).predictor == "law"
+    assert recommend(flat, gains[3]).predictor == "constant"
+    assert recommend(steep, gains[3]).predictor == "law"
+
+
+def test_cells_of_twenty_pixels_are_compared(steep):
+    """With cells of 19 pixels in their place no field is left."""
+    fields_seen = []
+    for size in (20, 19):
+        number = np.arange(steep.ground.patch.size) % 600
+        ground = steep.ground.part(number < 5 * size)
+        ground = replace(ground, block=100 * ground.patch + number[number < 5 * size] // size)
+        law = replace(steep, ground=ground, classes=make_classes(ground.values_db, ground.incidence_deg, 2))
+        fields_seen.append(leave_fields_out(law, constants({"a": ground})["a"]).gain.fields)
+    assert fields_seen == [8, 0]

@@ -25,17 +25,15 @@ def start(seed: int = 3) -> np.ndarray:
     return np.random.default_rng(seed).standard_normal((64, 3)) * PRIOR_SD
 
 
-@pytest.fixture(scope="module")
-def found():
-    return sample(log_prior, log_likelihood, start(), 4000, 5)
-
-
-def test_a_normal_posterior_is_the_one_in_closed_form(found):
+@pytest.mark.statistics
+def test_a_normal_posterior_is_the_one_in_closed_form():
+    found = sample(log_prior, log_likelihood, start(), 4000, 5)
     precision = np.linalg.inv(COVARIANCE) + np.diag(PRIOR_SD**-2.0)
     covariance = np.linalg.inv(precision)
     mean = covariance @ np.linalg.inv(COVARIANCE) @ MEAN
     sd = np.sqrt(np.diag(covariance))
     assert found.converged
+    assert found.steps >= 500
     assert found.ess >= 400.0
     # five standard errors at the effective sample size
     assert np.abs(found.draws.mean(axis=0) - mean).max() < (5.0 * sd / np.sqrt(found.ess)).max()
@@ -45,23 +43,24 @@ def test_a_normal_posterior_is_the_one_in_closed_form(found):
     assert found.best == pytest.approx(mean, abs=(0.5 * sd).max())
 
 
+@pytest.mark.statistics
 def test_the_prior_alone_is_sampled_without_a_likelihood():
     alone = sample(log_prior, None, start(), 4000, 5)
     assert alone.draws.std(axis=0) / PRIOR_SD == pytest.approx(1.0, abs=5.0 / np.sqrt(2.0 * alone.ess))
 
 
-def test_a_seed_gives_the_same_draws_and_another_gives_others(found):
+def test_a_seed_gives_the_same_draws_and_another_gives_others():
     again, other = (sample(log_prior, log_likelihood, start(), 60, seed) for seed in (5, 6))
     twice = sample(log_prior, log_likelihood, start(), 60, 5)
     assert (again.draws == twice.draws).all()
     assert not np.isin(other.draws[-64:], again.draws).any()
-    assert found.steps >= 500
 
 
 def test_too_few_steps_have_not_converged():
     assert not sample(log_prior, log_likelihood, start(), 10, 5).converged
 
 
+@pytest.mark.statistics
 def test_two_modes_keep_their_shares():
     def log_two(points):
         return np.logaddexp(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from radcal.assessment.conclusion import without_angles
 from radcal.assessment.fit_test import FitTest
 from radcal.assessment.verdict import Known, all_fit, first_line, verdict
 
@@ -70,7 +71,20 @@ def test_the_largest_misfit_is_said_and_an_unknown_cause(changes, said):
 
 def test_one_incidence_is_a_level_only():
     assert verdict("water", fit_of(), level_only=True) == "water: level only, seen at one incidence."
-    assert "does not fit" in verdict("water", fit_of(False, mean_db=3.0), level_only=True)
+    # a level that is off shows at one incidence, too; what differs from bin to bin there is no misfit of a law
+    off = without_angles(fit_of(False, mean_db=-3.0))
+    assert off.fits is False
+    assert verdict("water", off, level_only=True) == (
+        "water: level only, seen at one incidence, and does not fit: its simulated mean is 3.0 dB below the measured; "
+        "cause unknown."
+    )
+    for test in (fit_of(), fit_of(False, mean_db=0.3, worst_mean_db=1.2), fit_of(None)):
+        assert without_angles(test).fits is None
+    wide = without_angles(fit_of(False, sd_db=4.0, measured_sd_db=4.7))
+    assert verdict("bare", wide, level_only=True) == (
+        "bare: level only, seen at one incidence; the simulated spread is 4.0 dB, the measured 4.7."
+    )
+    assert all_fit([True, without_angles(fit_of()).fits]) is None
 
 
 def test_one_density_is_not_tested():

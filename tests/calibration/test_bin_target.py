@@ -40,7 +40,8 @@ def test_the_law_found_without_a_simulator_is_nearly_right(parts):
     # a run has K draws of speckle, the difference 1 + 1/K times the variance of the measured statistics
     bins = targets["field"].classes
     share = bins.draws / (bins.draws + 1.0)
-    assert bins.classes.effective.sum() == pytest.approx(share * targets["field"].effective, rel=0.01)
+    count, together = bins.classes.count, bins.classes.pairs[0]
+    assert count.sum() ** 2 / (count @ together @ count) == pytest.approx(share * targets["field"].effective, rel=1e-9)
 
 
 def registered_with(shape, uncertainty_px):
@@ -95,6 +96,7 @@ def test_a_law_without_a_curve_has_bins_and_a_spread_of_fields(parts, classes):
     if classes == 3:
         np.testing.assert_array_equal(found.classes.cumulants, targets["field"].classes.classes.cumulants)
         assert found.first_looks == pytest.approx(targets["field"].classes.first_looks, rel=0.15)
-        # one bin takes the law itself for a spread; levels at three angles leave up to 0.8 dB of the curve, a law none
+        # one bin takes the law itself for a spread; the levels at three angles that are found differ from the true law
+        # by a standard deviation of 0.87 dB over the cells, a law does not
         assert targets["field"].classes.spread.within < 0.25
-        assert 0.3 < found.spread.within < 0.6
+        assert found.spread.within == pytest.approx(0.87, rel=0.2)

@@ -27,6 +27,8 @@ def test_a_minimum_beyond_a_bound_is_that_on_the_bound():
     found = least_squares(line, np.array([0.1, 0.2]), ZERO, ONE, 1e-12)
     # at b = 1: (a - 1/2)^2 + 9 (a - 1/2 - 0.15)^2 is least where a - 1/2 = 0.9 * 0.15
     np.testing.assert_allclose(found.x, [0.635, 1.0], atol=1e-6)
+    # at the bound steps go to one side: the derivatives are the same
+    np.testing.assert_allclose(found.jac, [[1.0, 0.0], [0.0, 2.0], [3.0, 1.5]], atol=1e-4)
     grid = np.stack(np.meshgrid(np.linspace(0, 1, 201), np.linspace(0, 1, 201)), axis=-1).reshape(-1, 2)
     least = 0.5 * (line(grid) ** 2).sum(axis=1).min()
     assert found.cost == pytest.approx(least, rel=1e-6)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from calibration_samples import BOUNDS, TRUTH
+from posterior_samples import BRIEF
 
 from radcal.assessment.posterior import posterior_of
 from radcal.calibration.bin_target import bin_targets
@@ -62,9 +63,11 @@ def calibrated(parts, tmp_path):
 
 
 def test_the_same_density_gives_the_same_x(calibrated):
-    keys = {"objective": "density", "stop": {"rms": 1e-3, "max_runs": 8}}
+    keys = {"objective": "density", "stop": {"rms": 1e-5, "max_runs": 8}}
     (_, _, _, built_in, ended), (_, _, _, formula, end) = (calibrated(law, **keys) for law in ({}, MANGIA))
     assert (ended.reason, len(built_in.runs)) == (end.reason, len(formula.runs))
+    assert [run.index for run in built_in.infill] == list(range(len(built_in.infill)))
+    assert len(built_in.infill) > 1
     for one, other in zip(built_in.runs, formula.runs, strict=True):
         assert one.scores["field"].parameters == other.scores["field"].parameters
         assert one.scores["field"].dp == other.scores["field"].dp
@@ -78,7 +81,7 @@ def test_in_bins_the_law_and_its_band_are_found(calibrated):
     x = history.best("field").scores["field"].parameters
     error = LAWS["mangia"](np.radians(seen), x) - LAWS["mangia"](np.radians(seen), TRUTH["field"])
     assert np.abs(error).max() < 1.0
-    found = posterior_of(stages.Posterior.of(case), targets, history, "field")
+    found = posterior_of(stages.Posterior.of(case.model_copy(update={"uncertainty": BRIEF})), targets, history, "field")
     assert found.curve is not None
     assert found.draws is not None
     curves = found.draws.curves_db(case.laws["field"])[:, 4 * 21 : 4 * 44]

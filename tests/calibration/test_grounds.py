@@ -6,14 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import polygamma
 
 from radcal.assessment.constant import constants
 from radcal.assessment.validation import CrossValidation, cross_validate, held_out
 from radcal.calibration.expected import LawForward
-from radcal.calibration.grounds import fit_grounds, ground_residuals
-from radcal.calibration.law_fit import fit_law
+from radcal.calibration.grounds import GroundLaw, fit_grounds, ground_residuals, marginal_law
+from radcal.calibration.law_fit import LawFit, fit_law
 from radcal.calibration.misfit import BinMisfit, LikelihoodMisfit, Method
+from radcal.measurement.classes import make_classes
 from radcal.measurement.ground import Blocks, Ground
+from radcal.measurement.patches import Spread, spreads
 from radcal.radar.laws import LAWS
 from radcal.radar.texture import log_speckle_cumulants
 
@@ -53,6 +56,7 @@ def test_law_and_looks_are_found(misfit):
     assert found["field"].identified > 20.0
 
 
+@pytest.mark.statistics
 @pytest.mark.parametrize("looks", [4.0, 2.5])
 def test_the_prior_hardly_moves_the_looks_of_a_single_field(looks):
     """Its bins tell the spread of a field, and not of how many looks other fields are."""
@@ -103,6 +107,7 @@ def test_an_error_of_the_incidence_is_undone_where_it_is_known():
     assert slope["with"] == pytest.approx(wanted, rel=0.1)
 
 
+@pytest.mark.statistics
 def test_bands_hold_and_patches_help():
     held = []
     for seed in range(4):
@@ -176,6 +181,40 @@ def test_pixels_that_are_all_equal_in_a_class():
     assert np.isfinite(found.fit.parameters).all()
 
 
+def known_law(ground, looks=2.8, classes=3):
+    """The true law of a ground, as if it had been found."""
+    made = make_classes(ground.values_db, ground.incidence_deg, classes)
+    return GroundLaw(ground, METHOD, made, Spread(0.5, 0.3), LawFit(TRUTH, looks, 0.0, np.eye(5), np.eye(5)))
+
+
+def test_derivatives_and_corrections_of_the_levels():
+    law = known_law(fields(np.random.default_rng(8), rows=30, columns=24))
+    angle = np.array([26.0, 37.0, 48.5])
+    phi = np.radians(angle)
+    # of X1 + X2 cos(phi) + X3 exp(-X4 phi^2), and of the mean of log speckle (psi(L) - ln L) by ln L
+    curve = np.exp(-4.0 * phi**2)
+    of_looks = 10.0 / np.log(10.0) * (2.8 * polygamma(1, 2.8) - 1.0)
+    wanted = np.stack([np.ones(3), np.cos(phi), curve, -6.0 * phi**2 * curve, np.full(3, of_looks)], axis=-1)
+    np.testing.assert_allclose(law.slopes(angle), wanted, rtol=1e-5)
+    speckle = 10.0 / np.log(10.0) * (polygamma(0, 2.8) - np.log(2.8))
+    np.testing.assert_allclose(law.levels_db(angle), LAW(phi, TRUTH) + speckle)
+    # what a run holds besides the law is added in its bin
+    corrected = replace(law, correction_db=np.array([0.7, -0.2, 1.5]))
+    np.testing.assert_allclose(corrected.levels_db(angle) - law.levels_db(angle), [0.7, -0.2, 1.5])
+
+
+def test_the_marginal_law_takes_what_the_looks_leave_of_the_variance():
+    """At the looks of the pixels it falls as the true law; at more, all that speckle lacks is put down to the fall."""
+    law = known_law(fields(np.random.default_rng(8), rows=60, columns=48))
+    phi = np.radians(np.linspace(26.0, 49.0, 50))
+    found = {looks: marginal_law(law, looks) for looks in (2.8, 4.0)}
+    assert [fit.looks for fit in found.values()] == [2.8, 4.0]
+    true, right, steep = (np.std(LAW(phi, x)) for x in (TRUTH, *(fit.parameters for fit in found.values())))
+    assert right == pytest.approx(true, rel=0.1)
+    missing = (10.0 / np.log(10.0)) ** 2 * (polygamma(1, 2.8) - polygamma(1, 4.0))
+    assert steep == pytest.approx(np.sqrt(true**2 + missing), rel=0.1)
+
+
 def test_the_speckle_of_a_run_is_no_change_of_the_law():
     flat = np.array([-18.0, 0.0, 0.0, 5.0])
     ground = fields(np.random.default_rng(4), x=flat, rows=60, columns=48)
@@ -226,3 +265,35 @@ def test_a_prior_pulls_and_looks_stay_inside():
     )
     assert fit.parameters[0] == pytest.approx(2.0, abs=1e-4)
     assert fit.looks == pytest.approx(4.4, rel=1e-3)
+
+
+def test_what_priors_say_is_told_from_what_the_data_say():
+    """A linear problem: inverse covariances of bounds (uniform laws), of the prior and of the data add."""
+    data = np.array([[2.0, 0.0, 0.0], [0.5, 0.5, 0.0], [0.0, 0.0, 3.0]])
+
+    def residuals(x, looks):
+        return data @ [x[0] - 1.0, x[1] + 0.3, np.log(looks / 2.0)]
+
+    fit = fit_law(residuals, [[-5.0, 5.0], [-2.0, 2.0]], 4.0, prior=lambda x, _: np.array([1.25 * (x[0] - 1.0)]))
+    known = np.diag([12.0 / 10.0**2, 12.0 / 4.0**2, 12.0 / np.log(1.1 * 4.0 / 0.3) ** 2])
+    known[0, 0] += 1.25**2
+    np.testing.assert_allclose(fit.prior_information, known, rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(fit.covariance, np.linalg.inv(known + data.T @ data), rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.parametrize("right", [3.0, -3.0])
+def test_of_several_minima_the_lowest_is_taken(right):
+    fit = fit_law(
+        lambda x, _: np.array([0.5 * (x[0] ** 2 - 9.0), 0.2 * (x[0] - right)]), [[-5.0, 5.0]], 4.0, free_looks=False
+    )
+    assert fit.parameters[0] == pytest.approx(right, abs=1e-4)
+    assert fit.cost == pytest.approx(0.0, abs=1e-9)
+
+
+def test_law_and_spread_of_fields_agree_with_each_other():
+    """The spread that the last law's residuals tell is that with which it was fitted."""
+    ground = fields(np.random.default_rng(3), between=3.0, within=0.2, rows=60, columns=48, height=30)
+    law = fit_grounds({"field": ground}, {"field": METHOD})["field"]
+    (again,) = spreads([law.cell_residuals()])
+    assert (law.spread.between, law.spread.within) == pytest.approx((again.between, again.within), rel=1e-4)
+    assert law.spread.between > 2.0

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import polygamma
 
 from radcal.calibration.incidence_error import (
     attenuation,
@@ -74,6 +75,11 @@ def test_the_gap_is_of_shape():
     assert gap == pytest.approx(0.1 * 18.0 / 2.0, rel=1e-6)
     # both ends of both lines are known to 1 dB: the slope to sqrt(2)/90 dB a degree
     assert errors == pytest.approx(0.1 * 90.0 / 2.0, rel=1e-6)
+    # of two laws known to 0.5 and to 2 dB the variances add, whichever is the first
+    sharp, vague = (replace(law, covariance=sd**2 * np.eye(3)) for law, sd in ((first, 0.5), (steeper, 2.0)))
+    for pair in ((sharp, vague), (vague, sharp)):
+        apart = law_gap_db(LINE, *pair, incidence)[1]
+        assert apart == pytest.approx(0.1 * 90.0 / np.sqrt(2.0 * (0.25 + 4.0)), rel=1e-6)
 
 
 def test_looks_that_an_error_of_the_incidence_takes():
@@ -107,10 +113,32 @@ def test_warnings_name_the_material_and_what_to_look_at():
     # no map is off by what would make so few looks on so flat a law
     (line,) = incidence_warnings("field", MANGIA, fit(flat, 1.6), fit(flat), incidence, 4.0)
     assert "1.6 looks, the sensor has 4: texture" in line
-    assert incidence_warnings("field", MANGIA, fit(steep, 3.2), fit(steep), incidence, 4.0) == []  # may be 4 looks
+    # may be 4 looks: log looks are known to 1, and to 0.3, and ln(4 / 3.2) is 0.22
+    hardly = replace(fit(steep, 3.2), covariance=np.diag([1e-4] * 4 + [0.09]))
+    for few in (fit(steep, 3.2), hardly):
+        assert incidence_warnings("field", MANGIA, few, few, incidence, 4.0) == []
     few = replace(fit(steep, 3.2), covariance=exact)
     (line,) = incidence_warnings("field", MANGIA, few, few, incidence, 4.0)
     assert re.search(r"3\.2 looks, the sensor has 4\. .* error of the local incidence of \d\.\d deg, .* by up to", line)
+
+
+def test_an_error_as_large_as_the_spread_of_the_map_is_no_explanation():
+    """A line of -0.4 dB a degree, and 3 looks of 4: 2.1 dB^2 are missing.
+
+    They ask for an error of 2.8 degrees over 15 degrees of incidence, and of 1.4 degrees, nine tenths of the standard
+    deviation of the map, over 5 degrees.
+    """
+    law = replace(fit([0.0, -36.0], 3.0), covariance=1e-6 * np.eye(3))
+    wide, narrow = (np.linspace(40.0 - reach, 40.0 + reach, 2001) for reach in (7.5, 2.6))
+    missing = (10.0 / np.log(10.0)) ** 2 * (polygamma(1, 3.0) - polygamma(1, 4.0))
+    for incidence in (wide, narrow):
+        ratio = missing / 0.4**2 / np.var(incidence)
+        error, bent = error_behind(LINE, law, incidence, 4.0)
+        assert error == pytest.approx(np.sqrt(np.var(incidence) * ratio / (1.0 + ratio)), rel=1e-3)
+        assert bent == pytest.approx(ratio * 0.4 * 0.45 * np.ptp(incidence), rel=1e-3)
+    (line,) = incidence_warnings("field", LINE, law, law, wide, 4.0)
+    assert "so does an error of the local incidence" in line
+    assert incidence_warnings("field", LINE, law, law, narrow, 4.0) == []
 
 
 def test_the_error_that_a_registration_leaves():

@@ -7,11 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.ndimage import gaussian_filter
 
 from radcal.calibration.expected import LawForward
 from radcal.calibration.misfit import SKEWNESS_SHAPE, BinMisfit, LikelihoodMisfit, Method, true_angles
-from radcal.calibration.moments import sampling_covariance
+from radcal.calibration.moments import from_cumulants, sampling_covariance
 from radcal.measurement.classes import make_classes
+from radcal.measurement.correlation import Correlation, estimate_correlation
 from radcal.measurement.ground import Ground
 from radcal.measurement.patches import Spread
 from radcal.radar.laws import LAWS
@@ -28,7 +30,7 @@ def speckled(rng, incidence_deg, looks, x=X):
 
 
 def one_patch(classes):
-    return BinMisfit(classes, np.ones((classes.size, 1)), np.eye(classes.size), 0.0, 0.0)
+    return BinMisfit(classes, np.ones((classes.size, 1)), np.eye(classes.size), np.zeros(classes.size, int), 0.0, 0.0)
 
 
 def test_residuals_at_the_truth_have_unit_variance():
@@ -51,7 +53,7 @@ def test_a_patch_in_all_classes_hides_the_level_and_not_the_slope():
     level[:, 0] += 1.0
     slope[:, 0] += np.linspace(-1.0, 1.0, 5)
     alone = one_patch(classes)
-    shared = BinMisfit(classes, np.ones((5, 1)), np.eye(5), 1.0, 0.0)
+    shared = replace(alone, between_db=1.0)
 
     def excess(objective, moved):
         return (objective(X, 4.0, moved) ** 2).sum() - (objective(X, 4.0, expected) ** 2).sum()
@@ -62,7 +64,7 @@ def test_a_patch_in_all_classes_hides_the_level_and_not_the_slope():
 
 def test_patches_inside_of_a_class_widen_it():
     classes = make_classes(np.random.default_rng(4).normal(size=300), np.linspace(20, 40, 300), 1)
-    objective = BinMisfit(classes, np.full((1, 4), 0.25), np.full((1, 10), 0.1), 2.0, 1.0)
+    objective = BinMisfit(classes, np.full((1, 4), 0.25), np.full((1, 10), 0.1), np.arange(10) // 3, 2.0, 1.0)
     assert objective.patch_variance[0] == pytest.approx(4.0 * 0.75 + 0.9)
 
 
@@ -70,7 +72,7 @@ def test_the_likelihood_is_the_pixels_own():
     rng = np.random.default_rng(5)
     incidence = np.full(4000, 40.0)
     values = speckled(rng, incidence, 3.0)
-    classes = make_classes(values, incidence, 1, independent=0.5)
+    classes = make_classes(values, incidence, 1).compared(1)  # every pixel counts for half a pixel
     objective = LikelihoodMisfit(classes, values)
 
     def direct(level_db, looks):
@@ -94,7 +96,8 @@ def test_the_covariance_is_sampling_fields_and_the_shape_of_texture():
     ground = Ground(values, incidence, patch, block)
     classes = make_classes(values, incidence, 3)
     found = BinMisfit.of(ground, classes, METHOD, Spread(0.7, 0.3)).covariance.reshape(3, 3, 3, 3)
-    cell = np.unique(np.stack([patch, block], axis=-1), axis=0, return_inverse=True)[1].ravel()
+    pairs, cell = np.unique(np.stack([patch, block], axis=-1), axis=0, return_inverse=True)
+    cell, of_cell = cell.ravel(), pairs[:, 0]
     for i in range(3):
         for j in range(3):
             inside = classes.member == i, classes.member == j
@@ -104,7 +107,13 @@ def test_the_covariance_is_sampling_fields_and_the_shape_of_texture():
             ]
             wanted = np.diag([0.7**2 * together[0] + 0.3**2 * together[1], 0.1**2 * together[0], SKEWNESS_SHAPE**2])
             if i == j:
-                wanted = wanted + sampling_covariance(classes.cumulants[i, 1], classes.effective[i])
+                levels = classes.cumulants[i, 1] - classes.speckle_db2[i]
+                wanted = wanted + sampling_covariance(classes.speckle_db2[i], classes.effective[i], levels)
+            share = [np.array([np.mean(cell[one] == c) for c in range(cell.max() + 1)]) for one in inside]
+            effects = 0.3**2 * np.eye(cell.max() + 1) + 0.7**2 * np.equal.outer(of_cell, of_cell)
+            about = [np.diag(one) - np.outer(one, one) for one in share]
+            of_variance = 2.0 * np.trace(about[0] @ effects @ about[1] @ effects)
+            wanted[1, 1] += of_variance / (4.0 * classes.cumulants[i, 1] * classes.cumulants[j, 1])
             np.testing.assert_allclose(found[:, i, :, j], wanted, rtol=1e-9, atol=1e-12)
 
 
@@ -189,3 +198,78 @@ def test_errors_of_pixels_enter_their_bins():
     rms = np.sqrt([1.0, 1.0, 1.0, 18.5])
     square = np.var(mapped) - np.mean(error**2)
     np.testing.assert_allclose(nodes.std(axis=1), rms * np.sqrt(square / (square + rms**2)), rtol=1e-3)
+
+
+def test_the_covariance_is_that_of_images_of_correlated_speckle():
+    """Bins that lie among each other like the slopes of hills: many images of one ground scatter as is expected."""
+    rng = np.random.default_rng(12)
+    shape = (60, 80)
+    incidence = 40.0 + 20.0 * gaussian_filter(rng.normal(size=shape), 2.5, mode="wrap").ravel()
+    drawn = np.sort(rng.choice(incidence.size, 1500, replace=False))
+    image = None
+    found = []
+    for _ in range(300):
+        field = rng.normal(size=(2, 4, *shape))
+        power = (gaussian_filter(field, (0.0, 0.0, 0.9, 0.9), mode="wrap") ** 2).sum(axis=(0, 1)).ravel()
+        image = 10.0 * np.log10(power) + LAW(np.radians(incidence), X)
+        classes = make_classes(image[drawn], incidence[drawn], 3)
+        found.append(from_cumulants(classes.cumulants).T.ravel())
+    correlation = estimate_correlation(
+        image.reshape(shape).astype(np.float32), np.arange(image.size), incidence.reshape(shape).astype(np.float32)
+    )
+    ground = Ground(image[drawn], incidence[drawn], np.ones(1500, int), np.zeros(1500, int), drawn, correlation)
+    classes = make_classes(ground.values_db, ground.incidence_deg, 3, ground.pairs)
+    expected = BinMisfit.of(ground, classes, METHOD, Spread(0.0, 0.0)).sampling
+    scatter = np.cov(np.array(found).T)
+    # traces and the mean of all bins have standard errors of some 5 %
+    for k in range(3):
+        block = slice(3 * k, 3 * k + 3)
+        assert np.trace(np.linalg.solve(expected[block, block], scatter[block, block])) / 3 == pytest.approx(
+            1.0, abs=0.2
+        )
+    assert expected[:3, :3].sum() == pytest.approx(scatter[:3, :3].sum(), rel=0.25)
+    assert expected[:3, :3].sum() > 1.15 * np.trace(expected[:3, :3])  # bins share their neighbours' speckle
+
+
+def test_replicates_have_the_covariance():
+    """Of sampling, fields and cells; three fields have another variance among them in every replicate."""
+    rng = np.random.default_rng(13)
+    n = 900
+    incidence = rng.uniform(30.0, 50.0, n)
+    patch, block = rng.integers(1, 4, n), (incidence // 4).astype(np.int64)
+    pixels = np.arange(n)
+    lags = np.zeros((13, 13))
+    lags[6, 5:8] = [0.4, 1.0, 0.4]
+    ground = Ground(speckled(rng, incidence, 4.0), incidence, patch, block, pixels, Correlation(lags, n))
+    classes = make_classes(ground.values_db, incidence, 3, ground.pairs)
+    misfit = BinMisfit.of(ground, classes, METHOD, Spread(1.5, 0.5))
+    drawn = misfit.replicates(20_000, rng) @ np.linalg.cholesky(misfit.covariance).T
+    wanted = misfit.covariance[:6, :6]
+    sd = np.sqrt(np.diag(wanted))
+    np.testing.assert_allclose(np.cov(drawn.T)[:6, :6] / np.outer(sd, sd), wanted / np.outer(sd, sd), atol=0.06)
+    np.testing.assert_allclose(drawn.mean(axis=0)[:6] / sd, 0.0, atol=0.05)
+
+
+def test_bins_of_nearly_normal_pixels_share_powers_of_the_correlation():
+    """Speckle of very many looks: covariances of normal means, variances and third moments are closed forms."""
+    incidence = np.linspace(30.0, 50.0, 200)
+    classes = make_classes(np.zeros(200), incidence, 2)
+    variance = np.array([1e-4, 4e-4])
+    pairs = np.array(
+        [[[0.02, 0.012], [0.012, 0.03]], [[0.015, 0.006], [0.006, 0.02]], [[0.011, 0.002], [0.002, 0.012]]]
+    )
+    classes = replace(
+        classes, pairs=pairs, speckle_db2=variance, cumulants=np.stack([0.0 * variance, variance, 0.0 * variance], -1)
+    )
+    found = one_patch(classes).sampling.reshape(3, 2, 3, 2)
+    sd = np.sqrt(variance)
+    for k, wanted in enumerate([np.outer(sd, sd) * pairs[0], 0.5 * pairs[1], 6.0 * pairs[2]]):
+        np.testing.assert_allclose(found[k, :, k], wanted, rtol=0.01)
+    # the skewed speckle of few looks correlates a bin's mean with another's log sd, as much the other way round
+    few = np.array([5.0, 5.0])
+    found = one_patch(
+        replace(classes, speckle_db2=few, cumulants=np.stack([0.0 * few, few, 0.0 * few], -1))
+    ).sampling.reshape(3, 2, 3, 2)
+    alone = sampling_covariance(5.0, 1.0)
+    np.testing.assert_allclose(found[0, 0, 1, 1], alone[0, 1] * pairs[0, 0, 1], rtol=1e-9)
+    np.testing.assert_allclose(found[1, 0, 0, 1], alone[0, 1] * pairs[0, 0, 1], rtol=1e-9)

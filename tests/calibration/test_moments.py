@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from radcal.calibration.moments import from_cumulants, from_dp, sampling_covariance, to_cumulants, to_dp
+from radcal.calibration.moments import (
+    from_cumulants,
+    from_dp,
+    sampled_statistics,
+    sampling_covariance,
+    to_cumulants,
+    to_dp,
+)
 from radcal.radar.texture import log_speckle_cumulants
 
 VALUES = np.random.default_rng(3).gamma(2.0, 1.5, (2, 400)) * [[1.0], [-2.0]] - 7.0
@@ -51,8 +58,22 @@ def test_sampling_covariance_is_that_of_log_gamma_samples():
     rng = np.random.default_rng(1)
     n, draws = 1000, 2000
     values = 10.0 * np.log10(rng.gamma(3.0, 1.0 / 3.0, (draws, n)))
-    found = sampling_covariance(float(log_speckle_cumulants(3.0)[1]), n)
-    wanted = np.cov(moments(values).T)
-    np.testing.assert_allclose(np.diagonal(found), np.diagonal(wanted), rtol=0.1)
-    sd = np.sqrt(np.diagonal(wanted))
-    np.testing.assert_allclose(found / np.outer(sd, sd), wanted / np.outer(sd, sd), atol=0.08)
+    variance = float(log_speckle_cumulants(3.0)[1])
+    # about levels that are the same in all samples, those of no spread and those that spread as much as the speckle
+    for levels in (0.0, variance):
+        at = np.sqrt(levels) * stats.norm.ppf((np.arange(n) + 0.5) / n)
+        found = sampling_covariance(variance, n, levels)
+        wanted = np.cov(moments(values + at).T)
+        np.testing.assert_allclose(np.diagonal(found), np.diagonal(wanted), rtol=0.1)
+        sd = np.sqrt(np.diagonal(wanted))
+        np.testing.assert_allclose(found / np.outer(sd, sd), wanted / np.outer(sd, sd), atol=0.08)
+
+
+@pytest.mark.parametrize("levels", [0.0, 6.0])
+def test_sampled_statistics_have_the_covariance(levels):
+    rng = np.random.default_rng(2)
+    found = sampled_statistics(5.0, 400.0, 4000, rng, levels)
+    wanted = sampling_covariance(5.0, 400.0, levels)
+    sd = np.sqrt(np.diag(wanted))
+    np.testing.assert_allclose(np.cov(found.T) / np.outer(sd, sd), wanted / np.outer(sd, sd), atol=0.08)
+    np.testing.assert_allclose(found.mean(axis=0) / sd, 0.0, atol=0.15)

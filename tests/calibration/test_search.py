@@ -11,6 +11,7 @@ from calibration_samples import make_material, make_score, make_target
 
 from radcal import skewnormal
 from radcal.calibration.history import Score
+from radcal.calibration.lattice import corners, lattice
 from radcal.calibration.objectives.density import UNREACHABLE_SHARE, Density
 from radcal.calibration.search import Search
 from radcal.config import Optimiser
@@ -112,6 +113,19 @@ def test_where_the_surrogate_is_unsure_it_is_asked_again(edge):
     proposal = search(BEYOND, Exact((unit,), error=0.5)).propose(QUICK, 1, scored(unit, rms))
     assert proposal.mode == "explore"
     assert proposal.floor < UNREACHABLE_SHARE * rms
+
+
+def test_a_floor_less_than_a_tenth_below_the_best_is_not_explored(edge):
+    unit, rms = edge
+    proposal = search(BEYOND, Exact((unit,), error=0.012)).propose(QUICK, 1, scored(unit, rms))
+    assert 0.9 * rms < proposal.floor < 0.99 * rms
+    assert proposal.mode == "exploit"
+
+
+def test_standard_errors_count_in_the_scale_of_the_objective():
+    """Of mean, log sd and skewness: sd, 1 / sqrt(2) and sqrt(6)."""
+    found = search(REACHABLE, Exact(error=0.2)).uncertainty(np.array([0.3, 0.4, 0.3]))
+    assert found == pytest.approx(0.2**2 * (np.exp(-2.0 * 0.4) + 2.0 + 1.0 / 6.0), rel=1e-6)
 
 
 def test_two_standard_errors_are_taken_in_favour():
@@ -233,6 +247,32 @@ def test_a_small_lattice_is_looked_at_point_by_point():
     assert least == pytest.approx(costs.min())
 
 
+def test_around_a_point_whole_parameters_are_rounded_both_ways():
+    """Every combination of up to four; of five the nearest point, and those that differ from it in one."""
+    box = ((0, 1), (0, 10), (2, 6), (-5, 5), (0, 4), (1, 3))
+    for whole, count in (((0, 1, 1, 0, 1, 0), 8), ((0, 1, 1, 1, 1, 1), 6)):
+        surrogate, which = Exact(box=box, whole=whole), np.array(whole, dtype=bool)
+        x = np.array([0.3, 4.4, 3.7, -1.2, 2.6, 1.9])
+        found = surrogate.bounds[:, 0] + corners(surrogate, surrogate.unit(x)) * np.ptp(surrogate.bounds, axis=1)
+        assert len(found) == count
+        np.testing.assert_allclose(found[:, ~which], np.tile(x[~which], (count, 1)))
+        np.testing.assert_allclose(found[:, which], np.round(found[:, which]), atol=1e-9)
+        assert (np.abs(found - x) < 1.0).all()
+        away = np.count_nonzero(np.abs(found - np.where(which, np.round(x), x)) > 0.5, axis=1)
+        assert sorted(away) == ([0, 1, 1, 1, 2, 2, 2, 3] if count == 8 else [0, 1, 1, 1, 1, 1])
+
+
+@pytest.mark.parametrize(("box", "points"), [(((0, 63), (2, 65)), 4096), (((0, 64), (2, 65)), None)])
+def test_a_lattice_of_up_to_4096_points_is_listed(box, points):
+    """64 x 64 combinations, and 65 x 64."""
+    surrogate = Exact(box=box, whole=(1, 1))
+    found = lattice(surrogate)
+    assert (None if found is None else len(np.unique(found, axis=0))) == points
+    if found is not None:
+        assert {tuple(x) for x in surrogate.scaled(found[[0, 1, -1]])} == {(0.0, 2.0), (0.0, 3.0), (63.0, 65.0)}
+    assert lattice(Exact(box=box, whole=(1, 0))) is None
+
+
 def test_a_known_point_gives_way_to_another_or_to_an_end():
     every = [[float(a), float(n), float(m)] for a in (0, 1, 2) for n in range(1, 10) for m in range(1, 10)]
     target = dp_of(5.1, 0.40, 0.3)
@@ -247,7 +287,9 @@ def test_a_known_point_gives_way_to_another_or_to_an_end():
     # all others may be better as far as the surrogate knows: one of those left
     found = proposal([x for x in every if x not in left], 0.3)
     assert found.mode == "explore"
-    assert found.parameters in left
+    unsure = Exact(every, 0.3, **ALL_WHOLE)
+    costs = search(target, unsure).cost(unsure.unit(left), 2.0)
+    assert found.parameters == left[np.argmin(costs)]
     found = proposal(every, 0.3)
     assert (found.mode, found.parameters) == ("exhausted", best)
     # the surrogate is sure that none is better: the best itself says so, which costs no run

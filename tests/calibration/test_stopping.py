@@ -44,6 +44,8 @@ def test_goes_on_until_within_the_tolerance():
     assert reason(history([0.1, 0.01, 9e-4])) == "rms"
     assert reason(history([], design=(0.5, 1e-4))) == "rms"
     assert judged(history([9e-4])).converged
+    # the tolerance itself is within
+    assert reason(history([1e-3])) == reason(history([], design=(0.5, 1e-3))) == "rms"
 
 
 def test_the_reference_run_alone_may_be_within_the_tolerance():
@@ -62,6 +64,7 @@ def test_the_maximum_counts_design_and_infill(objective):
 
 def test_a_run_beyond_the_maximum_does_not_count():
     assert reason(history([0.1, 0.1, 1e-4]), max_runs=4) == "max_runs"
+    assert reason(history([0.1, 1e-4]), max_runs=4) == "rms", "the last one allowed does"
 
 
 @pytest.mark.parametrize(("objective", "step"), [("density", 0.01), ("classes", 0.06)])
@@ -71,6 +74,7 @@ def test_stagnation_counts_runs_without_a_better_point(objective, step):
     assert reason(history([0.3, 0.31, 0.3 - step]), objective, stagnation_runs=2) is None
     assert reason(history([0.3, 0.31, 0.32]), objective, stagnation_runs=3) is None
     assert reason(history([0.3, 0.31, 0.26]), "classes", stagnation_runs=2) == "stagnation"
+    assert reason(history([0.3, 0.3, 0.3]), objective, stagnation_runs=2) == "stagnation", "equal is no better"
 
 
 def test_unreachable_needs_a_floor_near_the_best():
@@ -145,6 +149,9 @@ def test_a_law_settles_when_all_runs_promise_no_better_or_hardly_another(objecti
     assert reason(of_law([5.0], gain=0.04), objective) == "settled"
     assert reason(of_law([5.0], moved=0.04), objective) == "settled"
     assert reason(of_law([5.0], moved=0.06), objective, law_db=0.07) == "settled"
+    # the limits themselves are within
+    assert reason(of_law([5.0], moved=0.07), objective, law_db=0.07) == "settled"
+    assert reason(of_law([5.0], gain=0.05), objective) == "settled"
     assert judged(of_law([5.0], gain=0.04), objective).converged
     # not in a run that is worse than the best
     assert reason(of_law([5.0, 6.0], gain=0.04), objective) == "settled"
@@ -169,7 +176,8 @@ def test_the_sentence_says_how_the_law_settled():
         for last in ({"gain": 0.01}, {"moved": 0.04})
     )
     assert gained == "dyke: stop criterion met after 2 runs: the surrogate of all runs promises no better law."
-    assert "after 2 runs: the best law that the surrogate of all runs promises differs by 0.04 dB" in moved
+    promised = "the best law that the surrogate of all runs promises"
+    assert f"after 2 runs: {promised} differs from that of the best run by 0.04 dB" in moved
 
 
 def test_before_any_outlook_a_law_goes_on():

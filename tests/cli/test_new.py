@@ -15,9 +15,9 @@ from rasterio.transform import from_origin
 from safe_product import place_of, write_product
 from typer.testing import CliRunner, Result
 
+from radcal.checking.case_check import check_case
 from radcal.cli import app
 from radcal.config import load
-from radcal.running.case_check import check_case
 
 DATA = Path(os.environ.get("RADCAL_DATA", "")) / "sentinel1"
 pytestmark = [
@@ -75,6 +75,10 @@ def test_what_the_files_say_is_read_and_the_rest_is_marked(files: list[str]) -> 
     # 26 rows of 13 and of 27 columns
     assert "code_2:  # code 2: 338 of 1,040 pixels" in text
     assert "code_7:  # code 7: 702 of 1,040 pixels" in text
+    # what is known of neither of them is told apart at the start, so that the start image shows their border
+    starts = [material["start"] for material in data["materials"].values()]
+    assert starts == [[-20.86, 6.05, 0, 4], [-17.86, 6.05, 0, 4]]
+    assert "# gamma -12 dB of no known kind, moved apart from another material: the image at the start needs" in text
     assert json.loads(Path("mine_names.json").read_text()) == {"2": "code_2", "7": "code_7"}
     marked = {f"{s}.{key}" for s in ("scene", "measurement", "radar") for key, x in data[s].items() if x == "FILL_IN"}
     assert marked == {
@@ -87,6 +91,9 @@ def test_what_the_files_say_is_read_and_the_rest_is_marked(files: list[str]) -> 
     said = checked.stderr.splitlines()
     assert said[0] == f"radcal: mine.yaml cannot be run; {len(marked)} problems found:"
     assert {line.split()[1] for line in said[1:]} == marked
+    line = text.splitlines().index("  scale: FILL_IN  # " + text.partition("scale: FILL_IN  # ")[2].partition("\n")[0])
+    assert "; for example scale: power" in text.splitlines()[line]
+    assert f"  - measurement.scale is FILL_IN (line {line + 1}), expected its value, for example scale: power." in said
     assert done.stdout.splitlines()[-2:] == [
         "Next: radcal check mine.yaml",
         "Then: radcal run mine.yaml reference, and radcal run mine.yaml",
@@ -94,7 +101,7 @@ def test_what_the_files_say_is_read_and_the_rest_is_marked(files: list[str]) -> 
     assert "--vertical-datum" in done.stdout
     run = CliRunner().invoke(app, ["run", "mine.yaml"])
     assert run.exit_code == 1
-    assert "mine.yaml: scene.vertical_datum is FILL_IN, expected a value, which is still" in run.stderr
+    assert "mine.yaml: scene.vertical_datum is FILL_IN (line 9), expected its value, for exam" in run.stderr
 
 
 def test_nothing_is_overwritten_and_wrong_answers_are_told(files: list[str]) -> None:
@@ -146,7 +153,9 @@ def test_a_case_with_a_synthetic_image_can_be_run_at_once(files: list[str]) -> N
     scene = [*files[:4], "--image", "synthetic", "--vertical-datum", "local"]
     done = new("folder/mine.yaml", *scene, "--material", "code_7")
     assert done.exit_code == 0, done.output
-    assert "parameters: [FILL_IN]" in Path("folder/mine.yaml").read_text()
+    assert "parameters: [FILL_IN]  # gamma [dB], for example parameters: [-15]" in Path("folder/mine.yaml").read_text()
+    (one,) = check_case(["folder/mine.yaml"]).problems
+    assert "materials.code_2.parameters is FILL_IN (line 21), expected its value, for example parameters: [-15]" in one
     fixed = ["--material", "code_7", "--fixed", "code_2=-12.5"]
     new("own", *scene, *fixed)
     found = check_case(["own.yaml"])
@@ -211,6 +220,7 @@ def test_known_land_cover_names_the_codes(files: list[str], tmp_path: Path) -> N
     assert not Path("mine_names.json").exists()
     assert check_case(["mine.yaml"]).problems == []
     case = load(["mine.yaml"])
+    assert case.materials["cropland"].start_parameters == [-20.86, 6.05, 0, 4]
     assert (case.calibrated, case.materials["permanent_water_bodies"].parameters) == (["cropland"], [-40.0])
     wrong = new("no", *files, "--landcover-preset", "esa_worldcover")
     assert "--landcover-preset is esa_worldcover, which has no code 2, 7: give --names" in wrong.stderr

@@ -14,6 +14,7 @@ import pytest
 from snakemake.cli import parse_args, parse_config
 from typer.testing import CliRunner, Result
 
+import radcal
 from radcal.cli import app, snakemake_command
 from radcal.cli.run import sorted_words
 from radcal.config import load
@@ -125,10 +126,11 @@ def test_elsewhere_radcals_own_workflow_is_run(
         (clone / "others/Snakefile").write_text("rule all:\n    input: []\n")
     monkeypatch.chdir(clone / folder)
     done = run("../mine.yaml", "--results", "found", "--", "--profile", "profiles/slurm")
-    assert started[0][-2:] == ["--profile", str(ROOT / "profiles/slurm")]
+    own = Path(radcal.__file__).resolve().parents[2]
+    assert started[0][-2:] == ["--profile", str(own / "profiles/slurm")]
     started[0][-2:] = []
     found = parse_args(started[0][4:])[1]
-    assert (Path(found.snakefile), Path(found.workflow_profile)) == (ROOT / "Snakefile", ROOT / "profiles/default")
+    assert (Path(found.snakefile), Path(found.workflow_profile)) == (own / "Snakefile", own / "profiles/default")
     assert found.nolock  # radcal's own lock dies with its process; from the profile
     assert os.environ["RADCAL_RESULTS"] == "found"
     assert done.stderr == f"radcal: results go to {clone / folder / 'found'}\n"

@@ -241,6 +241,10 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
         {"radar": {"azimuth_resolution_m": 1e4}},
         ["radar: azimuth_resolution_m is 10000, expected at most 1000 times azimuth_spacing_m (2.5)"],
     ),
+    (
+        {"radar": {"range_resolution_m": 1.7, "range_spacing_m": 1.5}},
+        ["radar.range_resolution_m is 1.7, expected at least 1.78 at radar.range_spacing_m of 1.5", "at most 1.44"],
+    ),
     # other shapes than those expected
     ({"radar": None}, ["some.yaml: radar is None, expected keys and values."]),
     ({"radar": [4]}, ["radar is 4, expected keys and values."]),
@@ -490,9 +494,21 @@ def test_lists_of_radar_and_measurement_are_passes() -> None:
     assert "further_radar" not in alone.sections(*Case.model_fields)
 
 
+def test_each_of_three_passes_has_its_own_radar_and_image() -> None:
+    radar = [*TWO_PASSES["radar"], {"depression_deg": 60, "look_side": "left"}]
+    case = case_from({"radar": radar, "measurement": [*TWO_PASSES["measurement"], {"synthetic": {"seed": 9}}]})
+    assert [one.radar.depression_deg for one in case.passes] == [45, 30, 60]
+    assert [one.measurement.synthetic.seed for one in case.passes] == [2, 5, 9]
+    assert [one.radar.look_side for one in case.passes] == ["right", "right", "left"]
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
+        (
+            {"radar": [{"heading_deg": 10}, {"depression_deg": 30, "heading_deg": 12}]},
+            "radar.*.heading_deg are 10, 12, expected the same heading in all passes",
+        ),
         ({"measurement": {}}, "passes: found radar of 2 and measurement of 1, expected lists of equal length"),
         ({"radar": [{}, {"depression_deg": 2}]}, "radar.2.depression_deg is 2, expected greater than 5."),
         ({"radar": [{}, {"depresion_deg": 2}]}, "unknown key radar.2.depresion_deg (did you mean 'depression_deg'?)."),
@@ -528,5 +544,36 @@ def test_a_dyke_of_its_own_bounds_has_a_hidden_law_inside_them():
     assert hidden() == published
     assert hidden(bounds=[[-32, -8], [0, 16], [0, 22], [0, 12]]) == physical
     assert hidden(bounds=[[-50, 50]] * 4) == physical
+    # ends of the bounds lie inside of them
+    assert hidden(bounds=[[-24, 7], [10, 15], [14, 22], [3, 5]]) == physical
+    assert hidden(bounds=[[6.1, 7], [10, 14.2], [21.5, 22], [3.3, 5]]) == published
     assert case_from({"materials": {"dyke": {"calibrate": True}}}).measurement.synthetic.parameters["dyke"] == published
     assert case_from({}).measurement.synthetic.parameters["dyke"] == physical
+
+
+def test_limits_themselves_are_allowed() -> None:
+    """As many runs as the design has."""
+    assert case_from({"surrogate": {"baseline": False}, "stop": {"max_runs": 8}}).design_size == 8
+    with pytest.raises(ConfigError, match="near_incidence_deg"):
+        case_from(flat(near_incidence_deg=40))
+    assert case_from(flat(near_incidence_deg=39.9)).scene.far_incidence_deg == 40
+
+
+def test_fixed_materials_give_the_level_unless_some_are_named() -> None:
+    assert case_from({}).reference_materials == ["water", "grass", "forest", "crops", "bare_soil", "road"]
+    assert case_from({"target": {"reference_materials": ["road", "grass"]}}).reference_materials == ["road", "grass"]
+
+
+@pytest.mark.parametrize(
+    ("sections", "draws"),
+    [
+        ({}, 4),
+        ({"objective": "likelihood"}, 4),
+        ({"objective": "density"}, 1),
+        ({"simulator": {"draws": 2}}, 2),
+        ({"simulator": {"keep_images": True}}, 4),
+        ({"objective": "density", "simulator": {"draws": 3}}, 3),
+    ],
+)
+def test_bins_average_four_draws_of_speckle_unless_told(sections: dict[str, Any], draws: int) -> None:
+    assert case_from(sections).simulator.draws == draws

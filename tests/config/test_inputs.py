@@ -9,6 +9,7 @@ from config_samples import flat, mapped, measured
 from safe_product import write_product
 
 from radcal.config import Case, FileMeasurement, case_from, check_reuse, expand_path, input_files, missing_inputs
+from radcal.config.inputs import executable_path
 from radcal.errors import ConfigError
 
 
@@ -113,3 +114,24 @@ def test_files_of_one_polarisation_of_a_product_are_inputs(tmp_path: Path) -> No
     assert problem == (
         f"measurement.path: {safe} cannot be read as a Sentinel-1 product (it has VV, radar.polarisation is HH)."
     )
+
+
+def test_images_of_further_passes_are_inputs_by_their_number(tmp_path: Path) -> None:
+    images = [tmp_path / f"{name}.npy" for name in "abc"]
+    for path in images:
+        path.touch()
+    one = {"source": "file", "scale": "db", "radiometry": "sigma0_ref"}
+    radar = [{"depression_deg": angle} for angle in (45, 50, 55)]
+    case = case_from({"radar": radar, "measurement": [{**one, "path": str(path)} for path in images]})
+    keys = ("measurement.path", "measurement.2.path", "measurement.3.path")
+    assert input_files(case) == dict(zip(keys, images, strict=True))
+
+
+def test_a_program_is_looked_for_on_the_path_that_it_gets(tmp_path: Path) -> None:
+    program = tmp_path / "sh"
+    program.write_text("#!/bin/sh\n")
+    program.chmod(0o755)
+    assert executable_path("sh", "simulator.command", {"PATH": str(tmp_path)}) == program
+    assert executable_path("sh", "simulator.command", {}) != program
+    with pytest.raises(ConfigError, match="no program 'ls' on the PATH"):
+        executable_path("ls", "simulator.command", {"PATH": str(tmp_path)})

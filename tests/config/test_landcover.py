@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from radcal.config import Case, case_from
-from radcal.config.landcover import LANDCOVERS, landcover_table, starting_keys
+from radcal.config.landcover import LANDCOVERS, landcover_table, starting_keys, starting_levels
 from radcal.errors import ConfigError
 from radcal.radar.laws import law_for
 
@@ -99,3 +99,20 @@ def test_colours_are_no_part_of_what_determines_runs() -> None:
 def test_the_page_has_the_generated_table(landcover: str) -> None:
     page = (Path(__file__).resolve().parents[2] / "docs/landcover.md").read_text(encoding="utf-8")
     assert landcover_table(landcover) in page
+
+
+def test_no_two_materials_of_a_new_case_start_at_one_level() -> None:
+    found = starting_levels(
+        ["tree_cover", "cropland", "code_7", "open water", "industrial_or_commercial_units"], [-18.0]
+    )
+    # woods and farmland have the same gamma of -15 dB, as has what nothing is known of
+    assert {name: level.gamma_db for name, level in found.items()} == {
+        "tree_cover": -15.0, "cropland": -12.0, "code_7": -9.0, "open water": -40.0,
+        "industrial_or_commercial_units": 0.0,
+    }  # fmt: skip
+    assert str(found["cropland"]) == "gamma -12 dB of farmland, moved apart from another material"
+    assert str(found["open water"]) == "gamma -40 dB of sea state 3"
+    assert str(found["code_7"]).startswith("gamma -9 dB of no known kind")
+    start = law_for("mangia")(np.radians([35.0]), found["cropland"].start(-38.0, -2.0))
+    assert start[0] == pytest.approx(-12.0 + 10.0 * np.log10(np.cos(np.radians(35.0))), abs=0.2)
+    assert found["open water"].start(-38.0, -2.0)[0] == -38.0

@@ -88,6 +88,10 @@ def test_whole_parameters() -> None:
     assert [type(x) for x in soil.handed([2.0, 3.0]).values()] == [float, int]
     with pytest.raises(ValueError, match=r"^X: n is 3\.5, expected a whole number"):
         soil.handed([2.5, 3.5])
+    # above 2^53 doubles skip whole numbers
+    assert soil.handed([2.5, 2.0**53])["n"] == 2**53
+    with pytest.raises(ValueError, match=r"^X: n is 9\.0072e\+15, expected"):
+        soil.handed([2.5, 2.0**53 + 2.0])
     assert case_from(outside({"bounds": [[0, 9], [1, 12]], "integer": True})).materials["soil"].integers == (True, True)
     water = {"law": "external", "names": ["n"], "integer": True, "parameters": [3]}
     data = outside(WHOLE)

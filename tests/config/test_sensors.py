@@ -75,10 +75,10 @@ def test_wild_values_beside_a_sensor_end_in_a_sentence(key: str, value: object) 
 
 def test_missing_keys_are_listed_with_all_other_mistakes(tmp_path: Path) -> None:
     (tmp_path / "case.yaml").write_text("radar: {sensor: sentinel1_iw_grdh, incidence_deg: 35, loks: 4}\nseed: -1\n")
-    case, problems = load_with_problems([tmp_path / "case.yaml"])
-    assert case is not None
-    assert case.radar.band == "C"
-    assert [text.partition(": ")[2] for text in problems] == [
+    found = load_with_problems([tmp_path / "case.yaml"])
+    assert found.case is not None
+    assert found.case.radar.band == "C"
+    assert [text.partition(": ")[2] for text in found.problems] == [
         "unknown key radar.loks (did you mean 'looks'?).",
         "seed is -1, expected greater than or equal to 0.",
         "radar: polarisation and nesz_db are missing, which sensor sentinel1_iw_grdh does not give (docs/sensors.md).",

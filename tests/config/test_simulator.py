@@ -71,3 +71,23 @@ def test_another_program_ends_at_the_sampling_error_unless_a_tolerance_is_asked_
     assert not case_from({}).stop.at_sampling_error
     for name in ("paper", "paper_small"):
         assert not load([Path(__file__).parents[2] / f"config/{name}.yaml"]).stop.at_sampling_error
+
+
+def test_the_longest_run_is_that_of_all_attempts_waits_and_draws() -> None:
+    """Four attempts of 100 s, waits of 2, 4 and 8 s, twice."""
+    keys = {"timeout_s": 100, "retries": 3, "retry_wait_s": 2, "draws": 2}
+    simulator = case_from(outside(WHOLE, simulator=COMMAND | keys)).simulator
+    assert simulator.longest_run_s == 2 * (4 * 100 + 2 + 4 + 8)
+    assert case_from({"simulator": {"draws": 3}}).simulator.longest_run_s == 2700
+    # 2^20 - 1 waits of the first
+    assert case_from(outside(WHOLE, simulator=COMMAND | {"retries": 20, "retry_wait_s": 2})).simulator.retries == 20
+    with pytest.raises(ConfigError, match=r"retry_wait_s is 3 and retries 20: .* add up to 36\.4 days"):
+        case_from(outside(WHOLE, simulator=COMMAND | {"retries": 20, "retry_wait_s": 3}))
+
+
+@pytest.mark.parametrize(("given", "told"), [(None, False), ({"radar": False}, False), ({}, True)])
+def test_a_program_that_is_not_told_the_pass_runs_the_same_whatever_its_looks(given: Any, told: bool) -> None:
+    simulator = case_from(outside(WHOLE, simulator=COMMAND | {"input": given})).simulator
+    assert ("looks" in simulator.not_told) is not told
+    assert "depression_deg" not in simulator.not_told
+    assert not case_from({}).simulator.not_told

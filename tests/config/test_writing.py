@@ -13,6 +13,7 @@ import yaml
 from config_samples import COMMAND, FIXED, synthetic
 
 from radcal.config import Case, Radar, SyntheticMeasurement, case_from, default_case, default_yaml, load
+from radcal.config.writing import _inline
 
 
 def test_default_yaml_is_the_default_case(tmp_path: Path) -> None:
@@ -68,6 +69,15 @@ def test_levels_and_bounds_of_the_default_case_are_physical() -> None:
 def test_shipped_config_is_the_default_case() -> None:
     shipped = Path(__file__).parents[2] / "config" / "config.yaml"
     assert shipped.read_text() == default_yaml()
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(4.0, "4"), (693_000.0, "693000"), (1_234_567.0, "1234567.0"), (1e-5, "1.0e-05"), (0.25, "0.25"), (True, "true")],
+)
+def test_numbers_are_written_with_all_their_digits(value: Any, text: str) -> None:
+    assert _inline(value) == text
+    assert yaml.safe_load(text) == value
 
 
 def test_module_writes_the_default_yaml() -> None:

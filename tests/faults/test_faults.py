@@ -266,7 +266,7 @@ SLOW = """
 import os, time
 replace = os.replace
 def slow(source, target, **options):
-    time.sleep(0.7)
+    time.sleep(0.3)
     replace(source, target, **options)
 os.replace = os.rename = slow
 """

@@ -57,11 +57,12 @@ def test_cumulants_are_scipys_moments():
 
 def test_shares_of_labels():
     angles = np.repeat([20.0, 40.0], 60)
-    classes = make_classes(np.zeros(120), angles, 2, independent=0.5)
+    classes = make_classes(np.zeros(120), angles, 2)
     label = np.concatenate([np.zeros(60, dtype=int), np.repeat([0, 1], [15, 45])])
     assert classes.size == 2
     np.testing.assert_allclose(classes.shares(label, 2), [[1.0, 0.0], [0.25, 0.75]])
-    np.testing.assert_allclose(classes.effective, [30.0, 30.0])
+    np.testing.assert_allclose(classes.effective, [60.0, 60.0])
+    np.testing.assert_allclose(classes.compared(4).effective, [48.0, 48.0])
 
 
 def test_a_power_of_zero_but_for_rounding_decides_nothing():
@@ -97,3 +98,29 @@ def test_values_are_limited_to_six_robust_standard_deviations():
     # median 2 and median distance 2; the other bin on its own: -60 and 10
     expected = [0.0, 1.0, 2.0, 4.0, 2.0 + 6 * 1.4826 * 2.0, -50.0, -60.0, -70.0]
     np.testing.assert_allclose(winsorised(values, member), expected)
+
+
+def test_speckle_is_the_variance_at_equal_incidence_inside_of_a_cell():
+    """A slope of the law and the levels of cells spread a bin, and would be the same in another image."""
+    rng = np.random.default_rng(8)
+    angles, cells = rng.uniform(20.0, 40.0, 6000), rng.integers(0, 12, 6000)
+    sd = np.where(angles < 30.0, 1.5, 2.5)
+    values = -0.5 * angles + rng.normal(0.0, 2.0, 12)[cells] + sd * rng.normal(size=6000)
+    classes = make_classes(values, angles, 2, cells=cells)
+    np.testing.assert_allclose(classes.speckle_db2, [1.5**2, 2.5**2], rtol=0.06)
+    assert (classes.cumulants[:, 1] > classes.speckle_db2 + 4.0).all()
+    # one degree of freedom for each of the few pixels' cells, and two for the line
+    few = [make_classes(rng.normal(size=120), angles[:120], 1, cells=np.arange(120) // 3) for _ in range(200)]
+    assert np.mean([one.speckle_db2[0] for one in few]) == pytest.approx(0.99, abs=0.04)
+
+
+def test_cells_of_one_pixel_leave_the_whole_variance():
+    values = np.random.default_rng(7).normal(size=60)
+    classes = make_classes(values, np.linspace(20.0, 40.0, 60), 1, cells=np.arange(60))
+    np.testing.assert_allclose(classes.speckle_db2, classes.cumulants[:, 1])
+
+
+def test_a_line_takes_two_degrees_of_freedom():
+    rng, angles = np.random.default_rng(10), np.linspace(20.0, 40.0, 30)
+    found = [make_classes(rng.normal(size=30) - angles, angles, 1).speckle_db2[0] for _ in range(1500)]
+    assert np.mean(found) == pytest.approx(1.0, abs=0.02)  # standard error 0.7 %; one degree more would be 3.4 %

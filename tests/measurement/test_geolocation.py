@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,31 @@ def test_places_lead_back_to_their_pixels(annotation: Annotation, height: float)
     found = annotation.ground.positions(*places, np.full(4, height))
     np.testing.assert_allclose(found[0], line, atol=0.01)
     np.testing.assert_allclose(found[1], pixel, atol=0.01)
+
+
+def test_the_image_ends_half_a_pixel_beyond_its_outer_centres(annotation: Annotation) -> None:
+    inside = [(-0.4, 50.0), (LINES - 0.6, 50.0), (60.0, -0.4), (60.0, PIXELS - 0.6)]
+    outside = [(-0.6, 50.0), (LINES - 0.4, 50.0), (60.0, -0.6), (60.0, PIXELS - 0.4)]
+    for ends, shown in ((inside, True), (outside, False)):
+        places = np.array([place_of(*end) for end in ends]).T
+        found = np.stack(annotation.ground.positions(*places, np.zeros(4)), axis=-1)
+        assert np.isfinite(found).all(axis=1).tolist() == [shown] * 4
+        if shown:
+            np.testing.assert_allclose(found, ends, atol=0.01)
+
+
+def test_positions_do_not_depend_on_where_the_search_begins(annotation: Annotation) -> None:
+    """It begins at the middle of the image, here 15 s later; polynomials may count from other slant ranges."""
+    ground = annotation.ground
+    line, pixel = np.array([5.0, 110.0]), np.array([20.0, 90.0])
+    places = np.array([place_of(a, b) for a, b in zip(line, pixel, strict=True)]).T
+    later = replace(ground, shape=(20_000, PIXELS))
+    moved = replace(
+        ground, near_m=ground.near_m + [0.0, 100.0], coefficients=ground.coefficients + [[0.0, 0.0], [160.0, 0.0]]
+    )
+    for one in (later, moved):
+        found = one.positions(*places, np.zeros(2))
+        np.testing.assert_allclose(found, [line, pixel], atol=0.01)
 
 
 def test_a_height_displaces_towards_near_range(annotation: Annotation) -> None:

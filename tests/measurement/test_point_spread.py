@@ -142,6 +142,21 @@ def test_note_gives_both_numbers() -> None:
     assert point_spread_note(PointSpread(2.2, 3.4, 0.13, 0.17, 1.1, 100), None, RADAR, "b.tif") is None
 
 
+def test_windows_of_all_levels_are_used() -> None:
+    """A material 10 dB above the other one."""
+    material = np.where(np.indices(SHAPE)[1] < 120, 1, 2).astype(np.uint8)
+    image = power(np.where(material == 1, 1.0, 10.0))
+    both, alone = (estimate_point_spread(decibels(one.astype(np.float32)), material, RADAR) for one in (image, power()))
+    assert both is not None
+    assert alone is not None
+    assert both.windows > 0.9 * alone.windows
+    assert both.azimuth_m == pytest.approx(3.5, rel=0.05)
+
+
+def test_area_of_a_point_spread_is_a_product() -> None:
+    assert PointSpread(3.0, 7.0, 0.1, 0.1, 1.0, 50).cells(RADAR) == pytest.approx(3.0)
+
+
 def test_small_materials_and_gaps_give_none() -> None:
     image_db = decibels(power().astype(np.float32))
     stripes = np.indices(SHAPE)[0] % 12 // 6

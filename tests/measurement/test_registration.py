@@ -11,7 +11,7 @@ from radcal.errors import MeasurementError
 from radcal.measurement import registration as module
 from radcal.measurement.displacement import invert
 from radcal.measurement.model import Measurement
-from radcal.measurement.registration import read_registered, register, write_registered
+from radcal.measurement.registration import LEAST_CONTRAST_DB, contrast_db, read_registered, register, write_registered
 from radcal.storage.layout import same
 
 SHAPE = (200, 230)
@@ -67,6 +67,7 @@ def test_a_displaced_image_is_brought_back(registered):
     assert np.isin(moved[np.isfinite(moved)], registered.unregistered_db).all()
 
 
+@pytest.mark.statistics
 def test_the_uncertainty_is_that_of_the_error():
     errors, said = [], []
     for seed in range(4):
@@ -180,3 +181,32 @@ def test_file_round_trip(tmp_path, registered):
     back = read_registered(tmp_path / "r.h5")
     assert same(back, registered)
     assert back.applied
+
+
+def test_contrast_is_that_under_speckle_and_beside_a_trend():
+    rows, columns = np.indices((250, 330))
+    trend = (-0.03 * rows).astype(np.float32)
+    blank = speckled(trend, seed=5)
+    assert contrast_db(trend) < 0.01
+    assert contrast_db(blank) < LEAST_CONTRAST_DB
+    # two levels 2.4 dB apart in patches of 48 pixels that fill half of the image: an sd of 1.2 dB
+    patches = np.where((rows // 48 + columns // 48) % 2, 2.4, 0.0).astype(np.float32)
+    assert contrast_db(patches) == pytest.approx(1.2, rel=0.1)
+    assert contrast_db(speckled(trend + patches, seed=5)) == pytest.approx(contrast_db(patches), abs=0.1)
+    hidden = np.where(rows < 100, np.nan, trend + patches)
+    assert contrast_db(hidden) == pytest.approx(1.2, rel=0.15)
+    # a border along a row or a column is contrast, too
+    for border in (rows < 90, columns < 90):
+        assert contrast_db(np.where(border, 2.4, 0.0)) > LEAST_CONTRAST_DB
+    assert np.isnan(contrast_db(patches[:30, :30]))
+
+
+def test_a_start_without_contrast_is_blamed_and_not_the_image():
+    blank = speckled(np.full((192, 208), -12.0, dtype=np.float32), seed=8)
+    image = speckled(ground(), seed=4)[:192, :208]
+    with pytest.raises(
+        MeasurementError, match=r"simulated at the start has no contrast between materials \(the level"
+    ) as e:
+        register(blank, Measurement(image, "a.tif"), RegistrationConfig())
+    assert "give the materials starts that differ (materials.*.start, as radcal new writes them), or" in str(e.value)
+    assert "is it the same area" not in str(e.value)

@@ -28,9 +28,16 @@ from safe_product import (
 
 from radcal.config import FileMeasurement, Radar, case_from, stages
 from radcal.errors import ConfigError, MeasurementError
-from radcal.measurement.acquisition import Acquisition, contradictions, differences, radar_section
+from radcal.measurement.acquisition import (
+    Acquisition,
+    _apart,
+    _turned_deg,
+    contradictions,
+    differences,
+    radar_section,
+)
 from radcal.measurement.annotation import noise_of
-from radcal.measurement.overpass import seen_from
+from radcal.measurement.overpass import seen_from, told
 from radcal.measurement.product import Product, open_product
 from radcal.measurement.sentinel1 import sigma0_image
 from radcal.measurement.sources import make_measurement
@@ -160,6 +167,62 @@ def test_acquisition_is_read_from_the_annotation(safe: Path) -> None:
     assert second.incidence_deg > found.incidence_deg
 
 
+def test_noise_is_told_at_the_incidence_of_the_scenes_own_height(safe: Path) -> None:
+    """The geolocation grid has other heights, 10 m a pixel."""
+    product, radar = opened(safe)
+    ground = scene(70.0, 85.0)
+    found = seen_from(product, ground, make_geometry(ground, radar).ground).acquisition
+    angles, levels = np.array(found.nesz_db).T
+    at = np.linspace(0.0, 99.0, 100)
+    places = np.array([place_of(70.0, pixel, HEIGHT_M) for pixel in at]).T
+    own = product.annotation.ground.look(*places, np.full(100, HEIGHT_M)).incidence_deg
+    there = at[np.argmin(np.abs(own - found.incidence_deg))]
+    expected = 10 * np.log10(noise(70.0, there) / divisor(70.0, there) ** 2)
+    assert np.interp(found.incidence_deg, angles, levels) == pytest.approx(expected, abs=0.05)
+
+
+def test_looks_of_other_modes_are_multiplied(safe: Path) -> None:
+    product, radar = opened(safe)
+    swaths = tuple(replace(one, looks=(6, 3)) for one in product.annotation.swaths)
+    other = replace(product, annotation=replace(product.annotation, mode="EW", swaths=swaths))
+    ground = scene()
+    found = seen_from(other, ground, make_geometry(ground, radar).ground).acquisition
+    assert (found.looks, found.numbers_of_looks) == (18.0, (6, 3))
+
+
+def test_heights_above_the_geoid_are_raised_by_it(safe: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    product, radar = opened(safe)
+    ground = scene()
+    geometry = make_geometry(ground, radar)
+    higher = replace(ground, elevation_m=ground.elevation_m + 45.0)
+    expected = seen_from(product, higher, geometry.ground)
+    monkeypatch.setattr("radcal.measurement.overpass.geoid_m", lambda *_: 45.0)
+    found = seen_from(product, replace(ground, vertical_datum="EGM2008 height"), geometry.ground)
+    np.testing.assert_allclose(found.pixel, expected.pixel, atol=1e-6)
+    assert found.notes == ()
+
+
+def test_a_product_tells_its_pass_whatever_the_polarisation_of_the_case(safe: Path) -> None:
+    for polarisation in ("HH", "VV"):
+        found = told(safe, config(safe), Radar(polarisation=polarisation), scene())
+        assert found.acquisition.polarisation == "VV"
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "apart"), [(350.0, 10.0, 20.0), (10.0, 350.0, 20.0), (90.0, 270.0, 180.0), (200.0, 170.0, 30.0)]
+)
+def test_angles_between_directions_go_the_shorter_way(one: float, other: float, apart: float) -> None:
+    assert _apart(one, other) == pytest.approx(apart)
+
+
+def test_a_turned_look_changes_the_incidence_by_the_change_of_a_cosine() -> None:
+    """Of the angle between aspect and look: the largest of all aspects."""
+    aspect = np.radians(np.arange(0.0, 360.0, 0.01))
+    for apart in (10.0, 80.0):
+        change = np.abs(np.cos(aspect) - np.cos(aspect - np.radians(apart))).max()
+        assert _turned_deg(7.0, apart) == pytest.approx(7.0 * change, rel=1e-6)
+
+
 def measured_width(coefficient: float) -> float:
     """-3 dB width of a window's response, from its spectrum."""
     spectrum = np.zeros(1 << 20)
@@ -206,6 +269,8 @@ def test_the_printed_section_is_one_of_radar(safe: Path) -> None:
         ({"looks": 2}, "radar.looks is 2, its equivalent number of looks 4.4."),
         ({"depression_deg": 45.0}, "radar.depression_deg is 45, an incidence of 45.0"),
         ({"incidence_deg": 39.0, "depression_deg": None}, "radar.incidence_deg is 39, an incidence of 39.0"),
+        ({"incidence_deg": 33.0, "depression_deg": None}, "radar.incidence_deg is 33, an incidence of 33.0"),
+        ({"looks": 7}, "radar.looks is 7, its equivalent number of looks 4.4."),
         ({"look_side": "right"}, "radar.look_side is right, a look to 90 deg from north, it looks to 2"),
     ],
 )

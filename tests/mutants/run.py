@@ -49,6 +49,7 @@ TABLES = Path(__file__).resolve().parent
 TESTS = TABLES.parent
 CHECKOUT = TESTS.parent
 PACKAGE = CHECKOUT / "src" / "radcal"
+WORKFLOW = ("Snakefile", "config", "profiles", "workflow")
 OUTCOMES = CHECKOUT / ".mutants" / "outcomes.json"
 CPU_S, TIMEOUT_S = 400, 900  # limits of a mutant's tests: loops and waits without an end are caught, too
 PYTEST = ("-n", "0", "-x", "-q", "-p", "no:cacheprovider", "--hypothesis-seed=0", "--no-header", "--tb=no")
@@ -126,6 +127,9 @@ def start(mutant: Mutant | None, tests: Sequence[str], folder: Path) -> int:
     # machine code of numba is left out: its cache is named after all compiled sources, so that a changed one is
     # compiled again, and others are compiled once for each folder
     shutil.copytree(PACKAGE, copy, ignore=shutil.ignore_patterns("radcal-*"))
+    for name in WORKFLOW:  # the copy is as complete as a clone
+        if not (folder / name).is_symlink():
+            (folder / name).symlink_to(CHECKOUT / name)
     if mutant is not None:
         (copy / mutant.room / mutant.file).write_text(mutant.source, encoding="utf-8")
     sys.stdout.flush()

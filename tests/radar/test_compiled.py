@@ -9,20 +9,33 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from radcal.radar import compiled
 from radcal.radar.compiled import cache_folder, sources
 
 PACKAGE = Path(compiled.__file__).parents[1]
-PROGRAM = """
-import numpy as np
-from radcal.radar import points
+CALLEE = "from radcal.radar.compiled import njit\n\n\n@njit()\ndef tripled(x):\n    return 3 * x\n"
+CALLER = """from radcal.radar.callee import tripled
+from radcal.radar.compiled import njit
 
-one = points.Points(np.zeros(1), np.zeros(1), np.ones(1, np.float32), np.ones(1, np.uint32))
-print(points.phased(one, 7)[0].tolist(), sum(points._phases.stats.cache_hits.values()), points.__file__)
+
+@njit()
+def f(x):
+    return tripled(x) + 1
 """
+PROGRAM = (
+    "from radcal.radar import caller; print(caller.f(5), sum(caller.f.stats.cache_hits.values()), caller.__file__)"
+)
+
+
+@compiled.threaded
+def shared(part: Any, found: Any, factor: Any) -> None:
+    for i in range(part[0], part[1]):
+        found[i, 0], found[i, 1] = part[0], factor * i
 
 
 def twice(x: int) -> int:
@@ -36,28 +49,33 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return Path(shutil.copytree(PACKAGE, tmp_path / "radcal", ignore=shutil.ignore_patterns("__pycache__")))
 
 
-def run(package: Path) -> tuple[str, int]:
-    """Phase of a point, and how often its compiled function came from the disk, in a process of its own."""
+def run(package: Path) -> tuple[int, int]:
+    """Result of a compiled function, and how often its machine code came from the disk, in a process of its own."""
     environment = {**os.environ, "PYTHONPATH": str(package.parent)}
     done = subprocess.run([sys.executable, "-c", PROGRAM], env=environment, capture_output=True, text=True, check=True)
-    phase, hits, file = done.stdout.strip().rsplit(" ", 2)
-    assert file == str(package / "radar" / "points.py")
-    return phase, int(hits)
+    result, hits, file = done.stdout.strip().split(" ", 2)
+    assert file == str(package / "radar" / "caller.py")
+    return int(result), int(hits)
 
 
-def test_a_changed_callee_in_another_file_is_compiled(package: Path) -> None:
-    """points._phases calls gaussian.philox: numba itself looks at points.py only."""
-    first, hits = run(package)
-    assert hits == 0
-    assert run(package) == (first, 1)
-    callee = package / "radar" / "gaussian.py"
-    callee.write_text(callee.read_text().replace("for _ in range(10):", "for _ in range(9):"))
-    other, hits = run(package)
-    assert other != first
-    assert hits == 0
+def test_a_changed_callee_in_another_file_is_compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """numba itself looks at the caller's file only."""
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    package = tmp_path / "radcal"  # of these modules alone, because whole radcal takes seconds
+    (package / "radar").mkdir(parents=True)
+    for name in ("__init__.py", "radar/__init__.py"):
+        (package / name).write_text("")
+    shutil.copy(PACKAGE / "radar" / "compiled.py", package / "radar")
+    (package / "radar" / "caller.py").write_text(CALLER)
+    callee = package / "radar" / "callee.py"
+    callee.write_text(CALLEE)
+    assert run(package) == (16, 0)
+    assert run(package) == (16, 1)
+    callee.write_text(CALLEE.replace("3 * x", "4 * x"))
+    assert run(package) == (21, 0)
     # back again, and its machine code is still there
-    callee.write_text(callee.read_text().replace("for _ in range(9):", "for _ in range(10):"))
-    assert run(package) == (first, 1)
+    callee.write_text(CALLEE)
+    assert run(package) == (16, 1)
 
 
 def test_one_process_compiles_a_function_and_others_wait(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -89,6 +107,17 @@ def test_one_process_compiles_a_function_and_others_wait(tmp_path: Path, monkeyp
     monkeypatch.setattr(compiled.time, "sleep", sleep)
     assert double(21) == 42
     assert len(waits) == 3
+
+
+@pytest.mark.parametrize(
+    ("threads", "first"), [(3, [0] * 3 + [3] * 4 + [7] * 4), (3, [0, 1]), (1, [0, 0, 0, 0]), (3, [])]
+)
+def test_threads_share_a_loop_evenly(monkeypatch: pytest.MonkeyPatch, threads: int, first: list[int]) -> None:
+    monkeypatch.setattr(compiled._config, "NUMBA_NUM_THREADS", threads)
+    found = np.full((len(first), 2), -1)
+    shared(len(first), found, 5)
+    np.testing.assert_array_equal(found[:, 0], first)
+    np.testing.assert_array_equal(found[:, 1], 5 * np.arange(len(first)))
 
 
 def test_every_module_with_compiled_functions_is_found(package: Path) -> None:

@@ -361,3 +361,11 @@ def test_heading_at_the_scene_of_an_orbit_on_a_sphere() -> None:
 
         satellite, scene = space(10.0, latitude, radius + altitude), space(longitude, north, radius)
         assert heading_of_sight(satellite, scene, longitude, north, side) == pytest.approx(expected, abs=1e-6)
+
+
+def test_the_ground_drops_along_ground_range_on_both_sides_of_the_centre() -> None:
+    """Four rows of seven cells, by u^2 / 2R at the middle of each cell."""
+    elevation = np.arange(28.0).reshape(4, 7)
+    dropped = elevation - Sight(1e4, 1e4, 1e4, 5e5).lowered(elevation, 300.0)
+    u = np.array([-900.0, -600.0, -300.0, 0.0, 300.0, 600.0, 900.0])
+    np.testing.assert_allclose(dropped, np.tile(u**2 / 1e6, (4, 1)), atol=1e-9)

@@ -174,3 +174,23 @@ def test_angles_of_single_precision_do_not_exceed_90_degrees() -> None:
 def test_blanks_and_brackets_change_nothing() -> None:
     assert formula_law(" a+(b* cos( phi))", ["a", "b"]).formula == formula_law("a + b*cos(phi)", ["a", "b"]).formula
     assert formula_law("(a + b)*phi", ["a", "b"]).formula != formula_law("a + b*phi", ["a", "b"]).formula
+
+
+def test_limits_of_a_formula_hold_on_both_sides() -> None:
+    """Exponents from -20 to 20; trees of 30 levels."""
+    for exponent in (-20, 20, -20.0):
+        Formula(f"a*phi**{exponent}", ("a",))
+    for exponent in (-21, 21, -20.5):
+        with pytest.raises(ValueError, match="expected exponents up to 20"):
+            Formula(f"a*phi**{exponent}", ("a",))
+    Formula("abs(" * 29 + "a" + ")" * 29, ("a",))
+    with pytest.raises(ValueError, match="nested more than 30 deep"):
+        Formula("abs(" * 30 + "a" + ")" * 30, ("a",))
+
+
+def test_a_formula_is_tried_up_to_90_degrees_and_inside_of_its_bounds_alone() -> None:
+    refuse_infinite(formula_law("a + sqrt(3 - a)*cos(phi)", ["a"]), box=[(1.0, 3.0)])
+    with pytest.raises(ValueError, match="at an incidence of 0 degrees and a = 3\\."):
+        refuse_infinite(formula_law("a + sqrt(3 - a)*cos(phi)", ["a"]), box=[(1.0, 3.5)])
+    with pytest.raises(ValueError, match="is inf at an incidence of 90 degrees"):
+        refuse_infinite(formula_law("a/(pi/2 - phi)", ["a"]), at=[1.0])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from scipy import signal, special, stats
 
 from radcal.config import Radar
 from radcal.errors import ConfigError
+from radcal.radar import compiled, image
 from radcal.radar.gaussian import circular_gaussian
 from radcal.radar.geometry import Geometry
 from radcal.radar.image import ImageFormation, decibels
@@ -320,6 +322,23 @@ def test_noise_follows_the_rows(geometry: Geometry, radar: Radar) -> None:
         assert power.mean() == pytest.approx(expected, rel=3 / np.sqrt(16 * power.size / 4))
 
 
+def test_results_do_not_depend_on_the_number_of_threads(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(image, "_TILE", 16)
+    radar = Radar(altitude_m=1000.0, nesz_db=-20.0, radiometry="gamma0_rtc")
+    found: list[Any] = []
+    for threads in (1, 3):
+        monkeypatch.setattr(compiled._config, "NUMBA_NUM_THREADS", threads)
+        geometry = make_geometry(scene, radar)
+        laws = dict.fromkeys(geometry.names, LAWS["mangia"])
+        tables = law_tables(geometry.names, laws, {"dyke": DYKE, "grass": GRASS})
+        power = reflectivity(geometry, tables)
+        found.append((geometry, power.power, ImageFormation(radar, geometry.shape, -20.0).intensity(power, 7)))
+    for name, value in vars(found[0][0]).items():
+        np.testing.assert_array_equal(getattr(found[1][0], name), value)
+    for one, other in zip(found[0][1:], found[1][1:], strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
 def test_another_process_does_not_compile_again() -> None:
     """What this process has compiled is on disk: jobs of a workflow load it."""
     program = (
@@ -328,7 +347,7 @@ def test_another_process_does_not_compile_again() -> None:
         "from radcal.radar import image\n"
         "from radcal.radar.reflectivity import uniform\n"
         "image.ImageFormation(Radar(), (20, 20), -20.0).intensity(uniform(np.ones((20, 20), np.float32)), 1)\n"
-        "found = image._form.stats\n"
+        "found = image._form.__wrapped__.stats\n"
         "print(sum(found.cache_hits.values()), sum(found.cache_misses.values()))"
     )
     ImageFormation(Radar(), (20, 20), -20.0).intensity(uniform(np.ones((20, 20), np.float32)), 1)

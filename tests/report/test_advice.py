@@ -55,6 +55,10 @@ def test_passes_to_compare():
     assert [(one.depression_deg, one.look_side) for one in steep] == [(65, "right"), (50, "right"), (50, "left")]
     assert [(one.depression_deg, one.look_side) for one in candidates(case(), [45.0])] == [(45, "left")]
     assert candidates(case())[0].nesz_db == -60
+    # 10 and 75 degrees are the last that are offered by themselves
+    assert {one.depression_deg for one in candidates(case(depression_deg=60))} == {60, 45, 75}
+    assert {one.depression_deg for one in candidates(case(depression_deg=25))} == {25, 10, 40}
+    assert {one.depression_deg for one in candidates(case(depression_deg=24))} == {24, 39}
     with pytest.raises(ConfigError, match="--depression is 85, expected an angle above 5 and below 85"):
         candidates(case(), [30.0, 85.0])
 
@@ -97,6 +101,25 @@ def test_passes_far_from_the_known_angle_narrow_a_slope_most():
     near = advice_on(one, scene(), {"slope": (kept, curves)}, BUDGET, passes, (34.0, 36.0))
     assert near[0].now_db < 0.5 * best.now_db
     assert near[0].over_deg == (34.0, 36.0)
+
+
+def test_each_pass_has_its_own_noise_and_fields_count_by_their_variance():
+    one, (kept, curves) = case(), draws()
+    loud = candidates(one, [45.0])[0]
+    passes = [loud, loud.model_copy(update={"nesz_db": 5.0})]
+
+    def after(fields_db):
+        found = {"slope": (replace(kept, fields_db=fields_db), curves)}
+        rows = advice_on(one, scene(), found, BUDGET, passes, (30.0, 60.0))
+        return {row.radar.nesz_db: row.after_db for row in rows}
+
+    clear = after(np.zeros((400, 2)))
+    # 15 dB below the noise a change of the ground is hardly seen
+    assert clear[-60] < 0.7 * clear[5.0]
+    # standard deviations of 0 and of 2 dB are worth as much as their root mean square
+    half = np.repeat([[0.0, 0.5], [2.0, 0.5]], 200, axis=0)
+    assert after(half)[-60] == pytest.approx(after(np.full((400, 2), [np.sqrt(2.0), 0.5]))[-60], rel=1e-9)
+    assert after(half)[-60] > 1.05 * clear[-60]
 
 
 def row(side: str, after: float, now: float = 2.0) -> Advised:

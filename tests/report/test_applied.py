@@ -11,11 +11,13 @@ import pytest
 from radcal.assessment.curves import GRID_DEG
 from radcal.assessment.posterior import KeptDraws
 from radcal.assessment.preposterior import Sight
-from radcal.config import load_forward, load_measured
+from radcal.config import RegistrationConfig, load_forward, load_measured
 from radcal.errors import ConfigError, StoreError
+from radcal.measurement.model import Measurement
+from radcal.measurement.registration import Registered, write_registered
 from radcal.radar.laws import LAWS, law_for
 from radcal.radar.texture import log_speckle_cumulants
-from radcal.report.applied import _conclusion, _table, apply, predictions, with_laws
+from radcal.report.applied import _conclusion, _table, apply, predictions, registered_as, with_laws
 from radcal.report.applied_figures import Prediction, draw_predictions
 
 LAW = law_for("tabulated", angles_deg=(20.0, 60.0))
@@ -64,6 +66,11 @@ def test_the_interval_is_that_of_law_speckle_level_and_fields() -> None:
     assert half(found(drawn(), many, level_db=0.7)[1]) == pytest.approx(QUANTILE * np.sqrt(0.49 + rest), rel=0.05)
     for fields in ((0.6, 0.0), (0.0, 0.6)):
         assert half(found(drawn(fields=fields), many)[0]) == pytest.approx(QUANTILE * np.sqrt(0.36 + rest), rel=0.05)
+    # a bin of four fields, and of two blocks
+    several = replace(many, patches=0.25 * many.patches, cells=0.5 * many.cells)
+    for fields, variance in (((0.6, 0.0), 0.36 / 4.0), ((0.0, 0.6), 0.36 / 2.0)):
+        expected = QUANTILE * np.sqrt(variance + rest)
+        assert half(found(drawn(fields=fields), several)[0]) == pytest.approx(expected, rel=0.05)
 
 
 def test_the_middle_is_the_image_moved_to_the_looks_of_the_draws() -> None:
@@ -91,6 +98,9 @@ def test_angles_are_called_what_they_are() -> None:
     posterior = drawn()
     posterior.seen_deg = np.array([[22.0, 45.0]])
     assert [one.known for one in found(posterior, sight())] == ["known", "not seen"]
+    for ends in ((30.0, 35.0), (25.0, 30.0)):
+        posterior.known_between_deg = ends
+        assert found(posterior, sight())[0].known == "known"
     posterior.known_between_deg = None
     assert [one.known for one in found(posterior, sight())] == ["not known", "not seen"]
 
@@ -153,3 +163,22 @@ def test_the_law_at_each_angle_is_taken_over_the_bin() -> None:
     expected = float(np.mean(mangia(phi, moved[0]) - mangia(phi, x)))
     assert found[0].predicted_db == pytest.approx(-5.0 + expected, abs=0.03)
     assert found[0].inside is None
+
+
+def test_an_image_lies_where_its_own_case_has_registered_it(tmp_path) -> None:
+    image = np.random.default_rng(2).normal(-12.0, 2.0, (30, 40)).astype(np.float32)
+    image[3, 5] = np.nan
+    moved, zero = np.roll(image, 1, axis=0), np.zeros((2, 30, 40), np.float32)
+    verdict = "registered with gefolki."
+    own = Registered(Measurement(moved, "a.tif"), image, zero + 1, zero[0] + 0.5, zero[0], "gefolki", True, verdict)
+    path = tmp_path / "registered.h5"
+    write_registered(path, own)
+    found, by = registered_as(path, image, Measurement(image, "a.tif"), RegistrationConfig())
+    assert np.array_equal(found.measurement.image_db, moved, equal_nan=True)
+    assert (found.verdict, by) == (verdict, f"as in {tmp_path}, onto the image at its start")
+    # another image, another method, and no results of the other case
+    none = RegistrationConfig(method="none")
+    for place, values in ((path, image + 1), (path, image), (tmp_path / "gone.h5", image)):
+        found, by = registered_as(place, image, Measurement(values, "a.tif"), none)
+        assert np.array_equal(found.measurement.image_db, values, equal_nan=True)
+        assert (found.applied, by) == (False, "onto the predicted image")

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from radcal.assessment.posterior import Curve, Posterior
 from radcal.cli import app
-from radcal.errors import ConfigError
+from radcal.errors import ConfigError, StoreError
 from radcal.report.archive import write_archive
 from radcal.report.comparison import compare, law_difference
 
@@ -51,6 +51,15 @@ def test_differences_are_those_over_the_incidence_that_both_have_seen(pair):
     assert law_difference(pair[0], far, "dyke") is None
 
 
+def test_all_passes_have_seen(pair):
+    """From the lowest angle of one to the highest of another."""
+    seen = np.array([[45.0, 52.0], [28.0, 37.0]])
+    several = replace(pair[1].materials["dyke"].posterior, seen_deg=seen)
+    found = law_difference(changed_material(pair[0], "dyke", posterior=several), pair[1], "dyke")
+    assert found.seen_deg == (30.0, 50.0)
+    assert found.mean_db == 0.0
+
+
 def test_the_command_prints_a_table_and_draws_a_figure(pair, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for archive, name in zip(pair, ("small", "other"), strict=True):
@@ -60,7 +69,7 @@ def test_the_command_prints_a_table_and_draws_a_figure(pair, tmp_path, monkeypat
     lines = done.stdout.splitlines()
     assert lines[:2] == ["A: results/small", "B: results/other"]
     assert [cell.strip() for cell in lines[4].split("  ") if cell] == [
-        "dyke", "30.0-40.0 deg", "+3.50 dB", "+4.00 dB", "100 %", "untested | untested", "21.5-38.0 | nowhere", "8 | 8",
+        "dyke", "30.0-40.0 deg", "+3.50 dB", "+4.00 dB", "100 %", "untested | untested", "21.5-38.0 | nowhere", "6 | 6",
     ]  # fmt: skip
     assert lines[5].startswith("stem beans")
     assert lines[-1] == "figure: results/small_and_other.png"
@@ -68,6 +77,13 @@ def test_the_command_prints_a_table_and_draws_a_figure(pair, tmp_path, monkeypat
     missing = CliRunner().invoke(app, ["compare", "small", "gone"])
     assert missing.exit_code == 1
     assert missing.stderr.startswith("radcal: gone: there is no folder results/gone")
+
+
+def test_an_unfinished_case_says_what_to_type(pair, tmp_path):
+    write_archive(tmp_path / "a/calibration.h5", pair[0])
+    (tmp_path / "b").mkdir()
+    with pytest.raises(StoreError, match="b: the calibration is not finished, so that .*: radcal show b says what is"):
+        compare([tmp_path / "a", tmp_path / "b"], tmp_path / "figure.png")
 
 
 def test_cases_without_a_common_material_are_refused(pair, tmp_path):

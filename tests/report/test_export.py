@@ -14,10 +14,14 @@ from archives import changed_check, changed_material
 
 from radcal.assessment.posterior import Curve
 from radcal.config import Radar, case_from, stages
+from radcal.measurement.levels import Levels
 from radcal.radar.projection import make_geometry
-from radcal.report.export import write_export
-from radcal.report.geotiff import SLANT_RANGE, map_grid, pixel_at_cell
+from radcal.report.export import ground_layers, pass_images, write_export
+from radcal.report.geotiff import SLANT_RANGE, _spacing, map_grid, pixel_at_cell
 from radcal.scene.model import Scene
+from radcal.seeds import noise_seed
+from radcal.storage.run_index import IndexedRun, write_index
+from radcal.storage.runs import Record, RunStore
 
 
 @pytest.fixture
@@ -74,6 +78,44 @@ def test_layover_and_shadow_have_no_value(ground):
     assert pixel[5 + 2 * 4, 2 + 30] == 30 * 30 + 4
     assert (pixel[9:60, 2 + 33] >= 0).all()
     assert (pixel_at_cell(np.full_like(ground, np.nan), layover, (3, 4)) == -1).all()
+
+
+def test_the_spacing_is_that_to_the_nearer_neighbour():
+    """On this side of a shadow between the third and the fourth pixel, and of one without any place."""
+    along = np.array([0.0, 1.0, 2.5, 12.0, 14.0, np.nan, 20.0])
+    places = np.stack([np.broadcast_to(along[:, None], (7, 3)), np.zeros((7, 3))])
+    np.testing.assert_allclose(_spacing(places, 1)[:, 0], [1.0, 1.0, 1.5, 2.0, 2.0, 0.0, 0.0])
+    turned = np.stack([places[1].T, places[0].T])
+    np.testing.assert_allclose(_spacing(turned, 2)[0], [1.0, 1.0, 1.5, 2.0, 2.0, 0.0, 0.0])
+
+
+def test_masks_tell_layover_from_shadow(made):
+    """1: clear; 2: in layover; 3: with ground in shadow; 4: both; 0: no ground."""
+    layover, shadow = (np.zeros(made.geometry.shape, dtype=bool) for _ in range(2))
+    layover[5, :4], shadow[5, 2:6] = True, True
+    hidden = replace(made.geometry, layover=layover, shadow=shadow)
+    found = ground_layers(hidden, {})["mask"].values  # noqa: PD011
+    assert found[5, :7].tolist() == [2, 2, 4, 4, 3, 3, 1]
+    nothing = np.flatnonzero(~hidden.visible.ravel() & ~shadow.ravel())
+    assert not found.ravel()[nothing].any()
+
+
+def test_images_of_a_further_pass_are_those_of_its_own_fresh_run(made, tmp_path):
+    """Two final runs in each of two passes: with the runs' random numbers, then with fresh ones."""
+    image = made.archive.images.measured_db
+    store, keys = RunStore(tmp_path / "runs"), [f"{k}" * 20 for k in range(4)]
+    for k, key in enumerate(keys):
+        store.put(Record(key, {name: np.zeros(3, np.float32) for name in made.targets}, image + k, 0.1), {})
+    write_index(tmp_path / "final.json", [IndexedRun(key, {}) for key in keys])
+    radar = [{"depression_deg": 45}, {"depression_deg": 30}]
+    case = case_from({**made.case.sections("materials"), "radar": radar, "measurement": [{}, {}]})
+    (found,) = pass_images(
+        stages.Export.of(case), [made.geometry] * 2, [made.registered] * 2, [Levels("offset", 0.5, 0.1)] * 2,
+        tmp_path / "final.json", tmp_path / "runs",
+    )  # fmt: skip
+    assert found.radar.depression_deg == 30
+    np.testing.assert_array_equal(found.calibrated_db, image + 3)
+    np.testing.assert_allclose(found.measured_db, made.registered.measurement.image_db - 0.5, rtol=1e-6)
 
 
 def test_a_scene_without_a_map_says_so(made, tmp_path):
@@ -149,6 +191,12 @@ def test_calibrated_materials(made, tmp_path):
     assert not any(material["calibrate"] for material in found.values())
     with rasterio.open(tmp_path / "calibrated.tif") as raster:
         np.testing.assert_array_equal(raster.read(1), archive.images.calibrated_db)
+    with rasterio.open(tmp_path / "difference.tif") as raster:
+        np.testing.assert_array_equal(raster.read(1), archive.images.calibrated_db - archive.images.measured_db)
+    # the image is that of the run with fresh random numbers
+    case = stages.Export.of(made.case)
+    assert f"with the noise seed {noise_seed(case, fresh=True)}." in text
+    assert noise_seed(case, fresh=True) != noise_seed(case)
 
 
 def test_a_patch_of_relief_lies_at_its_place():

@@ -13,15 +13,19 @@ import numpy as np
 import pytest
 from archives import changed_check, changed_material, held_out_blocks
 from matplotlib.text import Text
+from scipy import stats
 
+from radcal import skewnormal
 from radcal.report import drawing, map_figures, scene_figures
 from radcal.report import figures as module
-from radcal.report.archive import Images
+from radcal.report.archive import Fidelity, Images
+from radcal.report.fidelity_figures import differences
 from radcal.report.figures import write_figures
 from radcal.report.held_out_figures import held_out
 from radcal.report.law_figures import cost, law
 from radcal.scene.objects import Objects
 
+HIDDEN = [6.1, 14.2, 21.5, 3.3]
 MANY = [f"material {n}" for n in range(13)] + ["a_name_" * 12, "two words", "two_words"]
 
 
@@ -34,12 +38,13 @@ def _no_warnings():
 
 @pytest.fixture(scope="module")
 def figures(made, tmp_path_factory):
-    """Figures in files, whose fonts are not cut to their letters, which takes a third of the time of a report.
+    """Figures in files, of few pixels and with fonts that are not cut to their letters, which takes half as long.
 
-    The small calibration writes them with the fonts that users get.
+    The small calibration writes them with the pixels and the fonts that users get.
     """
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(drawing.STYLE, "pdf.fonttype", 3)
+        patch.setattr(module, "_DPI", 50)
         yield write_figures(made.archive, tmp_path_factory.mktemp("case") / "figures")
 
 
@@ -301,6 +306,10 @@ def test_held_out_ground_and_classes_are_drawn(made):
         canvas, caption, _ = law(case, "dyke")
         assert drawn(canvas) == []
         assert "Dots" in caption
+        # bars of 95 %
+        (bars,) = [one for one in canvas.axes[0].containers if one.get_label() == "levels of bins, 95 %"]
+        for segment, level in zip(bars[2][0].get_segments(), (25.0, 35.0), strict=True):
+            np.testing.assert_allclose(segment[:, 1], [level - 1.96 * level, level + 1.96 * level])
         assert "Dots" not in law(case, "stem beans")[1]
 
 
@@ -321,6 +330,75 @@ def test_the_misfit_of_classes_is_drawn_beside_the_densities(made):
     assert [line.get_ydata()[0] for line in upper.lines if line.get_label() == "a right law"] == [6]
 
 
+def test_densities_of_a_histogram_are_those_of_design_runs(made):
+    with mpl.rc_context(drawing.STYLE):
+        canvas, _, _ = module.histogram(made.archive, "dyke")
+    curves = [line for line in canvas.axes[0].lines if line.get_color() == drawing.DESIGN]
+    found = [np.average(line.get_xdata(), weights=line.get_ydata()) for line in curves]
+    dp = [run.scores["dyke"].dp for run in made.history.runs if run.kind == "design"]
+    np.testing.assert_allclose(found, [skewnormal.centred(one)[0] for one in dp], atol=0.02)
+
+
+def test_quantiles_and_their_band_are_scipys(made):
+    """Places (k + 1/2) / n of the fitted density; order statistics of 100 values have beta laws."""
+    material = made.archive.materials["dyke"]
+    xi, omega, alpha = material.target_dp
+    fitted = stats.skewnorm(alpha, xi, omega)
+    with mpl.rc_context(drawing.STYLE):
+        canvas, _, _ = module.quality(made.archive, "dyke")
+    (axes,) = canvas.axes
+    (dots,) = [line for line in axes.lines if line.get_label() == "measured pixels"]
+    n = material.measured_db.size
+    np.testing.assert_allclose(dots.get_xdata(), fitted.ppf((np.arange(n) + 0.5) / n), atol=0.01)
+    np.testing.assert_array_equal(dots.get_ydata(), np.sort(material.measured_db))
+    (band,) = axes.collections
+    edges = {tuple(row) for row in np.round(band.get_paths()[0].vertices, 1)}
+    for rank in (3, 50, 99):
+        for tail in (0.025, 0.975):
+            edge = fitted.ppf([(rank - 0.5) / 100, stats.beta(rank, 101 - rank).ppf(tail)])
+            assert tuple(np.round(edge, 1)) in edges
+
+
+def test_a_surrogate_is_judged_by_verified_minus_predicted():
+    one = np.array([[[2.0, 0.5, -1.0]], [[1.0, 1.0, 1.0]]])
+    error = np.array([[[0.5, 0.1, 2.0]], [[0.0, 0.0, 0.0]]])
+    found = differences(Fidelity(np.zeros(2), np.zeros(2), one, error, one + 1.0, np.zeros((2, 3))))
+    np.testing.assert_allclose(found, [[[2.0, 10.0, 0.5]], [[np.nan] * 3]])
+
+
+def test_the_truth_is_subtracted_from_the_law_found(made):
+    material = made.archive.materials["dyke"]
+    with mpl.rc_context(drawing.STYLE):
+        canvas, _, _ = law(made.archive, "dyke")
+    line = canvas.axes[1].lines[0]
+    curve, phi = material.parameters.curve(), np.radians(line.get_xdata())
+    gap = curve(phi, made.history.runs[material.best].scores["dyke"].parameters) - curve(phi, HIDDEN)
+    np.testing.assert_allclose(line.get_ydata(), gap)
+    assert abs(gap.mean()) > 1.0
+
+
+def test_speckle_of_the_mean_over_a_window_is_said(made):
+    """Of two images of 4 looks: the root of twice trigamma(4), 0.284, in dB, over 9."""
+    with mpl.rc_context(drawing.STYLE):
+        _, caption, _ = module.residual(made.archive)
+    assert "leaves a standard deviation of at least 0.36 dB there" in caption
+
+
+def test_residuals_are_means_where_a_quarter_of_the_window_has_values():
+    rows, columns = np.indices((36, 36))
+    half, few = ((rows + columns) % 2 == 0), (rows % 3 == 0) & (columns % 3 == 0)
+    for valid in (half, few):
+        found = map_figures._smoothed(np.where(valid, 2.5, np.nan), None)
+        inside = np.zeros(valid.shape, dtype=bool)
+        inside[9:-9, 9:-9] = True
+        np.testing.assert_array_equal(np.isfinite(found[inside]), valid[inside] if valid is half else False)
+    np.testing.assert_allclose(map_figures._smoothed(np.where(half, 2.5, np.nan), None)[half & inside], 2.5)
+
+
+def test_names_of_files_are_all_different():
+    assert list(drawing.slugs(["a b", "A_b", "a/b", "a_b_2", "c"])) == ["a_b", "A_b_2", "a_b_3", "a_b_2_2", "c"]
+
+
 def test_a_scene_of_one_height_is_drawn(made):
     level = np.full((20, 30), 120.0, dtype=np.float32)
     view = replace(made.archive.scene, material=np.ones((20, 30), np.uint8), elevation_m=level, cell_m=15.0)
@@ -328,3 +406,12 @@ def test_a_scene_of_one_height_is_drawn(made):
         canvas, caption, _ = scene_figures.scene(replace(made.archive, scene=view))
         assert drawn(canvas) == []
     assert "heights from 120 to 120 m" in caption
+
+
+def test_one_incidence_has_the_middle_of_a_scale_and_a_title_of_its_own(made):
+    assert scene_figures._scale(np.linspace(31.0, 45.0, 101)) == pytest.approx((31.14, 44.86))
+    assert scene_figures._scale(np.full(50, 38.75)) == (38.25, 39.25)
+    seen = np.linspace(38.9, 39.1, made.archive.materials["dyke"].incidence_deg.size).astype(np.float32)
+    for angles, title in ((seen, "seen at one incidence, a level and no law"), (10 * (seen - 36), "no truth to")):
+        one = changed_material(made.archive, "dyke", incidence_deg=angles, hidden=None)
+        assert title in law(one, "dyke")[0].axes[0].get_title().replace("\n", " ")

@@ -11,7 +11,10 @@ from radcal.assessment.law_check import check_laws
 from radcal.config import stages
 from radcal.report.archive import read_archive, write_archive
 from radcal.report.law_figures import law
-from radcal.report.summary import summarise
+from radcal.report.law_notes import outside_interval
+from radcal.report.showing import show
+from radcal.report.summary import sentences, summarise
+from radcal.storage.records import write_json
 
 
 def test_the_summary_holds_curve_intervals_and_where_the_law_is_known(made, tmp_path):
@@ -39,9 +42,8 @@ def test_a_law_is_identified_where_it_is_known_somewhere(made):
     lost = check_laws(case, made.targets, made.history, posteriors={"dyke": nowhere})["dyke"]
     assert (known.identified, lost.identified) == (True, False)
     assert not any("not identified" in said for said in (*known.sentences, *lost.sentences))
-    assert lost.sentences[0].startswith(
-        "dyke: sigma0 is called known nowhere over the incidence seen: the law does not"
-    )
+    # its band is narrow enough, as that of `here`
+    assert lost.sentences[0] == "dyke: sigma0 is called known nowhere over the incidence seen: the law does not fit."
     assert lost.sentences[1] == "dyke: the sampler has not."
 
 
@@ -51,15 +53,41 @@ def test_the_words_tell_width_and_angles():
     )
     narrow = posterior(known_between_deg=(12.0, 20.0), known_half_width_db=1.2)
     assert "known to +-1.2 dB (90 %) between 12 and 20" in narrow.sentence(1.5)
+    nowhere = posterior(known_between_deg=None, known_half_width_db=None)
+    one = "it is seen at one incidence, from which no law can be known."
+    assert nowhere.sentence(1.5, level_only=True) == f"sigma0 is called known nowhere over the incidence seen: {one}"
 
 
 def test_the_figure_shows_the_band_and_where_it_is_known(made):
     archive = changed_material(made.archive, "dyke", posterior=posterior())
     canvas, caption, _ = law(archive, "dyke")
     band, known = canvas.axes[0].collections[:2]
-    assert (band.get_label(), known.get_label()) == ("90 % band", "known")
+    assert (band.get_label(), known.get_label()) == ("90 % band", "known there")
     angles = known.get_paths()[0].vertices[:, 0]
     assert (angles.min(), angles.max()) == pytest.approx((22.25, 39.5))
     assert "2 distinct laws agree with the pixels." in caption
     bare = law(changed_material(made.archive, "dyke", posterior=replace(posterior(), known_between_deg=None)), "dyke")
-    assert "known" not in [one.get_label() for one in bare[0].axes[0].collections]
+    assert "known there" not in [one.get_label() for one in bare[0].axes[0].collections]
+
+
+def test_x_outside_of_its_own_interval_is_remarked(made, tmp_path):
+    names, box = ["X1", "X2", "X3", "X4"], [[-40, 0], [0, 20], [0, 25], [0, 12]]
+    interval = [[-30, -20], [0.4, 13], [3, 9], [2, 5]]
+    assert outside_interval(names, [-25.0, 5.0, 3.0, 5.0], box, interval) == ""
+    assert outside_interval(names, [-25.0, 1e-11, 11.25, 12.0], box, interval) == (
+        "X2 is at its lower bound 0, outside of its own 90 % interval (0.4 to 13) and X3 is 11.25, outside of its own "
+        "90 % interval (3 to 9) and X4 is at its upper bound 12, outside of its own 90 % interval (2 to 5): many X "
+        "give nearly this law, so that sigma0 and its band say more than X."
+    )
+    x = made.archive.materials["dyke"].parameters.values[made.archive.materials["dyke"].best]
+    low, high = x - 1.0, x + 2.0
+    low[1] = x[1] + 0.5
+    archive = changed_material(made.archive, "dyke", posterior=posterior(parameters_p05=low, parameters_p95=high))
+    said = summarise(archive)["materials"]["dyke"]["parameters_remark"]
+    assert said.startswith(f"X2 is {x[1]:.4g}, outside of its own 90 % interval ({low[1]:.3g} to {high[1]:.3g}): many")
+    assert f"dyke: {said}" in sentences(archive)
+    write_json(tmp_path / "summary.json", summarise(archive), flat=True)
+    for name in ("scene.h5", "reference.json", "scores.json", "final.json", "calibration.h5", "export.json"):
+        (tmp_path / name).touch()
+    (tmp_path / "report.json").touch()
+    assert f"dyke: {said}" in show(tmp_path)

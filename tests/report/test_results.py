@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -11,8 +12,14 @@ import pandas as pd
 import pytest
 
 from radcal.calibration.history import History
+from radcal.config import case_from, stages
 from radcal.errors import StoreError
+from radcal.measurement.levels import Levels
+from radcal.measurement.target import Targets
+from radcal.radar.laws import LAWS
 from radcal.report.html import write_report
+from radcal.report.law_notes import law_notes
+from radcal.report.results import _difference_db, _passes, without_level
 from radcal.report.run_table import write_table
 from radcal.report.summary import summarise
 
@@ -130,6 +137,14 @@ def test_a_proposal_that_was_simulated_before_is_no_further_run(made, tmp_path):
     before, after = summarise(made.archive), summarise(again)
     assert (before["runs"]["infill"], after["runs"]["infill"]) == (2, 1)
     assert before["iterations"] == after["iterations"] == 2
+    # of the design, too, whose later runs and the infill are counted all the same
+    twice = [
+        *made.history.runs[:2],
+        replace(made.history.runs[2], key=made.history.runs[1].key),
+        *made.history.runs[3:],
+    ]
+    counted = summarise(made.gathered(tmp_path / "twice.h5", history=History(twice)))["runs"]
+    assert (counted["design"], counted["infill"]) == (3, 2)
 
 
 def test_a_law_without_a_curve_is_neither_identified_nor_not(made, build_archive, tmp_path):
@@ -137,3 +152,47 @@ def test_a_law_without_a_curve_is_neither_identified_nor_not(made, build_archive
     assert archive.materials["dyke"].check.identified is None
     assert isinstance(made.archive.materials["dyke"].check.identified, bool)
     assert summarise(archive)["materials"]["dyke"]["identified"] is None
+
+
+def test_laws_beyond_their_angles_are_noted(made):
+    """Rows of the dyke are seen from 20 to 30.5 degrees."""
+
+    def notes(low, high, doubt=None):
+        law = replace(LAWS["mangia"], valid_deg=(low, high), doubt=doubt)
+        case = SimpleNamespace(laws={"dyke": law}, materials={"dyke": SimpleNamespace(law="made up")})
+        return law_notes(case, made.geometry, {"dyke": [1.0, 2.0, 3.0, 4.0]})
+
+    (found,) = notes(22.0, 90.0)
+    assert found.startswith("dyke: 19% of its pixels are seen outside of the 22 to 90 deg that law 'made up' was made")
+    assert notes(20.3, 90.0) == notes(20.0, 30.2) == []
+    assert notes(20.0, 90.0, lambda x: f"X4 is {x[3]:g}") == ["dyke: law 'made up' is an extrapolation: X4 is 4."]
+
+
+def test_the_largest_difference_from_a_hidden_law_has_no_sign():
+    for level in (2.0, -2.0):
+        found = _difference_db(LAWS["mangia"], [level, 3.0, 5.0, 2.0], [0.0, 3.0, 5.0, 2.0], [20.0, 40.0])
+        assert found == pytest.approx(2.0)
+    assert _difference_db(LAWS["mangia"], [0.0, 3.0, 5.0, 2.0], None, [20.0, 40.0]) is None
+
+
+def test_each_pass_has_its_own_runs_and_counts_its_own_new_ones(made, monkeypatch):
+    """Two final runs in each pass; one of the first pass and one of the second are runs of the search."""
+    monkeypatch.setattr("radcal.report.results.pass_laws", lambda *_: [{}, {}])
+    runs = [replace(run, further_keys=[f"second {run.key}"]) for run in made.history.runs]
+    final = [replace(made.final[0], key=key) for key in (runs[3].key, "new", f"second {runs[3].key}", "newer")]
+    radar = [{"depression_deg": 45}, {"depression_deg": 30}]
+    case = case_from({**made.case.sections("materials"), "radar": radar, "measurement": [{}, {}]})
+    targets = Targets(made.targets, further=[made.targets])
+    found = _passes(stages.Archive.of(case), History(runs), targets, [made.registered] * 2, final)
+    assert [one.keys.tolist() for one in found.values()] == [
+        [run.key for run in runs],
+        [f"second {r.key}" for r in runs],
+    ]
+    assert [one.final_runs for one in found.values()] == [1, 1]
+    assert [one.depression_deg for one in found.values()] == [45, 30]
+
+
+def test_the_level_is_subtracted_where_one_is_assumed():
+    image = np.array([[-10.0, -7.5]], dtype=np.float32)
+    np.testing.assert_array_equal(without_level(image, Levels("offset", 1.5, 0.2)), image - 1.5)
+    np.testing.assert_array_equal(without_level(image, Levels()), image)

@@ -31,8 +31,12 @@ def folder(made, tmp_path, monkeypatch):
 def test_a_finished_case(folder, made):
     lines = show(folder)
     assert lines[0] == summarise(made.archive)["verdict"]
-    assert lines[1].startswith(f"dyke: {summarise(made.archive)['materials']['dyke']['verdict']} mangia with X1 ")
-    assert lines[3] == "runs: 8 (1 reference, 4 design, 2 infill, 1 final); end: unreachable."
+    # the verdict begins with the name
+    verdict = summarise(made.archive)["materials"]["dyke"]["verdict"]
+    assert verdict.startswith("dyke")
+    assert lines[1].startswith(f"{verdict} mangia with X1 ")
+    counts = "simulator runs of the search: 6 (4 design, 2 infill), besides 1 reference, 1 final"
+    assert lines[3] == f"{counts}; end: unreachable."
     assert lines[4:] == [
         f"report: {folder / 'report.html'}",
         f"exports: {folder / 'export'}",
@@ -60,6 +64,13 @@ def test_an_unfinished_case_says_what_is_missing(folder):
     missing = "search and final runs, archive, exports, report, summary"
     assert lines[0] == f"small: not finished; missing: {missing}."
     assert lines[1] == f"records of runs: 2 in {folder / 'runs'}; iterations verified: 1."
+    again = "type the command that began the case again (radcal run with its YAML file): finished runs are kept."
+    assert lines[-1] == f"To continue, {again}"
+    (folder / "logs").mkdir()
+    (folder / "logs/failure.txt").write_text("registration: a.tif has nothing in common.\n")
+    failed = show(folder)
+    assert failed[-2] == "the last command failed: registration: a.tif has nothing in common."
+    assert failed[-1] == f"Once the cause is removed, {again}"
 
 
 def test_a_case_is_found_by_name_folder_or_file(folder, tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +15,15 @@ from radcal.report.summary import numbered_jobs, sentences, summarise, wall_seco
 
 def test_counts_add_up(made):
     summary = summarise(made.archive)
-    assert summary["runs"] == {"reference": 1, "design": 4, "infill": 2, "final": 1, "total": 8, "reused": 0}
+    assert summary["runs"] == {
+        "reference": 1,
+        "design": 4,
+        "infill": 2,
+        "final": 1,
+        "total": 8,
+        "search": 6,
+        "reused": 0,
+    }
     assert summary["iterations"] == 2
     assert (summary["converged"], summary["stop_reason"]) == (False, "unreachable")
     assert summary["wall_seconds"] == {}
@@ -63,13 +72,23 @@ def test_distances_of_two_normals(made):
     dp, moved = dyke.dp.copy(), np.array([shift, 1.0, 0.0])
     dp[dyke.best] = moved
     target = np.array([0.0, 1.0, 0.0])
-    archive = changed_material(made.archive, "dyke", target_dp=target, final_dp=moved, fresh_dp=moved, dp=dp)
+    fresh = np.array([1.4 * shift, 1.0, 0.0])
+    archive = changed_material(made.archive, "dyke", target_dp=target, final_dp=moved, fresh_dp=fresh, dp=dp)
     dyke = summarise(archive)["materials"]["dyke"]
     assert dyke["ks"] == pytest.approx(2.0 * ndtr(shift / 2.0) - 1.0, rel=1e-5)
     assert dyke["hellinger"] == pytest.approx(np.sqrt(1.0 - np.exp(-(shift**2) / 8.0)), rel=1e-6)
     # mean over 10 standard deviations of the squared difference of two normal densities
-    by_hand = np.sqrt((1.0 - np.exp(-(shift**2) / 4.0)) / (10.0 * np.sqrt(np.pi)))
-    assert dyke["rms_fresh"] == dyke["rms_final"] == pytest.approx(by_hand, rel=1e-3)
+    for key, apart in (("rms_final", shift), ("rms_fresh", 1.4 * shift)):
+        by_hand = np.sqrt((1.0 - np.exp(-(apart**2) / 4.0)) / (10.0 * np.sqrt(np.pi)))
+        assert dyke[key] == pytest.approx(by_hand, rel=1e-3)
+
+
+def test_displacements_and_their_error_are_lengths(build_archive, tmp_path):
+    """1.5 pixels in both directions, of which half a pixel is wrong."""
+    found = summarise(build_archive(tmp_path, moved=True).archive)["registration"]
+    assert found["rms_px"] == pytest.approx(1.5 * np.sqrt(2.0))
+    assert found["error_px"] == pytest.approx(0.5 * np.sqrt(2.0))
+    assert found["uncertainty_px"] == pytest.approx(0.2)
 
 
 def test_law_difference_of_the_archive(made):
@@ -109,8 +128,9 @@ def test_wall_seconds_by_stage(tmp_path):
 
 
 def test_numbered_jobs_are_those_of_the_archive(made):
-    iterations = len(made.history.infill)
-    chunks = -(-made.case.design.size // made.case.design.chunk)
-    expected = {"design": chunks, "train": iterations, "propose": iterations, "verify": iterations}
-    assert numbered_jobs(made.archive) == expected
-    assert iterations > 0
+    """Four runs of the design in chunks of four, and of three; two iterations."""
+    config = json.loads(made.archive.config)
+    for chunk, chunks in ((4, 1), (3, 2), (1, 4)):
+        config["design"] = {"size": 4, "chunk": chunk}
+        archive = replace(made.archive, config=json.dumps(config))
+        assert numbered_jobs(archive) == {"design": chunks, "train": 2, "propose": 2, "verify": 2}

@@ -142,9 +142,9 @@ def test_a_case_has_the_values_of_its_finest_array(rasters):
             }
         )
 
-    coarse = case(range_spacing_m=40.0, azimuth_spacing_m=40.0)
+    coarse = case(range_spacing_m=40.0, azimuth_spacing_m=40.0, range_resolution_m=60.0, azimuth_resolution_m=60.0)
     assert values_of(coarse) == {"scene": 4 * 2400, "image": 2400}
-    fine = case(range_spacing_m=5.0, azimuth_spacing_m=2.5)
+    fine = case(range_spacing_m=5.0, azimuth_spacing_m=2.5, range_resolution_m=60.0, azimuth_resolution_m=60.0)
     assert values_of(fine)["image"] == 16 * 2400
     assert json.dumps(values_of(fine))
 

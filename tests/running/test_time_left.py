@@ -9,7 +9,7 @@ import pytest
 
 from radcal.config import case_from
 from radcal.running.jobs import STARTED
-from radcal.running.time_left import at_most, duration, iteration_seconds, largest_runs
+from radcal.running.time_left import at_most, duration, iteration_seconds, largest_runs, most_need
 
 EXTERNAL = {
     "kind": "command",
@@ -41,9 +41,19 @@ def test_durations_are_said_in_a_fitting_unit(seconds: float, words: str) -> Non
 
 
 def test_what_may_still_come_is_said_once_a_time_is_known() -> None:
-    assert at_most(30, 430.0) == "; at most 30 more runs, about 7.2 min each: at most 3.6 h"
-    assert at_most(30, 430.0, " of simulation").endswith(": at most 3.6 h of simulation")
-    assert at_most(0, 430.0) == at_most(30, None) == at_most(29, 2.0) == ""
+    both = "; about 7.2 min each: most cases need at most 7 more (50 min), stop.max_runs allows at most 30 more (3.6 h"
+    assert at_most(30, 430.0, 7) == f"{both})"
+    assert at_most(30, 430.0, 7, " of simulation") == f"{both} of simulation)"
+    # a search that took longer than others, and one that is allowed no more than others take
+    for usual in (0, -4, 30, 33):
+        assert at_most(30, 430.0, usual) == "; about 7.2 min each: stop.max_runs allows at most 30 more (3.6 h)"
+    assert at_most(0, 430.0, 7) == at_most(30, None, 7) == at_most(29, 2.0, 7) == ""
+
+
+def test_what_most_searches_need_is_bounded_by_the_limit() -> None:
+    assert most_need(2, 200) == 18
+    assert most_need(800, 1000) == 816
+    assert most_need(2, 12) == 12
 
 
 def test_an_iterations_time_is_measured_in_this_command_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

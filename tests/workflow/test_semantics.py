@@ -22,6 +22,7 @@ from radcal.calibration.history import read_runs
 from radcal.config import case_from
 from radcal.config.stages import STAGES
 from radcal.running.reruns import reruns_table
+from radcal.storage.inspection import SCHEMAS
 
 CASE = ("--configfile", "tiny.yaml")
 # what Snakemake calls a job of each rule
@@ -176,14 +177,14 @@ def test_whatever_is_missing_comes_back_and_no_run_is_repeated(finished):
         assert not (out / name).exists(), "a dry run changed something"
         (out / "aside").rename(out / name)
     with changed(out / "target.h5") as file:
-        file.attrs["schema"] = 4  # as an earlier version wrote it
+        file.attrs["schema"] = SCHEMAS["target"] - 1  # as an earlier version wrote it
     for name in before.keys() - noticed - {"target.h5"}:
         (out / name).unlink()
     shutil.rmtree(out / "figures")
     said = ended(finished, *CASE)
     assert (
-        "radcal: results/tiny/target.h5: was written with schema 4, this radcal reads 5; set aside as target.damaged; "
-        "it is made again where needed (finished runs are kept)."
+        f"radcal: results/tiny/target.h5: was written with schema {SCHEMAS['target'] - 1}, this radcal reads "
+        f"{SCHEMAS['target']}; set aside as target.damaged; it is made again where needed (finished runs are kept)."
     ) in said
     assert {name: content(out / name) for name in before} == before
     assert finished.records() == records

@@ -5,7 +5,7 @@ from radcal.calibration.steps import design_line, noise_seed, run_all_draws
 from radcal.config import stages
 from radcal.measurement.target import read_targets
 from radcal.running.jobs import logged, progress
-from radcal.running.time_left import FINAL_RUNS, at_most
+from radcal.running.time_left import FINAL_RUNS, at_most, most_need
 from radcal.simulators.sources import make_runner
 from radcal.storage.run_index import IndexedRun, read_index, write_index
 
@@ -21,7 +21,9 @@ with logged(snakemake.log[0], snakemake.params.case):
         record = run_all_draws(case, runner, parameters)
         index.append(IndexedRun.of(record, parameters))
         missing = sum(not runner.is_recorded(x, noise_seed(case)) for x in points)
-        most = missing + snakemake.config["stop"]["max_runs"] - snakemake.params.size + FINAL_RUNS
-        left = at_most(most, record.all_seconds, " of simulation in this pass")
+        most, size = snakemake.config["stop"]["max_runs"], snakemake.params.size
+        further = missing - size + FINAL_RUNS
+        usual = most_need(size, most) + further
+        left = at_most(most + further, record.all_seconds, usual, " of simulation in this pass")
         progress(design_line(k + 1, len(points), record, targets) + left)
     write_index(snakemake.output.index, index)

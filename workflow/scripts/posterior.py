@@ -10,6 +10,8 @@ with logged(snakemake.log[0], snakemake.params.case):
     case = stages.Posterior.model_validate(snakemake.params.case)
     history = read_runs([snakemake.input.scores, *snakemake.input.verified])
     name = snakemake.wildcards.material
-    posterior = posterior_of(case, read_targets(*snakemake.input.target), history, name)
+    targets = read_targets(*snakemake.input.target)
+    posterior = posterior_of(case, targets, history, name)
     write_posterior(snakemake.output.posterior, posterior)
-    progress(f"{name}: if its law fits, {posterior.sentence(case.uncertainty.known_db)}")
+    said = posterior.sentence(case.uncertainty.known_db, targets.level_only(name))
+    progress(f"{name}: {'if its law fits, ' * (posterior.known_between_deg is not None)}{said}")

@@ -3,7 +3,7 @@
 from radcal.calibration.steps import reference_runs, repeatability
 from radcal.config import stages
 from radcal.running.jobs import logged, progress
-from radcal.running.time_left import FINAL_RUNS, at_most
+from radcal.running.time_left import FINAL_RUNS, at_most, most_need
 from radcal.simulators.sources import make_runner
 from radcal.storage.run_index import IndexedRun, write_index
 
@@ -15,7 +15,9 @@ with logged(snakemake.log[0], snakemake.params.case):
     start = case.start_parameters
     repeated = [IndexedRun.of(record, start, db) for record, db in zip(again, differences, strict=True)]
     write_index(snakemake.output.index, [IndexedRun.of(first, start), *repeated])
-    left = at_most(snakemake.config["stop"]["max_runs"] + FINAL_RUNS, first.all_seconds, " of simulation in this pass")
+    most = snakemake.config["stop"]["max_runs"]
+    usual = most_need(snakemake.config["design_size"], most) + FINAL_RUNS
+    left = at_most(most + FINAL_RUNS, first.all_seconds, usual, " of simulation in this pass")
     progress(f"reference run: {first.seconds:.1f} s for {first.image_db.shape} pixels{left}")
     if sentence := repeatability(case.simulator, differences):
         progress(sentence)

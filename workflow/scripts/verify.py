@@ -5,7 +5,7 @@ from radcal.calibration.steps import progress_line, runs_left, verify
 from radcal.config import Stop, stages
 from radcal.measurement.target import read_targets
 from radcal.running.jobs import logged, progress
-from radcal.running.time_left import at_most, iteration_seconds
+from radcal.running.time_left import at_most, iteration_seconds, most_need
 from radcal.simulators.sources import make_runner
 
 with logged(snakemake.log[0], snakemake.params.case):
@@ -19,5 +19,7 @@ with logged(snakemake.log[0], snakemake.params.case):
     stop = Stop.model_validate(snakemake.config["stop"])
     history = History([*history.runs, run])
     seconds = iteration_seconds([snakemake.input.scores, *snakemake.input.earlier])
-    left = at_most(runs_left(history, case.calibrated, stop, case.objective), seconds)
+    design = history.count("design")
+    usual = most_need(design, stop.max_runs) - design - history.count("infill")
+    left = at_most(runs_left(history, case.calibrated, stop, case.objective), seconds, usual)
     progress(progress_line(history, case.calibrated, stop, case.objective) + left)

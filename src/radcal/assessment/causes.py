@@ -13,6 +13,7 @@ from radcal.calibration.grounds import GroundLaw
 from radcal.calibration.incidence_error import error_behind
 from radcal.measurement.target import Target
 from radcal.radar.geometry import Geometry
+from radcal.radar.texture import log_speckle_cumulants
 
 __all__ = ["UNKNOWN", "area_slope", "likely_cause"]
 
@@ -50,6 +51,7 @@ def likely_cause(
         Looks of the image's homogeneous areas; NaN where not known.
     """
     causes: list[Callable[[], str]] = [
+        lambda: _noise(law, test, target.noise_db),
         lambda: _reach(law_name, law, test),
         lambda: _looks(law, test, image_looks),
         lambda: _radiometry(law, target, geometry),
@@ -57,6 +59,18 @@ def likely_cause(
         lambda: _incidence(law),
     ]
     return next((said for cause in causes if (said := cause())), UNKNOWN)
+
+
+def _noise(law: GroundLaw, test: FitTest, noise_db: float) -> str:
+    """Level of the worst bin below the noise that the simulator adds, however dark the law."""
+    k = int(np.abs(law.classes.nodes_deg.mean(axis=1) - test.worst_deg).argmin())
+    measured = float(law.classes.cumulants[k, 0] - log_speckle_cumulants(law.fit.looks)[0])
+    if test.worst_mean_db > 0.0 and measured < noise_db:
+        return (
+            f"the measured {measured:.0f} dB lie below the noise that the simulator adds, {noise_db:.0f} dB (radar."
+            "nesz_db)"
+        )
+    return ""
 
 
 def _reach(law_name: str, law: GroundLaw, test: FitTest) -> str:

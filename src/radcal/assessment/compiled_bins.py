@@ -120,11 +120,13 @@ def whitened(
     patches: Doubles,
     within: Doubles,
     cells: Doubles,
+    log_sds: Doubles,
     error: Doubles,
 ) -> tuple[Doubles, Doubles]:
     """Differences in standard deviations, by the Cholesky factors of their covariances, and log-determinants.
 
-    The covariance is ``base``, plus ``between * patches + within * cells`` for the means, plus the squared errors.
+    The covariance is ``base``, plus ``between * patches + within * cells`` for the means, plus that of the log sds by
+    products of both variances, plus the squared errors.
 
     Parameters
     ----------
@@ -136,6 +138,8 @@ def whitened(
         Variances between and within fields.
     patches, cells : ndarray, shape (n, n)
         Covariance of the means for variances of 1.
+    log_sds : ndarray, shape (2, 2, n, n)
+        Covariance of the log sds for variances of 1, by product of the variances between and within.
     error : ndarray, shape (m, 3)
         Standard errors of mean, log sd and skewness of each bin.
 
@@ -156,6 +160,10 @@ def whitened(
                 value = base[i, j]
                 if i < n:
                     value += between[m] * patches[i, j] + within[m] * cells[i, j]
+                elif i < 2 * n and j >= n:
+                    a, b = i - n, j - n
+                    value += between[m] ** 2 * log_sds[0, 0, a, b] + within[m] ** 2 * log_sds[1, 1, a, b]
+                    value += 2.0 * between[m] * within[m] * log_sds[0, 1, a, b]
                 if i == j:
                     value += error[m, i // n] ** 2
                 for k in range(j):

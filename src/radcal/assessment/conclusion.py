@@ -14,7 +14,7 @@ from radcal.assessment.causes import likely_cause
 from radcal.assessment.fit_test import FitTest, check_fit
 from radcal.assessment.law_check import LawCheck, check_laws, texture_note
 from radcal.assessment.posterior import Posterior
-from radcal.assessment.verdict import Known, verdict
+from radcal.assessment.verdict import OFF_DB, Known, verdict
 from radcal.calibration.history import History
 from radcal.calibration.noise import noise_sentence
 from radcal.calibration.objectives import Comparison, make_objectives
@@ -23,7 +23,7 @@ from radcal.calibration.steps import not_fresh, repeatability
 from radcal.calibration.stopping import Decision, decide
 from radcal.config import Stop, stages
 from radcal.errors import StoreError
-from radcal.measurement.target import Target, Targets
+from radcal.measurement.target import Targets
 from radcal.radar.geometry import Geometry
 from radcal.seeds import derived_rng
 from radcal.storage.runs import Record, RunStore
@@ -147,7 +147,7 @@ def conclude(
         fresh_db,
     ]
     materials = _materials(targets, each_db, final)
-    fits = {name: _fit(case, name, targets[name], objectives[name], history, materials[name]) for name in targets}
+    fits = {name: _fit(case, name, targets, objectives[name], history, materials[name]) for name in targets}
     believed = {name: _believed(posterior, fits[name]) for name, posterior in (posteriors or {}).items()}
     checks = check_laws(case, targets, history, posteriors=believed)
     return Conclusion(
@@ -167,7 +167,7 @@ def conclude(
                 fits[name],
                 _cause(case, name, targets, objectives[name], history, geometry, fits[name]),
                 _known(believed.get(name)),
-                level_only=all(one[name].level_only for one in targets.passes if name in one),
+                level_only=targets.level_only(name),
                 between_db=checks[name].between_db,
             )
             for name in targets
@@ -188,17 +188,23 @@ def _known(posterior: Posterior | None) -> Known | None:
 
 
 def _fit(
-    case: stages.Archive, name: str, target: Target, objective: Comparison, history: History, pixels: MaterialPixels
+    case: stages.Archive, name: str, targets: Targets, objective: Comparison, history: History, pixels: MaterialPixels
 ) -> FitTest:
     """Test of the fit of one material's best run."""
-    score = history.best(name).scores[name]
-    return check_fit(
+    score, target = history.best(name).scores[name], targets[name]
+    found = check_fit(
         objective,
         score,
         (pixels.calibrated, target.values_db),
         score.rms / target.rms_sampling,
         derived_rng(case.seed, "fit", name),
     )
+    return without_angles(found) if targets.level_only(name) else found
+
+
+def without_angles(test: FitTest) -> FitTest:
+    """Test of a material that is seen at one incidence, whose law cannot be tested: its level alone can be wrong."""
+    return replace(test, fits=False if test.fits is False and abs(test.mean_db) > OFF_DB else None)
 
 
 def _cause(

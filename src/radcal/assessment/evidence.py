@@ -79,6 +79,7 @@ class Evidence:
         n = self.size
         self._patches = misfit.patch_share @ misfit.patch_share.T
         self._cells = misfit.cell_share @ misfit.cell_share.T
+        self._log_sds = misfit.log_sds
         self._inside = [1.0 - (share**2).sum(axis=1) for share in (misfit.patch_share, misfit.cell_share)]
         if self.decibels:
             self._base = misfit.covariance.copy()
@@ -155,7 +156,7 @@ class Evidence:
         """
         fields = (tau**2 if self.decibels else 0.0 * tau for tau in (unknowns.between_db, unknowns.within_db))
         between, within = fields
-        return whitened(difference, self._base, between, self._patches, within, self._cells, error)
+        return whitened(difference, self._base, between, self._patches, within, self._cells, self._log_sds, error)
 
     def log_likelihood(self, simulated: Doubles, error: Doubles, levels_db: Doubles | None, at: Unknowns) -> Doubles:
         """Log likelihood of the bins and, of the fields' standard deviations, of the cells inside bins, shape (m,)."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from radcal.assessment.curves import GRID_DEG
 
-__all__ = ["Band", "Directions", "Modes", "band_of", "directions", "known_between", "modes_of"]
+__all__ = ["Band", "Directions", "Modes", "band_of", "directions", "known_between", "modes_of", "why_unknown"]
 
 Doubles = NDArray[np.float64]
 
@@ -129,6 +129,46 @@ def known_between(
         return None
     first, after = runs[np.argmax(runs[:, 1] - runs[:, 0])]
     return (float(angle[first]), float(angle[after - 1])) if after - first > 1 else None
+
+
+def why_unknown(
+    incidence_deg: Doubles,
+    half_width_db: Doubles,
+    prior_half_width_db: Doubles,
+    seen_deg: Sequence[Sequence[float]] | Doubles,
+    known_db: float,
+) -> str:
+    """Reason for which sigma0 is called known nowhere over the incidence seen.
+
+    Parameters
+    ----------
+    incidence_deg, half_width_db, prior_half_width_db : ndarray, shape (k,)
+        Local incidence [deg], and half-widths of the 90 % bands of posterior and prior there [dB].
+    seen_deg : sequence of (float, float)
+        5 and 95 % quantiles of the incidence in each pass [deg].
+    known_db : float
+        Largest half-width at which sigma0 is called known [dB].
+
+    Returns
+    -------
+    str
+        What keeps it unknown: the width of the band, that of the prior, or both; else that the law does not fit, for
+        nothing else calls a law unknown whose band is narrow enough.
+    """
+    inside = [np.linspace(low, high, 21) for low, high in seen_deg]
+    angle = np.concatenate(inside)
+    half = np.interp(angle, incidence_deg, half_width_db)
+    prior = np.interp(angle, incidence_deg, prior_half_width_db)
+    wide, near = half > known_db, half >= _OF_PRIOR * prior
+    if not np.all(wide | near):
+        return "the law does not fit"
+    narrowest = int(np.argmin(half))
+    said = [
+        f"its 90 % band is nowhere narrower than +-{half[narrowest]:.2g} dB, wider than uncertainty.known_db "
+        f"(+-{known_db:.2g} dB)"
+    ] * bool(wide.all())
+    prior_alone = f"the priors alone leave +-{prior[narrowest]:.2g} dB, so that the pixels do not even halve it"
+    return " and ".join([*said, *[prior_alone] * bool(near[narrowest] or not said)])
 
 
 def directions(posterior: Doubles, prior: Doubles) -> Directions:

@@ -110,6 +110,7 @@ def check_laws(
         By material.
     """
     objectives = make_objectives(case, targets)
+    one_angle = {name for name in targets if targets.level_only(name)}
     if targets.further:
         case, targets = case.passes[number], targets.passes[number]
     scores = {name: history.best(name).scores[name] for name in targets}
@@ -130,16 +131,21 @@ def check_laws(
         name: _check(case, name, target, best[name], laws.get(name), levels.get(name), held.get(name))
         for name, target in targets.items()
     }
-    return {name: _with_posterior(case, name, check, (posteriors or {}).get(name)) for name, check in found.items()}
+    return {
+        name: _with_posterior(case, name, check, (posteriors or {}).get(name), name in one_angle)
+        for name, check in found.items()
+    }
 
 
-def _with_posterior(case: stages.Archive, name: str, check: LawCheck, posterior: Posterior | None) -> LawCheck:
+def _with_posterior(
+    case: stages.Archive, name: str, check: LawCheck, posterior: Posterior | None, level_only: bool
+) -> LawCheck:
     """Check of a law whose posterior says whether it is identified."""
     if posterior is None or posterior.curve is None or check.identified is None:
         return check
     known = posterior.known_between_deg is not None
     others = [said for said in check.sentences if f"{name}: the law is not identified" not in said]
-    doubt = [] if known else [f"{name}: {posterior.sentence(case.uncertainty.known_db)}"]
+    doubt = [] if known else [f"{name}: {posterior.sentence(case.uncertainty.known_db, level_only)}"]
     linear = [] if posterior.sampled else [f"{name}: {posterior.sentences[0]}"]
     return replace(check, identified=known, sentences=[*doubt, *linear, *others])
 

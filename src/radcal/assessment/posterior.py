@@ -13,7 +13,7 @@ from scipy.special import ndtri
 from threadpoolctl import threadpool_limits
 
 from radcal.assessment.curves import GRID_DEG, Curves
-from radcal.assessment.known import Band, Modes, band_of, directions, known_between, modes_of
+from radcal.assessment.known import Band, Modes, band_of, directions, known_between, modes_of, why_unknown
 from radcal.assessment.sampling import Sample, sample
 from radcal.calibration.history import History
 from radcal.calibration.objectives import Comparison, make_objectives
@@ -112,15 +112,16 @@ class Posterior:
     ] = None
     draws: Annotated[KeptDraws | None, About("draws from the posterior, for predictions")] = None
 
-    def sentence(self, known_db: float) -> str:
-        """Where sigma0 is known, in words."""
+    def sentence(self, known_db: float, level_only: bool = False) -> str:
+        """Where sigma0 is known, in words; ``level_only`` says that the material is seen at one incidence."""
         if self.curve is None:
             return "the law has no curve in dB, so that only its parameters have intervals."
         if self.known_between_deg is None or self.known_half_width_db is None:
-            return (
-                "sigma0 is called known nowhere over the incidence seen: the law does not fit, its 90 % band is wider "
-                f"than +-{known_db:.2g} dB, or not half as wide as that of the priors."
-            )
+            curve, why = self.curve, "it is seen at one incidence, from which no law can be known"
+            if not level_only:
+                half = 0.5 * (curve.p95_db - curve.p05_db)
+                why = why_unknown(curve.incidence_deg, half, curve.prior_half_width_db, self.seen_deg, known_db)
+            return f"sigma0 is called known nowhere over the incidence seen: {why}."
         low, high = self.known_between_deg
         return (
             f"sigma0 is known to +-{self.known_half_width_db:.1f} dB (90 %) between {low:.4g} and {high:.4g} degrees; "

@@ -9,11 +9,11 @@ import numpy as np
 
 from radcal.assessment.fit_test import DOUBTFUL_SPREAD_DB, FitTest
 
-__all__ = ["Known", "all_fit", "first_line", "verdict"]
+__all__ = ["OFF_DB", "Known", "all_fit", "first_line", "verdict"]
 
 _COUNTS = ((True, "fits", "fit"), (False, "does not fit", "do not fit"), (None, "cannot be tested", "cannot be tested"))
 _NAMED = 4  # materials that the first line names
-_SPREAD_RATIO, _OFF_DB = 1.15, 0.5  # of all pixels, worth saying before the worst bin
+_SPREAD_RATIO, OFF_DB = 1.15, 0.5  # of all pixels, worth saying before the worst bin
 
 
 @dataclass(frozen=True)
@@ -62,8 +62,12 @@ def verdict(
         Standard deviation between fields [dB].
     """
     wide = f"; fields differ by {between_db:.1f} dB (sd), which can hide a misfit" * (between_db > DOUBTFUL_SPREAD_DB)
-    if level_only and test.fits is not False:
-        return f"{name}: level only, seen at one incidence{wide}."
+    if level_only:
+        if test.fits is False:
+            off = f"its simulated mean {_off(test.mean_db)} the measured"
+            return f"{name}: level only, seen at one incidence, and does not fit: {off}; {cause or 'cause unknown'}."
+        spread = f"; {_spread(test)}" * bool(_spread(test))
+        return f"{name}: level only, seen at one incidence{spread}{wide}."
     if test.fits is None:
         said = f"{name}: one density leaves no degree of freedom to test the law"
         distance = f", and its rms is {test.distance:.1f} times the sampling error"
@@ -87,16 +91,22 @@ def _known(known: Known | None) -> str:
 
 def _misfit(test: FitTest) -> str:
     """Words on the largest misfit: of the spread of all pixels, of their mean, or of a bin."""
-    ratio = test.sd_db / max(test.measured_sd_db, 1e-12)
-    if max(ratio, 1.0 / max(ratio, 1e-12)) > _SPREAD_RATIO:
-        return f"the simulated spread is {test.sd_db:.1f} dB, the measured {test.measured_sd_db:.1f}"
+    if spread := _spread(test):
+        return spread
     residuals = f"residuals {test.residual_sum:.0f} of {test.expected:.0f}"
-    if abs(test.mean_db) > _OFF_DB:
+    if abs(test.mean_db) > OFF_DB:
         return f"{residuals}, the simulated mean {_off(test.mean_db)} the measured"
     there = f"{residuals}, at {test.worst_deg:.0f} degrees the simulated"
-    if abs(test.worst_mean_db) > _OFF_DB:
+    if abs(test.worst_mean_db) > OFF_DB:
         return f"{there} mean {_off(test.worst_mean_db)} the measured"
     return f"{there} spread is {test.worst_spread:.2f} times the measured"
+
+
+def _spread(test: FitTest) -> str:
+    """Words on a spread of all pixels that is off; empty where it is not."""
+    ratio = test.sd_db / max(test.measured_sd_db, 1e-12)
+    off = max(ratio, 1.0 / max(ratio, 1e-12)) > _SPREAD_RATIO
+    return f"the simulated spread is {test.sd_db:.1f} dB, the measured {test.measured_sd_db:.1f}" if off else ""
 
 
 def _off(difference_db: float) -> str:

@@ -83,15 +83,13 @@ def bin_targets(
         )
         methods[name] = method if method.law.has_curve else _without_curve(method, target.ground)
     found = fit_grounds(grounds, methods)
-    # a run shows the same pixels with K draws of speckle: the difference varies 1 + 1/K times as much as the measured
-    compared = 1.0 / (1.0 + 1.0 / case.simulator.draws)
     known = {name: case.laws[name].has_curve for name in targets}
     return Targets(
         {
             name: replace(
                 target,
                 classes=ClassTarget(
-                    classes=replace(found[name].classes, effective=compared * found[name].classes.effective),
+                    classes=found[name].classes.compared(case.simulator.draws),
                     draws=case.simulator.draws,
                     spread=found[name].spread,
                     free_looks=methods[name].free_looks,

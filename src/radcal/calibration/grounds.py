@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,6 +22,7 @@ from radcal.radar.texture import log_speckle_cumulants
 
 __all__ = [
     "GroundLaw",
+    "bins_of",
     "curve_prior",
     "fit_grounds",
     "ground_residuals",
@@ -131,6 +133,11 @@ def _limited(ground: Ground, method: Method) -> Ground:
     return limited(ground, class_of(ground.incidence_deg, edges))
 
 
+def bins_of(ground: Ground, classes: int | Literal["auto"]) -> Classes:
+    """Incidence-angle bins of a ground, as many as :func:`radcal.measurement.classes.incidence_edges` makes."""
+    return make_classes(ground.values_db, ground.incidence_deg, classes, ground.pairs, ground.cells.of_pixel)
+
+
 def curve_prior(ground: Ground, method: Method) -> Residuals:
     """Residuals of the priors on a material's curve and looks."""
     return prior_residuals(law_prior(ground, method), method.looks, method.free_looks)
@@ -153,7 +160,7 @@ def ground_residuals(
 
 def refit(found: GroundLaw, ground: Ground) -> GroundLaw:
     """The same law fitted to other pixels, from where it is, the spread kept."""
-    classes = make_classes(ground.values_db, ground.incidence_deg, found.method.classes, ground.independent)
+    classes = bins_of(ground, found.method.classes)
     residuals = ground_residuals(ground, classes, found.method, found.spread)
     start = (found.fit.parameters, found.fit.looks)
     method = found.method
@@ -183,7 +190,7 @@ def marginal_law(found: GroundLaw, looks: float) -> LawFit:
     """
     method = replace(found.method, misfit=BinMisfit, classes=1, free_looks=False)
     ground = found.ground
-    classes = make_classes(ground.values_db, ground.incidence_deg, 1, ground.independent)
+    classes = bins_of(ground, 1)
     residuals = ground_residuals(ground, classes, method, found.spread)
     start = (found.fit.parameters, looks)
     return fit_law(residuals, method.bounds, method.looks, False, start, looks, curve_prior(ground, method))
@@ -208,10 +215,7 @@ def fit_grounds(
         Law by material.
     """
     grounds = {name: _limited(ground, methods[name]) for name, ground in grounds.items()}
-    classes = {
-        name: make_classes(g.values_db, g.incidence_deg, methods[name].classes, g.independent)
-        for name, g in grounds.items()
-    }
+    classes = {name: bins_of(g, methods[name].classes) for name, g in grounds.items()}
     spread = dict.fromkeys(grounds, _START_SPREAD)
     found: dict[str, GroundLaw] = {}
     for turn in range(_ROUNDS):

@@ -65,9 +65,10 @@ class Misfit(ABC):
 class BinMisfit(Misfit):
     """Mean, log sd and skewness of each incidence-angle bin, weighted by their inverse covariance.
 
-    The covariance is the sampling's at the effective sample size, plus that of the fields and cells that the bins
-    share: a field that lies in all bins moves all their means alike, and says no less of the slope. A skewness common
-    to all bins has a standard deviation of 0.3 besides (the shape of texture).
+    The covariance is that of sampling, whose pixels are correlated inside of bins and between them, plus that of the
+    fields and cells that the bins share: a field that lies in all bins moves all their means alike, and says no less of
+    the slope. A few fields have another variance among them than they have in the mean, which moves the log sds. A
+    skewness common to all bins has a standard deviation of 0.3 besides (the shape of texture).
 
     Attributes
     ----------
@@ -77,6 +78,8 @@ class BinMisfit(Misfit):
         Share of each bin's pixels in each field.
     cell_share : ndarray, shape (n, cells)
         The same for cells.
+    patch_of_cell : ndarray of int, shape (cells,)
+        Field of each cell, from 0.
     between_db, within_db : float
         Between-field and within-field standard deviation [dB].
     method : Method, optional
@@ -88,6 +91,7 @@ class BinMisfit(Misfit):
     classes: Classes
     patch_share: Doubles
     cell_share: Doubles
+    patch_of_cell: NDArray[np.int64]
     between_db: float
     within_db: float
     method: Method | None = None
@@ -103,7 +107,7 @@ class BinMisfit(Misfit):
         shares = classes.shares(patch[cells.of_pixel], int(patch.max()) + 1)
         by_cell = classes.shares(cells.of_pixel, cells.count.size)
         true_deg = true_angles(ground, classes, method, classes.nodes_deg)
-        return cls(classes, shares, by_cell, spread.between, spread.within, method, true_deg)
+        return cls(classes, shares, by_cell, patch, spread.between, spread.within, method, true_deg)
 
     @property
     def patch_variance(self) -> Doubles:
@@ -112,15 +116,67 @@ class BinMisfit(Misfit):
         return np.asarray(self.between_db**2 * inside[0] + self.within_db**2 * inside[1])
 
     @cached_property
+    def log_sds(self) -> Doubles:
+        """Covariance of the log sds by the variance that few fields and cells happen to have among them.
+
+        The variance of a bin holds u' S u of the effects u of its cells, with S = diag(s) - s s' and the cells' shares
+        s. Its covariance with that of another bin is 2 tr(S_i G S_j G) for effects of the covariance G, here between^2
+        for two cells of one field, plus within^2 for a cell and itself.
+
+        Returns
+        -------
+        ndarray, shape (2, 2, n, n)
+            To be multiplied with between^2 or within^2 twice.
+
+        References
+        ----------
+        Searle, Casella and McCulloch, "Variance Components" (1992), appendix S.5: covariance of quadratic forms.
+        """
+        cells, patches = self.cell_share, self.patch_share
+        field = patches[:, self.patch_of_cell]
+        both = cells[:, None] * cells  # (n, n, cells)
+        one = cells @ cells.T
+        alone = both.sum(axis=-1) - (both * cells[:, None]).sum(axis=-1) - (both * cells).sum(axis=-1) + one**2
+        mixed = both.sum(axis=-1) - (both * field[:, None]).sum(axis=-1) - (both * field).sum(axis=-1)
+        mixed += one * (patches @ patches.T)
+        shared = patches[:, None] * patches
+        whole = shared.sum(axis=-1) - (shared * patches[:, None]).sum(axis=-1) - (shared * patches).sum(axis=-1)
+        whole += (patches @ patches.T) ** 2
+        variance = self.classes.cumulants[:, 1]
+        # d log sd = d variance / (2 variance)
+        return np.array([[whole, mixed], [mixed, alone]]) * 2.0 / (4.0 * np.multiply.outer(variance, variance))
+
+    @cached_property
+    def _order(self) -> Doubles:
+        """Statistics of each bin as sums over orthogonal polynomials of order 1, 2 and 3, shape (n, 3, 3)."""
+        each = zip(self.classes.speckle_db2, self._levels_db2, strict=True)
+        return np.linalg.cholesky(np.stack([sampling_covariance(v, 1.0, of_levels) for v, of_levels in each]))
+
+    @property
+    def _levels_db2(self) -> Doubles:
+        """Variance of the levels inside of each bin [dB^2], shape (n,)."""
+        return self.classes.cumulants[:, 1] - self.classes.speckle_db2
+
+    @cached_property
+    def sampling(self) -> Doubles:
+        """Covariance of all means, log sds and skewnesses by speckle alone, shape (3 n, 3 n).
+
+        The correlations of two pixels' orthogonal polynomials of order 1, 2 and 3 are the pixels' correlation, its
+        square and its cube: exactly so for normal values, and within some percent for log-gamma ones.
+        """
+        whole = np.einsum("iak,jbk,kij->aibj", self._order, self._order, self.classes.pairs)
+        return np.asarray(whole.reshape(3 * self.classes.size, -1))
+
+    @cached_property
     def covariance(self) -> Doubles:
         """Covariance of all means, then all log sds, then all skewnesses, shape (3 n, 3 n)."""
         n = self.classes.size
-        whole = np.zeros((3, n, 3, n))
-        for k in range(n):
-            whole[:, k, :, k] = sampling_covariance(self.classes.cumulants[k, 1], self.classes.effective[k])
+        whole = self.sampling.reshape(3, n, 3, n).copy()
         patches = self.patch_share @ self.patch_share.T
         whole[0, :, 0, :] += self.between_db**2 * patches + self.within_db**2 * self.cell_share @ self.cell_share.T
         whole[1, :, 1, :] += _LOG_SD_PATCH**2 * patches
+        tau2 = np.array([self.between_db, self.within_db]) ** 2
+        whole[1, :, 1, :] += np.einsum("a,b,abij->ij", tau2, tau2, self.log_sds)
         whole[2, :, 2, :] += SKEWNESS_SHAPE**2
         return whole.reshape(3 * n, 3 * n)
 
@@ -136,16 +192,29 @@ class BinMisfit(Misfit):
         """Residuals of samples that the expected statistics describe, shape (count, 3 n).
 
         Each bin is drawn anew, with as many log-gamma values as its effective sample size, and so are the effects of
-        fields and cells and the shape of texture: whatever :attr:`covariance` holds, without its normal law.
+        fields and cells and the shape of texture: whatever :attr:`covariance` holds, without its normal law. The bins'
+        samples are independent, and are then given the covariance that sampling has between bins.
         """
         n = self.classes.size
+        # each bin by itself has the covariance that its effective sample size gives it; the root of both is triangular
+        alone = np.zeros((3, n, 3, n))
+        for k in range(n):
+            alone[:, k, :, k] = np.linalg.inv(self._order[k]) * np.sqrt(self.classes.effective[k])
+        together = np.linalg.cholesky(self.sampling) @ alone.reshape(3 * n, 3 * n)
         found = np.empty((count, 3, n))
         for k in range(n):
-            found[:, :, k] = sampled_statistics(self.classes.cumulants[k, 1], self.classes.effective[k], count, rng)
+            speckle, levels = self.classes.speckle_db2[k], self._levels_db2[k]
+            found[:, :, k] = sampled_statistics(speckle, self.classes.effective[k], count, rng, levels)
+        found = (found.reshape(count, 3 * n) @ together.T).reshape(count, 3, n)
         fields, cells = (share.shape[1] for share in (self.patch_share, self.cell_share))
-        found[:, 0] += self.between_db * rng.normal(size=(count, fields)) @ self.patch_share.T
-        found[:, 0] += self.within_db * rng.normal(size=(count, cells)) @ self.cell_share.T
+        effects = self.between_db * rng.normal(size=(count, fields))
         found[:, 1] += _LOG_SD_PATCH * rng.normal(size=(count, fields)) @ self.patch_share.T
+        effects = effects[:, self.patch_of_cell] + self.within_db * rng.normal(size=(count, cells))
+        means = effects @ self.cell_share.T
+        found[:, 0] += means
+        variance = effects**2 @ self.cell_share.T - means**2
+        measured = self.classes.cumulants[:, 1]
+        found[:, 1] += (variance - self.patch_variance) / (2.0 * measured)
         found[:, 2] += SKEWNESS_SHAPE * rng.normal(size=(count, 1))
         return np.asarray(found.reshape(count, 3 * n) @ self._whitening.T)
 
@@ -226,7 +295,9 @@ class LikelihoodMisfit(Misfit):
         """Tempered counts, shape (n, bins); the first and last bins reach to infinity."""
         place = np.clip(np.searchsorted(self._bins, self.values_db, side="right") - 1, 0, self._bins.size - 2)
         joint = np.bincount(self.classes.member * (self._bins.size - 1) + place, minlength=self._places)
-        temper = self.classes.effective / self.classes.count
+        # pixels of other bins, which are correlated with a bin's own, count with them
+        with_others = self.classes.count * (self.classes.pairs[0] @ self.classes.count)
+        temper = self.classes.count / with_others
         return np.asarray(joint.reshape(self.classes.size, -1) * temper[:, None])
 
     @property

@@ -49,15 +49,17 @@ def to_dp(statistics: ArrayLike) -> NDArray[np.float64]:
     return skewnormal.direct(np.stack([mean, np.exp(np.clip(log_sd, -20.0, 20.0)), skewness], axis=-1))
 
 
-def sampling_covariance(variance_db2: float, effective: float) -> NDArray[np.float64]:
-    """Covariance of sample mean, log sd and skewness of log-gamma values.
+def sampling_covariance(variance_db2: float, effective: float, levels_db2: float = 0.0) -> NDArray[np.float64]:
+    """Covariance of sample mean, log sd and skewness of log-gamma values about fixed levels.
 
     Parameters
     ----------
     variance_db2 : float
-        Variance of the values [dB^2]; the gamma law of so many looks is taken for their shape.
+        Variance of the values about their levels [dB^2]; the gamma law of so many looks is taken for their shape.
     effective : float
         Number of independent values.
+    levels_db2 : float
+        Variance of the levels [dB^2], which are those of a normal law.
 
     Returns
     -------
@@ -67,7 +69,7 @@ def sampling_covariance(variance_db2: float, effective: float) -> NDArray[np.flo
     References
     ----------
     Stuart and Ord, "Kendall's Advanced Theory of Statistics", vol. 1, 6th edition (1994), section 12.16:
-    covariances of k-statistics in terms of cumulants.
+    covariances of k-statistics in terms of cumulants, which are these for equal levels.
     """
     from scipy.special import polygamma
 
@@ -75,26 +77,36 @@ def sampling_covariance(variance_db2: float, effective: float) -> NDArray[np.flo
     sd = float(np.sqrt(polygamma(1, looks)))
     # standardised cumulants of orders 3 to 6
     _, _, _, c3, c4, c5, c6 = (0.0 if r < 3 else float(polygamma(r - 1, looks)) / sd**r for r in range(7))
+    v = levels_db2 / variance_db2
+    # with the levels l and values e about them, the mean has the influence e, the variance (l + e)^2 - E_e (l + e)^2
+    # and the third moment (l + e)^3 - E_e (l + e)^3 - 3 (v + 1) e, here averaged over l and e
     k = np.array(
         [
             [1.0, c3, c4],
-            [c3, c4 + 2.0, c5 + 6.0 * c3],
-            [c4, c5 + 6.0 * c3, c6 + 9.0 * c4 + 9.0 * c3**2 + 6.0],
+            [c3, c4 + 2.0 + 4.0 * v, c5 + 6.0 * c3 + 6.0 * v * c3],
+            [c4, c5 + 6.0 * c3 + 6.0 * v * c3, c6 + 9.0 * c4 + 9.0 * c3**2 + 6.0 + 9.0 * v * (c4 + 2.0) + 18.0 * v**2],
         ]
     )
-    to = np.array([[np.sqrt(variance_db2), 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, -1.5 * c3, 1.0]])
+    whole = 1.0 + v
+    to = np.array(
+        [
+            [np.sqrt(variance_db2), 0.0, 0.0],
+            [0.0, 0.5 / whole, 0.0],
+            [0.0, -1.5 * c3 / whole**2.5, 1.0 / whole**1.5],
+        ]
+    )
     return np.asarray(to @ k @ to.T / effective)
 
 
 def sampled_statistics(
-    variance_db2: float, effective: float, count: int, rng: np.random.Generator
+    variance_db2: float, effective: float, count: int, rng: np.random.Generator, levels_db2: float = 0.0
 ) -> NDArray[np.float64]:
-    """Errors of mean [dB], log sd and skewness in samples of log-gamma values.
+    """Errors of mean [dB], log sd and skewness in samples of log-gamma values about fixed levels.
 
     Parameters
     ----------
     variance_db2 : float
-        Variance of the values [dB^2]; the gamma law of so many looks is taken for their shape.
+        Variance of the values about their levels [dB^2]; the gamma law of so many looks is taken for their shape.
     effective : float
         Number of independent values in each sample; above 1,000 the errors are drawn from the normal law of
         :func:`sampling_covariance`.
@@ -102,21 +114,26 @@ def sampled_statistics(
         Number of samples.
     rng : Generator
         Random numbers.
+    levels_db2 : float
+        Variance of the levels [dB^2], which are quantiles of a normal law.
 
     Returns
     -------
     ndarray, shape (count, 3)
         Statistics of the samples minus those of the law.
     """
-    from scipy.special import polygamma
+    from scipy.special import ndtri, polygamma
 
     if effective > _MOST:
-        return rng.multivariate_normal(np.zeros(3), sampling_covariance(variance_db2, effective), count)
+        return rng.multivariate_normal(np.zeros(3), sampling_covariance(variance_db2, effective, levels_db2), count)
     looks, size = looks_of_log_variance(variance_db2), max(_FEWEST, round(effective))
     mean, sd = float(polygamma(0, looks)), float(np.sqrt(polygamma(1, looks)))
-    values = (np.log(rng.gamma(looks, 1.0, (count, size))) - mean) / sd
+    levels = ndtri((np.arange(size) + 0.5) / size)
+    levels *= np.sqrt(levels_db2 / variance_db2) / levels.std()
+    whole = 1.0 + levels_db2 / variance_db2
+    values = (np.log(rng.gamma(looks, 1.0, (count, size))) - mean) / sd + levels
     first = values.mean(axis=1)
     left = values - first[:, None]
     second = np.mean(left**2, axis=1)
-    skewness = np.mean(left**3, axis=1) / second**1.5 - float(polygamma(2, looks)) / sd**3
-    return np.stack([np.sqrt(variance_db2) * first, 0.5 * np.log(second), skewness], axis=-1)
+    skewness = np.mean(left**3, axis=1) / second**1.5 - float(polygamma(2, looks)) / (sd * np.sqrt(whole)) ** 3
+    return np.stack([np.sqrt(variance_db2) * first, 0.5 * np.log(second / whole), skewness], axis=-1)

@@ -12,8 +12,12 @@ __all__ = ["HELP", "main"]
 
 HELP = """Check cases without running anything, and list all of their problems at once.
 
-Keys and values, files, scene, geometry and measured image are checked as the calibration checks them. If all is well,
-the command prints what would be read, how many simulator runs the case may take, and how much memory its jobs request.
+Keys and values, files, scene, geometry and measured image are checked as the calibration checks them; files are looked
+at where keys are wrong, too, and values that are still to be decided (FILL_IN) are listed with line and example. If all
+is well, the command prints what would be read, how many simulator runs the case may take and in which time (once it has
+stored a run), how much memory its jobs request, whether the start image has the contrast that registration needs, and
+roughly each material's level against the range of its law.
+
 With a product such as a Sentinel-1 SAFE folder it prints section radar as the annotation gives it, even with problems.
 
 What only the calibration can find out, such as the registration, is not checked. The exit status is 1 if a problem was
@@ -33,7 +37,7 @@ def main(cases: CaseFiles, settings: Settings = None, results: Results = Path("r
 
 def _is_right(case: Path, settings: list[str] | None, results: Path) -> bool:
     """Whether a case can be run; what was found is printed."""
-    from radcal.running.case_check import check_case
+    from radcal.checking.case_check import check_case
     from radcal.running.workflow_files import carried_case
 
     with sentences():

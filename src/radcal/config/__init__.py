@@ -16,9 +16,10 @@ from radcal.config.inputs import (
     missing_inputs,
     vrt_folders,
 )
-from radcal.config.loading import FILL_IN, case_from, load, load_forward, load_measured, load_with_problems
+from radcal.config.loading import case_from, load, load_forward, load_measured
 from radcal.config.materials import Material, Start
 from radcal.config.measurement import FileMeasurement, HiddenLaw, MeasurementConfig, Synthetic, SyntheticMeasurement
+from radcal.config.mistakes import Loaded, load_with_problems
 from radcal.config.optimiser import Optimiser
 from radcal.config.pydantic_errors import nearest
 from radcal.config.radar import Radar
@@ -37,6 +38,7 @@ from radcal.config.stop import Stop
 from radcal.config.surrogate import SurrogateConfig
 from radcal.config.target import TargetConfig
 from radcal.config.uncertainty import Uncertainty
+from radcal.config.undecided import FILL_IN
 from radcal.config.validation import Validation
 from radcal.config.writing import default_case, default_yaml
 
@@ -50,6 +52,7 @@ __all__ = [
     "FileMeasurement",
     "HiddenLaw",
     "InputFile",
+    "Loaded",
     "Material",
     "MeasurementConfig",
     "Optimiser",

@@ -43,6 +43,7 @@ from radcal.config.uncertainty import Uncertainty
 from radcal.config.validation import Validation
 from radcal.radar.bands import same_label
 from radcal.radar.laws import EXTERNAL, laws_known
+from radcal.radar.speckle import WIDTH_FACTOR
 
 __all__ = ["Case"]
 
@@ -196,10 +197,25 @@ class Case(Part):
                 yield from self._in_hidden(measurement.synthetic)
             yield from self._in_truth(measurement.synthetic)
             yield from self._in_mismatch(measurement.synthetic)
+        yield from self._in_sampling()
         yield from self._in_track()
         yield from self.laws_without_pass()
         if isinstance(measurement, FileMeasurement):
             yield from self._in_image(measurement)
+
+    def _in_sampling(self) -> Iterator[str]:
+        """Resolutions finer than the built-in simulator can sample at their pixel spacing."""
+        if not isinstance(self.simulator, BuiltinSimulation):
+            return
+        for way in ("range", "azimuth"):
+            resolution, spacing = (getattr(self.radar, f"{way}_{what}_m") for what in ("resolution", "spacing"))
+            finest = WIDTH_FACTOR * spacing
+            if resolution < finest * (1 - 1e-9):
+                yield (
+                    f"radar.{way}_resolution_m is {resolution:g}, expected at least {finest:.2f} at radar."
+                    f"{way}_spacing_m of {spacing:g} (the image must be sampled above its bandwidth), or a spacing of "
+                    f"at most {resolution / WIDTH_FACTOR:.3g}"
+                )
 
     def _in_hidden(self, synthetic: Synthetic) -> Iterator[str]:
         """Hidden parameters of unknown materials, and those that do not fit their law."""

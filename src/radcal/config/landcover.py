@@ -7,13 +7,15 @@ level may be wrong by many dB.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import itertools
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
 from radcal.config.materials import DEFAULT_LAW
 
-__all__ = ["LANDCOVERS", "Cover", "LandCover", "landcover_table", "starting_keys"]
+__all__ = ["LANDCOVERS", "Cover", "LandCover", "StartingLevel", "landcover_table", "starting_keys", "starting_levels"]
 
 LandCover = Literal["esa_worldcover", "corine", "nlcd"]
 
@@ -26,6 +28,44 @@ _LINE_DB = (-5.86, 6.05)
 _BELOW_DB, _ABOVE_DB = 30.0, 15.0  # bounds of X1 about gamma; those of X2 to X4 are the default case's
 _BOUNDS = [[0.0, 16.0], [0.0, 22.0], [0.0, 12.0]]
 _X4 = 4.0
+# words of names that say a kind of terrain, where no land-cover map says it
+_WORDS = {
+    "woods": "forests? trees? woods? woodlands? mangroves? scrub shrubs? shrubland",
+    "metropolitan": "urban built buildings? developed city houses? settlements? harbours? ports?",
+    "farmland": "crops? croplands? arable cultivated farmland agriculture grass grasses grasslands? pastures? meadows?",
+    "flatland": "bare soil sands? barren rocks? beach(es)? desert snow ice roads? runways? airports?",
+    "sea state 3": "water sea ocean lakes? rivers? lagoons?",
+}
+_APART_DB = 3.0  # of the starting levels of two materials, so that the start image shows where they meet
+_UNKNOWN_DB = -15.0  # where neither name nor map says anything
+
+
+@dataclass(frozen=True)
+class StartingLevel:
+    """Level from which the law of a material starts in a new case.
+
+    Attributes
+    ----------
+    gamma_db : float
+        Constant gamma [dB].
+    terrain : str or None
+        Kind of terrain that has it; None for a guess.
+    moved : bool
+        Whether the level was moved away from that of another material.
+    """
+
+    gamma_db: float
+    terrain: str | None
+    moved: bool
+
+    def start(self, lowest_db: float, highest_db: float) -> list[float]:
+        """Parameters of the default law that are closest to this gamma, with X1 inside of its bounds [dB]."""
+        first = min(max(self.gamma_db + _LINE_DB[0], lowest_db), highest_db)
+        return [round(first, 2), _LINE_DB[1], 0.0, _X4]
+
+    def __str__(self) -> str:
+        said = "of no known kind" if self.terrain is None else f"of {self.terrain}"
+        return f"gamma {self.gamma_db:g} dB {said}" + ", moved apart from another material" * self.moved
 
 
 @dataclass(frozen=True)
@@ -173,6 +213,42 @@ def starting_keys(landcover: str, name: str, given: Mapping[str, Any]) -> dict[s
     bounds = {"bounds": [[gamma - _BELOW_DB, gamma + _ABOVE_DB], *_BOUNDS]}
     start = {"start": [gamma + _LINE_DB[0], _LINE_DB[1], 0.0, _X4]}
     return bounds if "start" in given else {**bounds, **start}
+
+
+def starting_levels(names: Sequence[str], taken_db: Iterable[float] = ()) -> dict[str, StartingLevel]:
+    """Levels from which the laws of several materials start, no two of them equal.
+
+    The simulated start image, onto which a measured one is registered, shows the border of two materials only if their
+    levels differ. Whether the contrast has the right sign does not matter to the registration.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Materials; a name of a land-cover map, or a word of a name, says the kind of terrain.
+    taken_db : iterable of float
+        Gamma of other materials [dB].
+    """
+    used, found = list(taken_db), dict[str, StartingLevel]()
+    for name in names:
+        terrain = _terrain(name)
+        level = _UNKNOWN_DB if terrain is None else _GAMMA_DB[terrain]
+        steps = (sign * k * _APART_DB for k in itertools.count() for sign in ((1.0, -1.0) if k else (1.0,)))
+        away = next(step for step in steps if all(abs(level + step - other) >= _APART_DB for other in used))
+        used.append(level + away)
+        found[name] = StartingLevel(level + away, terrain, away != 0.0)
+    return found
+
+
+def _terrain(name: str) -> str | None:
+    """Kind of terrain that a name says."""
+    covers = (cover for classes in LANDCOVERS.values() for cover in classes.values())
+    if (known := next((cover.terrain for cover in covers if cover.name == name), None)) is not None:
+        return known
+    words = re.split(r"[^A-Za-z]+", name.lower())
+    for terrain, patterns in _WORDS.items():
+        if any(re.fullmatch(pattern, word) for pattern in patterns.split() for word in words):
+            return terrain
+    return None
 
 
 def landcover_table(landcover: str) -> str:

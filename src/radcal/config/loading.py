@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from copy import deepcopy
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +11,13 @@ from pydantic import ValidationError
 from radcal.config import stages
 from radcal.config.case import Case
 from radcal.config.inputs import expand_path
-from radcal.config.pydantic_errors import sentence, shown, wrong_keys
+from radcal.config.pydantic_errors import sentence, shown
 from radcal.config.sections import MATERIALS_FROM
+from radcal.config.undecided import undecided
 from radcal.errors import ConfigError
 
-__all__ = ["FILL_IN", "case_from", "load", "load_forward", "load_measured", "load_with_problems"]
+__all__ = ["case_from", "load", "load_forward", "load_measured", "origin_of", "read_cases"]
 
-FILL_IN = "FILL_IN"  # mark of a value that is still to be decided, in a case that radcal new has written
 # sections that a forward run does not read
 _OF_CALIBRATION = (
     "measurement", "registration", "objective", "target", "validation", "design", "surrogate", "optimiser",
@@ -67,58 +66,11 @@ def load(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None
     ConfigError
         A file is missing, empty or not YAML, a key occurs twice, or a key or value is wrong.
     """
-    data, origin = _read(files, overrides), _origin(files)
-    if undecided := list(_undecided(data)):
-        more = f" (and {len(undecided) - 1} more)" if len(undecided) > 1 else ""
-        raise ConfigError(f"{origin}: {_still(undecided[0])}{more}.")
+    data, origin = read_cases(files, overrides), origin_of(files)
+    if marked := undecided(data, files):
+        more = f" (and {len(marked) - 1} more; radcal check lists them)" if len(marked) > 1 else ""
+        raise ConfigError(f"{origin}: {marked[0].text}{more}.")
     return case_from(data, origin)
-
-
-def load_with_problems(
-    files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None
-) -> tuple[Case | None, list[str]]:
-    """Read configuration files and list all wrong keys and values, not only the first.
-
-    A wrong key is left out, and its section is left out if the key is missing, until the rest is a case.
-
-    Parameters
-    ----------
-    files, overrides
-        As for :func:`load`.
-
-    Returns
-    -------
-    case : Case or None
-        Case without the wrong keys, with which further checks can go on; None if what is left is no case.
-    problems : list of str
-        One sentence for each wrong key and each contradiction between settings.
-
-    Raises
-    ------
-    ConfigError
-        A file is missing, empty or not YAML, or a key occurs twice.
-    """
-    data, origin = _read(files, overrides), _origin(files)
-    undecided = list(_undecided(data))
-    problems: list[str] = [_still(place) for place in undecided]
-    data = deepcopy(data)
-    for place in undecided:
-        _leave_out(data, place)
-    while True:
-        contradictions: list[str] = []
-        try:
-            case = Case.model_validate(data, context=contradictions)
-        except ValidationError as error:
-            wrong = wrong_keys(error, Case)
-            problems += [key.text for key in wrong]
-            rest = deepcopy(data)
-            for key in wrong:
-                _leave_out(rest, key.place)
-            if rest == data:
-                return None, _sentences(origin, problems)
-            data = rest
-        else:
-            return case, _sentences(origin, problems + contradictions)
 
 
 def load_forward(
@@ -143,8 +95,8 @@ def load_forward(
     ConfigError
         As for :func:`load`, or a law does not suit simulator or pass.
     """
-    origin = _origin(files)
-    data = {key: value for key, value in _read(files, overrides).items() if key not in _OF_CALIBRATION}
+    origin = origin_of(files)
+    data = {key: value for key, value in read_cases(files, overrides).items() if key not in _OF_CALIBRATION}
     if calibrated is not None:
         data["materials"] = {**data.get("materials", {}), **_materials_of(calibrated, "--materials")}
     passes = data.get("radar")
@@ -179,62 +131,25 @@ def load_measured(files: Sequence[str | Path], overrides: Mapping[str, Any] | No
     ConfigError
         As for :func:`load`.
     """
-    data, found = _read(files, overrides), list[str]()
+    data, found = read_cases(files, overrides), list[str]()
     if "measurement" not in data:
         return None
     try:
         case = Case.model_validate(data, context=found)
     except ValidationError as error:
-        raise ConfigError(sentence(error, _origin(files), Case)) from None
+        raise ConfigError(sentence(error, origin_of(files), Case)) from None
     if found and case.calibrated:
-        raise ConfigError(f"{_origin(files)}: {shown(found[0], 600)}.")
+        raise ConfigError(f"{origin_of(files)}: {shown(found[0], 600)}.")
     return case
 
 
-def _sentences(origin: str, problems: Sequence[str]) -> list[str]:
-    # a key that was left out may be missed afterwards, or a section changed in between give a text again
-    return [f"{origin}: {shown(text, 600)}." for text in dict.fromkeys(problems)]
-
-
-def _leave_out(data: dict[str, Any], place: Sequence[int | str]) -> None:
-    """Remove a key that is wrong, or the innermost section around a key that is missing."""
-    inside: Any = data
-    above: list[tuple[dict[str, Any], str]] = []
-    for part in place:
-        if isinstance(inside, dict) and part in inside:
-            above.append((inside, str(part)))
-            inside = inside[part]
-        elif isinstance(inside, list) and isinstance(part, int) and part < len(inside):
-            inside = inside[part]
-        # any other part is a tag that pydantic inserts, or a missing key
-    while above:  # a section without keys would be another mistake
-        section, key = above.pop()
-        del section[key]
-        if section:
-            break
-
-
-def _undecided(data: Any, above: tuple[int | str, ...] = ()) -> Iterator[tuple[int | str, ...]]:
-    """Places of values, or of names of keys, that are still to be decided."""
-    for key, value in data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ():
-        place = (*above, key)
-        if FILL_IN in (value, key):
-            # an item of a list is decided together with its list
-            yield above if isinstance(data, list) else place
-        else:
-            yield from _undecided(value, place)
-
-
-def _still(place: Sequence[int | str]) -> str:
-    return f"{'.'.join(map(str, place))} is {FILL_IN}, expected a value, which is still to be decided"
-
-
-def _origin(files: Sequence[str | Path]) -> str:
+def origin_of(files: Sequence[str | Path]) -> str:
+    """Names of case files, with which messages begin."""
     return ", ".join(str(f) for f in files) or "configuration"
 
 
-def _read(files: Sequence[str | Path], overrides: Mapping[str, Any] | None) -> dict[str, Any]:
-    """Merged data of configuration files and overrides."""
+def read_cases(files: Sequence[str | Path], overrides: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Merged plain data of configuration files and overrides; parameters and errors as for :func:`load`."""
     from radcal.config.yaml_file import merged, read_case_file  # imports PyYAML, which workflow jobs do not need
 
     data: dict[str, Any] = {}

@@ -5,13 +5,13 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from radcal.config.limits import Parameter, Real
-from radcal.config.pydantic_errors import nearest, shown
+from radcal.config.pydantic_errors import Contradictions, nearest, shown
 from radcal.config.sections import Section
 from radcal.radar.laws import EXTERNAL, FORMULA, LAWS, Law, external_law, formula_law, laws_known, refuse_infinite
 
@@ -210,13 +210,8 @@ class Material(Section):
                 f"bounds is missing, law {self.law!r} has no default: expected [lower, upper] for each of "
                 f"{', '.join(law.names)}"
             )
-        if len(self.box) != d:
-            raise ValueError(f"bounds has {len(self.box)} intervals, {_takes(law, self.law)}")
-        for name, (low, high) in zip(law.names, self.box, strict=True):
-            if not low < high:
-                raise ValueError(f"bounds of {name} are [{low:g}, {high:g}], expected lower < upper")
-            if law.has_curve and max(abs(low), abs(high)) > _LARGEST:
-                raise ValueError(f"bounds of {name} are [{low:g}, {high:g}], expected within +-{_LARGEST:g}")
+        if wrong := list(self._of_bounds(law)):
+            raise Contradictions(wrong)
         self._check_integers()
         for values in zip(*self.box, strict=True):
             check_parameters("bounds", values, law, self.law)
@@ -231,6 +226,16 @@ class Material(Section):
                 raise ValueError(f"start of {name} is {x:g}, expected inside its bounds [{low:g}, {high:g}]")
         self.check_whole("start", self.start_parameters)
         return self
+
+    def _of_bounds(self, law: Law) -> Iterator[str]:
+        """Wrong bounds, all of them."""
+        if len(self.box) != len(law.names):
+            yield f"bounds has {len(self.box)} intervals, {_takes(law, self.law)}"
+        for name, (low, high) in zip(law.names, self.box, strict=False):
+            if not low < high:
+                yield f"bounds of {name} are [{low:g}, {high:g}], expected lower < upper"
+            elif law.has_curve and max(abs(low), abs(high)) > _LARGEST:
+                yield f"bounds of {name} are [{low:g}, {high:g}], expected within +-{_LARGEST:g}"
 
     def _check_integers(self) -> None:
         """Refuse ``integer`` if the law is not external, and a name in ``integer`` that is no parameter of the law."""

@@ -58,8 +58,8 @@ def _tags(model: type[BaseModel]) -> list[object]:
     return [model.model_fields[key].default for key in TAGS.values() if key in model.model_fields]
 
 
-def _known_keys(location: Sequence[int | str], root: type[BaseModel]) -> list[str]:
-    """Allowed keys of the section in which pydantic found an error."""
+def _models_at(location: Sequence[int | str], root: type[BaseModel]) -> list[type[BaseModel]]:
+    """Models of the section in which pydantic found an error."""
     models = [root]
     for section, further in FURTHER.items():
         if location[0] == further:
@@ -70,6 +70,12 @@ def _known_keys(location: Sequence[int | str], root: type[BaseModel]) -> list[st
         else:
             field = models[0].model_fields.get(str(part))
             models = (_models_in(field.annotation) if field else []) or models
+    return models
+
+
+def _known_keys(location: Sequence[int | str], root: type[BaseModel]) -> list[str]:
+    """Allowed keys of the section in which pydantic found an error."""
+    models = _models_at(location, root)
     known = {name for model in models for name in model.model_fields}
     return sorted(known | ({MATERIALS_FROM} if root in models and "materials" in known else set()))
 
@@ -116,10 +122,19 @@ class WrongKey:
     place : tuple
         Key, and above it the sections that contain it, as pydantic names them; empty for a contradiction between
         settings.
+    key : str
+        Key in dotted form, or the section around an unknown key.
+    meant : str or None
+        Of an unknown key the known key that is nearest.
+    choices : tuple of str
+        Values that the key may have, the nearest to the value found first; empty unless they can be listed.
     """
 
     text: str
     place: tuple[int | str, ...]
+    key: str = ""
+    meant: str | None = None
+    choices: tuple[str, ...] = ()
 
 
 def wrong_keys(error: ValidationError, root: type[BaseModel]) -> list[WrongKey]:
@@ -129,12 +144,44 @@ def wrong_keys(error: ValidationError, root: type[BaseModel]) -> list[WrongKey]:
     found: dict[str, WrongKey] = {}
     for detail in details:
         several = getattr(detail.get("ctx", {}).get("error"), "sentences", None)
+        key = _key(detail["loc"])
         if several is None:
             # the errors of all alternatives of one key count as one problem
-            found.setdefault(_key(detail["loc"]), WrongKey(_text(detail, root), detail["loc"]))
+            found.setdefault(key, _wrong_key(detail, root))
         else:
-            found |= {text: WrongKey(f"{_key(detail['loc'])}: {text}", detail["loc"]) for text in several}
+            found |= {text: WrongKey(f"{key}: {text}", detail["loc"], key) for text in several}
     return list(found.values())
+
+
+def _wrong_key(detail: ErrorDetails, root: type[BaseModel]) -> WrongKey:
+    """Problem of one key, with what may have been meant."""
+    place, text, value = detail["loc"], _text(detail, root), detail["input"]
+    last = str(place[-1]) if place else ""
+    if detail["type"] == "extra_forbidden":
+        near = difflib.get_close_matches(last, _known_keys(place, root), n=1, cutoff=0.5)
+        return WrongKey(text, place, _key(place[:-1]), meant=near[0] if near else None)
+    key = _key(place)
+    if detail["type"] in ("union_tag_invalid", "union_tag_not_found"):
+        tag = TAGS[key.partition(".")[0]]
+        place, key = (*place, tag), f"{key}.{tag}"
+        value = value.get(tag) if isinstance(value, Mapping) else value
+        tags = re.findall("'([^']*)'", str(detail.get("ctx", {}).get("expected_tags", "")))
+        # another kind has other keys: what is not nearly its name stands for none
+        choices = difflib.get_close_matches(str(value), tags, n=1, cutoff=0.6)
+    elif detail["type"] in ("literal_error", "missing", MISSING):
+        fields = [model.model_fields[last] for model in _models_at(place, root) if last in model.model_fields]
+        choices = [text for field in fields for text in _literals(field.annotation)]
+    else:
+        choices = []
+    near = difflib.get_close_matches(str(value), choices, n=1, cutoff=0.0)
+    return WrongKey(text, place, key, choices=(*near, *(one for one in choices if one not in near)))
+
+
+def _literals(annotation: object) -> list[str]:
+    """Texts that a type annotation lists."""
+    if typing.get_origin(annotation) is typing.Literal:
+        return [text for text in typing.get_args(annotation) if isinstance(text, str)]
+    return [text for part in typing.get_args(annotation) for text in _literals(part)]
 
 
 def _text(detail: ErrorDetails, root: type[BaseModel]) -> str:

@@ -17,7 +17,7 @@ import yaml
 from radcal.config.pydantic_errors import shown
 from radcal.errors import ConfigError
 
-__all__ = ["check_words", "merged", "read_case_file", "read_value", "setting"]
+__all__ = ["check_words", "lines_of", "merged", "read_case_file", "read_value", "setting"]
 
 _LARGEST_BYTES = 200_000  # size limit of a case file: about twenty times the size of radcal's longest case file
 _LARGEST_VALUES = (
@@ -87,6 +87,37 @@ def read_case_file(path: str | Path) -> dict[str, Any]:
     if not isinstance(found, Mapping):
         raise ConfigError(f"{path}: holds {type(found).__name__}, expected keys and values.")
     return dict(found)
+
+
+def lines_of(path: str | Path, text: str) -> list[tuple[tuple[int | str, ...], int]]:
+    """Places in a case file that :func:`read_case_file` accepts at which a text stands, and their lines.
+
+    Parameters
+    ----------
+    path : path
+        Case file.
+    text : str
+        A value, or the name of a key.
+
+    Returns
+    -------
+    list of (tuple, int)
+        Keys and indices that lead to the value, or to the key itself; and the number of the line, from 1.
+    """
+    root = yaml.compose(_text(_content(Path(path))), _Loader)
+    return [] if root is None else list(_with_text(root, text, ()))
+
+
+def _with_text(node: yaml.Node, text: str, above: tuple[int | str, ...]) -> Iterator[tuple[tuple[int | str, ...], int]]:
+    if isinstance(node, yaml.ScalarNode) and node.value == text:
+        yield above, _line(node)
+    elif isinstance(node, yaml.SequenceNode):
+        for number, item in enumerate(node.value):
+            yield from _with_text(item, text, (*above, number))
+    elif isinstance(node, yaml.MappingNode):
+        for key, value in node.value:
+            place = (*above, str(key.value))
+            yield from [(place, _line(key))] if key.value == text else _with_text(value, text, place)
 
 
 def read_value(text: str, origin: str) -> Any:

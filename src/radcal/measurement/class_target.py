@@ -20,9 +20,8 @@ class ClassTarget:
     Attributes
     ----------
     classes : Classes
-        Bins of the target's pixels with their measured statistics. ``effective`` is the number of independent
-        pixels over 1 + 1/K, because measured statistics are compared with simulated ones, which have the sampling error
-        of K draws of speckle.
+        Bins of the target's pixels with their measured statistics, as they are compared with those of K draws of
+        speckle (:meth:`radcal.measurement.classes.Classes.compared`).
     spread : Spread
         Between-field and within-field standard deviation, pooled over the materials [dB].
     draws : int

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radcal.errors import MeasurementError
+from radcal.measurement.correlation import independent_pairs, without_trend
 
 __all__ = ["FEWEST", "Classes", "class_cumulants", "class_of", "incidence_edges", "make_classes", "winsorised"]
 
@@ -17,6 +19,7 @@ _AUTO = (4, 8)  # classes
 _AUTO_SPAN_DEG = 2.0  # width of a bin: a law of 0.3 dB/deg changes in it by less than a third of speckle's sd
 _FAR = 6.0  # robust standard deviations; one pixel in 1,500 of single-look speckle in dB exceeds them
 _LEAST_DB2 = 1e-6  # variance
+_FREEDOM = 10  # residuals that an estimate of a variance needs
 _NODES = 24  # incidence angles that represent a bin
 
 
@@ -32,25 +35,42 @@ class Classes:
         Bin of each pixel.
     count : ndarray of int, shape (n,)
         Number of pixels in each bin.
-    effective : ndarray, shape (n,)
-        Effective sample size: number of independent pixels with the same information.
+    pairs : ndarray, shape (3, n, n)
+        Mean correlation, its square and its cube over the pairs of pixels of two bins
+        (:meth:`radcal.measurement.correlation.Correlation.pairs`).
     cumulants : ndarray, shape (n, 3)
         Mean [dB], variance [dB^2] and third central moment [dB^3] of the measured pixels.
     nodes_deg : ndarray, shape (n, m)
         Incidence angles that represent each bin: quantiles at the middles of m equal shares of its pixels [deg].
+    speckle_db2 : ndarray, shape (n,)
+        Variance of the measured pixels of one cell at equal incidence [dB^2]: the part of the variance that another
+        image of the same ground would show anew.
     """
 
     edges_deg: NDArray[np.float64]
     member: NDArray[np.int64]
     count: NDArray[np.int64]
-    effective: NDArray[np.float64]
+    pairs: NDArray[np.float64]
     cumulants: NDArray[np.float64]
     nodes_deg: NDArray[np.float64]
+    speckle_db2: NDArray[np.float64]
 
     @property
     def size(self) -> int:
         """Number of incidence-angle bins."""
         return self.count.size
+
+    @property
+    def effective(self) -> NDArray[np.float64]:
+        """Number of independent pixels whose mean has the variance of the mean of a bin, shape (n,)."""
+        return np.asarray(1.0 / np.diagonal(self.pairs[0]))
+
+    def compared(self, draws: int) -> Classes:
+        """Bins of which the difference from a run is looked at, which shows the same pixels with draws of speckle.
+
+        The difference varies 1 + 1 / draws times as much as the measured statistics.
+        """
+        return replace(self, pairs=(1.0 + 1.0 / draws) * self.pairs)
 
     def shares(self, label: NDArray[np.int64], labels: int) -> NDArray[np.float64]:
         """Share of each incidence-angle bin's pixels in each labelled area, shape (n, labels)."""
@@ -136,7 +156,8 @@ def make_classes(
     values_db: ArrayLike,
     incidence_deg: ArrayLike,
     classes: int | Literal["auto"],
-    independent: float = 1.0,
+    pairs: Callable[[NDArray[np.int64], int], NDArray[np.float64]] = independent_pairs,
+    cells: NDArray[np.int64] | None = None,
 ) -> Classes:
     """Incidence-angle bins of a material's target pixels.
 
@@ -148,8 +169,11 @@ def make_classes(
         Local incidence [deg].
     classes : int or 'auto'
         Number of bins, as for :func:`incidence_edges`.
-    independent : float
-        Number of independent pixels for each pixel, at most 1.
+    pairs : callable
+        Correlation of the pixels by bin, as :meth:`radcal.measurement.ground.Ground.pairs` gives it; independent
+        pixels if missing.
+    cells : ndarray of int, shape (pixels,), optional
+        Cell of each pixel, from 0; one cell if missing.
 
     Returns
     -------
@@ -166,14 +190,35 @@ def make_classes(
     size = edges.size - 1
     count = np.bincount(member, minlength=size)
     middle = (np.arange(_NODES) + 0.5) / _NODES
+    cumulants = class_cumulants(values_db, member, size)
     return Classes(
         edges_deg=edges,
         member=member,
         count=count,
-        effective=np.maximum(count * independent, 1.0),
-        cumulants=class_cumulants(values_db, member, size),
+        pairs=pairs(member, size),
+        cumulants=cumulants,
         nodes_deg=np.stack([np.quantile(angle[member == k], middle) for k in range(size)]),
+        speckle_db2=_speckle(np.asarray(values_db, dtype=np.float64), angle, member, cells, cumulants[:, 1]),
     )
+
+
+def _speckle(
+    values: NDArray[np.float64],
+    angle: NDArray[np.float64],
+    member: NDArray[np.int64],
+    cells: NDArray[np.int64] | None,
+    variance: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Variance about a line in the incidence in each bin, and about the means of cells, with its degrees of freedom."""
+    left = without_trend(values, angle, member)
+    freedom = np.bincount(member) - 2.0
+    if cells is not None:
+        count = np.bincount(cells)
+        left -= (np.bincount(cells, left) / count)[cells]
+        freedom = freedom - np.bincount(member, 1.0 / count[cells])
+    found = np.bincount(member, left**2) / np.maximum(freedom, 1.0)
+    # cells of few pixels say little of it; what they all have bounds it
+    return np.where(freedom < _FREEDOM, variance, np.clip(found, _LEAST_DB2, variance))
 
 
 def winsorised(values_db: ArrayLike, member: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""Goodness of fit of a skew normal, and the effective sample size of correlated pixels."""
+"""Goodness of fit of a skew normal."""
 
 from __future__ import annotations
 
@@ -10,11 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from radcal import skewnormal
 from radcal.errors import FitError
 
-__all__ = ["Goodness", "effective_sample_size", "goodness_of_fit"]
+__all__ = ["Goodness", "goodness_of_fit"]
 
 _DRAWS = 99
-_GROUPS, _GROUP = 24, 30  # groups of incidence in which a mean is taken: their largest number, and their least size
-_REACH_PX = 6  # lag beyond which speckle is assumed to be uncorrelated
 
 
 @dataclass(frozen=True)
@@ -103,79 +101,3 @@ def goodness_of_fit(
     # the sample itself counts as one of the bootstrap samples (Davison and Hinkley 1997, eq. 4.11)
     ks_p, ad_p = (1.0 + further) / (1.0 + draws)
     return Goodness(ks, float(ks_p), ad, float(ad_p))
-
-
-def _without_trend(values: NDArray[np.float64], incidence_deg: ArrayLike) -> NDArray[np.float64]:
-    """Values minus their mean at each incidence: a straight line in each of some groups of about equal size."""
-    angle, left = np.asarray(incidence_deg, dtype=np.float64), values.copy()
-    for group in np.array_split(np.argsort(angle, kind="stable"), max(1, min(_GROUPS, angle.size // _GROUP))):
-        away, level = angle[group] - angle[group].mean(), values[group] - values[group].mean()
-        left[group] = level - away * (away @ level) / max(float(away @ away), 1e-12)
-    return left
-
-
-def effective_sample_size(
-    image_db: NDArray[np.float32],
-    inside: NDArray[np.int64],
-    drawn: NDArray[np.int64],
-    incidence_deg: NDArray[np.float32] | None = None,
-) -> float:
-    """Number of independent pixels whose mean would have the same variance as the mean of the correlated pixels drawn.
-
-    Parameters
-    ----------
-    image_db : ndarray, shape (rows, columns)
-        Backscatter [dB].
-    inside : ndarray of int
-        Flat indices of the material's finite pixels, from which the correlation is taken.
-    drawn : ndarray of int, shape (n,)
-        Flat indices of the pixels drawn, among ``inside``.
-    incidence_deg : ndarray, shape (rows, columns), optional
-        Local incidence [deg]. The mean of the material at each incidence is subtracted, because what any law explains
-        is no correlation of the pixels; without it, the mean of the whole material.
-
-    Returns
-    -------
-    float
-        n^2 over the sum of the correlations of all pairs, between 1 and n.
-
-    References
-    ----------
-    Bayley and Hammersley, "The effective number of independent observations in an
-    autocorrelated time series", J. R. Statist. Soc. Suppl. 8 (1946).
-    """
-    from scipy import fft  # every process of the workflow imports this module, and few call it
-
-    shape = image_db.shape
-    size = tuple(fft.next_fast_len(n + _REACH_PX + 1, real=True) for n in shape)
-
-    def pairs(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Sum of products of all pairs of pixels at each lag, in both directions."""
-        spectrum = fft.rfft2(values, s=size)
-        lags = fft.irfft2(np.abs(spectrum) ** 2, s=size)
-        window = np.arange(-_REACH_PX, _REACH_PX + 1)
-        return np.asarray(lags[np.ix_(window, window)])
-
-    there = np.zeros(image_db.size)
-    there[inside] = 1.0
-    values = np.zeros(image_db.size)
-    of_material = image_db.ravel()[inside].astype(np.float64)
-    if incidence_deg is None:
-        values[inside] = of_material - of_material.mean()
-    else:
-        values[inside] = _without_trend(of_material, incidence_deg.ravel()[inside])
-    count = pairs(there.reshape(shape))
-    products = pairs(values.reshape(shape))
-    variance = products[_REACH_PX, _REACH_PX] / count[_REACH_PX, _REACH_PX]
-    if variance <= 0.0:
-        return 1.0
-    correlation = np.where(count > 0.5, products / np.maximum(count, 1.0), 0.0) / variance
-    # covariance at the largest lags comes from changes of level within the material, not from speckle
-    edge = np.ones_like(correlation, dtype=bool)
-    edge[1:-1, 1:-1] = False
-    floor = float(np.mean(correlation[edge & (count > 0.5)])) if np.any(edge & (count > 0.5)) else 0.0
-    correlation = np.clip((correlation - floor) / max(1.0 - floor, 1e-6), 0.0, 1.0)
-    chosen = np.zeros(image_db.size)
-    chosen[drawn] = 1.0
-    n = float(drawn.size)
-    return float(np.clip(n**2 / (pairs(chosen.reshape(shape)) * correlation).sum(), 1.0, n))

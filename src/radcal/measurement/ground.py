@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config import Validation
+from radcal.measurement.classes import class_of, incidence_edges
+from radcal.measurement.correlation import Correlation, independent_pairs, without_trend
 from radcal.measurement.patches import Cells, make_cells
 
 __all__ = ["Blocks", "Ground"]
@@ -77,8 +79,10 @@ class Ground:
         Local incidence [deg].
     patch, block : ndarray of int, shape (pixels,)
         Field (connected area), and part of a block of the image (see :class:`Blocks`), of each pixel.
-    independent : float
-        Number of independent pixels for each pixel, at most 1.
+    pixels : ndarray of int64, shape (pixels,), optional
+        Flat image indices, increasing.
+    correlation : Correlation, optional
+        Correlation of the material's pixels; without it they are independent.
     error_deg : ndarray, shape (pixels,), optional
         Standard error of the local incidence of each pixel [deg]; missing where one number holds for all.
     """
@@ -87,7 +91,8 @@ class Ground:
     incidence_deg: NDArray[np.float64]
     patch: NDArray[np.int64]
     block: NDArray[np.int64]
-    independent: float = 1.0
+    pixels: NDArray[np.int64] | None = None
+    correlation: Correlation | None = None
     error_deg: NDArray[np.float64] | None = None
 
     @cached_property
@@ -97,10 +102,29 @@ class Ground:
 
     @cached_property
     def sampling(self) -> NDArray[np.float64]:
-        """Sampling variance of each cell's mean [dB^2]."""
-        return self.cells.sampling_variance(self.values_db, self.independent)
+        """Sampling variance of each cell's mean at its incidence [dB^2], which the spread by a law is no part of."""
+        member = class_of(self.incidence_deg, incidence_edges(self.incidence_deg, "auto"))
+        left = without_trend(self.values_db, self.incidence_deg, member)
+        return self.cells.sampling_variance(left, self.independent)
+
+    @cached_property
+    def independent(self) -> float:
+        """Number of independent pixels for each pixel, at most 1."""
+        if self.correlation is None or self.pixels is None or not self.pixels.size:
+            return 1.0
+        return self.correlation.effective(self.pixels) / self.pixels.size
+
+    def pairs(self, group: NDArray[np.int64], size: int) -> NDArray[np.float64]:
+        """Mean correlation, its square and its cube over the pairs of pixels of two groups, shape (3, size, size)."""
+        if self.correlation is None or self.pixels is None:
+            return independent_pairs(group, size)
+        return self.correlation.pairs(self.pixels, group, size)
 
     def part(self, mask: NDArray[np.bool_]) -> Ground:
         """Ground restricted to the pixels of a mask."""
-        pixels = (self.values_db[mask], self.incidence_deg[mask], self.patch[mask], self.block[mask])
-        return Ground(*pixels, self.independent, None if self.error_deg is None else self.error_deg[mask])
+
+        def of(values: NDArray[Any] | None) -> Any:
+            return None if values is None else values[mask]
+
+        found = {field.name: of(getattr(self, field.name)) for field in fields(self) if field.name != "correlation"}
+        return Ground(**found, correlation=self.correlation)

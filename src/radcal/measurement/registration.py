@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,12 +18,16 @@ from radcal.measurement.spline_field import Prior
 from radcal.storage.layout import put, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
-__all__ = ["Registered", "read_registered", "register", "write_registered"]
+__all__ = ["LEAST_CONTRAST_DB", "Registered", "contrast_db", "read_registered", "register", "write_registered"]
 
 _SIGNIFICANT = 4.0  # standard errors
 _SMALLEST_PX = 64
 _LEAST_GAIN = 0.001  # smallest rise of the held-out correlation: the last digit that the sentence shows
 _SIGN_WINDOW_PX = 65
+_CONTRAST_PX = 16  # side of the squares whose levels show a contrast under the speckle
+_TREND = 3  # degree of the polynomial of what depends on the slant range alone
+LEAST_CONTRAST_DB = 0.3
+"""Contrast of a simulated image below which there is nothing in it to register an image onto [dB]."""
 _FITS = 3.0  # times the correlation of the image itself: above, the image is mirrored
 _MIRRORED = 1.5  # times the correlation of mirrored images, which is that of chance
 
@@ -60,6 +65,35 @@ class Registered:
     method: str
     applied: bool
     verdict: str
+
+
+def contrast_db(image_db: NDArray[np.float32]) -> float:
+    """Standard deviation of the level of an image between squares of 16 pixels [dB], without that of speckle.
+
+    It is the root of the covariance of the two halves of the squares, in which independent speckle has no part. A
+    smooth change from the first row to the last, such as the fall of a law over the swath, is left out.
+
+    Parameters
+    ----------
+    image_db : ndarray, shape (rows, columns)
+        Image [dB]; NaN where there is none.
+    """
+    side = _CONTRAST_PX
+    rows, columns = (n // side for n in image_db.shape)
+    parts = np.asarray(image_db, dtype=np.float64)[: rows * side, : columns * side]
+    parts = np.where(np.isfinite(parts), parts, np.nan).reshape(rows, side, columns, side)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # squares without a pixel
+        # speckle of pixels that are two apart is independent
+        halves = [
+            np.nanmean(parts[..., cut], axis=(1, 3)) for cut in (slice(0, side // 2 - 1), slice(side // 2 + 1, side))
+        ]
+    whole = np.isfinite(halves[0]) & np.isfinite(halves[1])
+    if np.count_nonzero(whole) <= 2 * (_TREND + 1):
+        return float("nan")
+    row = np.nonzero(whole)[0] / max(rows - 1, 1)
+    left, right = (half[whole] - np.polynomial.Polynomial.fit(row, half[whole], _TREND)(row) for half in halves)
+    return float(np.sqrt(max(0.0, float(np.mean(left * right)))))
 
 
 def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: RegistrationConfig) -> Registered:
@@ -117,7 +151,8 @@ def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: Re
     raised = float((after - before).mean()) >= _LEAST_GAIN
     # an image that is used unregistered must have something in common as it is
     correlation = after if raised and furthest <= config.max_displacement_px else before
-    _check_agreement(source, levels, flow, correlation, f"{found}, standard error {_standard_error(after):.3f}")
+    found_out = f"{found}, standard error {_standard_error(after):.3f}"
+    _check_agreement(source, levels, flow, correlation, found_out, contrast_db(fixed_db))
     if furthest > config.max_displacement_px:
         return _kept(
             measurement,
@@ -152,13 +187,20 @@ def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: Re
 
 
 def _check_agreement(
-    source: str, levels: list[Level], flow: Flow, correlation: NDArray[np.float64], found: str
+    source: str, levels: list[Level], flow: Flow, correlation: NDArray[np.float64], found: str, contrast: float
 ) -> None:
     """Raise if the correlation on the squares is not significant, or not clearly above that with mirrored images."""
     common = _common((levels[0].fixed, levels[0].moving), flow.displacement_px)
     mirrored = _mirrored(levels, flow.posterior.prior)
     best = max(mirrored, key=lambda name: mirrored[name])
     if _z(correlation) < _SIGNIFICANT or common < _MIRRORED * mirrored[best]:
+        if contrast < LEAST_CONTRAST_DB:
+            raise MeasurementError(
+                f"registration: the image simulated at the start has no contrast between materials (the level of its "
+                f"squares varies by {contrast:.2f} dB), so that {source} cannot be laid on it ({found}): give the "
+                "materials starts that differ (materials.*.start, as radcal new writes them), or, if the image lies on "
+                "the simulated image's pixels already, set registration.method: none."
+            )
         fits = mirrored[best] > _FITS * common
         hint = f"it fits {best}" if fits else "is it the same area, seen from the same side, not turned or mirrored?"
         raise MeasurementError(

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from radcal import skewnormal
 from radcal.config import FileMeasurement, Radar, TargetConfig, expand_path, stages, vrt_folders
 from radcal.config.measurement import RADIOMETRY_EXPECTED
-from radcal.errors import FitError, MeasurementError
+from radcal.errors import FitError, MeasurementError, RadcalError
 from radcal.measurement.georeference import (
     is_georeferenced,
     places_on_ground,
@@ -32,12 +33,18 @@ from radcal.measurement.tags import Tags, tags_of
 from radcal.radar.bands import LETTER_BANDS_GHZ, letter_band, within_band
 from radcal.radar.geometry import Geometry
 from radcal.radar.radiometry import noise_floor_db
+from radcal.reading.arrays import is_raster
+from radcal.reading.images import Counts
 from radcal.reading.products import named_product
+from radcal.reading.rasters import open_raster
 from radcal.reading.safe import is_safe_name
 from radcal.scene.model import Scene
 from radcal.simulators.protocol import Simulator
 
-__all__ = ["make_measurement"]
+__all__ = ["check_image", "make_measurement"]
+
+T = TypeVar("T")
+_LARGEST_ALONE = 20_000_000  # pixels of an image whose numbers are looked at without a scene
 
 
 def make_measurement(
@@ -82,6 +89,59 @@ def make_measurement(
     if errors and not (partly and len(errors) < len(refused)):
         raise errors[0]
     return measurement
+
+
+def check_image(config: FileMeasurement, radar: Radar) -> list[RadcalError]:
+    """What is wrong with the file of a measured image, as far as it shows without the scene.
+
+    Parameters
+    ----------
+    config : FileMeasurement
+        Section ``measurement``.
+    radar : Radar
+        Pass.
+
+    Returns
+    -------
+    list of RadcalError
+        Errors that :func:`make_measurement` would raise one after the other; of a very large image only those of its
+        tags.
+    """
+    found: list[RadcalError] = []
+
+    def attempt(check: Callable[..., T], *arguments: object) -> T | None:
+        try:
+            return check(*arguments)
+        except RadcalError as error:
+            found.append(error)
+            return None
+
+    product = is_safe_name(config.path)
+    path = attempt(expand_path, config.path, "measurement.path", product)
+    if path is None:
+        return found
+    if product:
+        attempt(open_product, path, config, radar)
+        return found
+    folders = vrt_folders(config)
+    read = None if _is_large(path, folders) else attempt(read_image, path, config)
+    seen = read or ReadImage(np.zeros((0, 0), np.float32), Counts(0, 0, 0, 0))
+    seen = attempt(_tagged, seen, tags_of(path, config.band, folders), config, path) or seen
+    attempt(_check_pass, seen, radar, path)
+    if read is not None:
+        attempt(_check_radiometry, read.radiometry, config.radiometry, radar, path)
+    return found
+
+
+def _is_large(path: Path, folders: Sequence[Path]) -> bool:
+    """Whether a raster has so many pixels that reading them would take long; false of a file that cannot be opened."""
+    if not is_raster(path):
+        return False
+    try:
+        with open_raster(path, folders) as raster:
+            return bool(raster.width * raster.height > _LARGEST_ALONE)
+    except Exception:  # the libraries' exceptions for damaged files have no common base class
+        return False
 
 
 def _refusal(

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from radcal import skewnormal
 from radcal.measurement.class_target import ClassTarget
+from radcal.measurement.correlation import Correlation
 from radcal.measurement.goodness import Goodness
 from radcal.measurement.ground import Ground
 from radcal.measurement.levels import Levels
@@ -63,6 +64,8 @@ class Target:
         Whether the densities of the target and of every run are fitted by penalised likelihood.
     patch, block : ndarray of int, shape (n,)
         Connected area of the material (patch), and part of a block of the image, of each pixel.
+    correlation : Correlation or None
+        Correlation of the material's pixels; None for independent ones.
     kept_out : Ground or None
         Held-out pixels, to which no law is fitted; None without validation.
     noise_db : float
@@ -88,6 +91,7 @@ class Target:
     penalised: bool = False
     patch: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     block: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    correlation: Correlation | None = None
     kept_out: Ground | None = None
     noise_db: float = float("-inf")
     classes: ClassTarget | None = None
@@ -100,7 +104,8 @@ class Target:
             incidence_deg=np.asarray(self.incidence_deg, dtype=np.float64),
             patch=self.patch,
             block=self.block,
-            independent=self.effective / self.pixels.size,
+            pixels=self.pixels,
+            correlation=self.correlation,
             error_deg=self.classes.error_deg if self.classes is not None else None,
         )
 
@@ -169,6 +174,10 @@ class Targets(dict[str, Target]):
     def passes(self) -> tuple[Targets, ...]:
         """Targets of all passes, these first."""
         return (self, *self.further)
+
+    def level_only(self, name: str) -> bool:
+        """Whether a material is seen at one incidence in each pass that shows it."""
+        return all(one[name].level_only for one in self.passes if name in one)
 
     def textured(self, name: str) -> bool:
         """Whether a material has far fewer looks than the image's homogeneous areas, and hence texture."""

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from radcal import skewnormal
 from radcal.config import BuiltinSimulation, Radar, TargetConfig, Validation, stages
 from radcal.errors import MeasurementError
-from radcal.measurement.goodness import effective_sample_size, goodness_of_fit
+from radcal.measurement.correlation import estimate_correlation
+from radcal.measurement.goodness import goodness_of_fit
 from radcal.measurement.ground import Blocks, Ground
 from radcal.measurement.levels import Levels, image_levels, offset_levels
 from radcal.measurement.looks import estimate_looks, local_looks
@@ -123,7 +124,8 @@ def make_target(
     values = Levels.apply(measurement.image_db.ravel()[drawn], (levels or Levels()).measured)
     penalised = config.fit == "penalised"
     fit = skewnormal.fit(values, penalised)
-    effective = effective_sample_size(measurement.image_db, eligible.pixels, drawn, geometry.incidence_deg)
+    correlation = estimate_correlation(measurement.image_db, eligible.pixels, geometry.incidence_deg)
+    effective = correlation.effective(drawn)
     patches = label_patches(geometry.material == geometry.names.index(name) + 1).ravel()
     held_out = None
     if out.any():
@@ -148,6 +150,7 @@ def make_target(
         looks=local_looks(measurement.image_db, eligible.pixels, radar) if radar is not None else float("nan"),
         patch=patches[drawn],
         block=part[drawn],
+        correlation=correlation,
         kept_out=held_out,
     )
 
@@ -157,15 +160,13 @@ def _ground(
     patches: NDArray[np.int64], parts: NDArray[np.int64],
 ) -> Ground:  # fmt: skip
     """Ground of given pixels; ``patches`` and ``parts`` hold the patch and block part of every pixel of the image."""
-    every = 1.0
-    if pixels.size:
-        every = effective_sample_size(measurement.image_db, pixels, pixels, geometry.incidence_deg) / pixels.size
     return Ground(
         values_db=Levels.apply(measurement.image_db.ravel()[pixels], (levels or Levels()).measured),
         incidence_deg=geometry.incidence_deg.ravel()[pixels].astype(np.float64),
         patch=patches[pixels],
         block=parts[pixels],
-        independent=every,  # of all these pixels, which are correlated more than a draw of them
+        pixels=pixels,
+        correlation=estimate_correlation(measurement.image_db, pixels, geometry.incidence_deg),
     )
 
 
@@ -261,7 +262,7 @@ def make_levels(
             continue
         rng = derived_rng(case.seed, "levels", name)
         drawn = np.sort(rng.choice(eligible.pixels, size=min(_LEVEL_PIXELS, eligible.pixels.size), replace=False))
-        effective = effective_sample_size(measurement.image_db, eligible.pixels, drawn)
+        effective = estimate_correlation(measurement.image_db, eligible.pixels).effective(drawn)
         measured, simulated = (
             image.ravel()[drawn].astype(np.float64) for image in (measurement.image_db, reference_db)
         )

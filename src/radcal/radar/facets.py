@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from radcal.radar.compiled import njit, prange
+from radcal.radar.compiled import njit, threaded
 
 __all__ = [
     "ANGLES_PER_RADIAN",
@@ -29,39 +29,39 @@ ANGLES_PER_RADIAN = 65535.0 / (np.pi / 2.0)
 VISIBLE, LAID_OVER, OBJECT = 1, 2, 4  # bits of the variable that holds a facet's state
 # cosine of the incidence (89.4 degrees) below which an illuminated area does not decrease; beyond, it is in shadow
 _LEAST_COSINE = 0.01
-_BLOCK = 16  # number of columns that one thread processes at a time
 
 
-@njit(parallel=True)
+@threaded
 def count_facets(
-    near: Any, far: Any, state: Any, per_column: Any, rows: Any, columns: Any, counts: Any, layover: Any, shadow: Any
-) -> None:
+    part: Any, near: Any, far: Any, state: Any, per_column: Any, rows: Any, columns: Any, counts: Any, layover: Any,
+    shadow: Any,
+) -> None:  # fmt: skip
     """Number of visible facets that reach each pixel, and masks of the pixels in layover and in shadow.
 
     ``near`` and ``far`` are the nearest and furthest image row of each facet, as fractional numbers, shape (lines,
-    facets). ``per_column`` is the number of azimuth lines per image column.
+    facets). ``per_column`` is the number of azimuth lines per image column. ``part`` is the first column and the column
+    after the last.
     """
     lines, facets = near.shape
-    for block in prange((columns + _BLOCK - 1) // _BLOCK):
-        for column in range(block * _BLOCK, min(columns, (block + 1) * _BLOCK)):
-            low, high = column * per_column, (column + 1) * per_column
-            for line in range(int(np.floor(low)), min(lines, int(np.ceil(high)))):
-                if min(line + 1.0, high) - max(float(line), low) < 1e-6:
+    for column in range(part[0], part[1]):
+        low, high = column * per_column, (column + 1) * per_column
+        for line in range(int(np.floor(low)), min(lines, int(np.ceil(high)))):
+            if min(line + 1.0, high) - max(float(line), low) < 1e-6:
+                continue
+            for f in range(facets):
+                a, b = int(np.floor(near[line, f])), int(np.floor(far[line, f]))
+                if b < 0 or a >= rows:
                     continue
-                for f in range(facets):
-                    a, b = int(np.floor(near[line, f])), int(np.floor(far[line, f]))
-                    if b < 0 or a >= rows:
-                        continue
-                    a, b = max(a, 0), min(b, rows - 1)
-                    if state[line, f] & VISIBLE:
+                a, b = max(a, 0), min(b, rows - 1)
+                if state[line, f] & VISIBLE:
+                    for row in range(a, b + 1):
+                        counts[row * columns + column] += 1
+                    if state[line, f] & LAID_OVER:
                         for row in range(a, b + 1):
-                            counts[row * columns + column] += 1
-                        if state[line, f] & LAID_OVER:
-                            for row in range(a, b + 1):
-                                layover[row, column] = True
-                    else:
-                        for row in range(a, b + 1):
-                            shadow[row, column] = True
+                            layover[row, column] = True
+                else:
+                    for row in range(a, b + 1):
+                        shadow[row, column] = True
 
 
 @njit()
@@ -81,67 +81,65 @@ def shade(line: Any, near: Any, far: Any, per_column: Any, shadow: Any) -> None:
                     shadow[row, column] = True
 
 
-@njit(parallel=True)
+@threaded
 def fill_facets(
-    near: Any, far: Any, state: Any, angle: Any, area: Any, material: Any, k: Any, per_column: Any, rows: Any,
-    columns: Any, start: Any, by_area: Any, objects: Any, out_material: Any, out_angle: Any, out_weight: Any,
-    place: Any,
+    part: Any, near: Any, far: Any, state: Any, angle: Any, area: Any, material: Any, k: Any, per_column: Any,
+    rows: Any, columns: Any, start: Any, by_area: Any, objects: Any, out_material: Any, out_angle: Any,
+    out_weight: Any, place: Any,
 ) -> None:  # fmt: skip
     """Material, incidence angle and weight of the part of each visible facet in each pixel, sorted by pixel.
 
     The weight of a part of the ground is its area [m2]. For the radiometry ``sigma0_local``, the weight is instead the
     part's extent in slant range [image rows] times its width in azimuth [lines]. The weight of a part of an object,
     whose material id is ``objects``, is its share of the radar cross-section [m2] for every radiometry. ``place``
-    receives, for each part, the azimuth line of its facet and the facet's index along the line.
+    receives, for each part, the azimuth line of its facet and the facet's index along the line. ``part`` is the first
+    column and the column after the last.
     """
     lines, facets = near.shape
-    for block in prange((columns + _BLOCK - 1) // _BLOCK):
-        filled = np.zeros(rows, np.int32)
-        for column in range(block * _BLOCK, min(columns, (block + 1) * _BLOCK)):
-            filled[:] = 0
-            low, high = column * per_column, (column + 1) * per_column
-            for line in range(int(np.floor(low)), min(lines, int(np.ceil(high)))):
-                beside = min(line + 1.0, high) - max(float(line), low)
-                if beside < 1e-6:
+    filled = np.zeros(rows, np.int32)
+    for column in range(part[0], part[1]):
+        filled[:] = 0
+        low, high = column * per_column, (column + 1) * per_column
+        for line in range(int(np.floor(low)), min(lines, int(np.ceil(high)))):
+            beside = min(line + 1.0, high) - max(float(line), low)
+            if beside < 1e-6:
+                continue
+            for f in range(facets):
+                if not state[line, f] & VISIBLE:
                     continue
-                for f in range(facets):
-                    if not state[line, f] & VISIBLE:
-                        continue
-                    first, last = near[line, f], far[line, f]
-                    a, b = int(np.floor(first)), int(np.floor(last))
-                    if b < 0 or a >= rows:
-                        continue
-                    length = max(last - first, np.float32(1e-6))
-                    for row in range(max(a, 0), min(b, rows - 1) + 1):
-                        inside = min(last, np.float32(row + 1)) - max(first, np.float32(row))
-                        share = max(inside, np.float32(0.0)) / length if a != b else np.float32(1.0)
-                        at = start[row * columns + column] + filled[row]
-                        filled[row] += 1
-                        of_object = (state[line, f] & OBJECT) != 0
-                        out_material[at] = objects if of_object else material[line // k, f // k]
-                        out_angle[at] = angle[line, f]
-                        if by_area or of_object:
-                            out_weight[at] = share * beside * area[line, f]
-                        else:
-                            out_weight[at] = max(share * length, 1e-9) * beside
-                        place[0, at] = line
-                        place[1, at] = f
+                first, last = near[line, f], far[line, f]
+                a, b = int(np.floor(first)), int(np.floor(last))
+                if b < 0 or a >= rows:
+                    continue
+                length = max(last - first, np.float32(1e-6))
+                for row in range(max(a, 0), min(b, rows - 1) + 1):
+                    inside = min(last, np.float32(row + 1)) - max(first, np.float32(row))
+                    share = max(inside, np.float32(0.0)) / length if a != b else np.float32(1.0)
+                    at = start[row * columns + column] + filled[row]
+                    filled[row] += 1
+                    of_object = (state[line, f] & OBJECT) != 0
+                    out_material[at] = objects if of_object else material[line // k, f // k]
+                    out_angle[at] = angle[line, f]
+                    if by_area or of_object:
+                        out_weight[at] = share * beside * area[line, f]
+                    else:
+                        out_weight[at] = max(share * length, 1e-9) * beside
+                    place[0, at] = line
+                    place[1, at] = f
 
 
-@njit(parallel=True)
+@threaded
 def order_facets(
-    start: Any, columns: Any, material: Any, angle: Any, weight: Any, place: Any, of_ground: Any, of_objects: Any,
-    objects: Any, cells: Any, pure: Any, mean_deg: Any, ground: Any,
+    part: Any, start: Any, columns: Any, material: Any, angle: Any, weight: Any, place: Any, of_ground: Any,
+    of_objects: Any, objects: Any, cells: Any, pure: Any, mean_deg: Any, ground: Any,
 ) -> None:  # fmt: skip
     """Sort each pixel's facets by material, scale their weights, and average their incidence and position.
 
     The weights of the ground's facets are multiplied by ``of_ground``, and the weights of objects' facets (material id
     ``objects``) by ``of_objects``; both factors have the shape (rows,). The averages include objects' facets only in
-    pixels without ground, which have no mean incidence.
+    pixels without ground, which have no mean incidence. ``part`` is the first row and the row after the last.
     """
-    pixels = start.size - 1
-    rows = pixels // columns
-    for row in prange(rows):
+    for row in range(part[0], part[1]):
         for pixel in range(row * columns, (row + 1) * columns):
             first, last = start[pixel], start[pixel + 1]
             cells[pixel] = 0
@@ -188,16 +186,16 @@ def order_facets(
                 weight[i] = weight[i] * of_ground[row]
 
 
-@njit(parallel=True)
-def flatten_terrain(start: Any, material: Any, angle: Any, weight: Any, objects: Any) -> None:
+@threaded
+def flatten_terrain(part: Any, start: Any, material: Any, angle: Any, weight: Any, objects: Any) -> None:
     """Divide each pixel's weights by the ground that the radar illuminates in it, instead of that on level ground.
 
     The weights are areas over any reference area that the facets of a pixel share. The illuminated area is the sum of
     the areas of the ground's facets across the direction to the radar, area times cosine of the local incidence, so
     that the weights of a pixel with one facet become 1 / cosine (Small 2011, equation for the area of gamma0). A pixel
-    without ground keeps its weights.
+    without ground keeps its weights. ``part`` is the first pixel and the pixel after the last.
     """
-    for pixel in prange(start.size - 1):
+    for pixel in range(part[0], part[1]):
         total = 0.0
         for i in range(start[pixel], start[pixel + 1]):
             if material[i] != objects:
@@ -207,10 +205,15 @@ def flatten_terrain(start: Any, material: Any, angle: Any, weight: Any, objects:
                 weight[i] = weight[i] / total
 
 
-@njit(parallel=True)
-def cells_of(start: Any, cell_start: Any, material: Any, cell_material: Any, facet_start: Any) -> None:
-    """Material and first facet of every cell; a cell is the contribution of one material to one pixel."""
-    for pixel in prange(start.size - 1):
+@threaded
+def cells_of(
+    part: Any, start: Any, cell_start: Any, material: Any, cell_material: Any, facet_start: Any
+) -> None:  # fmt: skip
+    """Material and first facet of every cell; a cell is the contribution of one material to one pixel.
+
+    ``part`` is the first pixel and the pixel after the last.
+    """
+    for pixel in range(part[0], part[1]):
         cell = cell_start[pixel] - 1
         for i in range(start[pixel], start[pixel + 1]):
             if i == start[pixel] or material[i] != material[i - 1]:

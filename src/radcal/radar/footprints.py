@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.radar.compiled import njit, prange
+from radcal.radar.compiled import njit, threaded
 from radcal.radar.facets import OBJECT, VISIBLE
 from radcal.radar.visibility import FAR_HALF, NEAR_HALF, part_seen, seen_from, slant_extent
 from radcal.scene.objects import Objects
@@ -273,15 +273,17 @@ def raise_boxes(boxes: Boxes, ground_m: NDArray[np.float64], first: int) -> Rais
     return Raised(owner, roof)
 
 
-@njit(parallel=True)
+@threaded
 def stand(
-    owner: Any, roof: Any, at_edges: Any, edges: Any, middles: Any, track: Any, near: Any, far: Any, share: Any,
-    half: Any, hidden: Any, horizon: Any, extent: Any,
+    part: Any, owner: Any, roof: Any, at_edges: Any, edges: Any, middles: Any, track: Any, near: Any, far: Any,
+    share: Any, half: Any, hidden: Any, horizon: Any, extent: Any,
 ) -> None:  # fmt: skip
     """Compute the visible part of each facet of a block of lines, and write it to the arrays of :class:`Seen`.
 
     Parameters
     ----------
+    part : (int, int)
+        First line, and line after the last.
     owner, roof : ndarray, shape (lines, facets)
         Arrays of :class:`Raised`.
     at_edges : ndarray, shape (lines, facets + 1)
@@ -293,8 +295,8 @@ def stand(
     near, far, share, half, hidden, horizon, extent : ndarray
         Arrays of :class:`Seen`.
     """
-    lines, facets = owner.shape
-    for line in prange(lines):
+    facets = owner.shape[1]
+    for line in range(part[0], part[1]):
         before = -np.inf
         for f in range(facets):
             horizon[line, f] = before
@@ -375,18 +377,18 @@ def locate(
             slant[i] = np.hypot(away, up)
 
 
-@njit(parallel=True)
-def share_out(near: Any, far: Any, state: Any, area: Any, owner: Any, rcs: Any, extent: Any) -> None:
+@threaded
+def share_out(part: Any, near: Any, far: Any, state: Any, area: Any, owner: Any, rcs: Any, extent: Any) -> None:
     """Radar cross-section of each facet of a box [m2], written to ``area``.
 
     The cross-section of a box is divided among its facets in proportion to their extent in slant range, so that the box
     is evenly bright in slant range. Hidden facets and hidden parts of facets return no echo: their share of the
     cross-section is lost. ``owner`` is the index of each facet's box; it uses the same memory as ``area``, which
-    replaces it.
+    replaces it. ``part`` is the first line and the line after the last.
     """
-    for line in prange(near.shape[0]):
+    for line in range(part[0], part[1]):
         for f in range(near.shape[1]):
             if state[line, f] & OBJECT:
                 i = owner[line, f]
-                part = (far[line, f] - near[line, f]) / extent[i] if state[line, f] & VISIBLE else 0.0
-                area[line, f] = rcs[i] * part
+                share = (far[line, f] - near[line, f]) / extent[i] if state[line, f] & VISIBLE else 0.0
+                area[line, f] = rcs[i] * share

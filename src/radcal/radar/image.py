@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.config import Radar
 from radcal.errors import ConfigError
-from radcal.radar.compiled import njit, prange
+from radcal.radar.compiled import njit, threaded
 from radcal.radar.gaussian import gaussian_row, seed_words
 from radcal.radar.geometry import Points
 from radcal.radar.points import add_points, fine_taps, phased
@@ -24,12 +24,12 @@ _TILE = 256  # pixels a side; the overlap of neighbouring tiles is computed twic
 _PATCH = 64  # side of the tiles that are computed again where a law has changed, joined up to a large tile in a row
 
 
-@njit(parallel=True)
+@threaded
 def _touched(
-    tiles: Any, rows: Any, columns: Any, reach: Any, start: Any, material: Any, changed: Any, found: Any
+    part: Any, tiles: Any, rows: Any, columns: Any, reach: Any, start: Any, material: Any, changed: Any, found: Any
 ) -> None:  # fmt: skip
     """Mask of the tiles whose image depends on a material with a changed law or changed parameters."""
-    for t in prange(tiles.shape[0]):
+    for t in range(part[0], part[1]):
         top, left = max(0, tiles[t, 0] - reach[0]), max(0, tiles[t, 1] - reach[1])
         bottom, right = min(rows, tiles[t, 2] + reach[0]), min(columns, tiles[t, 3] + reach[1])
         hit = False
@@ -146,9 +146,9 @@ def _detect(field: Any, first: Any, power: Any) -> None:
         power[i] = value if first else power[i] + value
 
 
-@njit(parallel=True)
+@threaded
 def _form(
-    tiles: Any, rows: Any, columns: Any, start: Any, material: Any, power: Any, noise: Any, seed: Any,
+    part: Any, tiles: Any, rows: Any, columns: Any, start: Any, material: Any, power: Any, noise: Any, seed: Any,
     first_look: Any, looks: Any, down: Any, across: Any, gain_down: Any, gain_across: Any, most: Any,
     point_rows: Any, point_columns: Any, point_values: Any, fine_down: Any, fine_across: Any, intensity: Any,
     field: Any,
@@ -160,7 +160,7 @@ def _form(
     The value of a pixel therefore depends neither on the choice of tiles nor on the number of threads.
     """
     reach_down, reach_across = down.size // 2, across.size // 2
-    for t in prange(tiles.shape[0]):
+    for t in range(part[0], part[1]):
         top, left, bottom, right = tiles[t]
         outer_left, outer_right = max(0, left - reach_across), min(columns, right + reach_across)
         work = np.empty((2, most), np.uint32)
@@ -331,7 +331,7 @@ class ImageFormation:
         patches = _tiles(self._shape, _PATCH)
         found = np.empty(len(patches), dtype=np.bool_)
         reach = np.array([len(self._down) // 2, len(self._across) // 2])
-        _touched(patches, *self._shape, reach, reflectivity.start, reflectivity.material, changed, found)
+        _touched(len(patches), patches, *self._shape, reach, reflectivity.start, reflectivity.material, changed, found)
         return _runs(patches[found], _TILE)
 
     def _run(
@@ -347,7 +347,7 @@ class ImageFormation:
         # space for the random numbers of the longest part of a row
         most = int(np.diff(reflectivity.start).max(initial=1))
         _form(
-            tiles, rows, columns, reflectivity.start, reflectivity.material, reflectivity.power,
+            len(tiles), tiles, rows, columns, reflectivity.start, reflectivity.material, reflectivity.power,
             self._noise, seed_words(noise_seed), first, looks, self._down, across, self._gain_down, self._gain_across,
             stretch * max(1, most), self._points.row, self._points.column, points,
             self._fine_down, self._fine_across, intensity, field,

@@ -178,8 +178,8 @@ def fill_lines(
     raised = Raised.none(fine) if standing is None else raise_boxes(standing[0], fine, first * k)
     seen = Seen.room(np.minimum(reach[:, 1:], reach[:, :-1]), np.maximum(reach[:, 1:], reach[:, :-1]))
     stand(
-        raised.owner, raised.roof_m, at_edges, edges, ground, track, seen.near_m, seen.far_m, seen.share, seen.half,
-        seen.hidden_m, seen.horizon, seen.extent_m,
+        len(fine), raised.owner, raised.roof_m, at_edges, edges, ground, track, seen.near_m, seen.far_m, seen.share,
+        seen.half, seen.hidden_m, seen.horizon, seen.extent_m,
     )  # fmt: skip
     if standing is not None:
         boxes, spots = standing

@@ -138,8 +138,9 @@ def _terrain_geometry(scene: Scene, radar: Radar, onto: Geometry | None) -> Geom
     if standing is not None:
         boxes, spots = standing
         share_out(
-            lines.near_m, lines.far_m, lines.state, lines.area, lines.area.view(np.int32), boxes.rcs_m2, boxes.extent
-        )
+            len(lines.near_m), lines.near_m, lines.far_m, lines.state, lines.area, lines.area.view(np.int32),
+            boxes.rcs_m2, boxes.extent,
+        )  # fmt: skip
         points = _points(spots, radar, seen, near, step)
 
     # rows from the first to the last range that every azimuth line reaches, so that the image lies within the scene
@@ -202,8 +203,8 @@ def _pixels(
     # id of objects; without objects a number that no id reaches
     objects = len(scene.names) + 1 if scene.objects is not None else 256
     fill_facets(
-        near_row, far_row, lines.state, lines.incidence, lines.area, material, k, per_column, rows, columns, start,
-        not local, objects, facet_material, incidence, weight, place,
+        columns, near_row, far_row, lines.state, lines.incidence, lines.area, material, k, per_column, rows, columns,
+        start, not local, objects, facet_material, incidence, weight, place,
     )  # fmt: skip
     flat = seen.flat_incidence_deg(near + np.arange(0.5, rows) * radar.range_spacing_m)
     per_area = _per_area(radar, flat).astype(np.float32)
@@ -214,11 +215,11 @@ def _pixels(
     # weights of sigma0_local are divided by the width of a pixel in lines
     of_ground = np.full(rows, 1.0 / per_column, dtype=np.float32) if local else per_area
     order_facets(
-        start, columns, facet_material, incidence, weight, place, of_ground, per_area, objects, cells, pure,
+        rows, start, columns, facet_material, incidence, weight, place, of_ground, per_area, objects, cells, pure,
         mean_incidence, ground,
     )  # fmt: skip
     if radar.radiometry == "gamma0_rtc":
-        flatten_terrain(start, facet_material, incidence, weight, objects)
+        flatten_terrain(rows * columns, start, facet_material, incidence, weight, objects)
     cell_start, cell_material, facet_start = _cells(cells, start, facet_material)
     # refined lines and facets converted to the scene's cells, with east to the right for either look side
     ground = (ground + np.float32(0.5)) / np.float32(k) - np.float32(0.5)
@@ -256,7 +257,7 @@ def _cells(
     cell_material = np.empty(int(cell_start[-1]), dtype=np.uint8)
     facet_start = np.empty(int(cell_start[-1]) + 1, dtype=np.int32)
     facet_start[-1] = facet_material.size
-    cells_of(start, cell_start, facet_material, cell_material, facet_start)
+    cells_of(cells.size, start, cell_start, facet_material, cell_material, facet_start)
     return cell_start, cell_material, facet_start
 
 
@@ -269,7 +270,7 @@ def _counted(
     near_row, far_row = (_rows(slant, *to_rows) for slant in (lines.near_m, lines.far_m))
     counts = np.zeros(rows * columns, dtype=np.uint16)
     layover, shadow = np.zeros((2, rows, columns), dtype=np.bool_)
-    count_facets(near_row, far_row, lines.state, per_column, rows, columns, counts, layover, shadow)
+    count_facets(columns, near_row, far_row, lines.state, per_column, rows, columns, counts, layover, shadow)
     for line, nearest, furthest in lines.hidden:
         shade(line, _rows(nearest, *to_rows), _rows(furthest, *to_rows), per_column, shadow)
     total = int(counts.sum(dtype=np.int64))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radcal.errors import ConfigError
-from radcal.radar.compiled import njit, prange
+from radcal.radar.compiled import threaded
 from radcal.radar.geometry import Geometry
 from radcal.radar.laws import Law
 
@@ -59,7 +59,7 @@ def uniform(power: NDArray[np.float32]) -> Reflectivity:
         shape,
         np.arange(n + 1, dtype=np.int32),
         np.ones(n, dtype=np.uint8),
-        np.ascontiguousarray(power, dtype=np.float32).ravel(),
+        np.require(power, np.float32, ["C", "W"]).ravel(),  # for read-only arrays, everything is compiled again
     )
 
 
@@ -103,19 +103,18 @@ def law_tables(
     return tables
 
 
-@njit(parallel=True)
-def _colour(material: Any, first: Any, incidence: Any, weight: Any, tables: Any, changed: Any, power: Any) -> None:
+@threaded
+def _colour(
+    part: Any, material: Any, first: Any, incidence: Any, weight: Any, tables: Any, changed: Any, power: Any
+) -> None:  # fmt: skip
     """Expected power of every cell of the changed materials, written to ``power``."""
-    n = material.size
-    chunk = 65536
-    for part in prange((n + chunk - 1) // chunk):
-        for i in range(part * chunk, min(n, (part + 1) * chunk)):
-            k = material[i]
-            if changed[k]:
-                total = np.float32(0.0)
-                for j in range(first[i], first[i + 1]):
-                    total += weight[j] * tables[k, incidence[j]]
-                power[i] = total
+    for i in range(part[0], part[1]):
+        k = material[i]
+        if changed[k]:
+            total = np.float32(0.0)
+            for j in range(first[i], first[i + 1]):
+                total += weight[j] * tables[k, incidence[j]]
+            power[i] = total
 
 
 def reflectivity(
@@ -141,6 +140,7 @@ def reflectivity(
     """
     power = np.zeros(geometry.cell_material.size, dtype=np.float32) if before is None else before.power
     _colour(
+        power.size,
         geometry.cell_material,
         geometry.facet_start,
         geometry.facet_incidence,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,11 +15,12 @@ from numpy.typing import NDArray
 from radcal.assessment.curves import Curves
 from radcal.assessment.posterior import Posterior
 from radcal.assessment.preposterior import Sight, sight_of
-from radcal.config import Case, Material, TargetConfig, Uncertainty, stages
+from radcal.config import Case, Material, RegistrationConfig, TargetConfig, Uncertainty, stages
 from radcal.config.limits import ALL_PIXELS
-from radcal.errors import ConfigError, StoreError
+from radcal.errors import ConfigError, RadcalError, StoreError
 from radcal.measurement.classes import class_of
-from radcal.measurement.registration import register
+from radcal.measurement.model import Measurement
+from radcal.measurement.registration import Registered, read_registered, register
 from radcal.measurement.sources import make_measurement
 from radcal.radar.geometry import Geometry
 from radcal.radar.laws import Law
@@ -33,7 +35,7 @@ from radcal.scene.model import Scene
 from radcal.seeds import derived_rng
 from radcal.simulators.sources import make_simulator
 
-__all__ = ["COLUMNS", "apply", "predictions", "with_laws"]
+__all__ = ["COLUMNS", "apply", "predictions", "registered_as", "with_laws"]
 
 Doubles = NDArray[np.float64]
 
@@ -216,7 +218,7 @@ def apply(
     lines: list[str] = []
     files: list[Path] = []
     for number, made in enumerate(passes, start=1):
-        one = _measured(measured, number, made, scene, out)
+        one = _measured(measured, number, made, scene, out, Path(runs).parent)
         lines += one.said
         files += _images(out, number, other.passes[number - 1], scene, one)
         rows += [(number, row) for row in _of_pass(archive, config, changed, number, one)]
@@ -228,17 +230,55 @@ def apply(
     return [*_table(rows, len(passes) > 1), *lines, *_conclusion(rows), *map(str, files)]
 
 
-def _measured(case: Case | None, number: int, made: Forward, scene: Scene, out: Path) -> _Pass:
-    """Measured image of a pass, registered onto the predicted one as the configuration of its case has it."""
+def _measured(case: Case | None, number: int, made: Forward, scene: Scene, out: Path, own: Path) -> _Pass:
+    """Measured image of a pass, registered as its case has it, whose results folder is ``own``."""
     if case is None:
         return _Pass(made.geometry, made.image_db, None, ())
     one = case.passes[number - 1]
     path = (out / f"passes/{number}" if number > 1 else out) / "geometry.h5"
     simulator = make_simulator(stages.Simulator.of(one), made.geometry, path)
     found = make_measurement(stages.Measurement.of(one), made.geometry, simulator, scene, partly=True)
-    registered = register(made.image_db, found, one.registration)
-    said = (f"pass {number}: {found.source}; {registered.verdict}", *found.notes)
+    below = own / f"passes/{number}" if number > 1 else own
+    registered, by = registered_as(below / "registered.h5", made.image_db, found, one.registration)
+    said = (f"pass {number}: {found.source}; {by}: {registered.verdict}", *found.notes)
     return _Pass(made.geometry, made.image_db, registered.measurement.image_db, said)
+
+
+def registered_as(
+    path: Path, predicted_db: NDArray[np.float32], found: Measurement, config: RegistrationConfig
+) -> tuple[Registered, str]:
+    """Registration of a measured image, which is that of its own case where this has registered the same image.
+
+    Parameters
+    ----------
+    path : path
+        ``registered.h5`` of the image's case, which need not exist.
+    predicted_db : ndarray, shape (rows, columns)
+        Predicted image, onto which another image is registered [dB].
+    found : Measurement
+        Measured image.
+    config : RegistrationConfig
+        Method and limits.
+
+    Returns
+    -------
+    registered : Registered
+    by : str
+        By which simulated image.
+
+    Raises
+    ------
+    MeasurementError
+        The image has nothing in common with the predicted one.
+    """
+    if path.is_file():
+        with contextlib.suppress(RadcalError):
+            stored = read_registered(path)
+            if stored.method == config.method and np.array_equal(
+                stored.unregistered_db, found.image_db, equal_nan=True
+            ):
+                return stored, f"as in {path.parent}, onto the image at its start"
+    return register(predicted_db, found, config), "onto the predicted image"
 
 
 def _images(out: Path, number: int, case: stages.Forward, scene: Scene, one: _Pass) -> list[Path]:

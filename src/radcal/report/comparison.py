@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.errors import ConfigError
+from radcal.errors import ConfigError, StoreError
 from radcal.report.archive import Archive, MaterialResult, read_archive
 from radcal.report.drawing import FOUND, START, STYLE, add_legend, new_canvas, titled
 from radcal.report.summary import summarise
@@ -23,7 +23,7 @@ __all__ = ["LawDifference", "compare", "law_difference"]
 
 Doubles = NDArray[np.float64]
 
-_HEADINGS = ("material", "seen by both", "mean B-A", "largest", "bands meet", "fits", "known between", "runs")
+_HEADINGS = ("material", "seen by both", "mean B-A", "largest", "bands meet", "fits", "known between", "runs of search")
 
 
 @dataclass(frozen=True)
@@ -135,6 +135,12 @@ def compare(folders: Sequence[str | Path], figure: str | Path) -> list[str]:
     DamagedError, StoreError
         An archive is damaged, or is missing because the calibration is not finished.
     """
+    for folder in folders:
+        if not (Path(folder) / "calibration.h5").is_file():
+            raise StoreError(
+                f"{folder}: the calibration is not finished, so that there are no laws to compare: radcal show "
+                f"{Path(folder).name} says what is missing."
+            )
     first, second = (read_archive(Path(folder) / "calibration.h5", images=False) for folder in folders)
     shared = [name for name in first.materials if name in second.materials]
     if not shared:
@@ -169,7 +175,7 @@ def _row(first: Archive, second: Archive, name: str) -> tuple[str, ...]:
     pair = [(archive, archive.materials[name]) for archive in (first, second)]
     fits = [{True: "yes", False: "no", None: "untested"}[material.fitted.fits] for _, material in pair]
     known = [_known(material) for _, material in pair]
-    runs = [str(summarise(archive)["runs"]["total"]) for archive, _ in pair]
+    runs = [str(summarise(archive)["runs"]["search"]) for archive, _ in pair]
     return (name, *cells, *(" | ".join(each) for each in (fits, known, runs)))
 
 

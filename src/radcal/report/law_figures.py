@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config.objectives import OBJECTIVES
+from radcal.measurement.one_incidence import LEAST_SPAN_DEG
 from radcal.radar.laws import Law
 from radcal.report.archive import Archive, MaterialResult
 from radcal.report.colours import head
@@ -173,7 +174,8 @@ def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
         axes.axvspan(low, high, color="#EFEFEF", zorder=0, linewidth=0)
     _curves(panels[0], material, seen)
     if material.hidden is None:
-        title = "no truth to compare with"
+        one = high - low < LEAST_SPAN_DEG
+        title = "seen at one incidence, a level and no law" if one else "no truth to compare with"
         remark = "The image alone cannot tell whether the law found is right."
     else:
         difference = _truth(panels[1], material, material.hidden, incidence_deg, seen)
@@ -192,13 +194,16 @@ def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
         f"law is an extrapolation. {remark}"
     )
     if material.posterior is not None and material.posterior.curve is not None:
-        caption += " Blue band: 90 % of the laws that agree with the pixels, darker where sigma0 is known. "
+        caption += (
+            " Blue band: at each angle 90 % of the laws that agree with the pixels, darker where sigma0 is known; it "
+            "is that of the mean power of the ground, which lies above the law where levels of fields vary. "
+        )
         caption += " ".join(said[0].upper() + said[1:] for said in material.posterior.sentences)
     if material.check.class_deg.size:
         caption += (
-            " Dots: level with which the law would give the simulated pixels of each incidence-angle bin the mean "
-            "of the measured ones; the law need not meet them, because levels of fields vary and the pixels' standard "
-            "deviations count, too."
+            " Dots, with bars of 95 %: level with which the law would give the simulated pixels of each "
+            "incidence-angle bin the mean of the measured ones; the law need not meet them, because levels of fields "
+            "vary and the pixels' standard deviations count, too."
         )
     return canvas, caption, f"Backscatter laws of {name} in dB against local incidence in degrees."
 
@@ -221,7 +226,7 @@ def _curves(axes: Axes, material: MaterialResult, seen: Array) -> None:
     if check.class_deg.size:
         axes.errorbar(
             check.class_deg, check.class_db, 1.96 * check.class_error_db, color="black", linestyle="none",
-            marker="o", markersize=4.5, elinewidth=1.2, zorder=4, label="bins, 95 %",
+            marker="o", markersize=4.5, elinewidth=1.2, zorder=4, label="levels of bins, 95 %",
         )  # fmt: skip
     axes.margins(x=0)
     if axes.get_ylim()[0] < _GRAZING_DB:  # a law that falls steeply at grazing incidence would flatten all other curves
@@ -242,7 +247,7 @@ def _band(axes: Axes, material: MaterialResult) -> None:
         there = np.linspace(first, last, 101)
         axes.fill_between(
             there, np.interp(there, angle, low), np.interp(there, angle, high), color=FOUND["color"], alpha=0.35,
-            linewidth=0, label="known",
+            linewidth=0, label="known there",
         )  # fmt: skip
 
 

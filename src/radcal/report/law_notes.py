@@ -1,4 +1,4 @@
-"""Notes on laws used outside their valid incidence angles or parameters."""
+"""Notes on laws used outside their valid incidence angles or parameters, and on X outside of its own interval."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 from radcal.config import stages
 from radcal.radar.geometry import Geometry
 
-__all__ = ["law_notes"]
+__all__ = ["law_notes", "outside_interval"]
 
+_AT_BOUND = 1e-3  # share of the interval between bounds within which a value is at its bound
 _SHARE = 0.05  # share of a material's pixels outside the law's angles above which a note is made
 
 
@@ -46,3 +47,36 @@ def law_notes(case: stages.Archive, geometry: Geometry, parameters: Mapping[str,
         if doubt is not None:
             notes.append(f"{name}: {label} is an extrapolation: {doubt}.")
     return notes
+
+
+def outside_interval(
+    names: Sequence[str],
+    values: Sequence[float],
+    bounds: Sequence[Sequence[float]],
+    interval: Sequence[Sequence[float]],
+) -> str:
+    """Sentence on calibrated parameters that lie outside of their own 90 % interval; empty without such.
+
+    The X of the best run is where the misfit is least; the interval is that of all X that the pixels allow. Where many
+    X give nearly the same law, the one need not lie in the other.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Parameters.
+    values : sequence of float, shape (d,)
+        X of the best run.
+    bounds, interval : sequence, shape (d, 2)
+        Bounds, and 5 % and 95 % quantile of each.
+    """
+    said = []
+    for name, x, (low, high), (p05, p95) in zip(names, values, bounds, interval, strict=True):
+        if p05 <= x <= p95:
+            continue
+        margin = _AT_BOUND * (high - low)
+        side, bound = ("lower", low) if x - low <= margin else ("upper", high)
+        at = f"at its {side} bound {bound:g}" if min(x - low, high - x) <= margin else f"{x:.4g}"
+        said.append(f"{name} is {at}, outside of its own 90 % interval ({p05:.3g} to {p95:.3g})")
+    if not said:
+        return ""
+    return f"{' and '.join(said)}: many X give nearly this law, so that sigma0 and its band say more than X."

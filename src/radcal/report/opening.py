@@ -57,8 +57,13 @@ class Results:
 
     @cached_property
     def runs(self) -> pd.DataFrame:
-        """Table of all runs, with one row for each run and material."""
-        return self._table("runs.csv")
+        """Table of all runs, indexed by run and material: the reference run, and those of the search."""
+        return self._table("runs.csv").set_index(["run", "material"])
+
+    @property
+    def run_counts(self) -> dict[str, int]:
+        """Number of simulator runs: of the search (design and infill), and of each kind (``docs/records.md``)."""
+        return dict(self.summary["runs"])
 
     @property
     def images(self) -> list[str]:

@@ -188,19 +188,15 @@ def incidence(case: Archive) -> tuple[Canvas, str, str] | None:
     canvas, panels, stacked, aspect = panels_for(angle.shape, 2 if seen.size else 1)
     where = image_extent(angle.shape)
     k = max(1, max(angle.shape) // 1600)
-    low, high = (float(v) for v in np.percentile(finite, [1.0, 99.0]))
-    first = panels[0].imshow(
-        angle[::k, ::k], cmap="viridis", vmin=low, vmax=max(high, low + 1.0), aspect=aspect, extent=where
-    )
+    low, high = _scale(finite)
+    first = panels[0].imshow(angle[::k, ::k], cmap="viridis", vmin=low, vmax=high, aspect=aspect, extent=where)
     panels[0].set_title("local incidence")
     canvas.colorbar(first, ax=panels[0], extend="both", fraction=0.05, pad=0.02).set_label("incidence [deg]")
     if not seen.size:
         axis_labels(panels, stacked)
         return canvas, *_incidence_words(case, angle, material, expected)
-    low, high = (float(v) for v in np.percentile(seen, [1.0, 99.0]))
-    second = panels[1].imshow(
-        expected[::k, ::k], cmap="gray", vmin=low, vmax=max(high, low + 1.0), aspect=aspect, extent=where
-    )
+    low, high = _scale(seen)
+    second = panels[1].imshow(expected[::k, ::k], cmap="gray", vmin=low, vmax=high, aspect=aspect, extent=where)
     panels[1].set_title("backscatter of the calibrated laws")
     bar = canvas.colorbar(second, ax=panels[1], extend="both", fraction=0.05, pad=0.02)
     bar.set_label("\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} [dB]")
@@ -227,3 +223,10 @@ def _incidence_words(case: Archive, angle: NDArray[Any], material: NDArray[Any],
         f"that incidence, without speckle, noise or resolution. {listed}"
     )
     return caption, "Maps of the local incidence angle and of the backscatter that the laws expect there."
+
+
+def _scale(values: NDArray[Any]) -> tuple[float, float]:
+    """Ends of a scale from the 1 to the 99 % quantile, at least 1 wide, about the middle of both."""
+    low, high = (float(v) for v in np.percentile(values, [1.0, 99.0]))
+    middle = 0.5 * (low + high)
+    return (low, high) if high - low >= 1.0 else (middle - 0.5, middle + 0.5)

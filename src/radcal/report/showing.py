@@ -23,7 +23,8 @@ _STEPS = {
     "summary.json": "summary",
 }
 _FILES = {"report.html": "report", "export": "exports", "summary.json": "summary", "runs.csv": "table of runs"}
-_COUNTED = ("reference", "design", "infill", "final")
+
+_AGAIN = "type the command that began the case again (radcal run with its YAML file): finished runs are kept"
 
 
 def results_folder(case: str | Path, results: str | Path = "results") -> Path:
@@ -80,13 +81,25 @@ def show(folder: str | Path) -> list[str]:
     folder = Path(folder)
     missing = [name for file, name in _STEPS.items() if not (folder / file).is_file()]
     there = [f"{title}: {folder / file}" for file, title in _FILES.items() if (folder / file).exists()]
+    failed = _failure(folder)
     if not missing:
-        return [*_finished(_read(folder / "summary.json")), *there]
+        return [*_finished(_read(folder / "summary.json")), *there, *failed]
     kept = len(list((folder / "runs").glob("[!.]*.h5")))
     iterations = len(list((folder / "iterations").glob("*/verified.json")))
     lines = [f"{folder.name}: not finished; missing: {', '.join(missing)}."]
     lines.append(f"records of runs: {kept} in {folder / 'runs'}; iterations verified: {iterations}.")
-    return [*lines, *there, "The command that began the case continues it."]
+    return [*lines, *there, *(failed or [f"To continue, {_AGAIN}."])]
+
+
+def _failure(folder: Path) -> list[str]:
+    """Lines on the failure that ended the last command on a case, and on what to type; none without a failure."""
+    try:
+        said = (folder / "logs" / "failure.txt").read_text(encoding="utf-8").split("\n")[0].strip()
+    except (OSError, ValueError):
+        return []
+    if not said:
+        return []
+    return [f"the last command failed: {said}", f"Once the cause is removed, {_AGAIN}."]
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -102,16 +115,23 @@ def _read(path: Path) -> dict[str, Any]:
 def _finished(summary: Mapping[str, Any]) -> list[str]:
     """Lines on a finished calibration."""
     materials, runs = summary["materials"], summary["runs"]
-    each = ", ".join(f"{runs[kind]} {kind}" for kind in _COUNTED)
     reused = f"; {runs['reused']} reused" if runs.get("reused") else ""
     lines = [str(summary["verdict"])]
     for name, material in materials.items():
         parameters = ", ".join(f"{key} {value:.4g}" for key, value in material["parameters"].items())
         # in a case of one material, the first line is its verdict
-        said = f"{material['verdict']} " if len(materials) > 1 else ""
+        said = f"{material['verdict']}" if len(materials) > 1 else f"{name}:"
         law = material.get("formula", material["law"])
-        lines.append(f"{name}: {said}{law} with {parameters}; {_known(material)}")
-    return [*lines, f"runs: {runs['total']} ({each}{reused}); end: {summary['stop_reason']}."]
+        known = "." if "sigma0" in material["verdict"] else f"; {_known(material)}"
+        lines.append(f"{said} {law} with {parameters}{known}")
+        if remark := material.get("parameters_remark"):
+            lines.append(f"{name}: {remark}")
+    search = runs["design"] + runs["infill"]
+    return [
+        *lines,
+        f"simulator runs of the search: {search} ({runs['design']} design, {runs['infill']} infill{reused}), besides "
+        f"{runs['reference']} reference, {runs['final']} final; end: {summary['stop_reason']}.",
+    ]
 
 
 def _known(material: Mapping[str, Any]) -> str:

@@ -19,6 +19,7 @@ from radcal.config import stages
 from radcal.report.archive import Archive, Check, MaterialResult, PassSummary, RegistrationSummary
 from radcal.report.fitted import misfit, overall
 from radcal.report.held_out_blocks import HeldOutBlocks
+from radcal.report.law_notes import outside_interval
 
 __all__ = ["numbered_jobs", "sentences", "summarise", "wall_seconds"]
 
@@ -77,6 +78,7 @@ def sentences(archive: Archive) -> list[str]:
     each = [material.fitted.verdict for material in archive.materials.values()]
     verdicts = [_overall(archive)["verdict"], *(each if len(each) > 1 else [])]
     warnings = [said for material in archive.materials.values() for said in material.check.sentences]
+    warnings += [f"{name}: {said}" for name, material in archive.materials.items() if (said := _outside(material))]
     return [*verdicts, *archive.sentences, *warnings]
 
 
@@ -115,6 +117,7 @@ def _posterior(material: MaterialResult) -> dict[str, Any]:
         else {key: getattr(curve, key).tolist() for key in ("incidence_deg", "median_db", "p05_db", "p95_db")},
         "parameters_p05": dict(zip(names, map(float, known.parameters_p05), strict=True)),
         "parameters_p95": dict(zip(names, map(float, known.parameters_p95), strict=True)),
+        "parameters_remark": _outside(material) or None,
         "posterior": {
             "known_half_width_db": known.known_half_width_db,
             "sampled": known.sampled,
@@ -126,6 +129,15 @@ def _posterior(material: MaterialResult) -> dict[str, Any]:
             "sentences": list(known.sentences),
         },
     }
+
+
+def _outside(material: MaterialResult) -> str:
+    """Sentence on parameters outside of their own interval; empty without such, or without a posterior."""
+    if material.posterior is None:
+        return ""
+    interval = list(zip(material.posterior.parameters_p05, material.posterior.parameters_p95, strict=True))
+    best = material.parameters.values[material.best]
+    return outside_interval(material.parameter_names, best, material.bounds.tolist(), interval)
 
 
 def _numbers(held: HeldOutBlocks) -> dict[str, Any]:
@@ -246,6 +258,8 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
     each = np.tile(kinds, keys.size // kinds.size)
     runs = {kind: int(np.count_nonzero((each == kind) & made)) for kind in ("reference", "design", "infill")}
     runs["final"] = sum(one.final_runs for one in passes.values()) if passes else archive.final_runs
+    search = runs["design"] + runs["infill"]
+    reused = int(np.count_nonzero(kinds == "reused"))
     summary: dict[str, Any] = {
         "case": archive.case,
         "objective": archive.objective,
@@ -253,7 +267,7 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
         "converged": archive.converged,
         "stop_reason": archive.reason,
         "tolerance": archive.tolerance,
-        "runs": {**runs, "total": sum(runs.values()), "reused": int(np.count_nonzero(kinds == "reused"))},
+        "runs": {**runs, "total": sum(runs.values()), "search": search, "reused": reused},
         "iterations": int(np.count_nonzero(kinds == "infill")),
         "measurement": archive.measurement,
         "looks": {

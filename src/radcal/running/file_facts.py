@@ -147,7 +147,6 @@ def product_acquisition(path: Path, heights: Path, polarisation: str | None) -> 
     return told(path, FileMeasurement.model_validate({"path": str(path)}), radar, scene).acquisition
 
 
-@cache
 def code_counts(path: Path) -> dict[int, int]:
     """Number of pixels of each code in the first band of a raster of land cover, without those of no data.
 

@@ -5,14 +5,15 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from radcal.config import FILL_IN
-from radcal.config.landcover import LANDCOVERS
+from radcal.config.landcover import LANDCOVERS, starting_keys, starting_levels
 from radcal.config.sections import check_case_name
 from radcal.config.sensors import SENSORS
+from radcal.config.undecided import EXAMPLES
 from radcal.errors import ConfigError
 from radcal.measurement.acquisition import radar_keys
 from radcal.radar.bands import letter_band
@@ -24,7 +25,8 @@ from radcal.storage.files import atomic
 __all__ = ["NewCase", "case_path"]
 
 # bounds for real surfaces in dB; those of the law are for levels above 0 dB
-_BOUNDS = "[[-40, 0], [0, 20], [0, 25], [0, 12]]"
+_X1, _INSIDE_DB = (-40.0, 0.0), 2.0  # bounds of X1, and least distance of a start from them
+_BOUNDS = f"[[{_X1[0]:g}, {_X1[1]:g}], [0, 20], [0, 25], [0, 12]]"
 _HIDDEN = "[-24, 10, 14, 5]"  # inside of these bounds
 _DEPRESSION_DEG, _SAMPLING = 45.0, 1.4  # of the default pass: depression, and resolution over pixel spacing
 _FILES = ("scene.elevation", "scene.materials", "scene.labels", "measurement.path")
@@ -284,6 +286,7 @@ class NewCase:
                 raise ConfigError(f"there is no material {name!r} in the land cover (known: {known}).")
         total = sum(self._counts.values())
         lines, hidden = [], list[str]()
+        levels = starting_levels([name for name in self._names.values() if name in chosen], self._taken(chosen, fixed))
         for code, name in self._names.items():
             count = self._counts.get(code, 0)
             share = f"  # code {code}: {count:,} of {total:,} pixels"
@@ -293,6 +296,8 @@ class NewCase:
                 lines.append("    calibrate: true")
                 lines.append("    law: mangia  # or another one of docs/laws.md")
                 lines.append(f"    bounds: {_BOUNDS}  # wide ones for levels of real surfaces in dB: narrow them")
+                start = ", ".join(f"{x:g}" for x in levels[name].start(_X1[0] + _INSIDE_DB, _X1[1] - _INSIDE_DB))
+                lines.append(f"    start: [{start}]  # {levels[name]}: the image at the start needs contrast")
                 continue
             if name not in fixed and "scene.landcover" in self._values:
                 lines.append("    calibrate: false  # with the starting law of docs/landcover.md: a guess of its level")
@@ -301,7 +306,8 @@ class NewCase:
             if name not in fixed:
                 self.undecided.append("materials.fixed")
             lines.append("    law: constant_gamma  # not calibrated")
-            lines.append(f"    parameters: [{level}]  # gamma [dB]")
+            such = ", for example parameters: [-15]" * (level == FILL_IN)
+            lines.append(f"    parameters: [{level}]  # gamma [dB]{such}")
         if self._synthetic:
             laws = ", ".join(f"{_scalar(name)}: {_HIDDEN}" for name in hidden)
             self._notes["measurement.synthetic"] = "hidden laws, which the calibration is to find"
@@ -310,6 +316,13 @@ class NewCase:
             self.undecided.append("materials")
             lines = [f"  {FILL_IN}: {{calibrate: true}}  # name of a material, and its law (docs/laws.md)"]
         return lines
+
+    def _taken(self, chosen: Sequence[str], fixed: Mapping[str, float]) -> list[float]:
+        """Gamma of the materials that are not calibrated, where it is known [dB]."""
+        landcover = self._values.get("scene.landcover")
+        others = [name for name in self._names.values() if name not in chosen and name not in fixed]
+        presets = [starting_keys(landcover, name, {}) for name in others] if landcover else []
+        return [*fixed.values(), *(keys["parameters"][0] for keys in presets if keys)]
 
     def write(self, comments: Mapping[str, str]) -> list[str]:
         """Write the case, and the names of the codes if no file of names was given.
@@ -342,7 +355,10 @@ class NewCase:
     def _lines(self, comments: Mapping[str, str]) -> list[str]:
         lines = [
             "# Written by radcal new. Every other key has a default (config/config.yaml).",
-            *([f"# Lines with {FILL_IN} are still to be decided; radcal check lists them."] * bool(self.undecided)),
+            *(
+                [f"# Write a value in place of each {FILL_IN}, as the example in its line; radcal check lists them."]
+                * bool(self.undecided)
+            ),
             f"case: {self.name}",
         ]
         for section, keys in self._sections.items():
@@ -354,7 +370,8 @@ class NewCase:
                     continue
                 # of a file that is given its content matters, not what it was asked for
                 told = name in self._notes and name in (*_FILES, "measurement.band", "measurement.scale")
-                about = [text for text in ("" if told else comments.get(name), self._notes.get(name)) if text]
+                such = f"for example {key}: {EXAMPLES[name]}" if value == FILL_IN and name in EXAMPLES else ""
+                about = [text for text in ("" if told else comments.get(name), self._notes.get(name), such) if text]
                 lines.append(f"  {key}: {_scalar(value)}" + (f"  # {'; '.join(about)}" if about else ""))
         return [*lines, "materials:", *self._materials]
 

@@ -12,10 +12,13 @@ from pathlib import Path
 from radcal.config import Case, CommandSimulation, SimulatorConfig
 from radcal.running.jobs import STARTED
 
-__all__ = ["FINAL_RUNS", "at_most", "duration", "iteration_seconds", "largest_runs", "reference_count"]
+__all__ = [
+    "FINAL_RUNS", "at_most", "duration", "iteration_seconds", "largest_runs", "most_need", "reference_count",
+]  # fmt: skip
 
 FINAL_RUNS = 2  # of each pass: with the random numbers of all runs, and with others
 _SHORT_S = 60.0
+_SEARCH_RUNS = 16  # most infill runs that any of the 53 hidden laws in the table of docs/right_law.md needed
 _RECENT = 5  # iterations whose median stands for the next ones: training takes longer as runs come
 
 
@@ -43,7 +46,20 @@ def duration(seconds: float) -> str:
     return f"{seconds:.2g} s" if seconds < 99.5 else f"{seconds:.0f} s"
 
 
-def at_most(runs: int, seconds: float | None, of: str = "") -> str:
+def most_need(design: int, max_runs: int) -> int:
+    """Number of runs of design and infill within which most searches end, by those of ``docs/right_law.md``.
+
+    Parameters
+    ----------
+    design : int
+        Runs of the design.
+    max_runs : int
+        ``stop.max_runs``.
+    """
+    return min(design + _SEARCH_RUNS, max_runs)
+
+
+def at_most(runs: int, seconds: float | None, usual: int, of: str = "") -> str:
     """Words on the runs that may still come and on their time, to be put after a line of progress.
 
     Parameters
@@ -52,6 +68,8 @@ def at_most(runs: int, seconds: float | None, of: str = "") -> str:
         Largest number of further runs.
     seconds : float or None
         Measured time of one run [s]; None before any has been measured.
+    usual : int
+        Number of further runs within which most searches end; 0 or less where this one has passed it.
     of : str
         What the time is of, where it is not all that passes.
 
@@ -62,7 +80,11 @@ def at_most(runs: int, seconds: float | None, of: str = "") -> str:
     """
     if runs <= 0 or seconds is None or runs * seconds < _SHORT_S:
         return ""
-    return f"; at most {runs} more runs, about {duration(seconds)} each: at most {duration(runs * seconds)}{of}"
+    most = f"most cases need at most {usual} more ({duration(usual * seconds)}), " if 0 < usual < runs else ""
+    return (
+        f"; about {duration(seconds)} each: {most}stop.max_runs allows at most {runs} more "
+        f"({duration(runs * seconds)}{of})"
+    )
 
 
 def iteration_seconds(files: Sequence[str | Path], now: float | None = None) -> float | None:

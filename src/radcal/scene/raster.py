@@ -28,7 +28,7 @@ from radcal.scene.names import by_id, landcover_names, read_names
 from radcal.scene.rounding import height_step_m, rounding_error_m
 from radcal.storage.files import digest
 
-__all__ = ["raster_scene"]
+__all__ = ["check_elevation", "raster_scene"]
 
 _LOWEST_M, _HIGHEST_M = -1000.0, 9000.0  # lowest and highest land, with a margin for mines and ellipsoidal heights
 _MISSING_SHARE = 0.5
@@ -127,6 +127,25 @@ def raster_scene(config: RasterScene, heading_deg: float = 0.0) -> Scene:
         heading_deg=heading_deg or None,
         slope_error_deg=slope_error,
     )
+
+
+def check_elevation(config: RasterScene) -> None:
+    """Raise an error if the raster of elevation cannot be that of a scene, by its header and the keys about it.
+
+    Parameters
+    ----------
+    config : RasterScene
+        Section ``scene``.
+
+    Raises
+    ------
+    SceneError
+        The file cannot be read or holds something else than heights in metres, or the vertical datum is missing or
+        contradictory.
+    """
+    with opened("scene.elevation", config) as elevation:
+        _check_heights(elevation)
+        _datum(elevation, config)
 
 
 def _named(ids: NDArray[np.uint8], materials: Source, config: RasterScene) -> tuple[NDArray[np.uint8], dict[int, str]]:

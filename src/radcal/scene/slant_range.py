@@ -18,7 +18,7 @@ from radcal.scene.model import Scene
 from radcal.scene.names import by_id, read_names
 from radcal.storage.files import digest
 
-__all__ = ["flat_incidence_deg", "slant_range_scene"]
+__all__ = ["flat_incidence_deg", "read_labels", "slant_range_scene"]
 
 
 def flat_incidence_deg(near_deg: float, far_deg: float, rows: int) -> NDArray[np.float64]:
@@ -66,6 +66,24 @@ def _labels(path: Path, folders: Sequence[Path]) -> NDArray[Any]:
         raise SceneError(f"scene.labels: {path} cannot be read as a raster ({error}).") from None
 
 
+def read_labels(config: SlantRangeScene) -> tuple[NDArray[Any], list[int]]:
+    """Labels of a scene in slant range, shape (rows, columns), and the ids that occur.
+
+    Raises
+    ------
+    SceneError
+        The file cannot be read, or a label is not a material id.
+    """
+    path = expand_path(config.labels, "scene.labels")
+    labels = _labels(path, vrt_folders(config))
+    if labels.dtype.kind not in "ui" or labels.min() < 0 or labels.max() > 255:
+        raise SceneError(
+            f"scene.labels: {path} holds {labels.dtype} from {labels.min()} to {labels.max()}, "
+            "expected whole material ids from 0 to 255."
+        )
+    return labels, [int(k) for k in np.unique(labels)]
+
+
 def slant_range_scene(config: SlantRangeScene) -> Scene:
     """Scene from a label raster and a file with the names of its labels.
 
@@ -74,15 +92,9 @@ def slant_range_scene(config: SlantRangeScene) -> Scene:
     SceneError
         A file cannot be read, a label is not a material id, or a material id has no name.
     """
-    labels_path = expand_path(config.labels, "scene.labels")
     names_path = expand_path(config.names, "scene.names")
-    labels = _labels(labels_path, vrt_folders(config))
-    if labels.dtype.kind not in "ui" or labels.min() < 0 or labels.max() > 255:
-        raise SceneError(
-            f"scene.labels: {labels_path} holds {labels.dtype} from {labels.min()} to {labels.max()}, "
-            "expected whole material ids from 0 to 255."
-        )
-    names = read_names(names_path, (int(k) for k in np.unique(labels)), labels_path)
+    labels, present = read_labels(config)
+    names = read_names(names_path, present, expand_path(config.labels, "scene.labels"))
     return Scene(
         identity=digest(
             {

@@ -17,15 +17,15 @@ from radcal.storage.files import digest
 __all__ = ["make_scene"]
 
 
-def make_scene(config: SceneConfig, materials: list[str], heading_deg: float = 0.0) -> Scene:
+def make_scene(config: SceneConfig, materials: list[str] | None, heading_deg: float = 0.0) -> Scene:
     """Build the configured scene, with its objects, and check that it contains the configured materials.
 
     Parameters
     ----------
     config : SceneConfig
         Section ``scene``.
-    materials : list of str
-        Names of the configured materials.
+    materials : list of str or None
+        Names of the configured materials; None if they are not compared with those of the scene.
     heading_deg : float
         Heading of the track, clockwise from north [deg], to which the grid of a raster scene is turned.
 
@@ -40,7 +40,8 @@ def make_scene(config: SceneConfig, materials: list[str], heading_deg: float = 0
         scene = raster_scene(config, heading_deg)
     else:
         scene = slant_range_scene(config)
-    scene.require(materials)
+    if materials is not None:
+        scene.require(materials)
     if isinstance(config, BuiltinScene | RasterScene) and config.objects is not None:
         objects = _objects(config.objects, scene)
         scene = replace(

@@ -25,7 +25,7 @@ SCHEMAS: Mapping[str, int] = {
     "geometry": 5,
     "measurement": 2,
     "registered": 2,
-    "target": 5,
+    "target": 6,
     "surrogate": 5,
     "posterior": 2,
     "run": 2,

@@ -6,10 +6,12 @@ needs a run first looks up the run's record in the store. A recorded run is ther
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import logging
 import os
+import statistics
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,7 +28,7 @@ from radcal.storage.inspection import inspect, set_aside
 from radcal.storage.records import write_hdf5
 from radcal.storage.sealing import is_sealed
 
-__all__ = ["Parameters", "Record", "RunStore"]
+__all__ = ["Parameters", "Record", "RunStore", "median_seconds"]
 
 _UNSEALED = 1  # schema version of records written before HDF5 files had checksums
 Parameters = Mapping[str, Sequence[float]]
@@ -208,3 +210,18 @@ class RunStore:
                 file.create_dataset(
                     "image_db", data=record.image_db, dtype="f4", compression="gzip", compression_opts=1
                 )
+
+
+def median_seconds(folder: str | Path) -> float | None:
+    """Median wall time of the runs that a folder of records holds [s]; None without a readable record.
+
+    Parameters
+    ----------
+    folder : path
+        Folder ``results/<case>/runs``, which need not exist.
+    """
+    seconds = []
+    for path in sorted(Path(folder).glob("[!.]*.h5")):
+        with contextlib.suppress(OSError, KeyError, ValueError, TypeError), h5py.File(path, "r", locking=False) as file:
+            seconds.append(float(file.attrs["seconds"]))
+    return statistics.median(seconds) if seconds else None

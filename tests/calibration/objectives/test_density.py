@@ -94,6 +94,11 @@ def test_a_law_of_the_simulator_alone_and_normalised_images_have_no_baseline():
     assert made(decibels=False).baseline is None
 
 
+def test_passes_together_have_their_root_mean_square(density):
+    found = density.together(np.array([[3.0, 1.0], [4.0, 7.0], [5.0, 0.0]]))
+    np.testing.assert_allclose(found, np.sqrt(np.array([50.0, 50.0]) / 3.0))
+
+
 def test_half_the_best_rms_is_promising(density):
     assert density.promising(np.array([0.049, 0.051]), 0.1).tolist() == [True, False]
 

@@ -8,18 +8,19 @@ import numpy as np
 import pytest
 
 from radcal.calibration.bin_target import bin_targets
-from radcal.calibration.history import read_runs, write_runs
+from radcal.calibration.history import History, read_runs, write_runs
 from radcal.calibration.objectives import make_objectives
+from radcal.calibration.objectives.joint import Joint
 from radcal.calibration.objectives.objective import Points
-from radcal.calibration.passes import law_sd_db
-from radcal.calibration.scoring import score
+from radcal.calibration.passes import law_sd_db, pass_laws
+from radcal.calibration.scoring import score, with_texture
 from radcal.config import case_from
 from radcal.measurement.registration import register
 from radcal.measurement.sources import make_measurement
 from radcal.measurement.target import Targets
 from radcal.measurement.target_fit import make_targets
 from radcal.radar.projection import make_geometry
-from radcal.radar.texture import equal_texture
+from radcal.radar.texture import equal_texture, log_speckle_cumulants
 from radcal.scene.model import Scene
 from radcal.scene.slant_range import flat_incidence_deg
 from radcal.simulators.builtin import BuiltinSimulator
@@ -162,6 +163,34 @@ def test_the_law_is_known_better_from_both_passes(found):
     np.testing.assert_allclose(both, wanted, rtol=1e-5)
 
 
+def test_what_each_pass_adds(found):
+    """Incidence seen, density, and the largest standard deviation of the law there, by one pass and by all."""
+    case, targets, _, objectives, run = found
+    joint, score_ = objectives["field"], run.scores["field"]
+    fits = [joint.passes[0].law(joint.in_pass(0, score_)).fit, joint.law_in(0, score_).fit]
+    laws = pass_laws(case, targets, History([run]))
+    assert [sorted(each) for each in laws] == [["field", "lake"], ["field"]]
+    rms = [score_.rms, score_.further[0].rms]
+    for number, (one, target) in enumerate(zip(laws, targets.passes, strict=True)):
+        law, ends = one["field"], np.quantile(target["field"].incidence_deg, [0.05, 0.95])
+        assert (law.low_deg, law.high_deg) == pytest.approx(ends, abs=0.01)
+        assert law.rms == rms[number]
+        angles = np.radians(np.linspace(*ends, 400))
+        first, both = (law_sd_db(joint.passes[number], fit, angles).max() for fit in fits)
+        assert (law.sd_first_db, law.sd_all_db) == pytest.approx((first, both), rel=0.01)
+        assert both < first
+    assert rms[0] != rms[1]
+
+
+def test_a_pass_without_the_material_has_no_statistics(found):
+    _, _, _, objectives, run = found
+    joint, score_ = objectives["field"], run.scores["field"]
+    three = Joint([joint.passes[0], None, joint.passes[1]])
+    wide = replace(score_, further=[None, score_.further[0]])
+    assert three.in_pass(2, wide) == joint.in_pass(1, score_)
+    assert three.in_pass(0, wide) == joint.in_pass(0, score_)
+
+
 def test_passes_of_other_looks_share_the_texture():
     case, targets, record = two_passes("classes", (4, 8))
     joint = make_objectives(case, targets)["field"]
@@ -170,6 +199,12 @@ def test_passes_of_other_looks_share_the_texture():
     n = len(joint.passes[0].scale)
     there = equal_texture(4.0, 2.5, 8.0)
     assert there > 3.0
+    # of densities and pictures, too: the same texture in both passes, on speckle of other looks
+    nothing = np.zeros(5000, dtype=np.float32)
+    textures = [with_texture(nothing, joint, 2.5, 1, number=number) for number in (0, 1)]
+    np.testing.assert_allclose(textures[1], textures[0], atol=0.01)
+    wanted = log_speckle_cumulants(2.5)[1] - log_speckle_cumulants(4.0)[1]
+    assert textures[0].var() == pytest.approx(wanted, rel=0.1)
     second = replace(points, statistics=points.statistics[:, n:], slack=points.slack[:, n:], looks=np.array([there]))
     k = joint.passes[1].residuals(second).shape[1]
     np.testing.assert_array_equal(joint.residuals(points)[:, -k:], joint.passes[1].residuals(second))

@@ -159,8 +159,8 @@ class Bins(Objective):
             text = f"the surrogate of all runs promises no better {'X' if score.moved_db is None else 'law'}."
         elif score.moved_db is not None and score.moved_db <= stop.law_db:
             text = (
-                f"the best law that the surrogate of all runs promises differs by {score.moved_db:.2g} dB over the "
-                "incidence seen."
+                f"the best law that the surrogate of all runs promises differs from that of the best run by "
+                f"{score.moved_db:.2g} dB over the incidence seen."
             )
         else:
             return None
@@ -179,7 +179,7 @@ class Bins(Objective):
         known = {name: value for name, value in moved.items() if value is not None}
         if known:
             worst = max(known, key=lambda name: known[name])
-            text += f", the best predicted law of {worst} differs by {known[worst]:.2g} dB"
+            text += f", the law of {worst} may still move most, by {known[worst]:.2g} dB from that of its best run"
         return text
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from radcal import skewnormal
 from radcal.calibration.expected import LawForward
-from radcal.calibration.grounds import GroundLaw, ground_residuals
+from radcal.calibration.grounds import GroundLaw, bins_of, ground_residuals
 from radcal.calibration.history import History, Proposal, Score
 from radcal.calibration.law_fit import Residuals, fit_law
 from radcal.calibration.misfit import Method
@@ -28,7 +28,7 @@ from radcal.calibration.objectives.objective import (
 )
 from radcal.calibration.priors import looks_residuals
 from radcal.config import Stop
-from radcal.measurement.classes import Classes, make_classes
+from radcal.measurement.classes import Classes
 from radcal.measurement.patches import Spread
 
 __all__ = ["UNREACHABLE_SHARE", "Density"]
@@ -68,8 +68,7 @@ class Density(Objective):
 
     @cached_property
     def _classes(self) -> Classes:
-        ground = self.material.target.ground
-        return make_classes(ground.values_db, ground.incidence_deg, 1, ground.independent)
+        return bins_of(self.material.target.ground, 1)
 
     @property
     def scale(self) -> Doubles:
@@ -79,7 +78,7 @@ class Density(Objective):
     def compared(self) -> Compared:
         """Measured pixels and the centred parameters of their density."""
         # the simulated density has speckle of its own
-        classes = replace(self._classes, effective=0.5 * self._classes.effective)
+        classes = self._classes.compared(1)
         return Compared(self.material.target.ground, classes, self._method, self._target[None], None, True)
 
     def statistics(self, values_db: Doubles, pixels: NDArray[np.int64] | None = None) -> Doubles:
@@ -121,7 +120,7 @@ class Density(Objective):
     def evidence(self, score: Score) -> Residuals:
         """Residuals of one bin by X and looks."""
         # the simulated density has speckle of its own, and there may be texture, which moves looks and skewness
-        compared = replace(self._classes, effective=0.5 * self._classes.effective)
+        compared = self._classes.compared(1)
         return ground_residuals(self.material.target.ground, compared, self._method, _ALONE)
 
     def law(self, score: Score, residuals: Residuals | None = None) -> GroundLaw:

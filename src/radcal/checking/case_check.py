@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import contextlib
-import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from radcal.config import Case, check_reuse, load_with_problems, missing_inputs
+from radcal.checking.file_problems import image_problems, is_on_map, scene_problems
+from radcal.checking.outlook import outlook, time_expected
+from radcal.config import Case, Loaded, check_reuse, load_with_problems, missing_inputs
 from radcal.config.inputs import input_files
 from radcal.errors import ConfigError, RadcalError
 from radcal.reading.safe import is_safe_name
 from radcal.running.expected_memory import expected_mb
 from radcal.running.memory_and_time import Stage, memory_mb, values_of
 from radcal.running.time_left import largest_runs
+from radcal.scene.size import scene_size
 
 if TYPE_CHECKING:
+    from radcal.measurement.model import Measurement
+    from radcal.radar.geometry import Geometry
     from radcal.scene.model import Scene
 
 __all__ = ["CaseCheck", "check_case"]
@@ -50,6 +54,8 @@ class CaseCheck:
         Number of speckle draws of a run.
     sections : tuple of str
         Section ``radar`` in YAML as the annotation of each measured image gives it, of images that have one.
+    outlook : tuple of str
+        Lines on what the calibration will probably meet: time, contrast of the start image, levels.
     """
 
     problems: list[str]
@@ -61,6 +67,7 @@ class CaseCheck:
     peak_mb: Mapping[str, float] = field(default_factory=dict)
     draws: int = 1
     sections: tuple[str, ...] = ()
+    outlook: tuple[str, ...] = ()
 
     def summary(self) -> str:
         """Lines on what would be read, made and needed."""
@@ -77,6 +84,7 @@ class CaseCheck:
             lines.append(
                 f"  memory: about {peak:,.0f} MB in the largest job ({job}); a cluster is asked for {asked:,} MB"
             )
+        lines += [f"  {line}" for line in self.outlook]
         return "\n".join([*lines, *self.remarks()])
 
     def remarks(self) -> list[str]:
@@ -108,51 +116,74 @@ def check_case(
         A wrong key is left out, so that the keys, files and images after it are checked all the same.
     """
     try:
-        case, problems = load_with_problems(paths, overrides)
+        loaded = load_with_problems(paths, overrides)
     except ConfigError as error:
         return CaseCheck([str(error)], [], {}, None, {}, {})
-    if case is None:
-        return CaseCheck(problems, [], {}, None, {}, {})
-    found = _checked(case, problems, results)
-    return replace(found, problems=_once(found.problems))
+    if loaded.case is None:
+        return CaseCheck(loaded.problems, [], {}, None, {}, {})
+    return _checked(loaded.case, loaded, results)
 
 
-def _once(problems: Sequence[str]) -> list[str]:
-    """Problems without those that call a key missing whose value is wrong or undecided, as another problem says."""
-    there = [match[1] for text in problems if (match := re.search(r"(\w+\.\S+) is (?!missing).*, expected ", text))]
-    return [text for text in problems if not any(f"{key} is missing" in text for key in there)]
+class _Problems(list[str]):
+    """Problems of a case, each of them once, without those that follow from a wrong key."""
+
+    def __init__(self, loaded: Loaded) -> None:
+        super().__init__(loaded.problems)
+        self._follows = loaded.follows
+
+    def add(self, found: Iterable[str]) -> None:
+        """Add what is new."""
+        for text in found:
+            if text not in self and not self._follows(text):
+                self.append(text)
 
 
-def _checked(case: Case, problems: list[str], results: str | Path) -> CaseCheck:
+def _checked(case: Case, loaded: Loaded, results: str | Path) -> CaseCheck:
     """What further checks of a case find, after those of its keys."""
+    problems = _Problems(loaded)
     missing = missing_inputs(case)
-    problems += missing
+    problems.add(missing)
     files = {} if missing else input_files(case)
-    if case.simulator.kind == "command" and not missing:
+    if case.simulator.kind == "command" and not any(text.startswith("simulator.") for text in missing):
         from radcal.simulators.command import check_command
 
-        problems += _refused(check_command, case)
-    problems += _refused(check_reuse, case, results)
+        problems.add(_refused(check_command, case))
+    problems.add(_refused(check_reuse, case, results))
     notes: list[str] = []
     sections: list[str] = []
+    levels: list[str] = []
     shape, demands, peaks = None, dict[Stage, int](), dict[str, float]()
-    if not missing:
+    small = False
+    if "scene" not in loaded.without:
         try:
             values = values_of(case)
             demands = {stage: memory_mb(stage, values["scene" if stage == "scene" else "image"]) for stage in _STAGES}
             peaks = expected_mb(case)
-            if max(values.values()) <= _LARGEST:
-                notes, shape = _made(case, problems, sections)
-            else:
+            small = max(values.values()) <= _LARGEST
+            if not small:
                 notes.append("the scene is large: it is read when the calibration starts, not in this check.")
         except RadcalError as error:
-            problems.append(str(error))
+            problems.add([str(error)])
+            # a heading or a spacing may be what is wrong, of a scene that can be made
+            small = bool(_refused(scene_size, case.scene)) or scene_size(case.scene).resampled <= _LARGEST
+    if small:
+        notes, shape = _made(case, loaded, problems, sections, levels)
+    elif "scene" in loaded.without:
+        _images_alone(case, loaded, problems)
     if not sections:
         said, sections = _of_products(case)
         notes += said
     return CaseCheck(
-        problems, notes, files, shape, largest_runs(case), demands, peaks, case.simulator.draws, tuple(sections)
-    )
+        problems, notes, files, shape, largest_runs(case), demands, peaks, case.simulator.draws, tuple(sections),
+        (time_expected(case, results), *levels) if not problems else (),
+    )  # fmt: skip
+
+
+def _images_alone(case: Case, loaded: Loaded, problems: _Problems) -> None:
+    """Add the problems that the measured images have without their scene."""
+    for one in case.passes if "measurement" not in loaded.without else ():
+        if one.measurement.source == "file":
+            problems.add(image_problems(one.measurement, one.radar))
 
 
 _STAGES: tuple[Stage, ...] = ("scene", "geometry", "measurement", "run", "registration", "target", "report")
@@ -166,20 +197,26 @@ def _refused(check: Any, *arguments: Any) -> list[str]:
     return []
 
 
-def _made(case: Case, problems: list[str], sections: list[str]) -> tuple[list[str], tuple[int, int] | None]:
+def _made(
+    case: Case, loaded: Loaded, problems: _Problems, sections: list[str], levels: list[str]
+) -> tuple[list[str], tuple[int, int] | None]:
     """Remarks and image size of scene, geometry and measured images, which are made in memory as the workflow does."""
-    from radcal.config import FileMeasurement, stages
-    from radcal.measurement.sources import make_measurement
-    from radcal.measurement.synthetic import check_synthetic
     from radcal.radar.projection import make_geometry
     from radcal.scene.sources import make_scene
-    from radcal.simulators.protocol import Simulator
-    from radcal.simulators.sources import make_simulator
 
+    # a material whose law is wrong is one of the case all the same
+    materials = list(case.materials) if loaded.materials is None else list(loaded.materials)
+    scene = None
     try:
-        scene = make_scene(case.scene, list(case.materials), case.radar.heading_deg)
+        scene = make_scene(case.scene, materials, case.radar.heading_deg)
     except RadcalError as error:
-        problems.append(str(error))
+        if loaded.materials is not None or not str(error).startswith("materials"):
+            problems.add([str(error)])
+        problems.add(scene_problems(case.scene, loaded.materials))
+        with contextlib.suppress(RadcalError):  # as without the check of names
+            scene = make_scene(case.scene, None, case.radar.heading_deg)
+    if scene is None:
+        _images_alone(case, loaded, problems)
         return [], None
     notes, shape = list(scene.notes), None
     for number, one in enumerate(case.passes):
@@ -190,24 +227,52 @@ def _made(case: Case, problems: list[str], sections: list[str]) -> tuple[list[st
             sections += section
             geometry = make_geometry(scene, one.radar)
             shape = shape or (int(geometry.shape[0]), int(geometry.shape[1]))
-            stage = stages.Measurement.of(one)
-            if isinstance(one.measurement, FileMeasurement):
-                nothing: Simulator = None  # type: ignore[assignment]  # a file needs no simulator
-                notes += make_measurement(stage, geometry, nothing, scene, partly=number > 0).notes
-            elif one.simulator.kind == "builtin" and geometry.material.size <= _LARGEST_RUN:
-                simulator = make_simulator(stage, geometry, "")
-                notes += make_measurement(stage, geometry, simulator, scene, partly=number > 0).notes
-            else:
-                check_synthetic(one.radar, one.measurement.synthetic, (geometry.shape[0], geometry.shape[1]))
         except RadcalError as error:
-            problems.append(str(error))
+            problems.add([str(error)])
             notes += said
+            _images_alone(one, loaded, problems)
+            continue
+        if "measurement" not in loaded.without:
+            measured = _measured(one, loaded, geometry, scene, problems, number)
+            notes += said if measured is None else measured.notes
+            if not problems:
+                levels += outlook(one, geometry, measured)
     return notes, shape
+
+
+def _measured(
+    one: Case, loaded: Loaded, geometry: Geometry, scene: Scene, problems: _Problems, number: int
+) -> Measurement | None:
+    """Measured image of a pass, made in memory; None where it cannot be made or would take long."""
+    from radcal.config import FileMeasurement, stages
+    from radcal.measurement.sources import make_measurement
+    from radcal.measurement.synthetic import check_synthetic
+    from radcal.simulators.protocol import Simulator
+    from radcal.simulators.sources import make_simulator
+
+    stage = stages.Measurement.of(one)
+    # materials that another problem keeps from being in the scene have no pixels
+    there = {name: material for name, material in one.materials.items() if name in scene.names}
+    stage = stage.model_copy(update={"materials": there})
+    try:
+        if isinstance(one.measurement, FileMeasurement):
+            if not (loaded.has_geometry or is_on_map(one.measurement)):
+                problems.add(image_problems(one.measurement, one.radar))
+                return None
+            nothing: Simulator = None  # type: ignore[assignment]  # a file needs no simulator
+            return make_measurement(stage, geometry, nothing, scene, partly=number > 0)
+        if one.simulator.kind == "builtin" and geometry.material.size <= _LARGEST_RUN and not problems:
+            simulator = make_simulator(stage, geometry, "")
+            return make_measurement(stage, geometry, simulator, scene, partly=number > 0)
+        check_synthetic(one.radar, one.measurement.synthetic, (geometry.shape[0], geometry.shape[1]))
+    except RadcalError as error:
+        problems.add([str(error)])
+        _images_alone(one, loaded, problems)
+    return None
 
 
 def _of_products(case: Case) -> tuple[list[str], list[str]]:
     """Notes and sections of :func:`_by_annotation` in a case whose other problems kept its images from being made."""
-    from radcal.scene.size import scene_size
     from radcal.scene.sources import make_scene
 
     notes, sections = list[str](), list[str]()
@@ -215,7 +280,7 @@ def _of_products(case: Case) -> tuple[list[str], list[str]]:
     with contextlib.suppress(RadcalError):  # each is among the problems, or is one of another problem
         size = scene_size(case.scene) if products else None
         if size is not None and max(size.cells, size.resampled) <= _LARGEST:
-            scene = make_scene(case.scene, list(case.materials), case.radar.heading_deg)
+            scene = make_scene(case.scene, None, case.radar.heading_deg)
             for one in products:
                 said, section = _by_annotation(one, scene)
                 notes, sections = notes + said, sections + section

@@ -15,8 +15,9 @@ from rasterio.transform import from_origin
 from safe_product import NAME, place_of, write_product
 from typer.testing import CliRunner
 
+from radcal.checking.case_check import check_case
 from radcal.cli import app
-from radcal.running.case_check import check_case
+from radcal.storage.records import write_hdf5
 
 TEN_MISTAKES = """
 case: my case
@@ -227,3 +228,162 @@ def test_the_printed_section_of_a_real_product_does_not_contradict_it(
     (problem,) = found.problems
     assert "holds no data (digital number 0) over the scene: the image is blank" in problem
     assert [text for text in found.notes if " its " in text and "geoid" not in text] == []
+
+
+def on_the_map(folder: Path) -> None:
+    """Heights, land cover and an image of two bands in dB, on one map, and a land cover elsewhere."""
+    rng = np.random.default_rng(5)
+    cover = np.where(np.arange(40) < 17, 40, 10).astype("uint8")[None].repeat(30, axis=0)
+    settings = {"height": 30, "width": 40, "crs": "EPSG:32631", "driver": "GTiff"}
+    for name, values, west in (
+        ("dem.tif", rng.normal(90, 2, (1, 30, 40)).astype("float32"), 6e5),
+        ("cover.tif", cover[None], 6e5),
+        ("away.tif", cover[None], 7e5),
+        ("image.tif", rng.normal(-12, 2, (2, 30, 40)).astype("float32"), 6e5),
+    ):
+        transform = from_origin(west, 5.8e6, 20.0, 20.0)
+        kind = {"count": len(values), "dtype": values.dtype, "transform": transform}
+        with rasterio.open(folder / name, "w", **settings, **kind) as raster:
+            raster.write(values)
+
+
+ON_THE_MAP = """
+scene: {source: raster, elevation: dem.tif, materials: cover.tif, landcover: esa_worldcover, vertical_datum: EGM2008}
+measurement: {source: file, path: image.tif, band: 1, scale: db, radiometry: sigma0_ref}
+radar: {altitude_m: 4000, depression_deg: 45, range_resolution_m: 20, azimuth_resolution_m: 28, range_spacing_m: 14,
+  azimuth_spacing_m: 20, looks: 4, nesz_db: -40, polarisation: VV}
+materials: {cropland: {calibrate: true}, tree_cover: {}}
+"""
+MIXES: tuple[tuple[dict[str, str], tuple[str, ...]], ...] = (
+    (  # words, names of files, values
+        {
+            "cover.tif": "gone.tif", "esa_worldcover": "esa_worldcovr", "EGM2008": "EGM2007", "image.tif": "away.npy",
+            "scale: db": "scale: decibel", "sigma0_ref": "sigma", "VV": "XX",
+            "depression_deg: 45": "depression_deg: 95",
+            "range_resolution_m": "range_resoluton_m", "{calibrate: true}": "{calibrate: true, law: mangja}",
+        },
+        (
+            "scene.materials: the file gone.tif does not exist", "scene.landcover is 'esa_worldcovr'",
+            "scene.vertical_datum is 'EGM2007'", "measurement.path: the file away.npy does not exist",
+            "measurement.scale is 'decibel'", "measurement.radiometry is 'sigma'", "radar.polarisation is 'XX'",
+            "radar.depression_deg is 95", "unknown key radar.range_resoluton_m", "materials.cropland: law is 'mangja'",
+        ),
+    ),
+    (  # what only the files show, beside values
+        {
+            "dem.tif": "image.tif", "vertical_datum: EGM2008": "vertical_datum: EGM2007", "band: 1": "band: 5",
+            "looks: 4": "looks: 0.5", "altitude_m: 4000": "altitude_m: high", "tree_cover: {}":
+            "tree_cover: {calibrate: true, bounds: [[0, -40], [3, 3], [0, 25]]}, water: {}", "VV}": "VV, seed: 3}",
+            "cropland: {calibrate: true}": "cropland: {calibrate: true}, shrubs: {parameters: [-15, 5, 3, 2]}",
+        },
+        (
+            "scene.elevation: image.tif has 2 bands, expected one", "scene.vertical_datum is 'EGM2007'",
+            "measurement.band is 5, image.tif has 2", "radar.looks is 0.5", "radar.altitude_m is 'high'",
+            "materials.tree_cover: bounds has 3 intervals", "bounds of X1 are [0, -40]", "bounds of X2 are [3, 3]",
+            "materials.water: a material that is not calibrated needs parameters", "unknown key radar.seed",
+            "materials.water: not in the scene, which has", "materials.shrubs: not in the scene, which has",
+        ),
+    ),
+    (  # required numbers and keys that are missing, files of another place and of another scale
+        {
+            "elevation: dem.tif, ": "", "cover.tif": "gone.tif", "scale: db": "scale: power", "band: 1, ": "band: 2, ",
+            "nesz_db: -40": "nesz_db: FILL_IN", "VV}": "VH}\nstop: {rms: small, max_runs: 0}\nsimulator: {kind: own}",
+            "calibrate: true": "calibrate: perhaps", "path: image.tif": "path: image.tif, polarisation: HH",
+            "tree_cover: {}": "tree_cover: {looks: 0}",
+        },
+        (
+            "scene.elevation is missing", "scene.materials: the file gone.tif does not exist",
+            "values of image.tif are negative, which power cannot be",
+            "radar.nesz_db is FILL_IN (line 5), expected its value, for example nesz_db: -24",
+            "stop.rms is 'small'", "stop.max_runs is 0", "simulator.kind is 'own'",
+            "materials.cropland.calibrate is 'perhaps'", "measurement.polarisation is HH, radar.polarisation is VH",
+            "materials.tree_cover.looks is 0",
+        ),
+    ),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("changes", "said"), MIXES)
+def test_mistakes_of_keys_hide_none_of_files(
+    changes: dict[str, str], said: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    on_the_map(tmp_path)
+    text = ON_THE_MAP
+    Path("mine.yaml").write_text(text)
+    assert check_case(["mine.yaml"]).problems == []
+    for old, new in changes.items():
+        assert text.count(old) == 1, old
+        text = text.replace(old, new)
+    Path("mine.yaml").write_text(text)
+    problems = check_case(["mine.yaml"]).problems
+    assert len(said) >= 10
+    for part in said:
+        assert sum(part in problem for problem in problems) == 1, (part, problems)
+    assert len(problems) == len(said), problems
+
+
+def test_a_section_that_is_left_out_has_its_files_looked_at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    on_the_map(tmp_path)
+    Path("mine.yaml").write_text(
+        "scene: {source: slant_range, labels: gone.tif, names: gone.json, near_incidence_deg: low}\n"
+        "measurement: {source: file, path: image.tif, band: 3, scale: db, radiometry: sigma0_ref}\n"
+        "materials: {cropland: {calibrate: true}}\n"
+    )
+    said = [text.removeprefix("mine.yaml: ") for text in check_case(["mine.yaml"]).problems]
+    assert said == [
+        "scene.near_incidence_deg is 'low', expected a valid number, unable to parse string as a number.",
+        "scene.far_incidence_deg is missing.",
+        "scene.labels: the file gone.tif does not exist.",
+        "scene.names: the file gone.json does not exist.",
+        "measurement.band is 3, image.tif has 2.",
+    ]
+
+
+def test_what_a_right_case_will_meet_is_told_before_any_run(tmp_path: Path) -> None:
+    path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+    time, rough, level = check_case([path], results=tmp_path / "results").outlook
+    assert time == "time: not known before the first run, which radcal run CASE reference makes"
+    assert rough.startswith("levels, rough (the image is not registered")
+    # power of mean 1 is 0 dB; of four looks the mean of the logarithm lies 0.56 dB below. Each term of the law at its
+    # highest bound gives 0 + 30 cos(phi) + 20 dB and less
+    assert "field: mangia reaches -40.0 to 4" in level
+    assert level.endswith(("the image has about -0.0 dB", "the image has about 0.0 dB"))
+    narrow = {"materials": {"field": {"bounds": [[-40, -30], [0, 3], [0, 2], [0, 20]]}}}
+    (*_, level) = check_case([path], narrow, tmp_path / "results").outlook
+    assert level.endswith(": outside, widen or move materials.field.bounds")
+    for number, seconds in enumerate((9.0, 4.0, 2.5)):
+        with write_hdf5(tmp_path / f"results/mine/runs/{number}.h5", "run") as file:
+            file.attrs["seconds"] = seconds
+    time, *_ = check_case([path], results=tmp_path / "results").outlook
+    # 3 runs of the design and 12 in all at most, of four draws of speckle; one reference run and two final ones
+    assert time == (
+        "time: about 16 s a run (median of the case's stored runs); most cases need at most 15 runs (4 min of "
+        "simulation), stop.max_runs allows at most 15 (4 min)"
+    )
+
+
+def test_a_start_without_contrast_is_told_before_any_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    level = {"height": 90, "width": 100, "crs": "EPSG:32631", "driver": "GTiff", "count": 1}
+    where = from_origin(6e5, 5.8e6, 20.0, 20.0)
+    cover = np.where(np.add.outer(np.arange(90) // 30, np.arange(100) // 30) % 2, 40, 10).astype("uint8")
+    for name, values in (("dem.tif", np.full((90, 100), 50.0, "float32")), ("cover.tif", cover)):
+        with rasterio.open(name, "w", dtype=values.dtype, transform=where, **level) as raster:
+            raster.write(values, 1)
+    text = ON_THE_MAP.replace("{source: file, path: image.tif, band: 1, scale: db, radiometry: sigma0_ref}", "{}")
+    both = "{cropland: {calibrate: true, start: [-20, 6, 0, 4]}, tree_cover: {calibrate: true, start: [-20, 6, 0, 4]}}"
+    Path("mine.yaml").write_text(text.replace("{cropland: {calibrate: true}, tree_cover: {}}", both))
+    found = check_case(["mine.yaml"])
+    assert found.problems == []
+    (said,) = (line for line in found.outlook if line.startswith("warning"))
+    assert "the image simulated at the start has no contrast between materials (the level of its squares var" in said
+    assert (
+        "give cropland and tree_cover starts that differ (materials.cropland.start: [-24.5, 6.0, 0.0, 4.0]), or" in said
+    )
+    for change in (
+        {"registration": {"method": "none"}},
+        {"materials": {"cropland": {"start": [-24.5, 6.0, 0.0, 4.0]}}},
+    ):
+        assert not any(line.startswith("warning") for line in check_case(["mine.yaml"], change).outlook)

@@ -1,0 +1,132 @@
+"""Problems of single files of a case, where other problems keep the whole scene or image from being made."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Collection
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from radcal.config import FileMeasurement, Radar, RasterScene, SceneConfig, SlantRangeScene, expand_path, vrt_folders
+from radcal.config.landcover import LANDCOVERS
+from radcal.errors import RadcalError
+from radcal.reading.safe import is_safe_name
+from radcal.running.file_facts import code_counts
+
+__all__ = ["image_problems", "is_on_map", "scene_problems"]
+
+
+def scene_problems(scene: SceneConfig, materials: Collection[str] | None = None) -> list[str]:
+    """One sentence for each problem that a file or a key of the scene has by itself.
+
+    Parameters
+    ----------
+    scene : SceneConfig
+        Section ``scene``.
+    materials : collection of str, optional
+        Names of the materials of the case, which must be names of the scene.
+    """
+    if isinstance(scene, RasterScene):
+        checks: list[Callable[[], Any]] = [
+            partial(_datum, scene),
+            partial(_heights, scene),
+            partial(_names, scene, materials),
+        ]
+    elif isinstance(scene, SlantRangeScene):
+        checks = [partial(_slant_names, scene, materials)]
+    return [text for check in checks for text in _said(check)]
+
+
+def image_problems(config: FileMeasurement, radar: Radar) -> list[str]:
+    """One sentence for each problem that a measured image has by itself, without the scene that it shows."""
+    from radcal.measurement.sources import check_image
+
+    return [str(error) for error in check_image(config, radar)]
+
+
+def is_on_map(config: FileMeasurement) -> bool:
+    """Whether a measured image lies on the map, so that its place does not depend on section ``radar``."""
+    from radcal.measurement.georeference import is_georeferenced
+
+    with contextlib.suppress(RadcalError):
+        product = is_safe_name(config.path)
+        path = expand_path(config.path, "measurement.path", folder=product)
+        return product or is_georeferenced(path, vrt_folders(config))
+    return False
+
+
+def _said(check: Callable[[], Any]) -> list[str]:
+    """Sentences that a check returns or, as an error, raises."""
+    try:
+        return list(check() or ())
+    except RadcalError as error:
+        return [str(error)]
+
+
+def _datum(scene: RasterScene) -> None:
+    from radcal.scene.crs import named_datum
+
+    if scene.vertical_datum is not None:
+        named_datum(scene.vertical_datum)
+
+
+def _heights(scene: RasterScene) -> None:
+    from radcal.scene.raster import check_elevation
+
+    check_elevation(scene)
+
+
+def _names(scene: RasterScene, materials: Collection[str] | None) -> list[str]:
+    """Problems of the raster of materials and of the names of its codes."""
+    from radcal.scene.names import landcover_names, read_names
+
+    found: list[str] = []
+    codes: dict[int, int] = {}
+    try:
+        path = expand_path(scene.materials, "scene.materials")
+        codes = code_counts(path)
+    except RadcalError as error:
+        found, path = [str(error)], Path(scene.materials)
+    try:
+        own = expand_path(scene.names, "scene.names") if scene.names is not None else None
+        if scene.landcover is not None:
+            known = landcover_names(scene.landcover, own, codes, path)
+            if not codes:  # any class of the map may occur
+                known = {code: cover.name for code, cover in LANDCOVERS[scene.landcover].items()} | (
+                    read_names(own, (), path) if own is not None else {}
+                )
+        elif own is not None:
+            known = read_names(own, codes, path)
+        found += _unknown(known.values(), materials)
+    except RadcalError as error:
+        found.append(str(error))
+    return found
+
+
+def _slant_names(scene: SlantRangeScene, materials: Collection[str] | None) -> list[str]:
+    """Problems of the raster of labels and of their names."""
+    from radcal.scene.names import read_names
+    from radcal.scene.slant_range import read_labels
+
+    found: list[str] = []
+    present: Collection[int] = ()
+    try:
+        present = read_labels(scene)[1]
+    except RadcalError as error:
+        found.append(str(error))
+    try:
+        names = read_names(expand_path(scene.names, "scene.names"), present, Path(scene.labels))
+        found += _unknown(names.values(), materials)
+    except RadcalError as error:
+        found.append(str(error))
+    return found
+
+
+def _unknown(names: Collection[str], materials: Collection[str] | None) -> list[str]:
+    """Materials of the case that the scene cannot have; the same sentence as that of the scene."""
+    return [
+        f"materials.{name}: not in the scene, which has {', '.join(names)}."
+        for name in materials or ()
+        if name not in names
+    ]

@@ -1,0 +1,144 @@
+"""What a case that is right will probably meet: an image without contrast, bounds off the image's level, and its time.
+
+All of it is said before any run, and is rough where it says so.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.assessment.reach import law_range_db, level_asked_db
+from radcal.config import Case
+from radcal.measurement.model import Measurement
+from radcal.measurement.registration import LEAST_CONTRAST_DB, contrast_db
+from radcal.radar.geometry import Geometry
+from radcal.radar.radiometry import noise_floor_db
+from radcal.radar.reflectivity import law_tables, reflectivity
+from radcal.running.time_left import FINAL_RUNS, duration, largest_runs, most_need, reference_count
+from radcal.storage.runs import median_seconds
+
+__all__ = ["levels_against_laws", "outlook", "start_contrast", "time_expected"]
+
+_FEWEST_PX = 50  # of a material, for a level
+
+
+def outlook(case: Case, geometry: Geometry, measured: Measurement | None) -> list[str]:
+    """Lines on the start image and on the levels of one pass.
+
+    Parameters
+    ----------
+    case : Case
+        One pass of the case.
+    geometry : Geometry
+        Geometry of the pass.
+    measured : Measurement or None
+        Measured image, not registered; None where it was not made.
+    """
+    blank = start_contrast(case, geometry)
+    lines = [] if blank is None else [f"warning: {blank}."]
+    levels = [] if measured is None else levels_against_laws(case, geometry, measured.image_db)
+    rough = "levels, rough (the image is not registered, no target is drawn; noise and slopes are left out):"
+    return [*lines, rough, *(f"  {line}" for line in levels)] if levels else lines
+
+
+def start_contrast(case: Case, geometry: Geometry) -> str | None:
+    """Sentence on a start image onto which nothing can be registered; None where there is contrast, or none is needed.
+
+    Parameters
+    ----------
+    case : Case
+        One pass of the case.
+    geometry : Geometry
+        Geometry of the pass.
+    """
+    at_start = case.at_start
+    if case.registration.method == "none" or not all(law.has_curve for law in at_start.laws.values()):
+        return None
+    tables = law_tables(geometry.names, at_start.laws, case.start_parameters)
+    power = reflectivity(geometry, tables).image.astype(np.float64)
+    noise = 10.0 ** (noise_floor_db(case.radar, geometry.flat_incidence_deg) / 10.0)
+    noise = noise[:, None] if np.ndim(noise) else noise
+    with np.errstate(divide="ignore"):
+        image = 10.0 * np.log10(np.where(np.isfinite(geometry.incidence_deg), power + noise, np.nan))
+    contrast = contrast_db(image.astype(np.float32))
+    if not contrast < LEAST_CONTRAST_DB:
+        return None
+    several = [name for name in case.calibrated if name in geometry.names]
+    return (
+        f"the image simulated at the start has no contrast between materials (the level of its squares varies by "
+        f"{contrast:.2f} dB), so that no image can be registered onto it: give {_listed(several)} starts that differ "
+        f"(materials.{several[0]}.start: {_other(case, several[0])}), or, if the measured image lies on the simulated "
+        "image's pixels already, set registration.method: none"
+    )
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(names[:-1]) + f" and {names[-1]}" if len(names) > 1 else names[0]
+
+
+def _other(case: Case, name: str) -> list[float]:
+    """Start of a material with its first parameter moved by a tenth of its bounds, as an example."""
+    material = case.materials[name]
+    start, (low, high) = list(material.start_parameters), material.box[0]
+    step = 0.1 * (high - low)
+    start[0] = float(f"{start[0] - step if start[0] - step >= low else start[0] + step:.3g}")
+    return start
+
+
+def levels_against_laws(case: Case, geometry: Geometry, image_db: NDArray[np.float32]) -> list[str]:
+    """Lines on the measured level of each calibrated material, before registration, against the range of its law.
+
+    Parameters
+    ----------
+    case : Case
+        One pass of the case.
+    geometry : Geometry
+        Geometry of the pass.
+    image_db : ndarray, shape (rows, columns)
+        Measured image, not registered [dB].
+    """
+    lines: list[str] = []
+    if case.target.normalisation == "image":
+        return lines
+    for name in case.calibrated:
+        law, material = case.laws[name], case.materials[name]
+        if name not in geometry.names or not law.has_curve:
+            continue
+        there = (geometry.material == geometry.names.index(name) + 1) & np.isfinite(image_db)
+        if np.count_nonzero(there) < _FEWEST_PX:
+            continue
+        incidence = np.quantile(geometry.incidence_deg[there].astype(np.float64), (np.arange(24) + 0.5) / 24)
+        low, high = law_range_db(law, material.box, incidence)
+        level = level_asked_db(image_db[there], float(case.radar.looks))
+        outside = "" if low <= level <= high else f": outside, widen or move materials.{name}.bounds"
+        lines.append(
+            f"{name}: {material.law} reaches {low:.1f} to {high:.1f} dB inside its bounds, the image has about "
+            f"{level:.1f} dB{outside}"
+        )
+    return lines
+
+
+def time_expected(case: Case, results: str | Path) -> str:
+    """Line on the time of the simulator runs, from those that the case has stored, or that it is not known.
+
+    Parameters
+    ----------
+    case : Case
+        The configuration.
+    results : path
+        Folder that contains the results folders of all cases.
+    """
+    seconds = median_seconds(Path(results) / case.case / "runs")
+    if seconds is None:
+        return "time: not known before the first run, which radcal run CASE reference makes"
+    each = seconds * case.simulator.draws
+    search = most_need(case.design_size, case.stop.max_runs)
+    usual = len(case.passes) * (reference_count(case.simulator) + search + FINAL_RUNS)
+    return (
+        f"time: about {duration(each)} a run (median of the case's stored runs); most cases need at most {usual} runs "
+        f"({duration(usual * each)} of simulation), stop.max_runs allows at most {sum(largest_runs(case).values())} "
+        f"({duration(sum(largest_runs(case).values()) * each)})"
+    )

@@ -1,0 +1,205 @@
+"""All mistakes of case files at once: what stands in for a wrong key, so that the others are checked, too."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from radcal.config.case import Case
+from radcal.config.inputs import expand_path
+from radcal.config.loading import origin_of, read_cases
+from radcal.config.pydantic_errors import WrongKey, shown, wrong_keys
+from radcal.config.sections import FURTHER
+from radcal.config.undecided import FILL_IN, undecided
+from radcal.errors import ConfigError
+
+__all__ = ["Loaded", "load_with_problems"]
+
+_PATHS = {
+    "scene": ("elevation", "materials", "labels", "names", "objects.path"),
+    "measurement": ("path",),
+}
+_OF_GEOMETRY = ("scene", "radar")
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """What could be read of a case with mistakes.
+
+    Attributes
+    ----------
+    case : Case or None
+        Case with which further checks can go on; None if there is none.
+    problems : list of str
+        One sentence for each wrong key and each contradiction between settings.
+    wrong : frozenset of str
+        Keys, in dotted form, that another value stands for or that were left out.
+    without : frozenset of str
+        Sections, of the case file, of which nothing is left.
+    materials : tuple of str or None
+        Names of the materials in the case file, wrong ones included; None if a name is still to be decided.
+    """
+
+    case: Case | None
+    problems: list[str]
+    wrong: frozenset[str] = frozenset()
+    without: frozenset[str] = frozenset()
+    materials: tuple[str, ...] | None = None
+
+    @property
+    def has_geometry(self) -> bool:
+        """Whether all keys on which the size of the simulated image depends are right."""
+        return not any(key.partition(".")[0] in _OF_GEOMETRY for key in (*self.wrong, *self.without))
+
+    def follows(self, text: str) -> bool:
+        """Whether a problem is about a key that is wrong as another problem says, or is the same in other words."""
+        sections = [f"{name}." for name in self.without]
+        if re.match(r"materials\.[^:]*: not in the scene", text):  # of the name, whatever its law
+            return any(key.startswith(("scene.landcover", "scene.names", "scene.materials")) for key in self.wrong)
+        return any(re.search(rf"(?<![\w.]){re.escape(key)}(?!\w)", text) for key in (*self.wrong, *sections))
+
+
+def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None) -> Loaded:
+    """Read configuration files and list all wrong keys and values, not only the first.
+
+    A misspelt key is taken for the nearest known one, and a wrong word for the nearest that the key may have. Another
+    wrong key is left out, and its section is left out if the key is missing, until the rest is a case.
+
+    Parameters
+    ----------
+    files, overrides
+        As for :func:`radcal.config.load`.
+
+    Returns
+    -------
+    Loaded
+
+    Raises
+    ------
+    ConfigError
+        A file is missing, empty or not YAML, or a key occurs twice.
+    """
+    given = read_cases(files, overrides)
+    marked = undecided(given, files)
+    data = deepcopy(given)
+    for one in marked:
+        _leave_out(data, one.place)
+    problems, wrong = [one.text for one in marked], {one.key for one in marked}
+    case: Case | None = None
+    contradictions: list[str] = []
+    while case is None:
+        contradictions = []
+        try:
+            case = Case.model_validate(data, context=contradictions)
+        except ValidationError as error:
+            found = wrong_keys(error, Case)
+            rest = deepcopy(data)
+            # what a key stands for may be why another one seems wrong: that one is looked at again afterwards
+            mended = [key for key in found if _mend(rest, key)]
+            for key in () if mended else found:
+                _leave_out(rest, key.place)
+            problems += [key.text for key in mended or found if not _is_missed(key, wrong)]
+            wrong |= {key.key for key in mended or found if key.meant is None and key.place}
+            if rest == data:
+                break
+            data = rest
+    names = given.get("materials")
+    named = tuple(names) if isinstance(names, dict) and FILL_IN not in names else None
+    gone = {name for name in given if name not in data and name in Case.model_fields}
+    loaded = Loaded(case, [], frozenset(wrong), frozenset(gone), named)
+    problems += [text for text in contradictions if not loaded.follows(text) and not _of_nothing(text, loaded)]
+    sentences = [f"{origin_of(files)}: {shown(text, 600)}." for text in dict.fromkeys(problems)]
+    sentences += _missing_files(given, gone)
+    return Loaded(case, sentences, frozenset(wrong), frozenset(gone), named)
+
+
+def _is_missed(key: WrongKey, wrong: Iterable[str]) -> bool:
+    """Whether a key is missing because it was left out, as another problem says."""
+    if not re.search("missing|needs", key.text):
+        return False
+    lost = {one.removeprefix(f"{key.key}.") for one in wrong if one.startswith(f"{key.key}.")}
+    return key.key in wrong or bool(lost.intersection(re.findall(r"\w+", key.text)))
+
+
+def _of_nothing(text: str, loaded: Loaded) -> bool:
+    """Whether a contradiction is only that no material is left."""
+    return text.startswith("materials: none is marked") and any(key.startswith("materials") for key in loaded.wrong)
+
+
+def _mend(data: dict[str, Any], key: WrongKey) -> bool:
+    """Put what was probably meant in place of a wrong key or value; whether that could be done."""
+    *above, last = _placed(data, key.place) or ("",)
+    section = _section(data, above)
+    if not isinstance(section, dict):
+        return False
+    if key.meant is not None and last in section and key.meant not in section:
+        section[key.meant] = section.pop(last)
+        return True
+    if key.choices and section.get(str(last)) != key.choices[0]:
+        section[str(last)] = key.choices[0]
+        return True
+    return False
+
+
+def _section(data: Any, above: Sequence[int | str]) -> Any:
+    """Section of plain data at a place as pydantic names it."""
+    inside = data
+    for part in above:
+        if _leads(inside, part):
+            inside = inside[part]
+    return inside
+
+
+def _leads(inside: Any, part: int | str) -> bool:
+    """Whether a part of a place is a key or an index; others are tags that pydantic inserts, and missing keys."""
+    if isinstance(inside, list):
+        return isinstance(part, int) and part < len(inside)
+    return isinstance(inside, dict) and part in inside
+
+
+def _placed(data: Mapping[str, Any], place: Sequence[int | str]) -> list[int | str]:
+    """Place in the data of a case, whose sections of several passes are lists."""
+    for section, further in FURTHER.items():
+        if place and isinstance(data.get(section), list) and place[0] in (section, further):
+            return [section, 0, *place[1:]] if place[0] == section else [section, int(place[1]) + 1, *place[2:]]
+    return list(place)
+
+
+def _leave_out(data: dict[str, Any], place: Sequence[int | str]) -> None:
+    """Remove a key that is wrong, or the innermost section around a key that is missing."""
+    inside: Any = data
+    above: list[tuple[dict[str, Any], str]] = []
+    for part in _placed(data, place):
+        if _leads(inside, part):
+            if isinstance(inside, dict):
+                above.append((inside, str(part)))
+            inside = inside[part]
+    while above:  # a section without keys would be another mistake
+        section, key = above.pop()
+        del section[key]
+        if section:
+            break
+
+
+def _missing_files(data: Mapping[str, Any], sections: Iterable[str]) -> list[str]:
+    """One sentence for each file that a section names which is left out, and that does not exist."""
+    problems = []
+    for name in sections:
+        several = data[name] if isinstance(data[name], list) else [data[name]]
+        for key, section in itertools.product(_PATHS.get(name, ()), several):
+            path = section
+            for part in key.split("."):
+                path = path.get(part) if isinstance(path, dict) else None
+            if isinstance(path, str) and path != FILL_IN:
+                try:
+                    expand_path(path, f"{name}.{key}", folder=True)
+                except ConfigError as error:
+                    problems.append(str(error))
+    return problems

@@ -1,0 +1,110 @@
+"""Values of a case that are still to be decided: where they stand, and what is to be written there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from radcal.config.sections import MATERIALS_FROM
+
+__all__ = ["EXAMPLES", "FILL_IN", "Undecided", "undecided"]
+
+FILL_IN = "FILL_IN"  # mark of a value that is still to be decided, in a case that radcal new has written
+EXAMPLES: Mapping[str, str] = {
+    "scene.elevation": "data/dem.tif",
+    "scene.materials": "data/landcover.tif",
+    "scene.labels": "data/labels.tif",
+    "scene.names": "data/names.json",
+    "scene.vertical_datum": "EGM2008",
+    "scene.near_incidence_deg": "22.5",
+    "scene.far_incidence_deg": "41",
+    "measurement.path": "data/image.tif",
+    "measurement.band": "2",
+    "measurement.scale": "power",
+    "measurement.radiometry": "gamma0",
+    "radar.radiometry": "gamma0",
+    "radar.polarisation": "VV",
+    "radar.frequency_ghz": "5.405",
+    "radar.altitude_m": "3500",
+    "radar.depression_deg": "48",
+    "radar.incidence_deg": "38.5",
+    "radar.heading_deg": "192.5",
+    "radar.look_side": "left",
+    "radar.range_resolution_m": "2.7",
+    "radar.azimuth_resolution_m": "22",
+    "radar.range_spacing_m": "2.3",
+    "radar.azimuth_spacing_m": "14",
+    "radar.looks": "4.4",
+    "radar.nesz_db": "-24",
+}
+"""Values such as they may stand in a case, by key."""
+_LEVEL = "[-15]"  # of law constant_gamma
+
+
+@dataclass(frozen=True)
+class Undecided:
+    """One value, or one name of a material, that is still to be decided.
+
+    Attributes
+    ----------
+    place : tuple
+        Keys that lead to it; an item of a list is decided together with its list.
+    line : int or None
+        Line of the case file, from 1; None where a setting of the command line gives it.
+    """
+
+    place: tuple[int | str, ...]
+    line: int | None
+
+    @property
+    def key(self) -> str:
+        """Key in dotted form."""
+        return ".".join(map(str, self.place))
+
+    @property
+    def text(self) -> str:
+        """What is to be written where, with an example, without a full stop."""
+        key, line = self.place[-1], "" if self.line is None else f" (line {self.line})"
+        if key == FILL_IN:
+            return (
+                f"{self.key} is {FILL_IN}{line}, expected the name of a material of the scene in its place, for "
+                "example crops: {calibrate: true}"
+            )
+        section = f"{self.place[0]}.{key}"
+        example = _LEVEL if key == "parameters" else EXAMPLES.get(section)
+        such = "its value" if example is None else f"its value, for example {key}: {example}"
+        return f"{self.key} is {FILL_IN}{line}, expected {such}"
+
+
+def undecided(data: Mapping[str, Any], files: Sequence[str | Path] = ()) -> list[Undecided]:
+    """All values of a case that are still to be decided.
+
+    Parameters
+    ----------
+    data : mapping
+        Plain data of the case.
+    files : sequence of path
+        Case files that it was read from; a later one stands above an earlier one.
+    """
+    places = list(_marked(data))
+    if not places:
+        return []
+    from radcal.config.yaml_file import lines_of
+
+    lines = {}
+    for file in files:
+        for place, line in lines_of(file, FILL_IN):
+            lines[place] = line
+            lines.setdefault(place[:-1], line)  # of the list that an item belongs to
+    return [Undecided(place, lines.get(place)) for place in places if place[0] != MATERIALS_FROM]
+
+
+def _marked(data: Any, above: tuple[int | str, ...] = ()) -> Iterator[tuple[int | str, ...]]:
+    for key, value in data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ():
+        place = (*above, key)
+        if FILL_IN in (value, key):
+            yield above if isinstance(data, list) else place
+        else:
+            yield from _marked(value, place)

@@ -1,0 +1,142 @@
+"""Conclusion of a calibration: which pixels, densities, images and runs it shows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from archives import posterior
+from calibration_samples import make_run, make_target
+
+from radcal.assessment.conclusion import _believed, _known, conclude
+from radcal.assessment.fit_test import FitTest
+from radcal.calibration.history import History
+from radcal.config import Stop, case_from
+from radcal.measurement.target import Targets
+from radcal.radar.geometry import Geometry
+from radcal.radar.texture import log_speckle_cumulants
+from radcal.skewnormal import centred
+from radcal.storage.runs import Record, RunStore
+
+ROWS, COLUMNS = 60, 80
+X = [-28.0, 20.0, 6.0, 4.0]
+
+
+def geometry() -> Geometry:
+    """Fifty columns of one material, thirty of another one, each pixel a facet."""
+    material = np.where(np.arange(COLUMNS) < 50, 1, 2).astype(np.uint8) * np.ones((ROWS, 1), dtype=np.uint8)
+    n, nothing = material.size, np.zeros(material.shape, dtype=bool)
+    flat = np.linspace(25.0, 50.0, ROWS)
+    return Geometry(
+        shape=material.shape, names=("area", "rest"), cell_start=np.arange(n + 1, dtype=np.int32),
+        cell_material=material.ravel(), facet_start=np.arange(n + 1, dtype=np.int32),
+        facet_incidence=np.zeros(n, dtype=np.uint16), facet_weight=np.ones(n, dtype=np.float32), material=material,
+        incidence_deg=np.repeat(flat[:, None], COLUMNS, axis=1).astype(np.float32), layover=nothing, shadow=nothing,
+        flat_incidence_deg=flat, ground=np.full((2, *material.shape), np.nan, dtype=np.float32),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def parts(tmp_path_factory):
+    """Arguments of a conclusion; images at -5 (reference), -10 (calibrated) and -8 dB (another seed)."""
+    seen = geometry()
+    rng = np.random.default_rng(4)
+
+    def record(key: str, level_db: float) -> Record:
+        image = (level_db + rng.normal(0.0, 2.0, seen.shape)).astype(np.float32)
+        return Record(key, {"area": image.ravel()[seen.pixels("area")]}, image, 0.1)
+
+    case = case_from(
+        {
+            "objective": "density",
+            "materials": {"area": {"calibrate": True}, "rest": {"parameters": [1, 2, 3, 4]}},
+            "measurement": {"synthetic": {"parameters": {"area": X}}},
+            "radar": {"looks": 4},
+        }
+    )
+    visible = seen.pixels("area")
+    order = np.sort(rng.choice(visible.size, 900, replace=False))
+    target = make_target(
+        rng.normal(-10.0, 2.0, 900), seen.incidence_deg.ravel()[visible[order]], pixels=visible[order], order=order,
+        rms_sampling=0.004,
+    )  # fmt: skip
+    reference, *final = record("start", -5.0), record("best", -10.0), record("fresh", -8.0)
+    runs = [
+        replace(make_run("reference", 0, {"area": 0.3}, x=X), key="start"),
+        replace(make_run("design", 0, {"area": 0.01}, x=X, looks=2.5), key="best"),
+        replace(make_run("design", 1, {"area": 0.2}, x=X, looks=1.5), key="other"),
+    ]
+    folder = tmp_path_factory.mktemp("runs")
+    RunStore(folder).put(reference, {"simulator": {"kind": "made up"}})
+    arguments = (case, Stop(rms=1e-3), History(runs), Targets({"area": target}), seen, folder, tuple(final))
+    return arguments, reference
+
+
+@pytest.fixture(scope="module")
+def found(parts):
+    return conclude(*parts[0])
+
+
+def test_pixels_are_those_of_reference_and_final_runs_with_the_texture_of_each(parts, found):
+    """Of 4 looks, as the reference run suits best, there is none; the best run suits 2.5."""
+    (*_, final), reference = parts
+    shown, order = found.materials["area"], parts[0][3]["area"].order
+    np.testing.assert_array_equal(shown.start, reference.pixels_db["area"][order])
+    wanted = log_speckle_cumulants(2.5)[1] - log_speckle_cumulants(4.0)[1]
+    added = [
+        values - record.pixels_db["area"][order]
+        for values, record in zip((shown.calibrated, shown.fresh), final, strict=True)
+    ]
+    for texture in added:
+        assert texture.var() == pytest.approx(wanted, rel=0.2)  # of 900 pixels: four standard errors
+    assert abs(np.corrcoef(*added)[0, 1]) < 0.15
+
+
+def test_densities_are_those_of_all_pixels_of_the_final_runs(found):
+    shown = found.materials["area"]
+    texture = log_speckle_cumulants(2.5) - log_speckle_cumulants(4.0)
+    for dp, level in ((shown.calibrated_dp, -10.0), (shown.fresh_dp, -8.0)):
+        mean, sd, _ = centred(dp)
+        assert mean == pytest.approx(level + texture[0], abs=0.2)
+        assert sd == pytest.approx(np.sqrt(4.0 + texture[1]), rel=0.05)
+
+
+def test_the_picture_is_the_fresh_run_with_the_texture_of_the_calibrated_material(parts, found):
+    (*_, seen, _, final), reference = parts
+    np.testing.assert_array_equal(found.reference_db, reference.image_db)
+    same = found.calibrated_db == final[1].image_db
+    assert same[:, 50:].all()
+    assert not same[:, :50].any()
+    pixels, order = found.calibrated_db.ravel()[seen.pixels("area")], parts[0][3]["area"].order
+    np.testing.assert_array_equal(pixels[order], found.materials["area"].fresh)
+
+
+def test_a_final_run_that_the_search_has_made_is_no_new_one(parts, found):
+    assert found.new_runs == 1
+    assert found.simulator == {"kind": "made up"}
+    assert found.materials["area"].differ
+    *rest, final = parts[0]
+    again = conclude(*rest, (final[0], replace(final[0], key="fresh")))
+    assert not again.materials["area"].differ
+    assert any("another seed gives the same pixels" in note for note in again.notes)
+
+
+def test_the_distance_is_the_rms_over_that_of_sampling(found):
+    assert found.fits["area"].distance == pytest.approx(0.01 / 0.004)
+    assert "its rms is 2.5 times the sampling error" in found.verdicts["area"]
+
+
+@pytest.mark.parametrize(("fits", "known"), [(True, (20.0, 40.0)), (None, (20.0, 40.0)), (False, None)])
+def test_a_law_that_does_not_fit_is_known_nowhere(fits, known):
+    """One that cannot be tested keeps what is known of it."""
+    before = posterior(known_between_deg=(20.0, 40.0), known_half_width_db=0.8)
+    test = FitTest(fits, 20.0, 20.0, 0.5, 30.0, 0.1, 1.0, 0.0, 2.0, 2.0, "", (), 1.0)
+    after = _believed(before, test)
+    assert after.known_between_deg == known
+    assert (after.known_half_width_db is None) is (known is None)
+    said = _known(after)
+    assert said is not None
+    assert (said.between_deg, said.linear) == (known, False)
+    assert _known(replace(after, sampled=False)).linear
+    assert _known(replace(after, curve=None)) is None

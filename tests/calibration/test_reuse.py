@@ -1,0 +1,79 @@
+"""Runs of an earlier case that are taken over, and those that are not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from radcal.calibration.reuse import reuse_runs
+from radcal.config import Case, stages
+from radcal.errors import ConfigError
+from radcal.radar.geometry import Geometry
+from radcal.scene.model import Scene
+from radcal.seeds import draw_seeds
+from radcal.simulators.builtin import BuiltinSimulator
+from radcal.simulators.runner import Runner
+from radcal.storage.runs import RunStore
+
+START = [10.0, 14.0, 21.0, 3.0]
+INSIDE, AT_ENDS, OUTSIDE = [11.0, 12.5, 20.0, 4.0], [8.0, 15.0, 19.0, 5.0], [11.0, 15.5, 20.0, 4.0]
+NARROW = [[8, 12], [12, 15], [19, 22], [2, 5]]
+
+
+@pytest.fixture
+def made(
+    build_case: Callable[..., Case], scene: Scene, geometry: Geometry, tmp_path: Path
+) -> Callable[..., tuple[stages.Reuse, Runner]]:
+    """Function that makes a case of two draws of speckle, and its runner on a store of a given name."""
+
+    def make(store: str, bounds: Sequence[Sequence[float]], **keys: Any) -> tuple[stages.Reuse, Runner]:
+        dyke = {"calibrate": True, "bounds": bounds, "start": START}
+        case = build_case(
+            materials={"dyke": dyke, "grass": {"parameters": [10.0, 14.0, 6.0, 4.0]}},
+            simulator={"kind": "builtin", "draws": 2},
+            **keys,
+        )
+        simulator = BuiltinSimulator(geometry, case.radar, case.laws)
+        stage = stages.Reuse.of(case)
+        return stage, Runner(RunStore(tmp_path / store), simulator, geometry, scene.identity, stage)
+
+    return make
+
+
+def run_all(case: stages.Reuse, runner: Runner, *points: Sequence[float]) -> dict[tuple[float, ...], list[str]]:
+    """Hashes of the draws of some runs, by the parameters of the dyke."""
+    return {
+        tuple(x): [runner.run({**case.start_parameters, "dyke": list(x)}, seed).key for seed in draw_seeds(case)]
+        for x in points
+    }
+
+
+def test_runs_inside_of_the_bounds_are_taken_with_their_draws(made: Callable[..., Any], tmp_path: Path) -> None:
+    """Ends of the bounds belong to them; the reference run is copied, and counts for itself."""
+    keys = run_all(*made("earlier", [[0, 50]] * 4), START, INSIDE, AT_ENDS, OUTSIDE)
+    (tmp_path / "earlier" / f"{keys[tuple(AT_ENDS)][1]}.h5").unlink()  # a run that was killed between its draws
+    case, runner = made("mine", NARROW)
+    taken = {tuple(run.parameters["dyke"]): run for run in reuse_runs(case, runner, tmp_path / "earlier")}
+    assert set(taken) == {tuple(INSIDE), tuple(AT_ENDS)}
+    assert taken[tuple(INSIDE)].key == keys[tuple(INSIDE)][0]
+    assert taken[tuple(INSIDE)].draws == (keys[tuple(INSIDE)][1],)
+    assert taken[tuple(AT_ENDS)].draws == ()
+    assert all(run.parameters["grass"] == [10.0, 14.0, 6.0, 4.0] for run in taken.values())
+    copied = {path.stem for path in (tmp_path / "mine").glob("*.h5")}
+    assert copied == {keys[tuple(START)][0], *keys[tuple(INSIDE)], keys[tuple(AT_ENDS)][0]}
+
+
+def test_runs_of_another_seed_or_outside_of_the_bounds_alone_are_refused(
+    made: Callable[..., Any], tmp_path: Path
+) -> None:
+    earlier, runner = made("earlier", [[0, 50]] * 4)
+    run_all(earlier, runner, INSIDE)
+    other, theirs = made("mine", NARROW, seed=7)
+    with pytest.raises(ConfigError, match=r"design.reuse: none of the 2 runs .* noise_seed"):
+        reuse_runs(other, theirs, tmp_path / "earlier")
+    run_all(*made("far", [[0, 50]] * 4), OUTSIDE)
+    with pytest.raises(ConfigError, match=r"none of the 1 runs .* materials.dyke is outside its bounds"):
+        reuse_runs(*made("mine", NARROW), tmp_path / "far")
