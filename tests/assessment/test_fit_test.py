@@ -153,6 +153,7 @@ def test_linearised_refits_leave_what_real_ones_leave(right):
         sums.append([((np.eye(away.size) - line.hat) @ away) @ away, left @ left])
     by_line, by_fit = np.array(sums).T
     np.testing.assert_allclose(by_line, by_fit, rtol=0.3)  # some bend away from the line
+    assert np.median(by_line / by_fit) == pytest.approx(1.0, abs=0.03)
     assert by_line.mean() == pytest.approx(by_fit.mean(), rel=0.06)
 
 

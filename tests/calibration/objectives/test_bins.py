@@ -142,14 +142,14 @@ def test_nothing_is_left_at_the_minimum_and_much_away_from_it(objectives):
     """Where the simulator is law and speckle alone, the law found without it is the minimum."""
     objective = objectives["field"]
     x = objective.bins.first
-    least, (gain, floor, moved) = outlook(objective, x, objective.baseline(x))
-    assert gain < 0.05  # the stop criterion: the law is found without the simulated speckle's share of the errors
+    least, (left, floor, moved) = outlook(objective, x, objective.baseline(x))
+    assert left < 0.05  # the stop criterion: the law is found without the simulated speckle's share of the errors
     assert moved < 0.2
     assert floor is None
     away = x + [3.0, 0.0, 0.0, 0.0]
     cost, (gain, _, moved) = outlook(objective, away, objective.baseline(away))
     assert cost > least + 1.0
-    assert gain == pytest.approx(cost - least, abs=0.05)
+    assert gain == pytest.approx(cost - least + left, abs=5e-3)  # the same minimum from both
     seen = np.radians(np.linspace(*np.quantile(objective.ground.incidence_deg, [0.05, 0.95]), 91))
     assert moved == pytest.approx(np.abs(MANGIA(seen, away) - MANGIA(seen, x)).max(), abs=0.2)
 
