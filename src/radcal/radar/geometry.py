@@ -151,7 +151,8 @@ class Geometry:
         """
         inside = self.material == self.names.index(name) + 1
         if np.any(np.asarray(margin_px) > 0):
-            # the scene is not simulated beyond the image's border, so that resolution cells along it are incomplete
+            # the scene is not simulated beyond the image's border, so that resolution cells at the border are
+            # incomplete
             padded = np.pad(inside, 1)
             distance = distance_transform_cdt(padded, metric="chessboard")[1:-1, 1:-1]
             inside = distance > margin_px

@@ -20,7 +20,7 @@ _HALO = 12  # cells beyond a block that enter its cubic spline; those further aw
 def local_incidence_cosine(
     along: NDArray[np.float64], across: NDArray[np.float64], to_radar: tuple[NDArray[np.float64], NDArray[np.float64]]
 ) -> NDArray[np.float64]:
-    """Cosine of the local incidence angle from the surface's slopes.
+    """Cosine of the local incidence angle, computed from the surface's slopes.
 
     Parameters
     ----------
@@ -58,8 +58,8 @@ class Lines:
     state : ndarray of uint8
         Bit flags of each facet: visible, in layover, part of an object.
     hidden : list of (ndarray, ndarray, ndarray)
-        Line, nearest and furthest slant range (relative to the base [m]) of the hidden parts of partly visible facets;
-        one entry of the list for each block of lines.
+        Hidden parts of partly visible facets, one entry of the list for each block of lines: the line of the facet, and
+        the nearest and furthest slant range of the hidden part, relative to the base slant range [m].
     """
 
     near_m: NDArray[np.float32]
@@ -86,7 +86,7 @@ class Lines:
 def _refined(
     block: NDArray[np.float64], rows: NDArray[np.float64], columns: NDArray[np.float64], cell_m: float
 ) -> NDArray[np.float64]:
-    """Elevation between cell centres, by cubic splines, or bilinear at steep walls, where splines oscillate."""
+    """Elevation interpolated between cell centres: by cubic splines, but bilinear at walls, where splines oscillate."""
     at = np.meshgrid(rows, columns, indexing="ij")
     fine = map_coordinates(block, at, order=3, mode="nearest")
     # a wall has a slope above 3 between the neighbours of a cell, which are two cells apart
@@ -112,7 +112,7 @@ def refined_elevation(elevation: NDArray[np.float64], k: int, cell_m: float) -> 
     Returns
     -------
     ndarray, shape (ny k, nx k)
-        Elevation [m], interpolated as for the facets of an image.
+        Elevation [m], interpolated in the same way as for the facets of an image.
     """
     if k == 1:
         return elevation
@@ -162,7 +162,7 @@ def fill_lines(
     beyond = ((_HALO - first + low, _HALO - high + last), (_HALO, _HALO))
     block = np.pad(elevation[low:high], beyond, mode="reflect", reflect_type="odd")
     if k == 1:
-        # contiguous as refined ground is, so that compiled functions see one type of array
+        # contiguous, as refined ground is, so that functions are compiled for one type of array only
         fine = np.ascontiguousarray(block[_HALO - 1 : _HALO + last - first + 1, _HALO:-_HALO])
     else:
         rows = (np.arange(-1, (last - first) * k + 1) + 0.5) / k - 0.5 + _HALO

@@ -52,14 +52,14 @@ class Reflectivity:
 
 
 def uniform(power: NDArray[np.float32]) -> Reflectivity:
-    """Reflectivity of an image of one material, from the power of each pixel [linear], shape (rows, columns)."""
+    """Reflectivity of an image of one material, made from the power of each pixel [linear], shape (rows, columns)."""
     n = power.size
     shape = (power.shape[0], power.shape[1])
     return Reflectivity(
         shape,
         np.arange(n + 1, dtype=np.int32),
         np.ones(n, dtype=np.uint8),
-        np.require(power, np.float32, ["C", "W"]).ravel(),  # for read-only arrays, everything is compiled again
+        np.require(power, np.float32, ["C", "W"]).ravel(),  # functions would be compiled again for read-only arrays
     )
 
 
@@ -78,8 +78,8 @@ def law_tables(
     Returns
     -------
     ndarray of float32, shape (materials + 2, 65536)
-        sigma0 [linear power] at incidence i / 65535 times 90 degrees; row 0 is no material, the
-        last is 1 for objects, whose weights hold their cross-section.
+        sigma0 [linear power]; column i is an incidence angle of i / 65535 times 90 degrees. Row 0 is no material. The
+        last row is 1 and stands for objects, whose cross-section is contained in the weights.
 
     Raises
     ------
@@ -136,7 +136,7 @@ def reflectivity(
     Returns
     -------
     Reflectivity
-        Reflectivity: for each cell the sum of weight times sigma0(phi) over its facets.
+        Reflectivity; the power of a cell is the sum of weight times sigma0(phi) over the facets of the cell.
     """
     power = np.zeros(geometry.cell_material.size, dtype=np.float32) if before is None else before.power
     _colour(

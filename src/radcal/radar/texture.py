@@ -36,7 +36,7 @@ def log_speckle_cumulants(looks: ArrayLike) -> NDArray[np.float64]:
     logs-cumulants a l'analyse des lois d'images radar", Traitement du Signal 19 (2002).
     """
     n = np.asarray(looks, dtype=np.float64)
-    if n.ndim == 0:  # cached, because a search repeats the same looks
+    if n.ndim == 0:  # cached, because a search asks for the same number of looks many times
         return np.array(_scalar(float(n)))
     from scipy.special import digamma, polygamma
 
@@ -76,8 +76,8 @@ def texture_order(looks: float, effective: float) -> float:
 
     References
     ----------
-    Nicolas (2002), as above; Jakeman and Pusey, "A model for non-Rayleigh sea echo", IEEE Trans.
-    Antennas Propag. 24 (1976): the K distribution.
+    Nicolas (2002), as for :func:`log_speckle_cumulants`; Jakeman and Pusey, "A model for non-Rayleigh sea echo", IEEE
+    Trans. Antennas Propag. 24 (1976): the K distribution.
     """
     from scipy.special import polygamma
 
@@ -113,10 +113,10 @@ def _order(log_variance: float) -> float:
 
 
 def equal_texture(looks: float, effective: float, others: float) -> float:
-    r"""Effective looks in an image of other looks, with the texture that an image of L looks shows.
+    r"""Effective looks of an area in another image, with the texture that the area shows in an image of L looks.
 
-    The variances of speckle and texture add in dB: :math:`\psi'(L_2') = \psi'(L_2) + \psi'(L') - \psi'(L)`. Where L' is
-    above L, so that no texture explains it, the ratio of effective to nominal looks is kept.
+    The variances of speckle and texture add in dB: :math:`\psi'(L_2') = \psi'(L_2) + \psi'(L') - \psi'(L)`. If L' is at
+    least L, no texture explains the effective looks; the ratio L' / L is then kept.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def equal_texture(looks: float, effective: float, others: float) -> float:
     Returns
     -------
     float
-        Effective looks of the area there, at least 0.01.
+        Effective looks of the area in the other image, at least 0.01.
     """
     if others == looks:
         return effective
