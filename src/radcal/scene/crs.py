@@ -105,7 +105,8 @@ def turned(crs: CRS, place: tuple[float, float], heading_deg: float) -> CRS:
     crs : pyproj.CRS
         Projected CRS.
     place : (float, float)
-        Coordinates in ``crs`` of the place that becomes the origin; the scale is 1 on the line through it.
+        Coordinates in ``crs`` of the place that becomes the origin; the scale is 1 on the central line through this
+        place.
     heading_deg : float
         Heading of the track at this place, clockwise from north [deg].
 
@@ -117,8 +118,8 @@ def turned(crs: CRS, place: tuple[float, float], heading_deg: float) -> CRS:
     References
     ----------
     PROJ, "Oblique Mercator" (omerc): ``alpha`` is the azimuth of the central line, ``gamma`` the angle from the
-    rectified to the skew grid. With gamma = 0 the central line is the second axis. PROJ does so for alpha from -90 to
-    90 degrees only, so that other headings take the opposite direction of the line and gamma = 180 degrees.
+    rectified to the skew grid. With gamma = 0, the second axis points along the central line. In PROJ, this holds only
+    for alpha from -90 to 90 degrees; for other headings, alpha is the opposite direction and gamma is 180 degrees.
     """
     from pyproj import Transformer
     from pyproj.crs import ProjectedCRS
@@ -138,7 +139,7 @@ def turned(crs: CRS, place: tuple[float, float], heading_deg: float) -> CRS:
 
 
 def earth_radius_m(crs: str, place: tuple[float, float], azimuth_deg: float) -> float:
-    """Radius of curvature of the ellipsoid along a direction.
+    """Radius of curvature of the ellipsoid at a place, along a given direction.
 
     Parameters
     ----------
@@ -163,7 +164,7 @@ def earth_radius_m(crs: str, place: tuple[float, float], azimuth_deg: float) -> 
     plane = CRS.from_user_input(crs)
     _, latitude = Transformer.from_crs(plane, plane.geodetic_crs, always_xy=True).transform(*place)
     ellipsoid = plane.ellipsoid
-    assert ellipsoid is not None  # noqa: S101 - every geodetic datum has one
+    assert ellipsoid is not None  # noqa: S101 - every geodetic datum has an ellipsoid
     major, ratio = ellipsoid.semi_major_metre, 1.0 - (ellipsoid.semi_minor_metre / ellipsoid.semi_major_metre) ** 2
     root = math.sqrt(1.0 - ratio * math.sin(math.radians(latitude)) ** 2)
     meridian, vertical = major * (1.0 - ratio) / root**3, major / root
@@ -178,7 +179,7 @@ def vertical_unit(crs: CRS) -> str | None:
 
 
 def vertical_datum(crs: CRS) -> str | None:
-    """Name of the vertical datum of a CRS, or None if the CRS names none.
+    """Name of the vertical datum of a CRS, or None if the CRS names no vertical datum.
 
     Parameters
     ----------
@@ -194,7 +195,7 @@ def vertical_datum(crs: CRS) -> str | None:
     if crs.is_compound:
         vertical = crs.sub_crs_list[-1]
         names = (vertical.name, vertical.datum.name if vertical.datum is not None else "")
-        # GeoTIFFs may name a unit of heights and no datum: libraries call that "unknown"
+        # a GeoTIFF may name a unit of heights but no vertical datum; libraries then call the datum "unknown"
         return next((name for name in names if name.lower() not in _UNNAMED), None)
     if len(crs.axis_info) == 3:
         return f"{crs.ellipsoid.name if crs.ellipsoid is not None else crs.name} ellipsoid"
@@ -202,7 +203,7 @@ def vertical_datum(crs: CRS) -> str | None:
 
 
 def named_datum(text: str) -> str:
-    """Standard name of the vertical datum that the configuration key ``scene.vertical_datum`` names.
+    """Standard name of the vertical datum that is the value of the configuration key ``scene.vertical_datum``.
 
     Parameters
     ----------
@@ -237,7 +238,7 @@ def named_datum(text: str) -> str:
     if "ellips" in text.lower() or _key(text) == "local":
         return text.strip()
     known: dict[str, str] = {}
-    # the shortest name first, because others add the unit
+    # shortest name first, because longer names add the unit
     for name in sorted((info.name for info in query_crs_info("EPSG", PJType.VERTICAL_CRS)), key=len):
         known.setdefault(_key(name), name)
     if _key(text) not in known:
@@ -288,19 +289,20 @@ def transformation_note(source: CRS, target: CRS, name: str) -> str | None:
 
 
 def geoid_m(datum: str, longitude_deg: float, latitude_deg: float) -> float | None:
-    """Height of the zero level of a vertical datum above the ellipsoid WGS 84 at a place [m].
+    """Height [m] of the zero level of a vertical datum above the WGS 84 ellipsoid, at a given place.
 
     Parameters
     ----------
     datum : str
         Name of the datum, as in :attr:`.Scene.vertical_datum`.
     longitude_deg, latitude_deg : float
-        Place on WGS 84 [deg].
+        Longitude and latitude of the place on WGS 84 [deg].
 
     Returns
     -------
     float or None
-        0 for an ellipsoid; None where PROJ lacks the grid of the geoid, or the datum has none.
+        Height [m]; 0 for an ellipsoid. None if the grid of the geoid is not installed or does not cover the place, or
+        if the datum is not in the EPSG database.
     """
     from pyproj import CRS, Transformer
     from pyproj.crs import CompoundCRS
