@@ -20,7 +20,7 @@ def direct(cp: ArrayLike) -> NDArray[np.float64]:
     Parameters
     ----------
     cp : array_like, shape (..., 3)
-        Mean [dB], standard deviation [dB], skewness, |skewness| < 0.99527.
+        Mean [dB], standard deviation [dB], and skewness, which is below 0.99527 in size.
 
     Returns
     -------
