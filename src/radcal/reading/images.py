@@ -152,7 +152,7 @@ def to_db(values: Values, file: ImageFile) -> tuple[NDArray[np.float32], Counts]
     ------
     RadcalError
         The array is not an image, has no finite number or no positive power, or its type contradicts the declared
-        scale. Or too many numbers are negative (power, amplitude) or impossible.
+        scale. The exception is also raised if too many numbers are negative (power, amplitude) or impossible.
     """
     scale, path = file.options.scale, file.path
     check_header(file, values.shape, values.dtype)

@@ -39,7 +39,7 @@ _MARKS = (
     b"<VRTDataset",
     b"<GDALTileIndexDataset",
 )  # texts by which GDAL recognises a mosaic, anywhere in the first bytes
-_LARGEST_XML = 50_000_000  # bytes
+_LARGEST_XML = 50_000_000  # largest size of an XML file [bytes]
 # XML elements that gdalbuildvrt and gdal_translate write into a mosaic; only SourceFilename names a file
 _ELEMENTS = frozenset(
     """
