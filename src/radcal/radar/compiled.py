@@ -1,10 +1,10 @@
 """Compilation by numba, with a cache folder that is named after a hash of all source files of compiled functions.
 
-numba loads a function's machine code from its cache as long as the function's own source file is unchanged. It does not
-notice changes in other source files whose compiled functions or constants the function uses. The cache folder is
-therefore named after a hash of all source files with compiled functions or with constants that compiled functions use.
-Every module with compiled functions imports ``njit`` or ``threaded`` from this module, and :func:`sources` finds these
-modules by this import.
+numba loads a function's machine code from its cache as long as the function's own source file is unchanged. numba does
+not notice changes in other source files, even if the function uses constants or compiled functions of these files. The
+cache folder is therefore named after a hash of all source files with compiled functions or with constants that compiled
+functions use. Every module with compiled functions imports ``njit`` or ``threaded`` from this module, and
+:func:`sources` finds these modules by this import.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def _used(tree: ast.Module) -> set[str]:
 
 
 def _imports(tree: ast.Module) -> Iterator[tuple[str, str, str]]:
-    """Imports from radcal in a module, each as the imported module, the imported object, and the name in the module."""
+    """Imports from radcal in a module: module and name of the imported object, and its name in the importing module."""
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "radcal":
             yield from ((str(node.module), alias.name, alias.asname or alias.name) for alias in node.names)
@@ -101,11 +101,12 @@ def cache_folder(package: Path = _PACKAGE) -> str | None:
     Returns
     -------
     str or None
-        ``radcal-<hash>`` in the first writable folder of: ``NUMBA_CACHE_DIR`` if it is set, the package's own
-        ``__pycache__``, ``radcal`` in the user's cache (``XDG_CACHE_HOME``, else ``~/.cache``). None if none of them is
-        writable. The hash covers the source files, the versions of numba and llvmlite, and the processor. Nodes of a
-        cluster with a common home directory therefore share a folder only if they run the same machine code. Folders of
-        other hashes are removed, except the eight used most recently and those used within the last day.
+        Path of the folder ``radcal-<hash>`` in the first writable one of the following folders: ``NUMBA_CACHE_DIR`` if
+        it is set; the package's ``__pycache__``; ``radcal`` below ``XDG_CACHE_HOME`` or, if this is not set, below
+        ``~/.cache``. None if none of these folders is writable. The hash covers the source files, the versions of numba
+        and llvmlite, and the processor. Nodes of a cluster with a common home directory therefore share a folder only
+        if they run the same machine code. Cache folders of other hashes are removed, except the eight used most
+        recently and those used within the last day.
     """
     total = hashlib.sha256(f"{numba.__version__} {llvmlite.__version__} {binding.get_host_cpu_name()}".encode())
     total.update(binding.get_host_cpu_features().flatten().encode())

@@ -1,7 +1,7 @@
 """Position of the track relative to the ground, over a flat or a curved earth.
 
 Over a curved earth, the ground is modelled as a sphere with the ellipsoid's radius of curvature at the scene. The scene
-is computed in the plane that touches the sphere at the scene's centre: elevations are lowered by the depth of the
+is computed in the plane that touches the sphere at the scene's centre. Elevations are lowered by the depth of the
 sphere below this plane, which depends on ground range alone. The slant range and the incidence angle at the scene's
 centre are those of the sphere. Elevations are not lowered along azimuth, because an orbit follows the curvature of the
 earth. ``docs/simulator.md`` gives the errors of this approximation.
@@ -26,10 +26,10 @@ def heading_at_scene(
 ) -> float:
     """Heading of a satellite's track at the scene, computed from the heading at the point below the satellite.
 
-    The two headings differ by some degrees for an orbit, because meridians converge between the two places. Annotations
-    of products give the heading below the satellite; ``radar.heading_deg`` is the heading at the scene. The result has
-    an error of up to 0.4 degrees, because the height of an orbit above the ellipsoid is not constant; the result of
-    :func:`heading_of_sight` is exact.
+    For an orbit, the heading at the scene differs from the heading at the point below the satellite by some degrees,
+    because meridians converge between the two places. Annotations of products give the heading below the satellite;
+    ``radar.heading_deg`` is the heading at the scene. The result has an error of up to 0.4 degrees, because the height
+    of an orbit above the ellipsoid is not constant; the result of :func:`heading_of_sight` is exact.
 
     Parameters
     ----------

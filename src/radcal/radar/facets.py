@@ -137,8 +137,8 @@ def order_facets(
 
     The weights of the ground's facets are multiplied by ``of_ground``, and the weights of objects' facets (material id
     ``objects``) by ``of_objects``; both factors have the shape (rows,). The averages do not include objects' facets,
-    except the mean position of a pixel without ground. Such a pixel has no mean incidence. ``part`` is the range of
-    image rows to compute: the first row, and the row after the last.
+    except the mean position of a pixel without ground. A pixel without ground has no mean incidence. ``part`` is the
+    range of image rows to compute: the first row, and the row after the last.
     """
     for row in range(part[0], part[1]):
         for pixel in range(row * columns, (row + 1) * columns):
@@ -192,10 +192,10 @@ def flatten_terrain(part: Any, start: Any, material: Any, angle: Any, weight: An
     """Divide each pixel's weights by the pixel's illuminated area, as the radiometry ``gamma0_rtc`` requires.
 
     Before the division, a weight is the ratio of a facet's area to a reference area. The reference area cancels out,
-    because all facets of a pixel have the same one. The illuminated area is the sum of area times cosine of the local
+    because it is the same for all facets of a pixel. The illuminated area is the sum of area times cosine of the local
     incidence angle over the ground's facets (Small 2011, equation for the area of gamma0). The weight in a pixel with a
-    single facet therefore becomes 1 / cosine. A pixel without ground keeps its weights. ``part`` is the range of pixels
-    to compute: the first pixel, and the pixel after the last.
+    single facet therefore becomes 1 / cosine of the local incidence angle. A pixel without ground keeps its weights.
+    ``part`` is the range of pixels to compute: the first pixel, and the pixel after the last.
     """
     for pixel in range(part[0], part[1]):
         total = 0.0

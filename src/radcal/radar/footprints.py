@@ -1,7 +1,7 @@
 """Objects among the facets of the terrain: boxes that stand on the ground, and point scatterers.
 
 The roof of a box is level. The roof's elevation is the object's height plus the mean elevation of the ground in the
-box's footprint. A box has facets on its roof and on the walls that face the radar. It has no facets on the other walls:
+box's footprint. A box has facets on its roof and on the walls that face the radar. The other walls have no facets:
 walls parallel to the line of sight are seen edge-on, and walls at the back are hidden. Double bounce between box and
 ground is not modelled, but the configured cross-section of an object may include double bounce.
 """
@@ -54,8 +54,8 @@ class Boxes:
     rcs_m2 : ndarray of float64, shape (n,)
         Cross-section towards the radar [m2].
     extent : ndarray of float64, shape (n,)
-        Extent in slant range of the box's facets, visible or hidden, summed over facets and lines [m]. The sum grows
-        with each block of lines that is computed.
+        Extent in slant range of the box's facets, visible or hidden, summed over facets and lines [m]. The sum is
+        complete after the last block of lines.
     """
 
     place: NDArray[np.float64]
@@ -218,7 +218,8 @@ class Seen:
     near_m, far_m : ndarray of float64
         Nearest and furthest slant range of each facet's visible part, or of the whole facet if it is hidden [m].
     share : ndarray of float32
-        Visible share of a facet of the ground, 0 to 1. For a facet of a box, 1 if any part is visible, else 0.
+        Visible share of a facet of the ground, 0 to 1. The share of a facet of a box is 1 if any part of the facet is
+        visible, else 0.
     half : ndarray of uint8
         ``NEAR_HALF`` or ``FAR_HALF`` if the visible part of a facet lies in this half alone; else 0.
     hidden_m : ndarray of float64, shape (2, lines, facets)
@@ -262,7 +263,7 @@ def _raise(chosen: Any, place: Any, axis: Any, half: Any, reach: Any, top: Any, 
 
 
 def raise_boxes(boxes: Boxes, ground_m: NDArray[np.float64], first: int) -> Raised:
-    """Boxes on a block of lines whose first line is ``first`` and whose ground has the elevation ``ground_m``."""
+    """Boxes that cover the facets of a block of lines with the first line ``first`` and the elevation ``ground_m``."""
     owner = np.full(ground_m.shape, -1, dtype=np.int32)
     low, high = boxes.place[:, 0] - boxes.reach[:, 0], boxes.place[:, 0] + boxes.reach[:, 0]
     chosen = np.flatnonzero((high >= first) & (low <= first + len(ground_m)))
@@ -384,9 +385,9 @@ def share_out(part: Any, near: Any, far: Any, state: Any, area: Any, owner: Any,
 
     The cross-section of a box is divided among its facets in proportion to their extent in slant range, so that the box
     is evenly bright in slant range. Hidden facets and hidden parts of facets return no echo: their share of the
-    cross-section is lost. ``owner`` is the index of each facet's box. It uses the same memory as ``area``, so that the
-    cross-sections overwrite the indices. ``part`` is the range of lines to compute: the first line, and the line after
-    the last.
+    cross-section is lost. ``owner`` is the index of each facet's box. ``owner`` uses the same memory as ``area``, so
+    that the cross-sections overwrite the indices. ``part`` is the range of lines to compute: the first line, and the
+    line after the last.
     """
     for line in range(part[0], part[1]):
         for f in range(near.shape[1]):

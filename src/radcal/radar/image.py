@@ -300,12 +300,12 @@ class ImageFormation:
         return field.view(np.complex64)
 
     def thinning(self, noise_seed: int) -> NDArray[np.float32] | None:
-        """Factors for :meth:`intensity` that reduce its whole number of looks to a configured number that is not whole.
+        """Factors that reduce the rounded-up number of looks of :meth:`intensity` to the configured number of looks.
 
         A gamma variate of shape n, times an independent beta variate of the shapes L and n - L, is a gamma variate of
         shape L. L is the configured number of looks, and n is L rounded up. The beta variates are computed from the
-        power of one further look at uniform ground without noise. They therefore have the spatial correlation of
-        speckle.
+        power of one further look at uniform ground without noise. The beta variates therefore have the spatial
+        correlation of speckle.
 
         Parameters
         ----------

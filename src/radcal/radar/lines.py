@@ -58,8 +58,9 @@ class Lines:
     state : ndarray of uint8
         Bit flags of each facet: visible, in layover, part of an object.
     hidden : list of (ndarray, ndarray, ndarray)
-        Hidden parts of partly visible facets, one entry of the list for each block of lines: the line of the facet, and
-        the nearest and furthest slant range of the hidden part, relative to the base slant range [m].
+        Hidden parts of partly visible facets, with one entry of the list for each block of lines. An entry holds the
+        line of each facet, and the nearest and furthest slant range of the facet's hidden part, relative to the base
+        slant range [m].
     """
 
     near_m: NDArray[np.float32]
@@ -132,7 +133,7 @@ def fill_lines(
     elevation : ndarray, shape (ny, nx)
         Elevation of the scene [m]; ground range grows with the column.
     first, last : int
-        First row of the block, and the row after its last.
+        First row of the block, and the row after the block's last row.
     k : int
         Number of lines, and of facets along a line, per cell of the scene.
     step : float

@@ -46,17 +46,17 @@ def make_geometry(scene: Scene, radar: Radar, onto: Geometry | None = None) -> G
     radar : Radar
         Pass.
     onto : Geometry, optional
-        Geometry whose image grid is used. It is of the same pass, over other relief with the same mean elevation and
-        extent. By default the image covers all slant ranges at which every azimuth line has ground.
+        Geometry whose image grid is used: a geometry of the same pass over other relief with the same mean elevation
+        and extent. By default the image covers all slant ranges at which every azimuth line has ground.
 
     Raises
     ------
     ConfigError
         The image would have too many facets or pixels.
     SceneError
-        The terrain reaches the height of the track, the track passes over the scene, the image would have fewer than 8
-        rows or columns or too many parts of facets, no part of the scene is visible, or the grid of the scene is made
-        for another heading of the track.
+        The terrain reaches the height of the track, the track passes over the scene, or no part of the scene is
+        visible. The error is also raised if the image would have fewer than 8 rows or columns, or too many parts of
+        facets, or if the grid of the scene is made for another heading of the track.
     """
     if scene.elevation_m is None:
         return _slant_range_geometry(scene, radar)
@@ -153,7 +153,7 @@ def _terrain_geometry(scene: Scene, radar: Radar, onto: Geometry | None) -> Geom
 
 
 def _sight(scene: Scene, radar: Radar, mean_m: float) -> Sight:
-    """Position of the track over the ground at the scene's mean elevation."""
+    """Position of the track relative to the scene's centre, over ground at the scene's mean elevation."""
     if radar.earth == "flat":
         return sight(radar)
     radius = MEAN_RADIUS_M

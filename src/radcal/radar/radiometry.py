@@ -54,8 +54,8 @@ def noise_floor_db(radar: Radar, incidence_deg: ArrayLike) -> NDArray[np.float64
     Returns
     -------
     ndarray of the shape of ``incidence_deg``
-        Noise level in the image's radiometry [dB]. A table is interpolated linearly in dB between its rows, and is
-        constant beyond its ends.
+        Noise level in the image's radiometry [dB]. A table ``nesz_db`` is interpolated linearly in dB between its rows,
+        and is constant beyond its ends.
     """
     incidence = np.asarray(incidence_deg, dtype=np.float64)
     if isinstance(radar.nesz_db, float):

@@ -78,8 +78,9 @@ def law_tables(
     Returns
     -------
     ndarray of float32, shape (materials + 2, 65536)
-        sigma0 [linear power]; column i is an incidence angle of i / 65535 times 90 degrees. Row 0 is no material. The
-        last row is 1 and stands for objects, whose cross-section is contained in the weights.
+        sigma0 [linear power]; column i is an incidence angle of i / 65535 times 90 degrees. Row 0 stands for pixels
+        without material. The last row is 1 and stands for objects, whose cross-section is contained in the weights of
+        their facets.
 
     Raises
     ------
@@ -131,7 +132,7 @@ def reflectivity(
         Laws from :func:`law_tables`.
     before, changed : optional
         Reflectivity with earlier laws, and mask of the material ids whose law has changed since then, shape (materials
-        + 2,). Only the cells of these materials are computed again, in place.
+        + 2,). Only the cells of materials with a changed law are computed again, in place.
 
     Returns
     -------

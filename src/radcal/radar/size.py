@@ -31,7 +31,7 @@ class ImageSize:
 
 
 def refinement(cell_m: float, radar: Radar) -> int:
-    """Number of facets along each side of a cell, so that no facet is larger than a pixel on level ground.
+    """Smallest number of facets along each side of a cell for which no facet is larger than a pixel on level ground.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def image_size(scene: SceneSize, radar: Radar) -> ImageSize:
 
 
 def check_size(scene: SceneSize, radar: Radar) -> None:
-    """Raise an error if the pixels are so small that the image of the scene would exceed any computer's memory.
+    """Raise an error if the image of the scene would have too many facets or pixels for the memory of a computer.
 
     Parameters
     ----------

@@ -39,8 +39,8 @@ def taylor_weights(frequency: NDArray[np.float64]) -> NDArray[np.float64]:
 
     Notes
     -----
-    ``scipy.signal.windows.taylor`` gives the same weights (a test compares them). It is not used here, because the
-    import of scipy.signal takes longer than a small run.
+    ``scipy.signal.windows.taylor`` gives the same weights (a test compares them). This function of scipy is not used,
+    because the import of scipy.signal takes longer than a small run.
 
     References
     ----------
@@ -99,7 +99,7 @@ def speckle_correlation(distance: NDArray[np.float64]) -> NDArray[np.float64]:
     -------
     ndarray of the same shape
         Squared autocorrelation of the impulse response: 1 at the distance 0, 0.18 at the distance 1, and below 0.002
-        from the distance 1.8 on. It is the same for any number of looks.
+        from the distance 1.8 on. The autocorrelation is the same for any number of looks.
 
     References
     ----------
@@ -126,8 +126,8 @@ def border_gain(taps: NDArray[np.floating], n: int) -> NDArray[np.float32]:
     -------
     ndarray of float32, shape (n,)
         For each pixel, the inverse square root of the energy of those taps that lie inside the image; 1 if all taps do.
-        Filtered white noise that begins at the border then has the same mean power up to the border. Without the gain,
-        the outermost pixel has 0.85 of this power (-0.7 dB) if the impulse response is 1.5 pixels wide.
+        With this gain, filtered white noise that begins at the border has the same mean power up to the border. Without
+        the gain, the outermost pixel has 0.85 of the mean power (-0.7 dB) if the impulse response is 1.5 pixels wide.
     """
     reach = len(taps) // 2
     total = np.concatenate([[0.0], np.cumsum(np.asarray(taps, dtype=np.float64) ** 2)])
@@ -152,9 +152,9 @@ def beta_share(power: NDArray[np.float32], looks: float, whole: int) -> NDArray[
     Returns
     -------
     ndarray of float32, shape of ``power``
-        Random numbers of mean 1: n / L times a quantile of the beta distribution of shapes L and n - L. The probability
-        of the quantile is the probability of a smaller power than the given one, so that the numbers grow with the
-        power.
+        Random numbers of mean 1: n / L times a quantile of the beta distribution of shapes L and n - L. The quantile is
+        taken at the probability that the power of speckle is smaller than the given power, so that the random numbers
+        grow with the power.
     """
     from scipy.special import betainccinv
 

@@ -50,7 +50,7 @@ _HYP3_SCALES = {"p": "power", "d": "db", "a": "amplitude"}
 
 
 def named_product(path: str) -> NamedProduct | None:
-    """Product that the name of a file or SAFE folder belongs to; None for other names.
+    """Product to which a file or SAFE folder belongs, according to its name; None for other names.
 
     The radiometry of terrain-flattened sigma0 is None, because no source confirms that it equals one of radcal's
     radiometries.

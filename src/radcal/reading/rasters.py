@@ -1,7 +1,8 @@
 """Opening of rasters with an explicit list of GDAL drivers, after a check of every file that a raster refers to.
 
 By default GDAL chooses a driver from the content of a file. GDAL opens a ``.tif`` file that contains XML as a mosaic
-(VRT) or a map service (WMS). Such a file can make GDAL read any file of the machine or send network requests.
+(VRT) or a map service (WMS). A mosaic or a map service can make GDAL read any file of the machine or send network
+requests.
 """
 
 from __future__ import annotations

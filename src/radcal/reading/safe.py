@@ -16,7 +16,7 @@ _PARTS = {"annotation": "", "calibration": "calibration-", "noise": "noise-"}  #
 
 
 class SafeRefused(ValueError):
-    """Refusal of a SAFE folder; the text of the exception is the reason, which error messages quote after the name."""
+    """Refusal of a SAFE folder; the text of the exception is the reason, which error messages quote after the path."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def _inside(folder: Path, href: str) -> Path:
 
 
 def _image(pixels: Path, files: Mapping[str, Path]) -> SafeImage:
-    """Files of an image; the names of all others derive from the name of the file of pixels."""
+    """Files of an image, whose names all derive from the name of the file of pixels."""
     polarisation = next((part.upper() for part in pixels.stem.split("-") if part.upper() in _POLARISATIONS), None)
     if polarisation is None:
         raise SafeRefused(f"the name of {_short(pixels)} has no polarisation, expected s1a-iw-grd-vv-...")

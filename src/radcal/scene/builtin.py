@@ -1,9 +1,9 @@
 """The built-in scene: real SRTM terrain, seven materials and a dyke.
 
-The elevation is the SRTM model of the Jacksboro fault (Tennessee), a sample file of matplotlib. It is cut to 2 km by 2
-km of valley floor at the foot of a ridge, and interpolated to cells of 5 m by cubic splines. Two details finer than
-SRTM's 3 arc-seconds are added: a dyke beside a channel, and a random roughness of each material. Owing to this
-roughness, the incidence angle varies within a material as on real ground.
+The elevation is the SRTM model of the Jacksboro fault (Tennessee), a sample file of matplotlib. The elevation model is
+cut to 2 km by 2 km of valley floor at the foot of a ridge, and interpolated to cells of 5 m by cubic splines. Two
+details finer than SRTM's 3 arc-seconds are added: a dyke beside a channel, and a random roughness of each material.
+Owing to the roughness, the incidence angle varies within a material as on real ground.
 
 The scene exists in two landscapes. In the landscape ``open``, the fields have neither furrows nor hedges, and the slope
 of the dyke's face is constant. In the landscape ``enclosed``, the fields have ridge and furrow, and hedges stand
@@ -69,12 +69,12 @@ def _terrain(east_m: NDArray[np.float64], north_m: NDArray[np.float64]) -> NDArr
 
 
 def _dyke_axis_m(north_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """East coordinate [m] of the foot of the dyke's face, which bends gently, as a function of the north coordinate."""
+    """East coordinate [m] of the foot of the dyke's face, a gently bent line, as a function of the north coordinate."""
     return 1000.0 + 60.0 * np.sin(2.0 * np.pi * (north_m - 250.0) / _SIDE_M)
 
 
 def _dyke_profile_m(across_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Height of the dyke above the ground [m], as a function of the distance to the east of the foot of its face."""
+    """Height of the dyke above the ground [m], as a function of the eastward distance from the foot of its face."""
     crest = _FACE_M + _CREST_M
     return np.interp(across_m, [0.0, _FACE_M, crest, crest + _LEE_M], [0.0, _HEIGHT_M, _HEIGHT_M, 0.0])
 
@@ -114,7 +114,7 @@ def _ridges_m(
 
 
 def _hedges(rng: np.random.Generator, field: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Mask of hedges, one cell wide, along half of the borders between the fields."""
+    """Mask of hedges, one cell wide, along about half of the borders between the fields, chosen at random."""
     hedge = np.zeros(field.shape, dtype=np.bool_)
     has_hedge = rng.random((int(field.max()) + 1,) * 2) < 0.5
     for axis in (0, 1):

@@ -146,9 +146,7 @@ def earth_radius_m(crs: str, place: tuple[float, float], azimuth_deg: float) -> 
     crs : str
         Projected CRS, with its ellipsoid.
     place : (float, float)
-        Coordinates in the CRS.
-    azimuth_deg : float
-        Direction, clockwise from north [deg].
+        Coordinates in the CRS. azimuth_deg : float Direction, clockwise from north [deg].
 
     Returns
     -------
@@ -203,7 +201,7 @@ def vertical_datum(crs: CRS) -> str | None:
 
 
 def named_datum(text: str) -> str:
-    """Standard name of the vertical datum that is the value of the configuration key ``scene.vertical_datum``.
+    """Standard name of the vertical datum that the configuration gives as ``scene.vertical_datum``.
 
     Parameters
     ----------

@@ -120,7 +120,7 @@ def _csv(path: Path) -> pd.DataFrame:
 
 
 def _hdf5(path: Path, place: Place) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Table of objects from the group ``objects`` of an HDF5 file, and curves from its group ``aspect``."""
+    """Table of objects and curves of cross-section, from the groups ``objects`` and ``aspect`` of an HDF5 file."""
     import pandas as pd
 
     try:

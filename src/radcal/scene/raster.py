@@ -44,8 +44,8 @@ def raster_scene(config: RasterScene, heading_deg: float = 0.0) -> Scene:
 
     Elevation is interpolated by cubic convolution, and the material of a cell is that of the nearest pixel. A cell
     larger than the pixels of a raster is divided into parts no larger than a pixel. The divided cell has the mean
-    elevation or the most frequent material of its parts. The elevation of a cell without elevation data is filled in
-    from neighbouring cells; such a cell has no material.
+    elevation or the most frequent material of its parts. A cell without elevation data has no material; its elevation
+    is filled in from neighbouring cells.
 
     Parameters
     ----------

@@ -66,9 +66,9 @@ def rounding_error_m(step_m: float) -> float:
     float
         Standard deviation of a uniform distribution as wide as the step: step / sqrt(12), 0.29 m for whole metres. The
         difference of two neighbouring heights with independent errors has a standard error of step / sqrt(6). On gentle
-        slopes, neighbouring heights form terraces, and most of their error is common. On a slope of f steps per pixel,
-        with f from 0 to 1, the standard error of their difference is step sqrt(f (1 - f)); its mean square over f is
-        also step^2 / 6.
+        slopes, heights form terraces, and the errors of neighbouring heights are nearly equal. On a slope of f steps
+        per pixel, with f from 0 to 1, the standard error of the difference of two neighbouring heights is step sqrt(f
+        (1 - f)); the mean square of this error over f is also step^2 / 6.
 
     References
     ----------

@@ -26,7 +26,7 @@ class _Last:
     """Seed, parameters, reflectivity, image and thinning factors of the last run, which the next run partly reuses.
 
     The image has a whole number of looks. If the configured number of looks is not whole, ``thinning`` contains the
-    factors that reduce the image's number of looks to the configured number; else it is None.
+    factors that reduce the image's number of looks to the configured number; else ``thinning`` is None.
     """
 
     noise_seed: int

@@ -58,7 +58,7 @@ def run_program(arguments: Sequence[str], folder: Path, environment: Mapping[str
         Absolute path of the program and its arguments.
     folder : path
         Working directory of the program. The files ``radcal.stdout``, ``radcal.stderr`` and ``radcal.log`` are written
-        there.
+        into this folder.
     environment : mapping
         Environment variables for the program, in addition to the variables of this process.
     timeout_s : float

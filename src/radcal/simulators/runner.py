@@ -157,8 +157,8 @@ class Runner:
         Returns
         -------
         bool
-            Whether this store now has the record. False if the other store lacks the record, or if the record lacks the
-            pixels of a calibrated material.
+            Whether this store now has the record. The result is False if the other store lacks the record, or if the
+            record lacks the pixels of a calibrated material.
         """
         if self._store.get(key, self._recorded) is None:
             record = other.get(key, self._recorded)

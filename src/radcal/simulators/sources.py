@@ -22,7 +22,7 @@ def make_simulator(case: stages.Simulator, geometry: Geometry, geometry_path: st
     Parameters
     ----------
     case : stages.Simulator
-        Sections for simulator, pass and materials.
+        Configuration of simulator, pass and materials.
     geometry : Geometry
         Geometry of the pass.
     geometry_path : path
@@ -46,7 +46,7 @@ def make_simulator(case: stages.Simulator, geometry: Geometry, geometry_path: st
 def make_runner(
     case: stages.Simulation, scene_path: str | Path, geometry_path: str | Path | Sequence[str | Path], runs: str | Path
 ) -> Runner:
-    """Runner that reads runs from the case's run store, and simulates new runs by the configured simulator.
+    """Runner that reads runs from the case's run store, and simulates new runs with the configured simulator.
 
     ``geometry_path`` may be a list with the geometry file of each pass of the case. The result is the runner of the
     first pass; its attribute ``further`` contains the runners of the other passes.

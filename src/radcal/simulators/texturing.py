@@ -16,7 +16,7 @@ __all__ = ["orders_of", "textured", "with_textures"]
 
 
 def orders_of(materials: Mapping[str, Material], first: Radar, radar: Radar) -> dict[str, float]:
-    """Order of the gamma texture of each material with the key ``looks``.
+    """Order (shape parameter) of the gamma texture of each material with the key ``looks``.
 
     Parameters
     ----------
@@ -30,8 +30,8 @@ def orders_of(materials: Mapping[str, Material], first: Radar, radar: Radar) -> 
     Returns
     -------
     dict
-        Order by material, from :func:`radcal.radar.texture.texture_order`; infinite if the effective looks need no
-        texture.
+        Order of the texture by material, from :func:`radcal.radar.texture.texture_order`; infinite if the effective
+        looks need no texture.
     """
     return {
         name: texture_order(radar.looks, equal_texture(first.looks, material.looks, radar.looks))

@@ -107,9 +107,9 @@ def objective(
     -------
     value : float
     gradient : ndarray, shape (3,)
-        First derivatives of the value by u.
+        First derivatives of the value with respect to u.
     hessian : ndarray, shape (3, 3)
-        Second derivatives of the value by u.
+        Second derivatives of the value with respect to u.
 
     References
     ----------
@@ -217,7 +217,7 @@ def search(
 def farthest(n: int) -> float:
     """Value of v beyond which a sample of n values does not distinguish the density from the half-normal limit.
 
-    At this v, alpha times the smallest z of the sample is about 10.
+    At this value of v, alpha (x - xi) / omega is about 10 for the smallest value x of the sample.
 
     Parameters
     ----------

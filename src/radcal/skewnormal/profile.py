@@ -93,10 +93,11 @@ def intervals(
     the skewness, critical values from the t or chi-square distribution are not accurate. The critical value of the
     skewness is therefore the quantile, at the probability ``level``, of the distribution of the likelihood ratio.
 
-    The distribution of the skewness' likelihood ratio depends on sample size and skewness alone. For large samples it
-    approaches the chi-square distribution with 1 degree of freedom. A simulation (``benchmarks/skewnormal_fit.py
-    --critical``) determined the ratio of its 95 % quantile to the 95 % quantile of chi-square. For other quantiles, the
-    ratio to the quantile of chi-square is assumed to be the ratio of the 95 % quantiles.
+    The distribution of the skewness' likelihood ratio depends on sample size and skewness alone. For large samples, the
+    distribution approaches the chi-square distribution with 1 degree of freedom. A simulation
+    (``benchmarks/skewnormal_fit.py --critical``) determined the ratio of the likelihood ratio's 95 % quantile to the 95
+    % quantile of chi-square. For other quantiles, the ratio to the quantile of chi-square is assumed to be the ratio of
+    the 95 % quantiles.
 
     The intervals are computed from the likelihood without penalty, because an interval describes the parameter and not
     the penalised estimate. If the likelihood ratio does not reject the largest possible skewness, the interval of the
@@ -113,8 +114,8 @@ def intervals(
     level : float
         Confidence level, between 0 and 1.
     effective : float, optional
-        Effective sample size: the log-likelihood of the n values is scaled to this number of independent values. By
-        default n; a number below 8 is replaced by 8.
+        Effective sample size: the log-likelihood of the n values is scaled to this number of independent values. The
+        default is n; a number below 8 is replaced by 8.
 
     Returns
     -------

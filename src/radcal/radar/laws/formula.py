@@ -3,8 +3,8 @@
 Python's own parser turns a formula into a syntax tree. Only the parts in a white list are accepted: numbers, names of
 the parameters and of four quantities, the operators + - * / and **, and calls of the functions in ``FUNCTIONS``. The
 tree is then evaluated node by node with numpy. No text is ever compiled or passed to ``eval``. The formula parsers of
-the libraries numexpr, asteval and simpleeval accept more of Python and refuse what is in a list of forbidden parts.
-These lists have been circumvented.
+the libraries numexpr, asteval and simpleeval accept all of Python's expressions except a list of forbidden parts. The
+lists of all three libraries have been circumvented.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ class Formula:
     Raises
     ------
     ValueError
-        The formula has a part that is not accepted, or the names do not fit it.
+        The formula has a part that is not accepted, or the names do not match the names in the formula.
     """
 
     text: str

@@ -32,8 +32,8 @@ class Law:
     Attributes
     ----------
     function : callable or None
-        Function ``(phi_rad, parameters) -> sigma0 [dB]``. Its keyword arguments are the conditions in ``needs``. None
-        for an external law.
+        Function ``(phi_rad, parameters) -> sigma0 [dB]``. The keyword arguments of the function are the conditions in
+        ``needs``. None for an external law.
     names, units : tuple of str
         Name and unit of each parameter; empty for a law whose knots are not yet bound.
     bounds : tuple of (float, float) or None
@@ -45,8 +45,8 @@ class Law:
     needs : tuple of str
         Conditions that must still be bound: ``frequency_ghz``, ``polarisation``, ``angles_deg``.
     doubt : callable or None
-        Function ``(parameters) -> str | None``, whose keyword arguments are the conditions in ``needs``. It returns a
-        clause for a warning if the parameters lie outside the range of the law's data, else None.
+        Function ``(parameters) -> str | None``, whose keyword arguments are the conditions in ``needs``. The function
+        returns a clause for a warning if the parameters lie outside the range of the law's data, else None.
     log_normal : mapping
         Weak log-normal priors of some parameters, by parameter name: each is the median, in the parameter's unit, and
         the standard deviation of the natural logarithm.

@@ -31,7 +31,7 @@ def oh1992(
     Parameters
     ----------
     phi_rad : array_like
-        Local incidence angle [rad], any shape. Its cosine is limited to at least 1e-6.
+        Local incidence angle [rad], any shape. The cosine of the angle is limited to at least 1e-6.
     parameters : array_like, shape (3,)
         Relative permittivity of the soil, real part and (positive) imaginary part, and rms height
         of its surface [cm].
