@@ -146,7 +146,9 @@ def earth_radius_m(crs: str, place: tuple[float, float], azimuth_deg: float) -> 
     crs : str
         Projected CRS, with its ellipsoid.
     place : (float, float)
-        Coordinates in the CRS. azimuth_deg : float Direction, clockwise from north [deg].
+        Coordinates of the place in the CRS [m].
+    azimuth_deg : float
+        Direction, clockwise from north [deg].
 
     Returns
     -------

@@ -149,7 +149,9 @@ def box_in(box: Box, source: CRS, target: CRS) -> Box:
     Parameters
     ----------
     box : (float, float, float, float)
-        West, south, east and north. source, target : pyproj.CRS CRS of the box, and CRS of the result.
+        West, south, east and north bounds in the CRS ``source``.
+    source, target : pyproj.CRS
+        CRS of the box, and CRS of the result.
 
     Raises
     ------
@@ -220,7 +222,9 @@ def scene_grid(elevation: Source, materials: Source, config: RasterScene, headin
     Parameters
     ----------
     elevation, materials : Source
-        The rasters. config : RasterScene Section ``scene``, with optional CRS, cell size and bounds.
+        Rasters of elevation and of material ids.
+    config : RasterScene
+        Section ``scene``, with optional CRS, cell size and bounds.
     heading_deg : float
         Heading of the track [deg]. If the heading is not 0, the grid is turned so that axis 0 points along the track.
         The turned grid lies inside of the configured bounds or, without bounds, of the area that both rasters cover.

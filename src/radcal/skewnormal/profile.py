@@ -96,8 +96,8 @@ def intervals(
     The distribution of the skewness' likelihood ratio depends on sample size and skewness alone. For large samples, the
     distribution approaches the chi-square distribution with 1 degree of freedom. A simulation
     (``benchmarks/skewnormal_fit.py --critical``) determined the ratio of the likelihood ratio's 95 % quantile to the 95
-    % quantile of chi-square. For other quantiles, the ratio to the quantile of chi-square is assumed to be the ratio of
-    the 95 % quantiles.
+    % quantile of chi-square. The critical value at any ``level`` is the quantile of chi-square at this level times the
+    ratio found at 95 %.
 
     The intervals are computed from the likelihood without penalty, because an interval describes the parameter and not
     the penalised estimate. If the likelihood ratio does not reject the largest possible skewness, the interval of the
