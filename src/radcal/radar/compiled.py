@@ -105,8 +105,8 @@ def cache_folder(package: Path = _PACKAGE) -> str | None:
         it is set; the package's ``__pycache__``; ``radcal`` below ``XDG_CACHE_HOME`` or, if this is not set, below
         ``~/.cache``. None if none of these folders is writable. The hash covers the source files, the versions of numba
         and llvmlite, and the processor. Nodes of a cluster with a common home directory therefore share a folder only
-        if they run the same machine code. Cache folders of other hashes are removed, except the eight used most
-        recently and those used within the last day.
+        if they run the same machine code. Cache folders that are named after other hashes are removed, except the eight
+        used most recently and all used within the last day.
     """
     total = hashlib.sha256(f"{numba.__version__} {llvmlite.__version__} {binding.get_host_cpu_name()}".encode())
     total.update(binding.get_host_cpu_features().flatten().encode())
@@ -130,7 +130,7 @@ def _remove_others(folder: Path) -> None:
     """Remove all cache folders beside ``folder``, except the eight used most recently and those used within a day."""
     used = {}
     for path in folder.parent.glob("radcal-" + "[0-9a-f]" * 20):
-        with contextlib.suppress(OSError):  # removed meanwhile
+        with contextlib.suppress(OSError):  # another process has removed the folder
             used[path] = path.stat().st_mtime
     others = sorted((path for path in used if path != folder), key=used.__getitem__)
     for path in others[:-_KEPT]:

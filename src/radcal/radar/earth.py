@@ -2,8 +2,8 @@
 
 Over a curved earth, the ground is modelled as a sphere with the ellipsoid's radius of curvature at the scene. The scene
 is computed in the plane that touches the sphere at the scene's centre. Elevations are lowered by the depth of the
-sphere below this plane, which depends on ground range alone. The slant range and the incidence angle at the scene's
-centre are those of the sphere. Elevations are not lowered along azimuth, because an orbit follows the curvature of the
+sphere below this plane, which depends on ground range alone. At the scene's centre, slant range and incidence angle are
+the same as on the sphere. Elevations are not lowered along azimuth, because an orbit follows the curvature of the
 earth. ``docs/simulator.md`` gives the errors of this approximation.
 """
 
@@ -73,8 +73,8 @@ def heading_of_sight(
     Parameters
     ----------
     satellite_m, place_m : array_like, shape (3,)
-        Earth-centred, earth-fixed coordinates [m] of the satellite at the time at which it sees the scene's centre at
-        zero Doppler, and of the scene's centre.
+        Earth-centred, earth-fixed coordinates [m] of the satellite and of the scene's centre, at the time at which the
+        satellite sees the scene's centre at zero Doppler.
     longitude_deg, latitude_deg : float
         Geodetic longitude and latitude of the scene's centre [deg].
     look_side : str

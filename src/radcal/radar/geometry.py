@@ -141,8 +141,8 @@ class Geometry:
         name : str
             Name of the material.
         margin_px : int or ndarray of int, shape ``shape``
-            Width of the margin [pixels], counted in rows or columns. Pixels within this distance of the image's border,
-            or of a pixel that is mixed, invisible or of another material, are left out.
+            Width of the margin [pixels], counted in rows or columns. A pixel is left out if the image's border, or a
+            pixel that is mixed, invisible or of another material, lies within the margin around this pixel.
 
         Returns
         -------
@@ -221,6 +221,6 @@ def _recorded_pass(path: Path, ours: str, immaterial: Container[str]) -> str:
 
 
 def read_geometry(path: str | Path) -> Geometry:
-    """Read a geometry that :func:`write_geometry` wrote; errors are those of :func:`.read_hdf5`."""
+    """Read a geometry that :func:`write_geometry` wrote; :func:`.read_hdf5` describes the errors."""
     with read_hdf5(path, "geometry") as file:
         return take(file, Geometry)

@@ -147,7 +147,7 @@ def fill_lines(
     spacing_m : float
         Slant-range pixel spacing of the image [m].
     lines : Lines
-        Facets of all lines; those of the block are overwritten.
+        Facets of all lines; the facets of the block are overwritten.
     standing : (Boxes, Spots) or None
         Boxes and point scatterers of the scene; the extents of the boxes and the slant ranges of the points are
         updated.
@@ -212,7 +212,7 @@ def _faces(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
     """Incidence (in units of 90 degrees / 65535) and visible area [m2] of the facets of a block of lines.
 
-    Where only one half of a facet is visible, the slope along ground range is that of the visible half.
+    If only one half of a facet is visible, the slope along ground range is the slope of the visible half.
     """
     slopes: list[NDArray[np.float64]] = list(np.gradient(fine, step))
     along, across = slopes[0][1:-1], slopes[1][1:-1]

@@ -108,7 +108,7 @@ def law_tables(
 def _colour(
     part: Any, material: Any, first: Any, incidence: Any, weight: Any, tables: Any, changed: Any, power: Any
 ) -> None:  # fmt: skip
-    """Expected power of every cell of the changed materials, written to ``power``."""
+    """Expected power of every cell of the materials with a changed law, written to ``power``."""
     for i in range(part[0], part[1]):
         k = material[i]
         if changed[k]:

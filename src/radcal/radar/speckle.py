@@ -125,9 +125,10 @@ def border_gain(taps: NDArray[np.floating], n: int) -> NDArray[np.float32]:
     Returns
     -------
     ndarray of float32, shape (n,)
-        For each pixel, the inverse square root of the energy of those taps that lie inside the image; 1 if all taps do.
-        With this gain, filtered white noise that begins at the border has the same mean power up to the border. Without
-        the gain, the outermost pixel has 0.85 of the mean power (-0.7 dB) if the impulse response is 1.5 pixels wide.
+        For each pixel, the inverse square root of the energy of those taps that lie inside the image; 1 if all taps lie
+        inside. With this gain, filtered white noise that begins at the border has the same mean power up to the border.
+        Without the gain, the outermost pixel has 0.85 of the mean power (-0.7 dB) if the impulse response is 1.5 pixels
+        wide.
     """
     reach = len(taps) // 2
     total = np.concatenate([[0.0], np.cumsum(np.asarray(taps, dtype=np.float64) ** 2)])

@@ -91,8 +91,8 @@ def laid_over(slant_m: NDArray[np.float64], visible: NDArray[np.bool_], apart_m:
     -------
     ndarray of bool, shape (ny, nx)
         True for a visible facet if another visible facet has a larger ground range but a smaller slant range, or a
-        smaller ground range but a larger slant range. These are the two parts, active and passive, of a layover
-        (Schreier, "SAR Geocoding: Data and Systems" (1993), chapter 6).
+        smaller ground range but a larger slant range. Facets of the two kinds are the active and the passive part of a
+        layover (Schreier, "SAR Geocoding: Data and Systems" (1993), chapter 6).
     """
     nearer = np.where(visible, slant_m, -np.inf)
     further = np.where(visible, slant_m, np.inf)

@@ -45,7 +45,7 @@ def read_array(file: ImageFile, kind: str | None = None) -> Values:
 
 
 def is_raster(path: Path) -> bool:
-    """Whether a file is read as a raster; the ending of the file name decides this."""
+    """Whether a file is read as a raster; the ending of the file name decides."""
     return path.suffix.lower() not in _ENDINGS
 
 

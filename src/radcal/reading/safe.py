@@ -50,7 +50,7 @@ class SafeImage:
 
 
 def is_safe_name(text: str) -> bool:
-    """Whether a path is that of a SAFE folder or of its manifest; the ending of the name decides this."""
+    """Whether a path names a SAFE folder or its manifest; the ending of the path decides."""
     name = text.rstrip("/").rpartition("/")[2].lower()
     return name.endswith(".safe")
 

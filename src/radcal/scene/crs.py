@@ -314,7 +314,7 @@ def geoid_m(datum: str, longitude_deg: float, latitude_deg: float) -> float | No
     if "ellips" in datum.lower():
         return 0.0
     found = [info for info in query_crs_info("EPSG", PJType.VERTICAL_CRS) if _key(info.name) == _key(datum)]
-    for info in sorted(found, key=lambda info: len(info.name)):  # the shortest name first, because others add the unit
+    for info in sorted(found, key=lambda info: len(info.name)):  # shortest first, because longer names add the unit
         above = CompoundCRS("heights", [CRS.from_epsg(4326), CRS.from_authority(info.auth_name, info.code)])
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

@@ -42,10 +42,10 @@ _MARGIN_PX = 3  # margin [pixels] that is read around the scene: cubic convoluti
 def raster_scene(config: RasterScene, heading_deg: float = 0.0) -> Scene:
     """Scene from a raster of elevation and a raster of material ids, both resampled to one grid.
 
-    Elevation is interpolated by cubic convolution, and the material of a cell is that of the nearest pixel. A cell
-    larger than the pixels of a raster is divided into parts no larger than a pixel. The divided cell has the mean
-    elevation or the most frequent material of its parts. A cell without elevation data has no material; its elevation
-    is filled in from neighbouring cells.
+    Elevation is interpolated by cubic convolution, and a cell has the material of the nearest pixel. A cell larger than
+    the pixels of a raster is divided into parts no larger than a pixel. The divided cell has the mean elevation or the
+    most frequent material of its parts. A cell without elevation data has no material; its elevation is filled in from
+    neighbouring cells.
 
     Parameters
     ----------

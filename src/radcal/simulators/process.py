@@ -94,7 +94,7 @@ def run_program(arguments: Sequence[str], folder: Path, environment: Mapping[str
             with contextlib.suppress(subprocess.TimeoutExpired):
                 code = process.wait(timeout_s)
         finally:
-            # this kills also processes that the program has started in the background
+            # this also kills processes that the program has started in the background
             with contextlib.suppress(ProcessLookupError, PermissionError):
                 os.killpg(process.pid, signal.SIGKILL)
             process.wait()

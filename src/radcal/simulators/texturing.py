@@ -57,7 +57,7 @@ def textured(
     name : str
         Name of the material.
     fresh : bool
-        Whether the random numbers are those of the final check run, instead of those of all other runs.
+        Whether the random numbers are for the final check run, which has other random numbers than all other runs.
 
     Returns
     -------

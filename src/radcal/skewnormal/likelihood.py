@@ -331,7 +331,7 @@ def fit(sample: ArrayLike, penalised: bool = False) -> Fit:
     at_boundary = not penalised and bool(limit_value < lowest + _GRADIENT)
     if at_boundary:
         dp = limit
-    elif lowest >= _NORMAL:  # the density found is no likelier than the normal density
+    elif lowest >= _NORMAL:  # the best is the normal density (alpha = 0), where the search would divide by zero
         dp = np.array([0.0, 1.0, 0.0])
     dp = np.array([centre + scale * dp[0], scale * dp[1], dp[2]])
     return Fit(dp=dp, cp=centred(dp), n=y.size, at_boundary=at_boundary, penalised=penalised)

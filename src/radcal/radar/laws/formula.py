@@ -2,7 +2,7 @@
 
 Python's own parser turns a formula into a syntax tree. Only the parts in a white list are accepted: numbers, names of
 the parameters and of four quantities, the operators + - * / and **, and calls of the functions in ``FUNCTIONS``. The
-tree is then evaluated node by node with numpy. No text is ever compiled or passed to ``eval``. The formula parsers of
+syntax tree is evaluated node by node with numpy. No text is ever compiled or passed to ``eval``. The formula parsers of
 the libraries numexpr, asteval and simpleeval accept all of Python's expressions except a list of forbidden parts. The
 lists of all three libraries have been circumvented.
 """
@@ -165,7 +165,7 @@ class Formula:
     def values(
         self, phi_rad: ArrayLike, parameters: ArrayLike, frequency_ghz: float | None = None
     ) -> NDArray[np.float64]:
-        """Sigma0 [dB] at each angle, which may be infinite or NaN; the shapes are those of :meth:`__call__`."""
+        """Sigma0 [dB] at each angle, which may be infinite or NaN; shapes as in :meth:`__call__`."""
         # angles of single precision may lie just above 90 degrees
         phi = np.clip(np.asarray(phi_rad, dtype=np.float64), 0.0, 0.5 * np.pi)
         x = np.asarray(parameters, dtype=np.float64)
