@@ -329,7 +329,7 @@ class ImageFormation:
         return beta_share(np.abs(field) ** 2, looks, whole)
 
     def touched(self, reflectivity: Reflectivity, changed: NDArray[np.bool_]) -> NDArray[np.int64]:
-        """Tiles whose image depends on a changed material, shape (tiles, 4); ``changed`` is a mask of material ids."""
+        """Tiles affected by materials with a changed law, shape (tiles, 4); ``changed`` is a mask of material ids."""
         patches = _tiles(self._shape, _PATCH)
         found = np.empty(len(patches), dtype=np.bool_)
         reach = np.array([len(self._down) // 2, len(self._across) // 2])

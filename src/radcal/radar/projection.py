@@ -221,8 +221,7 @@ def _pixels(
     if radar.radiometry == "gamma0_rtc":
         flatten_terrain(rows * columns, start, facet_material, incidence, weight, objects)
     cell_start, cell_material, facet_start = _cells(cells, start, facet_material)
-    # lines and facets are converted to rows and columns of the scene's cells; columns grow to the east for either look
-    # side
+    # lines and facets are converted to the scene's rows and columns; columns grow eastward for either look side
     ground = (ground + np.float32(0.5)) / np.float32(k) - np.float32(0.5)
     if radar.look_side == "left":
         ground[1] = scene.material.shape[1] - 1 - ground[1]

@@ -211,7 +211,7 @@ class _Profile:
         return self._ratio(2, v, self._top)[0]
 
     def bound(self, k: int, side: float, critical: Callable[[float], float]) -> float:
-        """Upper (side 1) or lower (side -1) bound of the k-th parameter, where the likelihood ratio equals ``critical``."""
+        """Upper (side 1) or lower (side -1) bound of the k-th parameter, where the likelihood ratio is ``critical``."""
         from scipy.optimize import brentq
 
         near = self._top
