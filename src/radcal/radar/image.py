@@ -155,9 +155,10 @@ def _form(
 ) -> None:  # fmt: skip
     """Image of the given tiles: one complex look in ``field``, or the mean power of the looks in ``intensity``.
 
-    For each tile, random amplitudes are computed and then filtered in slant range and in azimuth (the band limit). The
-    amplitudes outside a tile that its filters need are computed again for this tile, and every sum has a fixed order.
-    The value of a pixel therefore depends neither on the choice of tiles nor on the number of threads.
+    For each tile, random amplitudes are computed and then filtered in slant range and in azimuth (the band limit).
+    Amplitudes outside of a tile that are needed by the tile's filters are computed again for this tile, and every sum
+    has a fixed order. The value of a pixel therefore depends neither on the choice of tiles nor on the number of
+    threads.
     """
     reach_down, reach_across = down.size // 2, across.size // 2
     for t in range(part[0], part[1]):
