@@ -10,9 +10,10 @@ shrinking windows. In speckle, most of the gradient in a window is noise, and th
 smoothness of the displacement, which is not known beforehand. This module therefore estimates one field for the whole
 image, a Gaussian process. Its standard deviation and correlation length are those under which the images are most
 probable (:mod:`radcal.measurement.spline_field`). Second, the papers choose between contrast and inverted contrast.
-This module weights each pixel by the likelihood of the local correlation of the images, of either sign, so that
-homogeneous ground, where both images hold only speckle, adds no noise. The last steps weight spatial frequencies in the
-same way (``benchmarks/registration.py`` gives the figures).
+This module weights each pixel by the likelihood under the local correlation of the images, which may be positive or
+negative. Homogeneous ground, where both images hold only speckle, then adds no noise. In the last steps, spatial
+frequencies are weighted by their coherence for the same reason. ``benchmarks/registration.py`` measures the accuracy of
+the displacement field.
 """
 
 from __future__ import annotations
@@ -38,12 +39,12 @@ _COARSEST_PX = 96
 _LEVELS = 4
 _WINDOW_PX = 33
 _HIGHEST = 0.8  # largest local correlation that is counted
-_SHARED = 0.2  # smallest one in the curvature of the cost
-_START = Prior(spread_px=3.0, length_px=256.0)  # smooth, so that the first steps go the right way
+_SHARED = 0.2  # smallest local correlation in the curvature of the cost
+_START = Prior(spread_px=3.0, length_px=256.0)  # a smooth field, so that the first steps converge
 _STEPS_COARSEST = 4
 _STEPS = 2
 _STEPS_MATCHED = 4
-_MISFIT = 1.2  # actual over posterior standard error: local correlations come from the same fit
+_MISFIT = 1.2  # ratio of actual to posterior standard error; the local correlations come from the same fit
 _NOISE_CELLS = 2  # side of the blocks whose gradients scatter independently [cells]
 _NOISE = 1.5  # factor on the noise: neighbouring blocks are correlated, and their scatter underestimates it
 
@@ -89,14 +90,14 @@ def _halved(image_db: NDArray[np.float32]) -> NDArray[np.float32]:
 def local_correlation(
     first: NDArray[np.float32], second: NDArray[np.float32], window_px: int = _WINDOW_PX
 ) -> NDArray[np.float32]:
-    """Local correlation of two zero-mean images in windows.
+    """Local correlation of two zero-mean images in square windows.
 
     Parameters
     ----------
     first, second : ndarray, shape (rows, columns)
         Rank transforms, 0 where there is no value.
     window_px : int
-        Width of the window.
+        Width of the window [pixels].
 
     Returns
     -------
@@ -126,7 +127,8 @@ class Level:
     fixed, moving : ndarray of float32, shape (rows, columns)
         Rank transforms.
     weight, there : ndarray of float32, shape (rows, columns)
-        1 where the fixed image (``weight``), the moving image (``there``) has a value, else 0.
+        ``weight`` is 1 where the fixed image has a value, and ``there`` is 1 where the moving image has a value; both
+        are 0 elsewhere.
     """
 
     scale: int
@@ -136,7 +138,7 @@ class Level:
     there: NDArray[np.float32]
 
     def mirrored(self, along: slice, across: slice) -> Level:
-        """Level with the moving image mirrored."""
+        """Level whose moving image is mirrored, by slices for its rows and columns."""
         return replace(self, moving=self.moving[along, across], there=self.there[along, across])
 
 
@@ -197,13 +199,13 @@ def _step(level: Level, field: NDArray[np.float64]) -> list[NDArray[np.float64]]
     # the share r of both images' gradients is common; the rest is noise without curvature
     curved = weight * np.maximum(r, _SHARED)
     products = (curved * along**2, curved * along * across, curved * across**2, along * difference, across * difference)
-    # in pixels of the full image a step is larger by the scale, a gradient smaller
+    # in pixels of the full image, a step is larger and a gradient is smaller by the factor ``scale``
     units = (noise * level.scale**power + 1e-12 for power in (2, 2, 2, 1, 1))
     return [_cell_sums(product.astype(np.float64)) / unit for product, unit in zip(products, units, strict=True)]
 
 
 def _data(lattice: Lattice, level: Level, coefficients: NDArray[np.float64], start: NDArray[np.float64]) -> Data:
-    """Log-likelihood of the coefficients minus ``start``, as a quadratic approximation about given coefficients.
+    """Quadratic approximation, about given coefficients, of the log-likelihood as a function of coefficients - start.
 
     The noise is estimated from the scatter of the log-likelihood's gradients between blocks of the image (White,
     Econometrica 50 (1982), eq. 3.2).
@@ -227,7 +229,7 @@ def _matched(level: Level, field: NDArray[np.float64]) -> Level:
 
     The weights are the maximum-likelihood weights of Knapp and Carter, "The generalized correlation method for
     estimation of time delay", IEEE TASSP 24 (1976), eq. 39. They are computed from the spectra of the fixed image and
-    of the moving image, displaced by ``field``.
+    of the moving image, which is first displaced by ``field``.
     """
     fixed, moving = level.fixed, level.moving
     at = np.indices(fixed.shape, dtype=np.float64) + field
@@ -270,11 +272,11 @@ def find_flow(
     levels : list of Level
         From :func:`pyramid`.
     keep : ndarray of bool, shape (rows, columns), optional
-        Pixels of the fixed image that are used.
+        Pixels of the fixed image that are used; by default all.
     start : ndarray, shape (2,), optional
-        Shift at which the search starts [pixels].
+        Shift in rows and columns at which the search starts [pixels].
     prior : Prior, optional
-        Size and smoothness of the field, chosen from the images if missing.
+        Standard deviation and correlation length of the field; by default they are estimated from the images.
     """
     lattice = Lattice((levels[0].fixed.shape[0], levels[0].fixed.shape[1]))
     origin = np.zeros((2, *lattice.size))
@@ -282,7 +284,7 @@ def find_flow(
         origin += np.asarray(start, dtype=np.float64)[:, None, None]
     if keep is not None:
         levels = _restricted(levels, keep)
-    with threadpool_limits(1):  # a fixed order of the sums
+    with threadpool_limits(1):  # one thread, for a fixed order of sums
         return _found(lattice, levels, origin, prior)
 
 
@@ -323,9 +325,9 @@ def gefolki(
     fixed_db, moving_db : ndarray, shape (rows, columns)
         Backscatter [dB], NaN where there is none. At least 32 x 32 pixels.
     keep : ndarray of bool, shape (rows, columns), optional
-        Pixels of the fixed image that are used.
+        Pixels of the fixed image that are used; by default all.
     start : ndarray, shape (2,), optional
-        Shift at which the search starts [pixels].
+        Shift in rows and columns at which the search starts [pixels].
 
     Returns
     -------

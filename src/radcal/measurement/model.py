@@ -17,7 +17,7 @@ __all__ = ["Measurement", "read_measurement", "write_measurement"]
 
 @dataclass(frozen=True)
 class Measurement:
-    """Measured image of the size of the scene's image.
+    """Measured image with as many rows and columns as the simulated image of the scene.
 
     Attributes
     ----------
@@ -48,6 +48,6 @@ def write_measurement(path: str | Path, measurement: Measurement) -> None:
 
 
 def read_measurement(path: str | Path) -> Measurement:
-    """Read a measurement that :func:`write_measurement` wrote; errors are those of :func:`.read_hdf5`."""
+    """Read a measurement that :func:`write_measurement` wrote; raises the errors of :func:`.read_hdf5`."""
     with read_hdf5(path, "measurement") as file:
         return take(file, Measurement)

@@ -1,4 +1,4 @@
-"""Masks that select a material's comparable pixels, the same for the measurement and for every run."""
+"""Masks that select the pixels of a material for comparison, the same for the measured image and for every run."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ __all__ = ["IN_THE_NOISE", "MINIMUM_PIXELS", "Eligible", "eligible_pixels", "noi
 MINIMUM_PIXELS = 50
 IN_THE_NOISE = "in the noise"  # reason for masking
 _LEVEL_PX = 9  # window of the local level
-_GUARD_PX, _REACH_PX = 3, 10  # half-widths: pixels next to a point target, and those that it is compared with
+_GUARD_PX, _REACH_PX = 3, 10  # half-widths of the area next to a point target, and of the area compared with it
 _FALSE_ALARMS = 1e-8
 _IQR_OF_NORMAL = 1.349
 
@@ -37,8 +37,8 @@ class Eligible:
     pixels : ndarray of int64
         Flat image indices, ascending.
     masked : mapping
-        Number of the material's masked visible pixels by reason, in the order in which the reasons are tried; each
-        pixel counts once.
+        Number of the material's visible pixels that are masked, by reason, in the order in which the reasons are
+        tested. A pixel with several reasons is counted for the first one.
     """
 
     pixels: NDArray[np.int64]
@@ -62,15 +62,15 @@ def noise_limited(image_db: NDArray[np.float32], noise_db: NDArray[np.float64], 
     image_db : ndarray, shape (rows, columns)
         Backscatter with noise [dB], NaN where there is none.
     noise_db : ndarray, shape (rows,)
-        Noise floor of each row at the image's level [dB].
+        Noise floor of each row [dB], at the level of the image.
     snr_db : float
         Required signal-to-noise ratio [dB].
 
     Returns
     -------
     ndarray of bool
-        True where the mean power of the surrounding 9 x 9 pixels is below noise (1 + 10^(snr_db / 10)), since signal
-        and noise add in power.
+        True where the mean power of the surrounding 9 x 9 pixels is below the noise power times 1 + 10^(snr_db / 10),
+        because the powers of signal and noise add.
     """
     level = _local_power(10.0 ** (image_db.astype(np.float64) / 10.0), (_LEVEL_PX, _LEVEL_PX))
     return np.asarray(level < 10.0 ** (noise_db[:, None] / 10.0) * (1.0 + 10.0 ** (snr_db / 10.0)))
@@ -99,7 +99,8 @@ def point_targets(image_db: NDArray[np.float32], material: NDArray[np.uint8], ra
     References
     ----------
     Hansen and Sawyers, "Detectability loss due to greatest of selection in a cell-averaging
-    CFAR", IEEE TAES 16 (1980); gamma clutter at a false alarm rate of 1e-8 a pixel: texture has longer tails.
+    CFAR", IEEE TAES 16 (1980). The false alarm rate is 1e-8 per pixel in gamma clutter, because texture has longer
+    tails.
     """
     from scipy.special import gammainccinv
 
@@ -121,7 +122,7 @@ def point_targets(image_db: NDArray[np.float32], material: NDArray[np.uint8], ra
             continue
         low, middle, high = np.percentile(ratio_db[inside], [25.0, 50.0, 75.0])
         looks = min(float(radar.looks), _looks_of_spread(float(high - low)))
-        # the median of the ratio replaces that of speckle, because the greatest of four means exceeds the mean
+        # the observed median replaces the median of speckle, because the greatest of four means exceeds the mean
         reach = 10.0 * np.log10(gammainccinv(looks, _FALSE_ALARMS) / gammainccinv(looks, 0.5))
         bright |= inside & (ratio_db > middle + reach)
     spill = [
@@ -158,22 +159,21 @@ def eligible_pixels(
     measurement : Measurement
         Registered image.
     config : TargetConfig
-        Margin to other materials.
+        Configuration of the target, with the margin to other materials.
     uncertainty_px : ndarray, shape (rows, columns), optional
-        Standard error of the length of the registration's displacement [pixels], 0 where there was
-        none: the margin grows by two standard errors of a component, and by the half pixel by which nearest neighbours
-        may be wrong.
+        Standard error of the length of the registration's displacement [pixels], 0 without registration. The margin is
+        widened by two standard errors of one component, and by half a pixel, the largest error of a nearest neighbour.
     flags : mapping of str to ndarray of bool, optional
         Pixels masked for further reasons, such as point targets.
 
     Raises
     ------
     MeasurementError
-        The material has no finite pixel or fewer than 50.
+        The material has no finite pixel, or fewer than 50 usable pixels.
     """
     margin: int | NDArray[np.int64] = config.margin_px
     if uncertainty_px is not None:
-        # the margin is counted along rows and columns; the standard error is of the length of two equal components
+        # the margin is counted along rows and columns; one component has 1 / sqrt(2) of the length's standard error
         widened = np.ceil(2.0 * uncertainty_px / np.sqrt(2.0) + 0.5)
         margin = margin + np.where(uncertainty_px > 0, widened, 0).astype(np.int64)
     visible = geometry.pixels(name)

@@ -22,10 +22,10 @@ __all__ = ["CELL_PX", "Data", "Lattice", "Posterior", "Prior"]
 
 CELL_PX = 8
 _SPACING_PX = 24.0
-_MOST_CONTROLS = 64  # along the longer side: limits the cost of the factorisations
+_MOST_CONTROLS = 64  # largest number along the longer side, which limits the cost of the factorisations
 _ORDER = 3  # power of the Laplacian in the prior's precision, whose band is then as wide as that of the data
 _DRAWS = 64
-_RATIO = 1.5  # ratio between neighbours of the grid of priors
+_RATIO = 1.5  # ratio between neighbouring values on the grid of priors
 # Steps on that grid. The data determine the amplitude of high frequencies, spread / length^2, better than either
 # spread or length, so that the evidence has a ridge along (2, 1).
 _WAYS = ((0, 0), (1, 0), (-1, 0), (1, 1), (-1, -1), (2, 1), (-2, -1))
@@ -46,8 +46,8 @@ class Prior:
         Standard deviation of each component [pixels].
     length_px : float
         1/e correlation length of the Gaussian-filtered noise that has the same spectrum at low
-        frequencies [pixels]. The field itself has about 0.7 of this length, because its high frequencies fall off less
-        steeply.
+        frequencies [pixels]. The correlation length of the field itself is about 0.7 of this length, because its
+        spectrum falls off less steeply at high frequencies.
     """
 
     spread_px: float
@@ -170,16 +170,16 @@ class Lattice:
 
 @dataclass(frozen=True)
 class Data:
-    """Quadratic log-likelihood -x H x / 2 + g x, where x are the coefficients of a field minus those of a start.
+    """Quadratic log-likelihood -x H x / 2 + g x, where x are the coefficients of a field minus those of a start field.
 
     Attributes
     ----------
     lattice : Lattice
         The control points.
     curvature : ndarray
-        Bands of H [1 / pixel^2].
+        Bands of the matrix H [1 / pixel^2].
     pull : ndarray, shape (2 * control points,)
-        g [1 / pixel], in the order of the bands.
+        Vector g [1 / pixel], in the order of the bands.
     """
 
     lattice: Lattice
@@ -201,7 +201,7 @@ class Data:
         return Posterior(self.lattice, prior, mean, factor, evidence)
 
     def best(self, near: Prior) -> Posterior:
-        """Posterior under the prior of largest evidence, found by a hill climb on a grid of priors, from ``near``."""
+        """Posterior under the prior of largest evidence, found by hill climbing on a grid of priors from ``near``."""
         lows = _SPREADS_PX[0], _SHORTEST * self.lattice.spacing_px
         highs = _SPREADS_PX[1], _LONGEST * max(self.lattice.shape)
         known: dict[tuple[int, int], float] = {}
@@ -229,7 +229,7 @@ class Data:
 
 
 def _nearest(prior: Prior, lows: tuple[float, float], highs: tuple[float, float]) -> tuple[int, int]:
-    """Indices of that prior on the grid of priors that is nearest to a given prior."""
+    """Indices of the prior, on the grid of priors, that is nearest to a given prior."""
     values = np.clip((prior.spread_px, prior.length_px), lows, highs)
     floors, ceilings = (np.log(limit) / np.log(_RATIO) for limit in (lows, highs))
     places = np.clip(np.round(np.log(values) / np.log(_RATIO)), np.ceil(floors), np.floor(ceilings))
@@ -245,7 +245,7 @@ class Posterior:
     lattice : Lattice
         The control points.
     prior : Prior
-        Prior with which it was found.
+        Prior from which the posterior was computed.
     mean : ndarray, shape (2 * control points,)
         Most probable coefficients [pixels], in the order of the bands.
     factor : ndarray

@@ -40,11 +40,11 @@ class Target:
     incidence_deg : ndarray of float32, shape (n,)
         Local incidence angle [deg].
     dp : ndarray, shape (3,)
-        Fitted direct parameters xi [dB], omega [dB], alpha.
+        Direct parameters xi [dB], omega [dB] and alpha of the fitted skew normal.
     eligible : int
         Number of pixels from which the target's pixels were drawn.
     at_boundary : bool
-        Whether the fit has the largest skewness of a skew normal.
+        Whether the fitted skewness has the largest absolute value that a skew normal can have.
     effective : float
         Effective sample size: number of independent pixels with the same information.
     rms_sampling : float
@@ -59,7 +59,7 @@ class Target:
     left_out : mapping
         Number of the material's masked visible pixels by reason.
     looks : float
-        Equivalent number of looks among neighbouring pixels; NaN where not known.
+        Equivalent number of looks of the material, from neighbouring pixels; NaN if unknown.
     penalised : bool
         Whether the densities of the target and of every run are fitted by penalised likelihood.
     patch, block : ndarray of int, shape (n,)
@@ -111,7 +111,7 @@ class Target:
 
     @property
     def level_only(self) -> bool:
-        """Whether the material is seen at one incidence, so that its level can be known, but not its law."""
+        """Whether the material is seen at one incidence angle, so that its level can be determined, but not its law."""
         error_deg = self.classes.incidence_error_deg if self.classes is not None else 0.0
         return seen_at_one_incidence(self.incidence_deg, error_deg)
 
@@ -153,9 +153,9 @@ class Targets(dict[str, Target]):
     levels : Levels, optional
         Level normalisation of both images; none if missing.
     looks : float
-        Equivalent number of looks of the measured image's homogeneous areas; NaN where not known.
+        Equivalent number of looks of the measured image's homogeneous areas; NaN if unknown.
     further : sequence of Targets
-        Those of the second and later passes, which may lack a material.
+        Targets of the second and later passes, which may lack a material.
     """
 
     def __init__(
@@ -172,11 +172,11 @@ class Targets(dict[str, Target]):
 
     @property
     def passes(self) -> tuple[Targets, ...]:
-        """Targets of all passes, these first."""
+        """Targets of all passes, in the order of the passes."""
         return (self, *self.further)
 
     def level_only(self, name: str) -> bool:
-        """Whether a material is seen at one incidence in each pass that shows it."""
+        """Whether a material is seen at one incidence angle only, in each pass that shows it."""
         return all(one[name].level_only for one in self.passes if name in one)
 
     def textured(self, name: str) -> bool:
@@ -232,13 +232,13 @@ class _Stored:
 
 
 def write_targets(path: str | Path, targets: Targets) -> None:
-    """Write the targets of all materials, and the brightness level of both images, to HDF5, atomically."""
+    """Write the targets of all materials, and the level normalisation of both images, to HDF5, atomically."""
     with write_hdf5(path, "target") as file:
         put(file, _Stored(targets, targets.levels, targets.looks))
 
 
 def read_targets(*paths: str | Path) -> Targets:
-    """Read the targets that :func:`write_targets` wrote, from one file for each pass; errors: :func:`.read_hdf5`."""
+    """Read the targets of all passes, one file for each pass; raises the errors of :func:`.read_hdf5`."""
     found = []
     for path in paths:
         with read_hdf5(path, "target") as file:
