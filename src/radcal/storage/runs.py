@@ -38,7 +38,7 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Record:
-    """Result of one simulator run.
+    """Result of one simulator run, as the run store keeps it.
 
     Attributes
     ----------
