@@ -79,7 +79,7 @@ def is_planned(workflow: Any) -> bool:
     workflow : snakemake.workflow.Workflow
         Workflow at the end of its command.
     """
-    # a command that lists rules or unlocks has no executor, and one that failed no scheduler
+    # a command that lists rules or unlocks has no executor, and a command that failed early has no scheduler
     return workflow._executor_plugin is not None and workflow.dryrun and workflow.scheduler is not None
 
 
