@@ -27,7 +27,7 @@ _FREQUENCY = 0.01  # relative; the bandwidth of most sensors is larger
 
 @dataclass(frozen=True)
 class Acquisition:
-    """Pass of a product at one scene.
+    """Acquisition of a product, with the values that hold at one scene.
 
     Attributes
     ----------

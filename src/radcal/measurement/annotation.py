@@ -181,7 +181,7 @@ def annotation_of(root: Any) -> Annotation:
 
 
 def calibration_of(root: Any) -> LookUpTable:
-    """Table of sigmaNought, the divisor A of digital numbers; it raises the errors of :func:`annotation_of`."""
+    """Table of sigmaNought, the divisor A of digital numbers; raises the errors of :func:`annotation_of`."""
     return _table(root, "calibrationVectorList/calibrationVector", "sigmaNought")
 
 

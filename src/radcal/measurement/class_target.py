@@ -1,4 +1,4 @@
-"""Target by incidence-angle bin: statistics of the measured pixels, with between-field and within-field variance."""
+"""Target of a material in incidence-angle bins: statistics of measured pixels, variance between and within fields."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class ClassTarget:
     free_looks : bool
         Whether the effective number of looks of the material is estimated together with the law.
     priors : bool
-        Whether weak priors on the curve and on the number of looks enter the objective.
+        Whether weak priors on the law's curve and on the number of looks enter the objective.
     incidence_error_deg : float
         Root mean square, over the pixels, of the standard error of the local incidence angle [deg].
     first : ndarray, shape (d,)
@@ -58,8 +58,7 @@ class ClassTarget:
         Parameters
         ----------
         values_db : ndarray, shape (pixels,)
-            Values of the target's pixels in the run [dB]; far outliers are clipped in the same way as those of the
-            measured pixels.
+            Values of the target's pixels in the run [dB]; far outliers are clipped, as in the measured pixels.
         pixels : ndarray of int, optional
             Indices, in ``values_db``, of the pixels to use; by default all pixels are used.
 

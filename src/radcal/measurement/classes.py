@@ -25,7 +25,7 @@ _NODES = 24  # incidence angles that represent a bin
 
 @dataclass(frozen=True)
 class Classes:
-    """Target pixels of one material by incidence-angle bin.
+    """Target pixels of one material, grouped by incidence-angle bin, with statistics of each bin.
 
     Attributes
     ----------
@@ -36,8 +36,8 @@ class Classes:
     count : ndarray of int, shape (n,)
         Number of pixels in each bin.
     pairs : ndarray, shape (3, n, n)
-        Means of the correlation, of its square and of its cube over all pairs of a pixel of one bin and a pixel of
-        another or the same bin (:meth:`radcal.measurement.correlation.Correlation.pairs`).
+        Means of the correlation, of its square and of its cube over all pairs of pixels from two bins, or from one bin
+        (:meth:`radcal.measurement.correlation.Correlation.pairs`).
     cumulants : ndarray, shape (n, 3)
         Mean [dB], variance [dB^2] and third central moment [dB^3] of the measured pixels.
     nodes_deg : ndarray, shape (n, m)
@@ -63,7 +63,11 @@ class Classes:
 
     @property
     def effective(self) -> NDArray[np.float64]:
-        """Effective sample size of each bin: number of independent pixels whose mean varies as much, shape (n,)."""
+        """Effective sample size of each bin, shape (n,).
+
+        The effective sample size is the number of independent pixels whose mean has the same variance as the mean of
+        the correlated pixels.
+        """
         return np.asarray(1.0 / np.diagonal(self.pairs[0]))
 
     def compared(self, draws: int) -> Classes:
@@ -89,8 +93,8 @@ def incidence_edges(incidence_deg: ArrayLike, classes: int | Literal["auto"]) ->
         Local incidence of a material's target pixels [deg].
     classes : int or 'auto'
         Number of bins; with ``auto``, one bin for every 2 degrees between the 5 % and 95 % quantiles of the angles, but
-        at least 4 and at most 8. The number is smaller if a bin would hold fewer than 30 pixels, or if many pixels have
-        the same angle.
+        at least 4 and at most 8. The number of bins is smaller if a bin would hold fewer than 30 pixels, or if many
+        pixels have the same angle.
 
     Returns
     -------

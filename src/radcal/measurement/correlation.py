@@ -1,4 +1,4 @@
-"""Correlation of the pixels of a material, and what follows from it: effective sample size, variances of means."""
+"""Correlation of a material's pixels, effective sample size, and covariances of the means of groups of pixels."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ class Correlation:
         """Means of the correlation, of its square and of its cube over all pairs of pixels from two groups.
 
         The mean of a group of n pixels has the variance of one pixel times the mean correlation, which is 1/n for
-        uncorrelated pixels. For normally distributed pixels, the mean of a Hermite polynomial of order k has the
-        variance of one polynomial times the mean of the k-th power of the correlation.
+        uncorrelated pixels. For Hermite polynomials of order k of normally distributed pixel values, the mean of a
+        group has the variance of one pixel times the mean of the k-th power of the correlation.
 
         Parameters
         ----------
@@ -79,7 +79,11 @@ class Correlation:
         return _positive(sums / np.multiply.outer(count, count))
 
     def effective(self, pixels: NDArray[np.int64]) -> float:
-        """Effective sample size of some pixels: number of independent pixels whose mean varies as much, at least 1."""
+        """Effective sample size of given pixels, from 1 to their number.
+
+        The effective sample size is the number of independent pixels whose mean has the same variance as the mean of
+        the given pixels.
+        """
         together = self.pairs(pixels, np.zeros(pixels.size, dtype=np.int64), 1)[0, 0, 0]
         return float(np.clip(1.0 / together, 1.0, pixels.size))
 
@@ -90,7 +94,7 @@ def independent_pairs(group: NDArray[np.int64], size: int) -> Doubles:
 
 
 def _positive(matrices: Doubles) -> Doubles:
-    """Matrices with small eigenvalues raised to 5 % of the smallest diagonal element of the matrix."""
+    """Matrices whose eigenvalues are raised to at least 5 % of the smallest diagonal element of the matrix."""
     values, vectors = np.linalg.eigh(matrices)
     least = _LEAST_SHARE * np.diagonal(matrices, axis1=1, axis2=2).min(axis=1)
     if (values >= least[:, None]).all():
@@ -101,7 +105,7 @@ def _positive(matrices: Doubles) -> Doubles:
 def estimate_correlation(
     image_db: NDArray[np.float32], inside: NDArray[np.int64], incidence_deg: NDArray[np.float32] | None = None
 ) -> Correlation:
-    """Correlation of a material's pixels.
+    """Correlation of a material's pixels, estimated from an image.
 
     Parameters
     ----------
@@ -111,7 +115,7 @@ def estimate_correlation(
         Flat indices of the material's finite pixels.
     incidence_deg : ndarray, shape (rows, columns), optional
         Local incidence angle [deg]. The material's mean level at each incidence angle is subtracted, because a law can
-        explain its variation with the angle. If missing, the mean of the whole material is subtracted.
+        explain the variation of this level with the angle. If missing, the mean of the whole material is subtracted.
 
     Returns
     -------

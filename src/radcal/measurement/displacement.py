@@ -78,7 +78,7 @@ def invert(displacement: NDArray[np.float64]) -> NDArray[np.float64]:
     Raises
     ------
     ValueError
-        The iteration does not converge to 0.001 pixels, because the field folds.
+        The iteration does not converge to 0.001 pixels, because the displacement field folds and has no inverse.
 
     References
     ----------

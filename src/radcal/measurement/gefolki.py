@@ -5,15 +5,16 @@ field by Gauss-Newton steps from coarse to fine scales (Plyer, Colin-Koeniguer a
 algorithm for recent applications on urban SAR images", IEEE GRSL 12 (2015); Brigot et al., "Adaptation and evaluation
 of an optical flow method applied to coregistration of forest remote sensing images", IEEE JSTARS 9 (2016)).
 
-This module differs from the papers in two points. First, the papers solve for the displacement of each pixel in
-shrinking windows. In speckle, most of the gradient in a window is noise, and the best size of the window depends on the
-smoothness of the displacement, which is not known beforehand. This module therefore estimates one field for the whole
-image, a Gaussian process. Its standard deviation and correlation length are those under which the images are most
-probable (:mod:`radcal.measurement.spline_field`). Second, the papers choose between contrast and inverted contrast.
-This module weights each pixel by the likelihood under the local correlation of the images, which may be positive or
-negative. Homogeneous ground, where both images hold only speckle, then adds no noise. In the last steps, spatial
-frequencies are weighted by their coherence for the same reason. ``benchmarks/registration.py`` measures the accuracy of
-the displacement field.
+This module differs from the two papers on GeFolki in two points. First, the papers solve for the displacement of each
+pixel from windows that shrink from step to step. In speckle, most of the gradient in a window is noise, and the best
+size of the window depends on the smoothness of the displacement, which is not known beforehand. This module therefore
+estimates one displacement field for the whole image, with a Gaussian process as prior. The standard deviation and the
+correlation length of the prior are those under which the images are most probable
+(:mod:`radcal.measurement.spline_field`). Second, the papers choose between equal and inverted contrast of the two
+images. This module weights each pixel by the likelihood under the local correlation of the images, which may be
+positive or negative. With this weight, homogeneous ground, where both images hold only speckle, adds no noise. In the
+last steps, spatial frequencies are weighted by their coherence, so that frequencies that hold only speckle add no
+noise, either. ``benchmarks/registration.py`` measures the accuracy of the displacement field.
 """
 
 from __future__ import annotations
@@ -50,19 +51,19 @@ _NOISE = 1.5  # factor on the noise: neighbouring blocks are correlated, and the
 
 
 def rank_transform(image_db: NDArray[np.float32], radius: int = _RANK_RADIUS) -> NDArray[np.float32]:
-    """Rank of each pixel's value among those of its neighbours.
+    """Rank of each pixel's value among the values of the neighbouring pixels.
 
     Parameters
     ----------
     image_db : ndarray, shape (rows, columns)
-        Backscatter [dB] (any monotonic scale gives the same ranks), NaN where there is none.
+        Backscatter [dB], NaN where a pixel has no value. Any monotonic scale gives the same ranks.
     radius : int
         Half width of the square neighbourhood [pixels].
 
     Returns
     -------
     ndarray of float32, shape (rows, columns)
-        Rank from -1 (smallest of the neighbourhood) to 1 (largest); 0 where there is no value.
+        Rank from -1 (smallest of the neighbourhood) to 1 (largest); 0 where a pixel has no value.
     """
     from skimage.filters.rank import equalize  # the local histogram's distribution function at the centre
 
@@ -95,7 +96,7 @@ def local_correlation(
     Parameters
     ----------
     first, second : ndarray, shape (rows, columns)
-        Rank transforms, 0 where there is no value.
+        Rank transforms, 0 where a pixel has no value.
     window_px : int
         Width of the window [pixels].
 
@@ -168,7 +169,7 @@ def pyramid(fixed_db: NDArray[np.float32], moving_db: NDArray[np.float32]) -> li
     Parameters
     ----------
     fixed_db, moving_db : ndarray, shape (rows, columns)
-        Backscatter [dB], NaN where there is none.
+        Backscatter [dB], NaN where a pixel has no value.
     """
     levels: list[Level] = []
     while True:
@@ -228,8 +229,8 @@ def _matched(level: Level, field: NDArray[np.float64]) -> Level:
     """Both images filtered so that each spatial frequency is weighted by its coherence.
 
     The weights are the maximum-likelihood weights of Knapp and Carter, "The generalized correlation method for
-    estimation of time delay", IEEE TASSP 24 (1976), eq. 39. They are computed from the spectra of the fixed image and
-    of the moving image, which is first displaced by ``field``.
+    estimation of time delay", IEEE TASSP 24 (1976), eq. 39. The weights are computed from the spectra of the fixed
+    image and of the moving image, which is first displaced by ``field``.
     """
     fixed, moving = level.fixed, level.moving
     at = np.indices(fixed.shape, dtype=np.float64) + field
@@ -323,7 +324,7 @@ def gefolki(
     Parameters
     ----------
     fixed_db, moving_db : ndarray, shape (rows, columns)
-        Backscatter [dB], NaN where there is none. At least 32 x 32 pixels.
+        Backscatter [dB], NaN where a pixel has no value. At least 32 x 32 pixels.
     keep : ndarray of bool, shape (rows, columns), optional
         Pixels of the fixed image that are used; by default all.
     start : ndarray, shape (2,), optional

@@ -44,7 +44,7 @@ class Look:
 class GroundRange:
     """Orbit of an image, and conversion from slant range to the pixels of the image's lines.
 
-    Times are counted from the first line [s].
+    All times are counted from the time of the first line of the image [s].
 
     Attributes
     ----------
@@ -55,7 +55,8 @@ class GroundRange:
     line_s : float
         Time between two neighbouring lines.
     conversion_s : ndarray, shape (m,)
-        Times of the polynomials, ascending; between two of these times, ground range is interpolated linearly.
+        Times for which the polynomials of ``coefficients`` hold, ascending; between two of these times, ground range is
+        interpolated linearly.
     near_m : ndarray, shape (m,)
         Slant range that is subtracted before each polynomial is evaluated [m].
     coefficients : ndarray, shape (m, c)

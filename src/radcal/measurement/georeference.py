@@ -48,8 +48,7 @@ class GeoreferencedImage:
 def is_georeferenced(path: Path, folders: Sequence[Path] = ()) -> bool:
     """Whether a file is a raster with a CRS and a transform from its pixels to coordinates in this CRS.
 
-    The answer is False for a file that cannot be read; the function that reads the file later raises an error with the
-    reason.
+    For a file that cannot be read, the function returns False; the function that reads the file later raises an error.
 
     Parameters
     ----------

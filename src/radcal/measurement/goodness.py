@@ -1,4 +1,4 @@
-"""Goodness of fit of a skew normal."""
+"""Goodness of fit of a skew normal to a sample of backscatter values."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Goodness:
     Attributes
     ----------
     ks : float
-        Kolmogorov-Smirnov distance, the largest difference of the distribution functions.
+        Kolmogorov-Smirnov distance, the largest difference between the distribution functions of sample and fit.
     ks_p : float
         p-value: share of bootstrap samples with a larger distance to their own fit.
     ad : float
@@ -71,8 +71,8 @@ def goodness_of_fit(
     rng : Generator
         Random generator of the bootstrap samples.
     effective : float, optional
-        Effective sample size, by default the number of values. It is the size of the bootstrap samples, and the
-        Anderson-Darling statistics are divided by the sample sizes before they are compared.
+        Effective sample size, by default the number of values. The bootstrap samples have this size, and
+        Anderson-Darling statistics are divided by the sample size before they are compared.
     draws : int
         Number of bootstrap samples.
     penalised : bool

@@ -69,7 +69,7 @@ class Blocks:
 
 @dataclass(frozen=True)
 class Ground:
-    """Pixels of one material to which a law is fitted, or with which it is compared.
+    """Pixels of one material to which a law is fitted, or with which a law is compared.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class Ground:
     patch, block : ndarray of int, shape (pixels,)
         Field (connected area), and part of a block of the image (see :class:`Blocks`), of each pixel.
     pixels : ndarray of int64, shape (pixels,), optional
-        Flat image indices, increasing.
+        Flat indices of the pixels in the image, increasing.
     correlation : Correlation, optional
         Correlation of the material's pixels; by default the pixels are independent.
     error_deg : ndarray, shape (pixels,), optional

@@ -34,8 +34,8 @@ class Levels:
     measured : (float, float)
         Shift that is subtracted from the measured values, and scale by which they are then divided [dB].
     others_db : ndarray of float32
-        For ``image``: valid pixels, in the reference run, of all materials that are not calibrated [dB]. They are the
-        same in every run, except for the influence of neighbouring pixels.
+        For ``image``: valid pixels, in the reference run, of all materials that are not calibrated [dB]. These pixels
+        are the same in every run, except for the influence of neighbouring pixels.
     valid : mapping
         For ``image``: indices of each calibrated material's valid pixels among its pixels in a run record.
     """
@@ -109,13 +109,13 @@ class Levels:
 
 
 def median_and_range(values_db: ArrayLike) -> tuple[float, float]:
-    """Median and interquartile range [dB]."""
+    """Median and interquartile range of values [dB]."""
     low, middle, high = np.percentile(np.asarray(values_db, dtype=np.float64), [25.0, 50.0, 75.0])
     return float(middle), float(high - low)
 
 
 def pooled_offset(differences_db: ArrayLike, errors_db: ArrayLike) -> tuple[float, float]:
-    """Level offset pooled over several materials, whose laws may be wrong by more than their sampling errors.
+    """Level offset [dB], pooled over several materials whose laws may be wrong by more than their sampling errors.
 
     Parameters
     ----------
@@ -146,12 +146,12 @@ def pooled_offset(differences_db: ArrayLike, errors_db: ArrayLike) -> tuple[floa
 
 
 def offset_levels(normalisation: str, differences: Mapping[str, tuple[float, float]]) -> Levels:
-    """Levels estimated from the materials whose law is fixed.
+    """Level normalisation from an offset that is estimated from the materials with a fixed law.
 
     Parameters
     ----------
     normalisation : {'none', 'offset'}
-        Whether the offset is subtracted or only reported.
+        ``offset`` if the offset is subtracted, ``none`` if the offset is only reported.
     differences : mapping
         Measured minus simulated mean and its standard error by material [dB].
     """
@@ -173,21 +173,21 @@ def image_levels(
     material: NDArray[np.uint8],
     calibrated: Mapping[str, int],
 ) -> Levels:
-    """Levels that map whole images to zero median and unit interquartile range.
+    """Level normalisation that maps whole images to zero median and unit interquartile range.
 
     Parameters
     ----------
     measured_db, reference_db : ndarray, shape (rows, columns)
         Registered measured image and image of the reference run [dB].
     material : ndarray of uint8, shape (rows, columns)
-        Material id, 0 where there is none or several.
+        Material id of each pixel, 0 where a pixel holds no material or several.
     calibrated : mapping
-        Name to id of the calibrated materials.
+        Material id of each calibrated material, by name.
 
     Returns
     -------
     Levels
-        Levels from the pixels that hold a single material and have a measured value.
+        Level normalisation from the pixels that hold a single material and have a measured value.
     """
     valid = (material > 0) & np.isfinite(measured_db)
     others = valid & ~np.isin(material, list(calibrated.values()))

@@ -33,7 +33,7 @@ _ALIKE = (0.6, 1.3)  # times the configured looks
 
 @dataclass(frozen=True)
 class Looks:
-    """Equivalent number of looks.
+    """Equivalent number of looks of an image, with its confidence interval.
 
     Attributes
     ----------
@@ -83,11 +83,11 @@ def estimate_looks(image_db: NDArray[np.float32], material: NDArray[np.uint8], r
     Parameters
     ----------
     image_db : ndarray, shape (rows, columns)
-        Backscatter [dB], NaN where there is none.
+        Backscatter [dB], NaN where a pixel has no value.
     material : ndarray of uint8, shape (rows, columns)
-        Material id of each pixel, 0 where there is none or several.
+        Material id of each pixel, 0 where a pixel holds no material or several.
     radar : Radar
-        Resolutions and pixel spacings.
+        Pass with its resolutions and pixel spacings.
 
     Returns
     -------
@@ -116,7 +116,7 @@ def estimate_looks(image_db: NDArray[np.float32], material: NDArray[np.uint8], r
 
 
 def local_looks(image_db: NDArray[np.float32], pixels: NDArray[np.int64], radar: Radar) -> float:
-    """Equivalent number of looks from the differences of neighbouring pixels of a material.
+    """Equivalent number of looks, estimated from differences between neighbouring pixels of a material.
 
     Parameters
     ----------
@@ -125,14 +125,14 @@ def local_looks(image_db: NDArray[np.float32], pixels: NDArray[np.int64], radar:
     pixels : ndarray of int
         Flat indices of the material's finite pixels.
     radar : Radar
-        Resolutions and pixel spacings.
+        Pass with its resolutions and pixel spacings.
 
     Returns
     -------
     float
         Number of looks from the semivariance of pairs of pixels that are just far enough apart to have independent
-        speckle. Changes of the level over longer distances, such as those between fields, have no effect. NaN if there
-        are no pairs.
+        speckle. Changes of the level over longer distances, such as those between fields, have no effect on this
+        semivariance. NaN if there are no pairs.
 
     References
     ----------
@@ -150,7 +150,7 @@ def local_looks(image_db: NDArray[np.float32], pixels: NDArray[np.int64], radar:
 
 
 def independent_steps(radar: Radar) -> tuple[int, int]:
-    """Numbers of rows and of columns between independent pixels."""
+    """Smallest numbers of rows and of columns between pixels with independent speckle."""
     return (
         max(1, int(np.ceil(_INDEPENDENT * radar.range_resolution_m / radar.range_spacing_m))),
         max(1, int(np.ceil(_INDEPENDENT * radar.azimuth_resolution_m / radar.azimuth_spacing_m))),
@@ -196,8 +196,9 @@ def check_looks(found: Looks, looks: float, scale: str | None, source: str, filt
     """Refuse an image whose estimated looks contradict ``radar.looks``, and describe the estimate in a sentence.
 
     If amplitude is read as power, every dB value is halved, and the variance of speckle is divided by four. If power is
-    read as amplitude, the variance is multiplied by four. The estimated number of looks is then about three times too
-    large or too small. If a dB image is read as power, hardly any speckle is left.
+    read as amplitude, the variance of speckle is multiplied by four. A wrong choice between amplitude and power thus
+    makes the estimated number of looks about three times too large or too small. If a dB image is read as power, hardly
+    any speckle is left.
 
     Parameters
     ----------

@@ -22,7 +22,7 @@ class Measurement:
     Attributes
     ----------
     image_db : ndarray of float32, shape (slant range, azimuth)
-        Backscatter in the configured radiometry [dB], NaN where there is none.
+        Backscatter in the configured radiometry [dB], NaN where a pixel has no value.
     source : str
         Source of the image in words, for the report.
     hidden : mapping
@@ -31,7 +31,7 @@ class Measurement:
         True displacement of a synthetic measurement, from pixels of the scene's image to those of the measured image
         [pixels]; None for other measurements.
     notes : tuple of str
-        Sentences about the image's file: meaning of its levels, number of unusable pixels.
+        Sentences about the image's file, such as the meaning of its levels and the number of unusable pixels.
     """
 
     image_db: NDArray[np.float32]

@@ -27,8 +27,9 @@ def incidence_span_deg(incidence_deg: ArrayLike, error_deg: float = 0.0) -> floa
     Returns
     -------
     float
-        Width between the 5 % and 95 % quantiles [deg], without the part due to the error: the squared widths of
-        independent distributions add.
+        Width between the 5 % and 95 % quantiles [deg], without the part due to the error. The squared width of the
+        error is subtracted from the squared width of the angles, because squared widths of independent distributions
+        add.
 
     References
     ----------

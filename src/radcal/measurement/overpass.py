@@ -37,7 +37,7 @@ class Seen:
     Attributes
     ----------
     line, pixel : ndarray, shape (rows, columns)
-        Position of each pixel of the scene's image in the product; NaN where the product does not show it.
+        Position, in the product, of each pixel of the scene's image; NaN for pixels that the product does not show.
     acquisition : Acquisition
         Acquisition at the middle of the scene.
     notes : tuple of str
@@ -58,14 +58,14 @@ def seen_from(product: Product, scene: Scene, ground: NDArray[np.float32]) -> Se
     product : Product
         Opened product.
     scene : Scene
-        Scene with coordinates on the map.
+        Scene with a CRS and map coordinates.
     ground : ndarray, shape (2, rows, columns)
         Scene row and column that each pixel of the scene's image shows, NaN where a pixel shows no ground.
 
     Raises
     ------
     MeasurementError
-        The scene is not on the map, or the product does not show it.
+        The scene has no map coordinates, or the product does not show the scene.
     """
     from pyproj import CRS
 
@@ -92,7 +92,7 @@ def seen_from(product: Product, scene: Scene, ground: NDArray[np.float32]) -> Se
 
 
 def told(path: Path, config: FileMeasurement, radar: Radar, scene: Scene) -> Seen:
-    """Positions of a coarse grid of a scene in a product, and acquisition there; ``radar`` may contradict the product.
+    """Positions of a coarse grid of a scene in a product, and acquisition there, without a comparison with ``radar``.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def told(path: Path, config: FileMeasurement, radar: Radar, scene: Scene) -> See
         Pass, of which only the polarisation is used; if the product lacks it, the first polarisation of the product is
         used.
     scene : Scene
-        Scene with coordinates on the map.
+        Scene with a CRS and map coordinates.
 
     Raises
     ------
@@ -191,7 +191,8 @@ def _noise_over_incidence(
 def _width(swath: Swath, way: int) -> float:
     """-3 dB width of a look's impulse response, in units of the inverse of the look's bandwidth.
 
-    The window a + (1 - a) cos(2 pi f / B) has the response a sinc(x) + (1 - a) / 2 (sinc(x - 1) + sinc(x + 1)).
+    The spectral window a + (1 - a) cos(2 pi f / B) of a look with bandwidth B has the impulse response a sinc(x) + (1 -
+    a) / 2 (sinc(x - 1) + sinc(x + 1)), with x in units of 1 / B.
     """
     from scipy.optimize import brentq
 

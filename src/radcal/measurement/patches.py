@@ -57,7 +57,7 @@ class Cells:
     count: NDArray[np.int64]
 
     def mean(self, values: ArrayLike) -> NDArray[np.float64]:
-        """Mean over the pixels of each cell, shape (pixels, ...) to (cells, ...)."""
+        """Mean of values over the pixels of each cell: from shape (pixels, ...) to shape (cells, ...)."""
         v = np.asarray(values, dtype=np.float64)
         flat = v.reshape(v.shape[0], -1)
         sums = np.stack([np.bincount(self.of_pixel, column, self.count.size) for column in flat.T], axis=-1)
@@ -144,7 +144,10 @@ class Residuals:
 
 
 def spread_log_likelihood(data: Residuals) -> NDArray[np.float64]:
-    """Restricted log likelihood of all pairs (between, within) on the grid ``GRID_DB``; the law is integrated out."""
+    """Restricted log likelihood of all pairs (between, within) of standard deviations on the grid ``GRID_DB``.
+
+    The parameters of the law are integrated out of the likelihood.
+    """
     labels, of = np.unique(data.patch, return_inverse=True)
     columns = np.column_stack([data.slopes, data.residual_db])
     between = GRID_DB[:, None, None] ** 2
@@ -170,14 +173,14 @@ def spreads(residuals: Sequence[Residuals]) -> list[Spread]:
     """Between-patch and within-patch standard deviations of several materials, estimated together.
 
     The standard deviations between and within the patches of a material have half-normal priors. All materials share
-    the scales of these priors, and the scales have half-normal priors with a scale of 1 dB. The estimates of a material
-    with a single patch therefore depend more on the other materials. The estimates of a material that differs from the
-    others, such as water among fields, depend mainly on its own cells.
+    the scales of the two half-normal priors, and each scale has a half-normal prior with a scale of 1 dB. The estimates
+    of a material with a single patch therefore depend more on the other materials. For a material that differs from the
+    others, such as water among fields, the estimates depend mainly on the cells of this material.
 
     Parameters
     ----------
     residuals : sequence of Residuals
-        One entry for each material.
+        Residuals of each material.
 
     Returns
     -------
@@ -218,8 +221,8 @@ def gls_mean(
     r"""Generalised least squares mean of cell means, with random effects of the fields and of the cells.
 
     The mean of a field f has the weight :math:`(\tau^2 + 1 / w_f)^{-1}`, where :math:`\tau^2` is the between-field
-    variance and :math:`w_f = \sum_c (s_c^2 + \sigma^2)^{-1}` is a sum over the cells of the field. Each cell c has the
-    sampling variance :math:`s_c^2`, and :math:`\sigma^2` is the within-field variance.
+    variance and :math:`w_f = \sum_c (s_c^2 + \sigma^2)^{-1}` is a sum over the cells of the field. The mean of cell c
+    has the sampling variance :math:`s_c^2`, and :math:`\sigma^2` is the within-field variance.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Masks that select the pixels of a material for comparison, the same for the measured image and for every run."""
+"""Masks that select a material's pixels for the comparison of the measured image with runs, the same for both."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ class Eligible:
     Attributes
     ----------
     pixels : ndarray of int64
-        Flat image indices, ascending.
+        Flat indices of the pixels in the image, ascending.
     masked : mapping
         Number of the material's visible pixels that are masked, by reason, in the order in which the reasons are
-        tested. A pixel with several reasons is counted for the first one.
+        tested. A pixel that is masked for several reasons is counted for the first one.
     """
 
     pixels: NDArray[np.int64]
@@ -60,9 +60,9 @@ def noise_limited(image_db: NDArray[np.float32], noise_db: NDArray[np.float64], 
     Parameters
     ----------
     image_db : ndarray, shape (rows, columns)
-        Backscatter with noise [dB], NaN where there is none.
+        Backscatter with noise [dB], NaN where a pixel has no value.
     noise_db : ndarray, shape (rows,)
-        Noise floor of each row [dB], at the level of the image.
+        Noise floor of each row [dB], shifted to the level of the image.
     snr_db : float
         Required signal-to-noise ratio [dB].
 
@@ -80,15 +80,16 @@ def point_targets(image_db: NDArray[np.float32], material: NDArray[np.uint8], ra
     """Pixels that hold a point target, and the neighbouring pixels that the target's response reaches.
 
     The power of a pixel is divided by the greatest of the mean powers of four blocks around the pixel, so that the edge
-    of a field is not taken for a point target. The threshold for this ratio follows from the spread of the ratio within
-    the pixel's material. Texture widens this spread and is therefore not taken for a point target either.
+    of a field does not count as a point target. The threshold for this ratio of powers follows from the spread of the
+    ratio within the pixel's material. Texture widens the spread, and thus raises the threshold, so that texture does
+    not count as a point target, either.
 
     Parameters
     ----------
     image_db : ndarray, shape (rows, columns)
-        Backscatter [dB], NaN where there is none.
+        Backscatter [dB], NaN where a pixel has no value.
     material : ndarray of uint8, shape (rows, columns)
-        Material id, 0 where there is none or several.
+        Material id of each pixel, 0 where a pixel holds no material or several.
     radar : Radar
         Looks, resolutions and pixel spacings.
 
@@ -136,7 +137,7 @@ def point_targets(image_db: NDArray[np.float32], material: NDArray[np.uint8], ra
 
 
 def _looks_of_spread(iqr_db: float) -> float:
-    """Looks of gamma speckle from the interquartile range of its dB values [dB]."""
+    """Number of looks of gamma speckle, from the interquartile range of its dB values [dB]."""
     return looks_of_log_variance((max(iqr_db, 1e-3) / _IQR_OF_NORMAL) ** 2)
 
 
@@ -155,7 +156,7 @@ def eligible_pixels(
     name : str
         Material.
     geometry : Geometry
-        Material masks, layover, shadow.
+        Geometry with the material masks and the masks of layover and shadow.
     measurement : Measurement
         Registered image.
     config : TargetConfig
@@ -164,7 +165,7 @@ def eligible_pixels(
         Standard error of the length of the registration's displacement [pixels], 0 without registration. The margin is
         widened by two standard errors of one component, and by half a pixel, the largest error of a nearest neighbour.
     flags : mapping of str to ndarray of bool, optional
-        Pixels masked for further reasons, such as point targets.
+        Masks of pixels that are excluded for further reasons, such as point targets, by reason.
 
     Raises
     ------

@@ -31,20 +31,20 @@ _WIDTHS = np.geomspace(0.4, 30.0, 600)
 
 @dataclass(frozen=True)
 class PointSpread:
-    """Point spread in both directions of the image.
+    """Point spread of an image in slant range and in azimuth.
 
     Attributes
     ----------
     range_m, azimuth_m : float
-        -3 dB widths [m] of the impulse response with the simulator's weighting that gives speckle the same correlation
-        as in the image.
+        -3 dB widths [m] of the impulse response that, with the simulator's weighting, gives speckle the same
+        correlation as in the image.
     range_error_m, azimuth_error_m : float
         Standard errors [m].
     smoothing : float
         Ratio of the correlation area of the image's power to the correlation area for the configured resolutions. A
-        correlation area is the sum of the autocorrelation over both directions. Averaging over an area multiplies the
-        ratio by about the number of independent pixels in this area. Unlike a width, the ratio also grows if a filter
-        keeps a part of each pixel's own value.
+        correlation area is the sum of the autocorrelation over both directions. Averaging over an area multiplies
+        ``smoothing`` by about the number of independent pixels in this area. Unlike the widths, ``smoothing`` also
+        grows if a filter keeps a part of each pixel's own value.
     windows : int
         Number of windows used.
     """
@@ -67,7 +67,7 @@ def estimate_point_spread(
     r"""Point spread from the semivariances of the power in homogeneous windows of one material.
 
     For any number of looks, the power of speckle has the autocorrelation :math:`\rho(d) = |\mu(d)|^2`, where
-    :math:`\mu` is the autocorrelation of the complex amplitude. This :math:`\mu` is also the autocorrelation of the
+    :math:`\mu` is the autocorrelation of the complex amplitude. The same :math:`\mu` is the autocorrelation of the
     impulse response (:func:`radcal.radar.speckle.speckle_correlation`). The function estimates :math:`\rho(d)` as
     :math:`1 - \gamma(d) / \gamma(D)`, where :math:`\gamma` is the semivariance of the power divided by the window's
     mean power, and D is a distance just beyond the correlation of speckle. Semivariances need no removal of a mean, and
@@ -77,18 +77,19 @@ def estimate_point_spread(
     Parameters
     ----------
     image_db : ndarray, shape (rows, columns)
-        Backscatter [dB], NaN where there is none.
+        Backscatter [dB], NaN where a pixel has no value.
     material : ndarray of uint8, shape (rows, columns)
-        Material id of each pixel, 0 where there is none or several.
+        Material id of each pixel, 0 where a pixel holds no material or several.
     radar : Radar
-        Resolutions and pixel spacings.
+        Pass with its resolutions and pixel spacings.
 
     Returns
     -------
     PointSpread or None
-        Estimated point spread; None if fewer than 20 homogeneous windows fit into the materials. Its standard errors
-        combine the sampling error of the windows (bootstrap) with 5 % for other weightings and texture. For a sensor
-        without any weighting, the estimate is 0.66 to 0.76 of the estimate for a weighted response of the same width.
+        Estimated point spread; None if fewer than 20 homogeneous windows fit into the materials. The standard errors of
+        the widths combine the sampling error of the windows (bootstrap) with 5 % for other weightings and texture. For
+        an impulse response without any weighting, the estimate is only 0.66 to 0.76 of the estimate for a weighted
+        impulse response of equal width.
 
     References
     ----------
@@ -160,7 +161,7 @@ def _width(semivariances: NDArray[np.float64], expected: NDArray[np.float64], st
 
 
 def _correlation_length(semivariances: NDArray[np.float64], resolution: float) -> float:
-    """Ratio of the observed autocorrelation, summed over distances of both signs, to the same sum for a resolution."""
+    """Ratio of the sums of two autocorrelations over distances of both signs: observed, and for a given resolution."""
     reach = min(semivariances.size - 2, _REACH)
     seen = 1.0 - semivariances[:reach] / semivariances[reach : reach + 2].mean()
     expected = speckle_correlation(np.arange(1, reach + 1) / resolution)
@@ -177,7 +178,7 @@ def is_filtered(found: PointSpread | None, looks: Looks | None, radar: Radar) ->
     Parameters
     ----------
     found, looks : PointSpread, Looks or None
-        Estimates of the image; without them the answer is False.
+        Estimates of point spread and looks of the image; the function returns False if one of them is missing.
     radar : Radar
         Resolutions and looks.
 
@@ -194,10 +195,11 @@ def is_filtered(found: PointSpread | None, looks: Looks | None, radar: Radar) ->
 def point_spread_note(found: PointSpread, looks: Looks | None, radar: Radar, source: str) -> str | None:
     """Sentence about a point spread that differs from the configured resolutions; None if there is no difference.
 
-    If ``radar.looks`` has been set to the number of looks after filtering, only the correlation shows the filter. The
-    sentence then calls the image smoothed in two cases. In the first case, the area of the point spread exceeds 2.25
-    times the configured area. In the second case, this area exceeds 1.5 times and the correlation area exceeds 3 times
-    the configured one, without the loss of looks that texture would cause.
+    If ``radar.looks`` has been set to the number of looks after filtering, only the correlation shows the filter.
+    If the image does not have more looks than configured, the sentence calls the image smoothed in two cases. In the
+    first case, the area of the point spread exceeds 2.25 times the configured area. In the second case, the area of the
+    point spread exceeds 1.5 times the configured area, the correlation area exceeds 3 times the configured one, and the
+    number of looks is not reduced, as texture would reduce it.
 
     Parameters
     ----------

@@ -70,7 +70,7 @@ def open_product(path: Path, config: FileMeasurement, radar: Radar) -> Product:
     config : FileMeasurement
         Configuration.
     radar : Radar
-        Pass, whose polarisation is taken.
+        Pass, whose polarisation selects the image.
 
     Raises
     ------

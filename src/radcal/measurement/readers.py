@@ -23,8 +23,8 @@ __all__ = ["ReadImage", "image_file", "image_of", "read_image", "read_raster", "
 
 Values = NDArray[Any]
 Places = Callable[[Any], tuple[NDArray[np.float64], NDArray[np.float64]]]
-# smallest share of impossible values for which an image is refused. Below it, a target of 1,000 pixels loses one pixel
-# at most. A sector of random bytes in a float32 image of 10^6 pixels gives half of this share. Single-look power with a
+# smallest share of impossible values for which an image is refused. At this share, a target of 1,000 pixels loses one
+# pixel. A sector of random bytes in a float32 image of 10^6 pixels gives half of this share. Single-look power with a
 # mean of 29, read as dB, has this share of values above 200, because exp(-200 / 29) = 0.001.
 _IMPOSSIBLE_SHARE = 1e-3
 
@@ -36,9 +36,9 @@ class ReadImage:
     Attributes
     ----------
     image_db : ndarray of float32, shape (rows, columns)
-        Backscatter [dB], NaN where there is none: no-data, zero or negative power.
+        Backscatter [dB], NaN for pixels marked as no data and for zero or negative power.
     counts : Counts
-        Numbers of NaN pixels by reason.
+        Number of NaN pixels for each reason.
     notes : tuple of str
         Sentences about the levels of the image, from the metadata of the file.
     polarisation : str or None
@@ -72,11 +72,11 @@ def read_image(path: Path, config: FileMeasurement, shape: tuple[int, int] | Non
     Raises
     ------
     MeasurementError
-        The file cannot be read, holds something else, or its numbers contradict the scale.
+        The file cannot be read or holds no image, or its numbers contradict the scale.
     """
     if path.suffix.lower() in SICD_ENDINGS and is_sicd(path):
         sicd = read_sicd(path, config, image_file(path, config, shape))
-        # complex pixels are already power, at the level that the file gives them
+        # complex pixels have been converted to power already, at the level that the file gives
         read = image_of(sicd.power, path, config.model_copy(update={"scale": "power"}), shape)
         return replace(
             read,
@@ -119,7 +119,7 @@ def image_of(values: Values, path: Path, config: FileMeasurement, shape: tuple[i
 
 
 def read_values(path: Path, config: FileMeasurement) -> Values:
-    """Numbers of a file without conversion; no-data values become NaN where the format marks them.
+    """Numbers of a file without conversion; values that the file format marks as no data become NaN.
 
     Raises
     ------
@@ -145,7 +145,7 @@ def read_raster(path: Path, config: FileMeasurement, places: Places | None = Non
     Returns
     -------
     values : ndarray, shape (rows, columns)
-        Numbers as from :func:`read_values`.
+        Numbers in the same form as from :func:`read_values`.
     transform : affine.Affine
         Affine transform from (column, row) of pixel corners to coordinates; identity where the file has none.
     crs : pyproj.CRS or None

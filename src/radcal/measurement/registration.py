@@ -39,8 +39,8 @@ class Registered:
     Attributes
     ----------
     measurement : Measurement
-        Measurement with the registered image. Nearest pixels are used, which keeps the statistics of speckle; NaN where
-        the measured image has no pixel.
+        Measurement with the registered image. The registered image takes the values of nearest pixels, which keeps the
+        statistics of speckle, and NaN where the measured image has no pixel.
     unregistered_db : ndarray of float32, shape (rows, columns)
         Image before registration [dB].
     displacement_px : ndarray of float32, shape (2, rows, columns)
@@ -71,13 +71,13 @@ def contrast_db(image_db: NDArray[np.float32]) -> float:
     """Contrast of an image [dB]: standard deviation, without speckle, of the mean level of squares of 16 x 16 pixels.
 
     The contrast is the square root of the covariance between the mean levels of the left and right halves of the
-    squares. Independent speckle does not contribute to this covariance. A smooth change of the level from the first row
-    to the last, such as the decrease of a law over the swath, is removed first.
+    squares. Independent speckle does not contribute to the covariance of the halves. A smooth change of the level from
+    the first row to the last, such as the decrease of a law over the swath, is removed first.
 
     Parameters
     ----------
     image_db : ndarray, shape (rows, columns)
-        Image [dB]; NaN where there is none.
+        Image [dB]; NaN where a pixel has no value.
     """
     side = _CONTRAST_PX
     rows, columns = (n // side for n in image_db.shape)
@@ -102,17 +102,17 @@ def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: Re
 
     The displacement field is estimated three times: from all pixels, and, with the same prior, from the squares of each
     of the two colours of a chequerboard. The squares of the other colour are held out, and the correlation of the two
-    images on the held-out squares answers two questions. First, do the images have anything in common? Mirrored images
-    are registered for comparison. Second, does the registration improve the agreement? The correlation on held-out
-    squares must rise by at least 0.001. The standard error of the displacement field is the standard deviation of its
-    posterior distribution.
+    images on the held-out squares answers two questions. The first question is whether the images have anything in
+    common; for comparison, mirrored images are registered, too. The second question is whether the registration
+    improves the agreement; the correlation on the held-out squares must rise by at least 0.001. The standard error of
+    the displacement field is the standard deviation of its posterior distribution.
 
     Parameters
     ----------
     fixed_db : ndarray, shape (rows, columns)
         Simulated image [dB].
     measurement : Measurement
-        Measured image of the same size.
+        Measured image of the same size as the simulated image.
     config : RegistrationConfig
         Method and limits of the registration.
 
@@ -234,7 +234,7 @@ def _chequerboard(shape: tuple[int, int]) -> NDArray[np.bool_]:
 
 
 def _square(shape: tuple[int, ...]) -> int:
-    """Side of a chequerboard square [pixels], so small that there are enough squares for a standard error."""
+    """Side of a chequerboard square [pixels]; small images get small squares, to have enough for a standard error."""
     return 32 if min(shape) >= 256 else 16
 
 

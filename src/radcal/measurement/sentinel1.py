@@ -50,7 +50,7 @@ def sigma0_image(
     Returns
     -------
     power : ndarray, shape (rows, columns)
-        sigma0 with noise, linear; NaN where the product has no data.
+        sigma0 with thermal noise, in linear units; NaN where the product has no data.
     acquisition : Acquisition
         Acquisition at the scene.
     notes : tuple of str

@@ -30,20 +30,20 @@ _LINEAR = frozenset("HV")
 
 @dataclass(frozen=True)
 class SicdImage:
-    """SICD image in radcal's orientation.
+    """SICD image turned to slant range along rows and azimuth along columns.
 
     Attributes
     ----------
     power : ndarray of float64, shape (slant range, azimuth)
         sigma0, or relative power if ``notes`` say so; row 0 is nearest to the radar, and columns grow along the flight.
     notes : tuple of str
-        Sentences for the report, on the levels and other properties.
+        Sentences for the report, about the levels and other properties of the image.
     polarisation : str or None
         Transmitted and received polarisation, such as "VV", where the file gives both.
     frequency_hz : float or None
         Centre of the processed band [Hz], where the file gives it.
     radiometry : str or None
-        ``sigma0_ref``, sigma0 for level ground; None for relative power.
+        ``sigma0_ref`` for sigma0 of level ground; None for relative power.
     """
 
     power: NDArray[np.float64]
@@ -54,7 +54,7 @@ class SicdImage:
 
 
 def is_sicd(path: Path) -> bool:
-    """Whether a file's first NITF image segment is labelled SICD, even if later parts of the file are damaged."""
+    """Whether the first NITF image segment of a file is labelled SICD; later parts of the file may be damaged."""
     try:
         with path.open("rb") as file:
             # the first image subheader, "IM" and its identifier IID1, follows the file header
@@ -84,7 +84,7 @@ def read_sicd(path: Path, config: FileMeasurement, file: ImageFile) -> SicdImage
     Raises
     ------
     MeasurementError
-        The file is damaged, contradicts itself, or another scale or band is configured.
+        The file is damaged or contradicts itself, or the configured scale or band does not fit the file.
 
     References
     ----------

@@ -61,14 +61,14 @@ def make_measurement(
     case : stages.Measurement
         Source of the image, with the pass, materials and target settings that the image must suit.
     geometry : Geometry
-        Image grid and material masks.
+        Geometry with the image grid and the material masks.
     simulator : Simulator
-        Simulator of a synthetic measurement; not called for a file.
+        Simulator of a synthetic measurement; it is not used if the measurement is a file.
     scene : Scene, optional
         Scene of the geometry. If missing, every image file is assumed to be in slant range, and a synthetic measurement
         cannot have relief or wrong labels.
     partly : bool
-        Whether it is enough that one of the calibrated materials can be fitted, as for the second and later passes.
+        Whether one calibrated material that can be fitted is enough, as in the second and later passes.
 
     Raises
     ------

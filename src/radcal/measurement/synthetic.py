@@ -51,7 +51,8 @@ def make_synthetic(
     geometry : Geometry
         Geometry of the runs; the measurement has the same image grid.
     simulator : Simulator
-        Simulator of the runs. It also makes the measured image if only parameters and seed differ from the runs.
+        Simulator of the runs. This simulator also makes the measured image if only parameters and seed differ from
+        those of the runs.
     scene : Scene, optional
         Scene of the runs, needed for relief and wrong labels.
 
@@ -161,19 +162,19 @@ def _other_pass(radar: Radar, synthetic: Synthetic) -> Radar:
 
 
 def relabelled(scene: Scene, share: float, rng: np.random.Generator) -> Scene:
-    """Scene in which a share of the cells has another material.
+    """Copy of a scene in which a share of the cells has a wrong material.
 
-    Half of these cells lie on borders between materials and get the material of the other side. The other half forms
-    patches of several cells, and each patch gets the material of a random cell of the scene.
+    Half of the relabelled cells lie on borders between materials and get the material of the other side. The other half
+    forms patches of several cells, and each patch gets the material of a random cell of the scene.
 
     Parameters
     ----------
     scene : Scene
-        Scene; cells without a material keep none.
+        Original scene; its cells without a material stay without one.
     share : float
-        Share of the cells with another material, between 0 and 1.
+        Share of the cells that get a wrong material, between 0 and 1.
     rng : Generator
-        Random generator of the places.
+        Random generator of the places and of the materials there.
     """
     before = scene.material
     wanted = round(share * np.count_nonzero(before))
@@ -219,7 +220,7 @@ def roughened(scene: Scene, rms_m: float, length_m: float, k: int, rng: np.rando
     Returns
     -------
     Scene
-        Scene of the same extent and mean elevation.
+        Scene of the same extent and mean elevation as the original scene.
     """
     assert scene.elevation_m is not None  # noqa: S101 - the configuration refuses relief in slant range
     fine = refined_elevation(scene.elevation_m, k, scene.cell_m)

@@ -32,7 +32,7 @@ class Target:
     Attributes
     ----------
     pixels : ndarray of int64, shape (n,)
-        Flat image indices of the pixels drawn.
+        Flat indices, in the image, of the pixels drawn.
     order : ndarray of int64, shape (n,)
         Indices of the drawn pixels among the material's pixels in a run record.
     values_db : ndarray, shape (n,)
@@ -46,7 +46,7 @@ class Target:
     at_boundary : bool
         Whether the fitted skewness has the largest absolute value that a skew normal can have.
     effective : float
-        Effective sample size: number of independent pixels with the same information.
+        Effective sample size: number of independent pixels with the information of the correlated pixels.
     rms_sampling : float
         Density rms that sampling alone causes at the effective sample size [1/dB].
     cp_error : ndarray, shape (3,)
@@ -57,7 +57,7 @@ class Target:
     goodness : Goodness
         Goodness of fit of the density to the pixels.
     left_out : mapping
-        Number of the material's masked visible pixels by reason.
+        Number of the material's visible pixels that are masked, by reason.
     looks : float
         Equivalent number of looks of the material, from neighbouring pixels; NaN if unknown.
     penalised : bool
@@ -65,7 +65,7 @@ class Target:
     patch, block : ndarray of int, shape (n,)
         Connected area of the material (patch), and part of a block of the image, of each pixel.
     correlation : Correlation or None
-        Correlation of the material's pixels; None for independent ones.
+        Correlation of the material's pixels; None for independent pixels.
     kept_out : Ground or None
         Held-out pixels, to which no law is fitted; None without validation.
     noise_db : float
@@ -144,14 +144,14 @@ class Target:
 
 
 class Targets(dict[str, Target]):
-    """Targets by calibrated material, and the levels at which they are compared with every run.
+    """Target of each calibrated material, with the level normalisation for the comparison with runs.
 
     Parameters
     ----------
     targets : mapping
         Target by material.
     levels : Levels, optional
-        Level normalisation of both images; none if missing.
+        Level normalisation of both images; by default none.
     looks : float
         Equivalent number of looks of the measured image's homogeneous areas; NaN if unknown.
     further : sequence of Targets
@@ -184,12 +184,12 @@ class Targets(dict[str, Target]):
         return self[name].looks < _TEXTURED * self.looks
 
     def score(self, pixels_db: Mapping[str, NDArray[np.float32]]) -> dict[str, tuple[NDArray[np.float64], float]]:
-        """Direct parameters and rms difference [1/dB] of every material, from the visible pixels of a run [dB]."""
+        """Direct parameters and density rms [1/dB] of every material, from the visible pixels of a run [dB]."""
         mapping = self.levels.simulated(pixels_db)
         return {name: target.score(pixels_db[name], mapping) for name, target in self.items()}
 
     def sentences(self) -> list[str]:
-        """Lines for the terminal: levels, target of each material, and warnings."""
+        """Lines for the terminal about levels, the target of each material, and warnings."""
         levels = self.levels
         lines = [f"levels: {levels.sentence}"] if levels.normalisation != "none" or levels.doubtful else []
         for name, target in self.items():
@@ -224,7 +224,7 @@ class Targets(dict[str, Target]):
 
 @dataclass(frozen=True)
 class _Stored:
-    """Content of the file of targets."""
+    """Content of a target file: targets, level normalisation and number of looks of one pass."""
 
     materials: Mapping[str, Target]
     levels: Levels

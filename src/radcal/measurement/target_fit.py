@@ -70,7 +70,7 @@ def sampling_rms(
 
 
 def _rounded(dp: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Direct parameters after their centred parameters have been rounded."""
+    """Direct parameters computed from the rounded centred parameters of ``dp``."""
     mean, sd, skewness = skewnormal.centred(dp)
     step = _ROUNDING * 2.0 ** np.floor(np.log2(sd))
     rounded = [np.round(mean / step) * step, np.round(sd / step) * step, np.round(skewness / _ROUNDING) * _ROUNDING]
@@ -97,14 +97,14 @@ def make_target(
     name, geometry, measurement, config, uncertainty_px, flags
         Arguments of :func:`~radcal.measurement.pixels.eligible_pixels`.
     seed : int
-        Seed of the case, from which that of the draw is derived.
+        Seed of the case, from which the seed of the random draw is derived.
     levels : Levels, optional
-        Level normalisation of the measured values; none if missing.
+        Level normalisation of the measured values; by default none.
     radar : Radar, optional
         Pass with resolutions and pixel spacings, from which the number of looks is estimated; without it, no estimate
         is made.
     validation : Validation, optional
-        Blocks to hold out; none if missing.
+        Blocks to hold out; by default none.
 
     Raises
     ------
