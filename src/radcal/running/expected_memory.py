@@ -1,8 +1,8 @@
 """Expected memory of the jobs of a case, from measured peaks.
 
-The peak of a job is the peak memory of its process, VmHWM of proc(5). It is the sum of a constant for the libraries and
-of a number of bytes for each value of certain arrays (docs/cluster.md lists the measurements). Jobs request more memory
-than this from a cluster (:mod:`radcal.running.memory_and_time`).
+The peak of a job is the peak memory of its process, VmHWM of proc(5). The expected peak is a constant for the libraries
+plus a number of bytes for each value of certain arrays (docs/cluster.md lists the measurements). From a cluster, jobs
+request more memory than the expected peak (:mod:`radcal.running.memory_and_time`).
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def expected_mb(case: Case) -> dict[str, float]:
     Raises
     ------
     ConfigError, SceneError
-        The scene's files do not determine the size.
+        The scene's files do not determine the size of the scene.
     """
     scene = scene_size(case.scene)
     images = [image_size(scene, one.radar) for one in case.passes]

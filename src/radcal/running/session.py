@@ -1,4 +1,4 @@
-"""Session of one Snakemake command on a case: lock, damaged files, remaining Slurm jobs, and messages."""
+"""Session of one Snakemake command on a case, which handles lock, damaged files, old Slurm jobs and messages."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def is_dry_run(words: Iterable[str]) -> bool:
 
 
 def is_planned(workflow: Any) -> bool:
-    """Whether a Snakemake command is a dry run whose jobs are known.
+    """Whether a Snakemake command is a dry run for which Snakemake has planned the jobs.
 
     Parameters
     ----------

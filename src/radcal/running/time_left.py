@@ -71,8 +71,8 @@ def at_most(runs: int, seconds: float | None, usual: int, of: str = "") -> str:
     usual : int
         Number of further runs within which most searches end; 0 or less if the search has already made more runs.
     of : str
-        Text that limits the meaning of the time, such as " of simulation in this pass"; empty if the time includes all
-        steps.
+        Text that says which part of the time is meant, such as " of simulation in this pass"; empty if the time
+        includes all steps.
 
     Returns
     -------
