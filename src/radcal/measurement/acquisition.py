@@ -40,8 +40,8 @@ class Acquisition:
     pass_direction : str
         ``ascending`` or ``descending``.
     platform_heading_deg : float
-        Heading of the satellite at the point on the ground below it, as annotated, clockwise from north [deg, 0 to
-        360].
+        Heading of the satellite at the point on the ground below it, from the annotation, clockwise from north [deg, 0
+        to 360].
     heading_deg : float
         Heading of the flight over the scene, at right angles to the look direction at the scene's middle, clockwise
         from true north [deg, 0 to 360]. It differs from ``platform_heading_deg`` by the convergence of the meridians.
@@ -275,8 +275,7 @@ def _turned_deg(slope_deg: float, apart_deg: float) -> float:
     """Largest change of the local incidence angle on a slope [deg] if the look direction turns by ``apart_deg``.
 
     To first order in the slope, the local incidence angle is the incidence angle on level ground minus the slope times
-    the cosine of the angle between aspect and look direction. The largest change of this cosine is 2 sin(apart_deg /
-    2).
+    the cosine of the angle between aspect and look direction. The cosine changes by at most 2 sin(apart_deg / 2).
     """
     return 2.0 * slope_deg * math.sin(0.5 * math.radians(apart_deg))
 

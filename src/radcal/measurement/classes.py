@@ -41,8 +41,7 @@ class Classes:
     cumulants : ndarray, shape (n, 3)
         Mean [dB], variance [dB^2] and third central moment [dB^3] of the measured pixels.
     nodes_deg : ndarray, shape (n, m)
-        Incidence angles that represent each bin [deg]: the quantiles (k + 0.5) / m of its pixels, for k from 0 to m -
-        1.
+        Incidence angles that represent each bin [deg]: quantiles in the middles of m equal shares of the bin's pixels.
     speckle_db2 : ndarray, shape (n,)
         Variance in each bin of the measured pixels of one cell at equal incidence [dB^2]: the part of the variance that
         would be random again in another image of the same ground.

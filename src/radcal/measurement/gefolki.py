@@ -11,7 +11,7 @@ size of the window depends on the smoothness of the displacement, which is not k
 estimates one displacement field for the whole image, with a Gaussian process as prior. The standard deviation and the
 correlation length of the prior are those under which the images are most probable
 (:mod:`radcal.measurement.spline_field`). Second, the papers choose between equal and inverted contrast of the two
-images. This module weights each pixel by the likelihood under the local correlation of the images, which may be
+images. This module weights each pixel by the likelihood of two images with the observed local correlation, which may be
 positive or negative. With this weight, homogeneous ground, where both images hold only speckle, adds no noise. In the
 last steps, spatial frequencies are weighted by their coherence, so that frequencies that hold only speckle add no
 noise, either. ``benchmarks/registration.py`` measures the accuracy of the displacement field.

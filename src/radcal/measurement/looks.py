@@ -27,7 +27,7 @@ _WINDOWS = 20  # smallest number of windows for an estimate
 _BANDWIDTH = 0.5  # kernel width of the density of log variances, in standard errors of one window
 _DRAWS = 100
 _DB = 10.0 / np.log(10.0)
-_TOO_MANY, _TOO_FEW = 2.0, 0.35  # times the configured looks: neither sensor nor texture explains more
+_TOO_MANY, _TOO_FEW = 2.0, 0.35  # times the configured looks: neither sensor nor texture explains more extreme ratios
 _ALIKE = (0.6, 1.3)  # times the configured looks
 
 

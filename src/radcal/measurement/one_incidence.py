@@ -20,7 +20,7 @@ def incidence_span_deg(incidence_deg: ArrayLike, error_deg: float = 0.0) -> floa
     Parameters
     ----------
     incidence_deg : array_like, shape (pixels,)
-        Local incidence angle of each pixel, as computed from the elevation model [deg].
+        Local incidence angle of each pixel, as computed from the scene [deg].
     error_deg : float
         Standard error of the computed local incidence angle [deg], for example from heights rounded to whole metres.
 

@@ -191,8 +191,8 @@ def _noise_over_incidence(
 def _width(swath: Swath, way: int) -> float:
     """-3 dB width of a look's impulse response, in units of the inverse of the look's bandwidth.
 
-    The spectral window a + (1 - a) cos(2 pi f / B) of a look with bandwidth B has the impulse response a sinc(x) + (1 -
-    a) / 2 (sinc(x - 1) + sinc(x + 1)), with x in units of 1 / B.
+    A look of bandwidth B with the spectral window a + (1 - a) cos(2 pi f / B) has, with x in units of 1 / B, the
+    impulse response a sinc(x) + (1 - a) / 2 (sinc(x - 1) + sinc(x + 1)).
     """
     from scipy.optimize import brentq
 

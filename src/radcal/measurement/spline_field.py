@@ -46,8 +46,8 @@ class Prior:
         Standard deviation of each component of the displacement [pixels].
     length_px : float
         1/e correlation length of Gaussian-filtered noise with the same spectrum at low frequencies as the field
-        [pixels]. The correlation length of the field itself is about 0.7 of this length, because its spectrum falls off
-        less steeply at high frequencies.
+        [pixels]. The correlation length of the field itself is about 0.7 of ``length_px``, because its spectrum falls
+        off less steeply at high frequencies.
     """
 
     spread_px: float

@@ -59,7 +59,7 @@ def make_synthetic(
     Raises
     ------
     MeasurementError
-        The displacement field folds, or the resolution is too fine for the pixel spacing.
+        The displacement field folds, so that it has no inverse, or the resolution is too fine for the pixel spacing.
     """
     hidden = {name: material.start_parameters for name, material in case.materials.items()}
     hidden.update({name: x for name, x in synthetic.parameters.items() if name in hidden})
@@ -94,7 +94,7 @@ def check_synthetic(radar: Radar, synthetic: Synthetic, shape: tuple[int, int]) 
     Raises
     ------
     MeasurementError
-        The displacement field folds, or the resolution is too fine for the pixel spacing.
+        The displacement field folds, so that it has no inverse, or the resolution is too fine for the pixel spacing.
     """
     _other_pass(radar, synthetic)
     _displacements(synthetic, shape)

@@ -154,7 +154,7 @@ def code_counts(path: Path) -> dict[int, int]:
     Raises
     ------
     ConfigError
-        The file cannot be read, or its numbers are not whole.
+        The file cannot be read, or its numbers are of no integer type.
     """
     from rasterio.windows import Window
 
