@@ -37,7 +37,7 @@ _LEAST_DB2 = 1e-6
 
 @dataclass(frozen=True)
 class Cells:
-    """Cells of one material.
+    """Cells of one material, each the area of a patch in one block of the image.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class Cells:
     count: NDArray[np.int64]
 
     def mean(self, values: ArrayLike) -> NDArray[np.float64]:
-        """Mean over the pixels of each cell, shape (pixels, ...) to (cells, ...)."""
+        """Mean of values over the pixels of each cell: from shape (pixels, ...) to shape (cells, ...)."""
         v = np.asarray(values, dtype=np.float64)
         flat = v.reshape(v.shape[0], -1)
         sums = np.stack([np.bincount(self.of_pixel, column, self.count.size) for column in flat.T], axis=-1)
@@ -67,7 +67,7 @@ class Cells:
         """Sampling variance of each cell's mean [dB^2] from the pixels' variance inside cells, pooled over cells."""
         v = np.asarray(values, dtype=np.float64)
         left, freedom = v - self.mean(v)[self.of_pixel], v.size - self.count.size
-        if freedom < _FREEDOM:  # cells of one pixel do not show the variance inside; that of all pixels bounds it
+        if freedom < _FREEDOM:  # too few to estimate it; the variance of all pixels is an upper bound
             left, freedom = v - v.mean(), max(v.size - 1, 1)
         pooled = max(float(left @ left) / freedom, _LEAST_DB2)
         return np.asarray(pooled / np.maximum(self.count * independent, 1.0))
@@ -88,11 +88,11 @@ class Effects:
     Attributes
     ----------
     patch : ndarray of int, shape (p,)
-        Labels, increasing.
+        Labels of the patches, increasing.
     effect_db, variance : ndarray, shape (p,)
-        Effect [dB] and its variance [dB^2] for a known law.
+        Predicted effect [dB] and its variance [dB^2], if the law is known without error.
     weight : ndarray, shape (cells,)
-        Weight of each cell's residual in its patch's effect.
+        Weight of each cell's residual in the predicted effect of the cell's patch.
     spread : Spread
         Between-field and within-field standard deviation that the predictions assume.
     """
@@ -120,20 +120,20 @@ def make_cells(patch: NDArray[np.int64], block: NDArray[np.int64]) -> Cells:
 
 @dataclass(frozen=True)
 class Residuals:
-    """Cell means of one material minus its law, and their derivatives by the law's parameters.
+    """Cell means of one material minus the cell means of its law, and derivatives with respect to the law's parameters.
 
     Attributes
     ----------
     residual_db : ndarray, shape (cells,)
-        Means minus law [dB].
+        Measured cell means minus cell means of the law [dB].
     sampling : ndarray, shape (cells,)
         Sampling variances of the cell means [dB^2].
     patch : ndarray of int, shape (cells,)
-        Labels.
+        Label of each cell's patch.
     slopes : ndarray, shape (cells, d)
-        Derivatives of the law's cell means by its parameters.
+        Derivatives of the law's cell means with respect to the law's parameters.
     information : ndarray, shape (d, d)
-        Information on the parameters without the cells (inverse covariance).
+        Inverse covariance matrix of the law's parameters from other knowledge than the cells, such as a prior.
     """
 
     residual_db: NDArray[np.float64]
@@ -144,7 +144,10 @@ class Residuals:
 
 
 def spread_log_likelihood(data: Residuals) -> NDArray[np.float64]:
-    """Restricted log likelihood on the grid ``GRID_DB`` of (between, within): the law is integrated out."""
+    """Restricted log likelihood of all pairs (between, within) of standard deviations on the grid ``GRID_DB``.
+
+    The parameters of the law are integrated out of the likelihood.
+    """
     labels, of = np.unique(data.patch, return_inverse=True)
     columns = np.column_stack([data.slopes, data.residual_db])
     between = GRID_DB[:, None, None] ** 2
@@ -169,19 +172,20 @@ def spread_log_likelihood(data: Residuals) -> NDArray[np.float64]:
 def spreads(residuals: Sequence[Residuals]) -> list[Spread]:
     """Between-patch and within-patch standard deviations of several materials, estimated together.
 
-    Both standard deviations of a material have half-normal priors whose scales the materials share; the scales have a
-    half-normal prior of 1 dB. For a material with a single patch, the estimates thus rely more on the other materials.
-    A material that differs from the other materials (water among fields) keeps estimates of its own.
+    The standard deviations between and within the patches of a material have half-normal priors. All materials share
+    the scales of the two half-normal priors, and each scale has a half-normal prior with a scale of 1 dB. The estimates
+    of a material with a single patch therefore depend more on the other materials. For a material that differs from the
+    others, such as water among fields, the estimates depend mainly on the cells of this material.
 
     Parameters
     ----------
     residuals : sequence of Residuals
-        One entry for each material.
+        Residuals of each material.
 
     Returns
     -------
     list of Spread
-        Posterior means, in the order given.
+        Posterior means of the standard deviations, in the order of ``residuals``.
 
     References
     ----------
@@ -214,11 +218,11 @@ def spreads(residuals: Sequence[Residuals]) -> list[Spread]:
 def gls_mean(
     mean_db: NDArray[np.float64], sampling: NDArray[np.float64], patch: NDArray[np.int64], spread: Spread
 ) -> tuple[float, float]:
-    r"""Generalised least squares mean of cells whose fields and cells have random effects.
+    r"""Generalised least squares mean of cell means, with random effects of the fields and of the cells.
 
-    With :math:`w_f = \sum_c (s_c^2 + \sigma^2)^{-1}` over the cells of a field, sampling variances :math:`s_c^2`,
-    within-field variance :math:`\sigma^2` and between-field variance :math:`\tau^2`, a field's mean has the weight
-    :math:`(\tau^2 + 1 / w_f)^{-1}`.
+    The mean of a field f has the weight :math:`(\tau^2 + 1 / w_f)^{-1}`, where :math:`\tau^2` is the between-field
+    variance and :math:`w_f = \sum_c (s_c^2 + \sigma^2)^{-1}` is a sum over the cells of the field. The mean of cell c
+    has the sampling variance :math:`s_c^2`, and :math:`\sigma^2` is the within-field variance.
 
     Parameters
     ----------
@@ -227,14 +231,14 @@ def gls_mean(
     sampling : ndarray, shape (cells,)
         Sampling variances of the cell means [dB^2].
     patch : ndarray of int, shape (cells,)
-        Labels.
+        Label of each cell's patch.
     spread : Spread
-        Standard deviations of patches and cells.
+        Standard deviations of the random effects of patches and of cells.
 
     Returns
     -------
     mean_db, variance : float
-        Mean [dB] and its variance [dB^2].
+        Weighted mean [dB] and its variance [dB^2].
 
     References
     ----------
@@ -251,18 +255,18 @@ def gls_mean(
 def patch_effects(
     residual_db: NDArray[np.float64], sampling: NDArray[np.float64], patch: NDArray[np.int64], spread: Spread
 ) -> Effects:
-    """Random effects of the patches that have cells.
+    """Predicted random effects of the patches that have at least one cell.
 
     Parameters
     ----------
     residual_db : ndarray, shape (cells,)
-        Cell means minus law [dB].
+        Measured cell means minus cell means of the law [dB].
     sampling : ndarray, shape (cells,)
         Sampling variances of the cell means [dB^2].
     patch : ndarray of int, shape (cells,)
-        Labels.
+        Label of each cell's patch.
     spread : Spread
-        Standard deviations of patches and cells.
+        Standard deviations of the random effects of patches and of cells.
 
     Returns
     -------

@@ -31,7 +31,8 @@ if TYPE_CHECKING:
 __all__ = ["HELD_OUT", "make_levels", "make_target", "make_targets", "sampling_rms"]
 
 # Step to which a target's parameters are rounded, relative to its standard deviation; a thousandth of the sampling
-# error of 1,000 pixels. Numerical noise, such as that of another level of the same image, then changes no calibration.
+# error of 1,000 pixels. Numerical noise, for example after a constant is added to the image, then changes no
+# calibration.
 _ROUNDING = 1e-5
 _LEVEL_PIXELS = 1000  # pixels drawn of each reference material
 HELD_OUT = "held out to check the law"  # reason for masking
@@ -58,7 +59,7 @@ def sampling_rms(
     Returns
     -------
     float
-        Median over the samples [1/dB].
+        Median, over the samples, of the density rms [1/dB].
 
     References
     ----------
@@ -69,7 +70,7 @@ def sampling_rms(
 
 
 def _rounded(dp: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Direct parameters after their centred parameters have been rounded."""
+    """Direct parameters computed from the rounded centred parameters of ``dp``."""
     mean, sd, skewness = skewnormal.centred(dp)
     step = _ROUNDING * 2.0 ** np.floor(np.log2(sd))
     rounded = [np.round(mean / step) * step, np.round(sd / step) * step, np.round(skewness / _ROUNDING) * _ROUNDING]
@@ -96,14 +97,14 @@ def make_target(
     name, geometry, measurement, config, uncertainty_px, flags
         Arguments of :func:`~radcal.measurement.pixels.eligible_pixels`.
     seed : int
-        Seed of the case, from which that of the draw is derived.
+        Seed of the case, from which the seed of the random draw is derived.
     levels : Levels, optional
-        Level normalisation of the measured values; none if missing.
+        Level normalisation of the measured values; by default none.
     radar : Radar, optional
         Pass with resolutions and pixel spacings, from which the number of looks is estimated; without it, no estimate
         is made.
     validation : Validation, optional
-        Blocks to hold out; none if missing.
+        Blocks to hold out; by default none.
 
     Raises
     ------
@@ -177,7 +178,7 @@ def make_targets(
     reference_db: NDArray[np.float32],
     partly: bool = False,
 ) -> Targets:
-    """Targets of all calibrated materials, with the levels.
+    """Targets of all calibrated materials, with the level normalisation.
 
     Parameters
     ----------
@@ -190,7 +191,7 @@ def make_targets(
     reference_db : ndarray, shape (rows, columns)
         Image of the reference run [dB].
     partly : bool
-        Whether materials with too few pixels are left out, as long as one has enough; for further passes.
+        Whether materials with too few pixels are left out if at least one material has enough, as for later passes.
 
     Raises
     ------
@@ -242,7 +243,7 @@ def make_targets(
 def make_levels(
     case: stages.Target, geometry: Geometry, registered: Registered, reference_db: NDArray[np.float32]
 ) -> Levels:
-    """Level of the measured image relative to the reference run; arguments as for :func:`make_targets`.
+    """Level normalisation from the measured image and the reference run; parameters as in :func:`make_targets`.
 
     Raises
     ------

@@ -66,8 +66,9 @@ def die_with_parent() -> None:
 def logged(path: str | Path, config: Mapping[str, Any] | None = None) -> Iterator[None]:
     """Context that logs to a file; after an exception it prints a one-line error message and exits.
 
-    The message of a :class:`RadcalError` is printed unchanged. For every other exception, the printed message names the
-    log file, which contains the traceback.
+    The message of a :class:`RadcalError` is printed unchanged. After a lack of memory, the printed message names ways
+    to need less memory. For every other exception, the printed message names the log file, which contains the
+    traceback.
 
     Parameters
     ----------

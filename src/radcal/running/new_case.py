@@ -1,4 +1,4 @@
-"""A new case as commented YAML, from the answers of a user and from what the files say of themselves."""
+"""New case file in commented YAML, made from the answers of a user and from the properties of the input files."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from radcal.storage.files import atomic
 
 __all__ = ["NewCase", "case_path"]
 
-# bounds for real surfaces in dB; those of the law are for levels above 0 dB
-_X1, _INSIDE_DB = (-40.0, 0.0), 2.0  # bounds of X1, and least distance of a start from them
+# bounds for real surfaces in dB; the default bounds of the law are for levels above 0 dB
+_X1, _INSIDE_DB = (-40.0, 0.0), 2.0  # bounds of X1, and smallest distance of a starting value from these bounds
 _BOUNDS = f"[[{_X1[0]:g}, {_X1[1]:g}], [0, 20], [0, 25], [0, 12]]"
 _HIDDEN = "[-24, 10, 14, 5]"  # inside of these bounds
-_DEPRESSION_DEG, _SAMPLING = 45.0, 1.4  # of the default pass: depression, and resolution over pixel spacing
+_DEPRESSION_DEG, _SAMPLING = 45.0, 1.4  # default pass: depression angle, ratio of resolution to spacing
 _FILES = ("scene.elevation", "scene.materials", "scene.labels", "measurement.path")
 _PLAIN = re.compile(r"[A-Za-z./~$][A-Za-z0-9_./${}-]*")
 _NOT_TEXT = ("y", "n", "yes", "no", "on", "off", "true", "false", "null", "~")
 
 
 def case_path(case: str) -> Path:
-    """Path of a new case: a YAML file as typed, else a file of that name in ``config``, or here without that folder."""
+    """Path of a new case file: a path that ends in .yaml as typed, else ``<case>.yaml``, in ``config`` if it exists."""
     path = Path(case)
     if path.suffix.lower() in (".yaml", ".yml"):
         return path
@@ -44,13 +44,13 @@ def case_path(case: str) -> Path:
 
 
 class _Raw(str):
-    """Text that is YAML already."""
+    """Text that is already in YAML, and is written unchanged."""
 
     __slots__ = ()
 
 
 class NewCase:
-    """A new case.
+    """New case file, with its content and its path.
 
     Parameters
     ----------
@@ -59,19 +59,20 @@ class NewCase:
     answers : mapping
         Values by key, such as ``radar.looks``; ``measurement.path`` may be ``synthetic``.
     keys : mapping
-        Whether a key is optional, by key, in the order of the lines of section ``radar``.
+        For each configuration key, whether it is optional; the order of the keys is that of the lines in section
+        ``radar``.
 
     Attributes
     ----------
     undecided : list of str
-        Keys without a value, whose lines are marked.
+        Keys without a value; their lines in the file are marked.
     materials : list of str
         Names of the materials in the land cover.
 
     Raises
     ------
     ConfigError
-        The case exists, its name is none, or a file cannot be read.
+        The case file exists, its name is no valid case name, or an input file cannot be read.
     """
 
     def __init__(self, path: Path, answers: Mapping[str, Any], keys: Mapping[str, bool]) -> None:
@@ -120,7 +121,7 @@ class NewCase:
             self._notes["scene.labels"] = self._notes["scene.materials"]
         if heights is not None and heights.datum is not None:
             self._notes["scene.elevation"] += f", heights above {heights.datum}"
-            self._values.setdefault("scene.vertical_datum", "")  # known from the file, no line
+            self._values.setdefault("scene.vertical_datum", "")  # known from the file: no line is needed
         if cover is not None:
             path = Path(self._values["scene.materials"]).expanduser()
             self._counts = {code: count for code, count in code_counts(path).items() if code != 0}
@@ -131,7 +132,7 @@ class NewCase:
                 self._read_preset()
 
     def _read_preset(self) -> None:
-        """Names of the codes by a land-cover map with known codes, or the maps that have all codes, as a remark."""
+        """Take the names of codes from the configured land-cover preset, or note the presets that have all codes."""
         preset = self._values.get("scene.landcover")
         if preset is None:
             fits = [name for name, known in LANDCOVERS.items() if self._counts and self._counts.keys() <= known.keys()]
@@ -143,10 +144,10 @@ class NewCase:
         if unknown := [str(code) for code in self._counts if code not in LANDCOVERS[preset]]:
             raise ConfigError(f"--landcover-preset is {preset}, which has no code {', '.join(unknown)}: give --names.")
         self._names = {code: LANDCOVERS[preset][code].name for code in self._counts}
-        self._values["scene.names"] = ""  # known by the map, no line
+        self._values["scene.names"] = ""  # known from the preset: no line is needed
 
     def _read_product(self) -> None:
-        """Section radar by the annotation of a SAFE folder, at the scene's heights."""
+        """Fill section ``radar`` from the annotation of a SAFE folder, computed for the scene's heights."""
         self._values |= {"measurement.band": "", "measurement.scale": "", "measurement.radiometry": ""}
         if "scene.elevation" not in self._values:
             return
@@ -186,7 +187,7 @@ class NewCase:
         band = self._values.get("measurement.band")
         if len(facts.bands) == 1:
             band = 1
-            self._values.setdefault("measurement.band", "")  # the only one, no line
+            self._values.setdefault("measurement.band", "")  # the only band: no line is needed
         elif band is None and (wanted := self._values.get("radar.polarisation")) in facts.bands:
             band = self._values["measurement.band"] = facts.bands.index(wanted) + 1
         listed = ", ".join(f"{k} {name or 'without a name'}" for k, name in enumerate(facts.bands, start=1))
@@ -206,12 +207,12 @@ class NewCase:
             self._values.setdefault("measurement.scale", "complex")
         depression = self._values.get("radar.depression_deg")
         if (incidence := self._values.get("radar.incidence_deg")) is not None:
-            depression = 90.0 - incidence  # of what counts here, the angle between slant range and level ground
+            depression = 90.0 - incidence  # used here as the angle between slant range and level ground
         if facts.pixel_m is not None:
             self._note_spacing(facts.pixel_m, depression, "the image's pixels")
 
     def _note_spacing(self, pixel_m: tuple[float, float], depression_deg: float | None, of: str) -> None:
-        """Spacings of the simulated image whose pixels are as large as those of a raster on the map."""
+        """Set the pixel spacings with which simulated pixels are as large as the pixels of a raster on the map."""
         east, north = pixel_m
         self._values.setdefault("radar.azimuth_spacing_m", float(f"{north:.4g}"))
         self._notes["radar.azimuth_spacing_m"] = f"as {of}"
@@ -238,16 +239,16 @@ class NewCase:
     def _measurement_keys(self) -> list[str]:
         if self._synthetic:
             return ["source", "synthetic"]
-        # an array's name is needed only where the file has several
+        # the name of an array is needed only if the file has several arrays
         optional = ["dataset"] if "measurement.dataset" in self._values else []
-        if self._values.get("measurement.radiometry") == "":  # of a product that tells it
+        if self._values.get("measurement.radiometry") == "":  # the product defines it
             return ["source", "path"]
         self._values["measurement.radiometry"] = self._values.get("radar.radiometry", FILL_IN)
         self._notes["measurement.radiometry"] = "the same as in section radar"
         return ["source", "path", "band", *optional, "scale", "radiometry"]
 
     def _radar_keys(self) -> list[str]:
-        # a land cover in slant range has no track, and of an invented pass the defaults are as good as any
+        # a land cover in slant range has no track, and for an invented pass the default values will do
         unseen = {"radar.altitude_m", "radar.depression_deg", "radar.look_side"} if self._slant else set[str]()
         keys, needed = {**self._keys, "radar.band": True}, set[str]()
         if "radar.incidence_deg" in self._values:
@@ -256,7 +257,7 @@ class NewCase:
             if name not in SENSORS:
                 raise ConfigError(f"--sensor is {name}, expected one of {', '.join(SENSORS)}.")
             sensor = SENSORS[name]
-            # what the sensor gives is asked for by nothing; radiometry is no value of a sensor
+            # keys that the sensor gives are optional; radiometry is not given by a sensor
             keys |= {f"radar.{key}": True for key in (*sensor.values, "depression_deg", "frequency_ghz")}
             missing = {f"radar.{key}" for key in sensor.missing(self._given_radar())}
             needed = missing | ({"radar.heading_deg"} if sensor.orbit and not self._slant else set())
@@ -272,7 +273,7 @@ class NewCase:
         return {key.removeprefix("radar."): x for key, x in self._values.items() if key.startswith("radar.")}
 
     def _material_lines(self) -> list[str]:
-        """Lines of the materials: those to calibrate with bounds, the others with a constant gamma."""
+        """Lines of section ``materials``: calibrated materials with bounds and start, others with a constant gamma."""
         fixed = {}
         for word in self._values.get("materials.fixed", ()):
             name, equals, level = word.partition("=")
@@ -318,7 +319,7 @@ class NewCase:
         return lines
 
     def _taken(self, chosen: Sequence[str], fixed: Mapping[str, float]) -> list[float]:
-        """Gamma of the materials that are not calibrated, where it is known [dB]."""
+        """Known values of gamma of the materials that are not calibrated [dB]."""
         landcover = self._values.get("scene.landcover")
         others = [name for name in self._names.values() if name not in chosen and name not in fixed]
         presets = [starting_keys(landcover, name, {}) for name in others] if landcover else []
@@ -330,12 +331,12 @@ class NewCase:
         Parameters
         ----------
         comments : mapping
-            What each key is, by its name with dots.
+            Description of each key, by the full name of the key with dots.
 
         Returns
         -------
         list of str
-            Lines on the files written.
+            Sentences about the files that were written.
         """
         said = []
         self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -368,7 +369,7 @@ class NewCase:
                 value = self._values.get(name, FILL_IN)
                 if value == "":
                     continue
-                # of a file that is given its content matters, not what it was asked for
+                # the remark on a given file describes the file's content instead of the key
                 told = name in self._notes and name in (*_FILES, "measurement.band", "measurement.scale")
                 such = f"for example {key}: {EXAMPLES[name]}" if value == FILL_IN and name in EXAMPLES else ""
                 about = [text for text in ("" if told else comments.get(name), self._notes.get(name), such) if text]
@@ -377,7 +378,7 @@ class NewCase:
 
 
 def _scalar(value: object) -> str:
-    """A value in YAML."""
+    """Text in YAML that represents a value."""
     if isinstance(value, _Raw):
         return value
     if isinstance(value, str):

@@ -59,8 +59,8 @@ class About:
     shape : str
         Shape of an array, such as ``n, 3``; its parts become the labels of the dataset's dimensions.
     scale : bool
-        Whether the array is a dimension scale: the coordinate of its dimension in all datasets of its group that have a
-        dimension of the same label.
+        Whether the array is a dimension scale. A dimension scale holds the coordinates of its dimension for all
+        datasets in its group that have a dimension with the same label.
     """
 
     description: str
@@ -125,7 +125,7 @@ def put(group: h5py.Group, value: Any) -> None:
     Raises
     ------
     TypeError
-        A field has a type that is not in this table.
+        A field has a type that is not in the table in the docstring of :mod:`radcal.storage.layout`.
     """
     for entry in _entries(type(value)):
         one = getattr(value, entry.name)

@@ -77,8 +77,8 @@ class CaseLock:
 def claimed(folder: str | Path, key: str) -> Iterator[None]:
     """Context that locks one run; this process first waits until no process on any machine holds the run's lock.
 
-    Jobs of a killed workflow may still run, especially on a cluster. If such a job is simulating a run, the next
-    command waits for the result instead of simulating the run again.
+    Jobs of a killed workflow may still run, especially on a cluster. If a job of a killed workflow is simulating a run,
+    the next command waits for the result instead of simulating the run again.
 
     Parameters
     ----------

@@ -87,12 +87,12 @@ def indexed(
 def in_all_passes(
     passes: Iterable[Iterable[tuple[Record, Parameters]]],
 ) -> Iterator[tuple[Record, Parameters]]:
-    """Records of the first pass, each with those of the other passes, from the records of each pass in one order.
+    """Records of the first pass, each combined with the records of the same run in the other passes.
 
     Raises
     ------
     StoreError
-        The passes have other parameters, or another number of runs.
+        The passes differ in the parameters or in the number of their runs.
     """
     first, *others = [list(found) for found in passes]
     for found in others:
