@@ -84,6 +84,7 @@ def right():
     return check_laws(*made())["area"]
 
 
+@pytest.mark.slow
 def test_a_right_law_in_classes_is_identified_and_predicts(right):
     check = right
     assert check.identified is True
@@ -104,6 +105,7 @@ def test_a_flat_law_is_no_better_than_a_constant():
     assert any("area: the law is not identified" in sentence for sentence in check.sentences)
 
 
+@pytest.mark.slow
 def test_one_density_does_not_identify_the_law():
     case, targets, history = made(objective="density", sd_deg=1.5)
     check = check_laws(case, targets, history)["area"]
@@ -117,6 +119,7 @@ def test_one_density_does_not_identify_the_law():
     assert centred(history.runs[0].scores["area"].dp)[0] == pytest.approx(targets["area"].values_db.mean(), abs=0.1)
 
 
+@pytest.mark.slow
 def test_a_wrong_law_of_one_density_is_found_out_by_its_own_ground():
     """A slope that the ground does not have: blocks of it are told from one another by nothing."""
     flat = np.array([20.0, 0.0, 0.0, 1.0])
@@ -132,6 +135,7 @@ def test_a_wrong_law_of_one_density_is_found_out_by_its_own_ground():
     assert check_laws(*made(objective="density", kept=tuple(range(10)), validation=None))["area"].identified is True
 
 
+@pytest.mark.slow
 def test_both_halves_predict_each_other():
     case, targets, history = made(kept=tuple(range(10)), validation={"rows": 20, "means": 10, "keep": "both"})
     held = check_laws(case, targets, history)["area"].held
@@ -149,6 +153,7 @@ def test_a_material_without_held_out_pixels_is_named():
     assert any("area: validation checks nothing: no held-out block" in line for line in check.sentences)
 
 
+@pytest.mark.slow
 def test_an_error_of_the_incidence_is_not_put_down_to_the_law(right):
     case, targets, history = made()
     told = replace(targets["area"].classes, incidence_error_deg=4.0)
@@ -195,6 +200,7 @@ def test_texture_is_said(right):
     assert texture_note({"area": replace(found, looks=4.0)}) == ""
 
 
+@pytest.mark.slow
 def test_whole_fields_are_predicted_from_the_others():
     """All ground is calibrated on; each fold of fields is predicted without any effect of them."""
     case, targets, history = made(kept=tuple(range(10)), validation={"rows": 20, "means": 10, "keep": "fields"})
@@ -213,6 +219,7 @@ def test_whole_fields_are_predicted_from_the_others():
     assert check.recommended == "law"
 
 
+@pytest.mark.slow
 def test_cross_validation_is_silent_where_folds_hold_all_angles_alike():
     """Blocks dealt in the order of the incidence: a right law and a constant predict their means alike."""
     case, targets, history = made(kept=tuple(range(10)), validation=None, objective="density")

@@ -197,7 +197,7 @@ def test_a_removed_offset_has_its_own_error():
     assert Budget.of(config, Levels("offset", 1.2, 0.25)).level_db == 0.25
 
 
-@pytest.mark.statistics
+@pytest.mark.slow
 def test_the_linear_band_covers_hidden_laws():
     """Fifty lines with speckle of their own and a level that is off."""
     rng = np.random.default_rng(11)
@@ -216,7 +216,7 @@ def test_the_linear_band_covers_hidden_laws():
     assert 0.80 <= np.mean(held) <= 0.98
 
 
-@pytest.mark.statistics
+@pytest.mark.slow
 def test_rejection_draws_the_prior_that_the_sampler_sees():
     bins = made_bins(LAWS["mangia"], MANGIA_BOX, MANGIA_X, free_looks=True)
     bins.bins = replace(bins.bins, priors=True)
@@ -253,6 +253,7 @@ def found_of_density(of_density):
     return of_density(4)
 
 
+@pytest.mark.slow
 def test_without_convergence_the_linear_covariance_is_taken_and_said(found_of_density):
     found = found_of_density
     assert not found.sampled
@@ -264,6 +265,7 @@ def test_without_convergence_the_linear_covariance_is_taken_and_said(found_of_de
     assert found.curve.incidence_deg == pytest.approx(np.arange(86.0))
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_posterior(of_density, found_of_density, tmp_path: Path):
     first, again, other = found_of_density, of_density(4), of_density(5)
     assert (first.parameters_p50 == again.parameters_p50).all()
@@ -278,6 +280,7 @@ def test_the_same_seed_gives_the_same_posterior(of_density, found_of_density, tm
     assert read.sentences == first.sentences
 
 
+@pytest.mark.slow
 def test_without_a_curve_only_parameters_have_intervals():
     rng = np.random.default_rng(3)
     values = rng.normal(-8.0, 2.0, 400)

@@ -164,6 +164,7 @@ def test_four_fields_are_enough_for_their_own_error(steep):
     assert recommend(steep, gains[3]).predictor == "law"
 
 
+@pytest.mark.slow
 def test_cells_of_twenty_pixels_are_compared(steep):
     """With cells of 19 pixels in their place no field is left."""
     fields_seen = []

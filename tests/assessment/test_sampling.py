@@ -25,7 +25,7 @@ def start(seed: int = 3) -> np.ndarray:
     return np.random.default_rng(seed).standard_normal((64, 3)) * PRIOR_SD
 
 
-@pytest.mark.statistics
+@pytest.mark.slow
 def test_a_normal_posterior_is_the_one_in_closed_form():
     found = sample(log_prior, log_likelihood, start(), 4000, 5)
     precision = np.linalg.inv(COVARIANCE) + np.diag(PRIOR_SD**-2.0)
@@ -43,12 +43,13 @@ def test_a_normal_posterior_is_the_one_in_closed_form():
     assert found.best == pytest.approx(mean, abs=(0.5 * sd).max())
 
 
-@pytest.mark.statistics
+@pytest.mark.slow
 def test_the_prior_alone_is_sampled_without_a_likelihood():
     alone = sample(log_prior, None, start(), 4000, 5)
     assert alone.draws.std(axis=0) / PRIOR_SD == pytest.approx(1.0, abs=5.0 / np.sqrt(2.0 * alone.ess))
 
 
+@pytest.mark.slow
 def test_a_seed_gives_the_same_draws_and_another_gives_others():
     again, other = (sample(log_prior, log_likelihood, start(), 60, seed) for seed in (5, 6))
     twice = sample(log_prior, log_likelihood, start(), 60, 5)
@@ -60,7 +61,7 @@ def test_too_few_steps_have_not_converged():
     assert not sample(log_prior, log_likelihood, start(), 10, 5).converged
 
 
-@pytest.mark.statistics
+@pytest.mark.slow
 def test_two_modes_keep_their_shares():
     def log_two(points):
         return np.logaddexp(

@@ -62,6 +62,7 @@ def calibrated(parts, tmp_path):
     return of
 
 
+@pytest.mark.slow
 def test_the_same_density_gives_the_same_x(calibrated):
     keys = {"objective": "density", "stop": {"rms": 1e-5, "max_runs": 8}}
     (_, _, _, built_in, ended), (_, _, _, formula, end) = (calibrated(law, **keys) for law in ({}, MANGIA))
@@ -74,6 +75,7 @@ def test_the_same_density_gives_the_same_x(calibrated):
         assert one.key != other.key
 
 
+@pytest.mark.slow
 def test_in_bins_the_law_and_its_band_are_found(calibrated):
     case, _, targets, history, decision = calibrated(MANGIA, objective="classes", stop={"max_runs": 12})
     assert decision.converged

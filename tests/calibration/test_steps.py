@@ -57,6 +57,7 @@ def test_without_a_design_the_reference_run_trains(parts, runner):
     assert history.infill[0].scores["field"].cost < 0.2 * history.runs[0].scores["field"].cost
 
 
+@pytest.mark.slow
 def test_steps_from_files_in_two_processes_are_those_from_memory_in_one(parts, calibrated, made, runner, tmp_path):
     case, *_, targets = parts
     history, _ = calibrated

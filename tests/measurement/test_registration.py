@@ -67,7 +67,7 @@ def test_a_displaced_image_is_brought_back(registered):
     assert np.isin(moved[np.isfinite(moved)], registered.unregistered_db).all()
 
 
-@pytest.mark.statistics
+@pytest.mark.slow
 def test_the_uncertainty_is_that_of_the_error():
     errors, said = [], []
     for seed in range(4):
@@ -128,6 +128,7 @@ def test_none_takes_the_image_as_it_lies():
     assert not found.uncertainty_px.any()
 
 
+@pytest.mark.slow
 def test_ilk_is_an_alternative_with_a_wider_uncertainty(registered):
     found = register(FIXED, measured(field(4.0)), RegistrationConfig(method="ilk"))
     assert found.applied

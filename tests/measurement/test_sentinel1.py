@@ -98,7 +98,7 @@ def test_sigma0_follows_from_the_tables(safe: Path) -> None:
     longitude, latitude = Transformer.from_crs(UTM, "EPSG:4326", always_xy=True).transform(x, y)
     rng = np.random.default_rng(1)
     checked = 0
-    for row, column in zip(*(rng.integers(0, n, 400) for n in geometry.shape), strict=True):
+    for row, column in zip(*(rng.integers(0, n, 140) for n in geometry.shape), strict=True):
         if not np.isfinite(power[row, column]):
             continue
         line, pixel = solved(longitude[row, column], latitude[row, column])
@@ -111,7 +111,7 @@ def test_sigma0_follows_from_the_tables(safe: Path) -> None:
         expected = (digital_numbers()[int(at[0]), int(at[1])] / divisor(*at)) ** 2
         assert power[row, column] == pytest.approx(expected, rel=1e-6)
         checked += 1
-    assert checked > 100
+    assert checked > 35
     assert acquisition.product == NAME
     assert "thermal noise is not subtracted, since the simulated image has that of radar.nesz_db" in notes[1]
 

@@ -64,6 +64,7 @@ def drawn(canvas):
     return outside
 
 
+@pytest.mark.slow
 def test_every_figure_as_png_and_pdf(figures):
     names = [figure.name for figure in figures]
     kinds = ("densities", "law", "cost", "fidelity", "histogram", "quality")
@@ -84,6 +85,7 @@ def test_every_figure_as_png_and_pdf(figures):
     assert {figure.material for figure in figures} == {None, "dyke", "stem beans"}
 
 
+@pytest.mark.slow
 def test_captions_say_what_is_seen(figures):
     captions = {figure.name: figure.caption for figure in figures}
     assert "4 of the 4 runs of the design, drawn at random (seed 4)" in captions["histogram_dyke"]
@@ -113,10 +115,12 @@ def test_registration_is_shown_where_the_image_was_moved(build_archive, tmp_path
     assert "the longest arrow stands for 2.1 pixels" in figures["registration"].caption
 
 
+@pytest.mark.slow
 def test_global_settings_are_left_alone(figures):
     assert mpl.rcParams["axes.spines.top"] == mpl.rcParamsDefault["axes.spines.top"]
 
 
+@pytest.mark.slow
 def test_edges_of_one_material(build_archive, tmp_path):
     made = build_archive(
         tmp_path,
@@ -174,6 +178,7 @@ def test_the_best_run_is_never_one_of_another_law(build_archive, tmp_path, other
         assert material.best == (references + 3 if name in others else 0)
 
 
+@pytest.mark.slow
 def test_same_archive_gives_same_bytes(made, figures, tmp_path):
     case = made.archive
     with mpl.rc_context(module.STYLE):
@@ -185,6 +190,7 @@ def test_same_archive_gives_same_bytes(made, figures, tmp_path):
             assert canvas.get_layout_engine() is None
 
 
+@pytest.mark.slow
 def test_many_materials(build_archive, tmp_path):
     made = build_archive(
         tmp_path,

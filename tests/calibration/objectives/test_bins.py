@@ -49,6 +49,7 @@ def laws_are_right(objectives, history):
         assert abs(error.mean()) < 1.0, name
 
 
+@pytest.mark.slow
 def test_it_settles_on_the_laws_in_a_few_runs(objectives, calibrated):
     history, decision = calibrated
     assert decision.reason == "settled"
@@ -278,6 +279,7 @@ def test_what_a_run_shows_besides_the_law_is_kept_at_other_parameters(objectives
         np.testing.assert_allclose(found, objective.residuals(shown)[0, : found.size], rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_likelihood_of_the_pixels_finds_the_laws_too(parts, tmp_path):
     """The objective that knows nothing of patches, through the same loop and the same targets."""
     case, simulator, geometry, scene, targets = parts

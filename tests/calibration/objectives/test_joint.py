@@ -191,6 +191,7 @@ def test_a_pass_without_the_material_has_no_statistics(found):
     assert three.in_pass(0, wide) == joint.in_pass(0, score_)
 
 
+@pytest.mark.slow
 def test_passes_of_other_looks_share_the_texture():
     case, targets, record = two_passes("classes", (4, 8))
     joint = make_objectives(case, targets)["field"]
