@@ -122,7 +122,7 @@ def input_files(case: Case) -> dict[str, Path]:
 
 
 def missing_inputs(case: Case) -> list[str]:
-    """List of one sentence for each input file that :func:`input_files` would refuse."""
+    """Sentences on input files that :func:`input_files` would refuse, one for each file."""
     problems = []
     for source in _sources(case):
         try:

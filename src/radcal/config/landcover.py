@@ -1,8 +1,8 @@
 """Land-cover maps whose codes have known names, and starting laws for these names.
 
-A starting law only gives starting values. It is one constant gamma for a kind of terrain and one band, whatever the
-polarisation, season and moisture. A calibration replaces the starting law. A material with fixed parameters keeps the
-starting law, so that its level may be wrong by many dB.
+A starting law only gives starting values. A starting law is one constant gamma for a kind of terrain and one band,
+whatever the polarisation, season and moisture. A calibration replaces the starting law. A material with fixed
+parameters keeps the starting law, so that its level may be wrong by many dB.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class StartingLevel:
 
 @dataclass(frozen=True)
 class Cover:
-    """One class of a land-cover map.
+    """Class of a land-cover map.
 
     Attributes
     ----------

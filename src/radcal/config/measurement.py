@@ -110,7 +110,7 @@ def default_synthetic() -> Synthetic:
     """Synthetic measurement of the default case, made with other settings than the simulated images.
 
     Relief, point spread, level and the laws of the materials with fixed parameters differ slightly from those of the
-    simulator. These mismatches are not the default of a case that has a section ``measurement.synthetic``.
+    simulator. A case that has a section ``measurement.synthetic`` gets none of these mismatches by default.
     """
     return Synthetic(
         parameters={

@@ -70,8 +70,8 @@ def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any]
     """Read configuration files and list all wrong keys and values, not only the first.
 
     A misspelt key is replaced by the most similar known key, and a wrong word by the most similar word that the key
-    allows. Any other wrong key is left out. If a required key is missing, its section is left out. This is repeated
-    until the remaining keys make a case.
+    allows. Any other wrong key is left out. If a required key is missing, its section is left out. Correction and check
+    are repeated until the remaining keys make a case.
 
     Parameters
     ----------
@@ -190,7 +190,7 @@ def _leave_out(data: dict[str, Any], place: Sequence[int | str]) -> None:
 
 
 def _missing_files(data: Mapping[str, Any], sections: Iterable[str]) -> list[str]:
-    """List of one sentence for each missing file that is named in a section that was left out."""
+    """Sentences on missing files: one for each missing file that a left-out section names."""
     problems = []
     for name in sections:
         several = data[name] if isinstance(data[name], list) else [data[name]]

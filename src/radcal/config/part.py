@@ -96,7 +96,7 @@ class Part(Section):
 
     @property
     def at_start(self: _OfMaterials) -> _OfMaterials:
-        """Copy of the model for the reference run; each material has the law of its starting parameters."""
+        """Copy of the model for the reference run, in which each material has the law with which it starts."""
         return self.model_copy(
             update={"materials": {name: material.at_start for name, material in self.materials.items()}}
         )
