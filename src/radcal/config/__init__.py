@@ -1,8 +1,8 @@
 """Typed configuration of a case; only this package interprets the configuration.
 
 A case is one YAML file. Each section has a model in a module of its own. Missing keys take the default values of the
-models. The default case consists of these values; ``python -m radcal.config`` prints it as ``config/config.yaml``. An
-unknown key is an error. No model can be changed after its creation.
+models. In the default case, every key has its default value; ``python -m radcal.config`` prints this case as
+``config/config.yaml``. An unknown key is an error. No model can be changed after its creation.
 """
 
 from radcal.config.case import Case

@@ -51,8 +51,8 @@ __all__ = ["Case"]
 class Case(Part):
     """Configuration of one calibration.
 
-    In a case file, ``radar`` and ``measurement`` may be lists of equal length, with one item for each pass. In this
-    model, the fields ``radar`` and ``measurement`` hold the items of the first pass. The fields ``further_radar`` and
+    In a case file, ``radar`` and ``measurement`` may be lists of equal length, with one item for each pass. The fields
+    ``radar`` and ``measurement`` of :class:`Case` hold the items of the first pass. The fields ``further_radar`` and
     ``further_measurement`` hold the items of the second and later passes.
     """
 

@@ -1,4 +1,4 @@
-"""Land-cover maps whose codes have known names, and starting laws for these names.
+"""Land-cover maps whose codes have known names, and starting laws for materials with these names.
 
 A starting law only gives starting values. A starting law is one constant gamma for a kind of terrain and one band,
 whatever the polarisation, season and moisture. A calibration replaces the starting law. A material with fixed
@@ -59,7 +59,7 @@ class StartingLevel:
     moved: bool
 
     def start(self, lowest_db: float, highest_db: float) -> list[float]:
-        """Parameters of the default law that approximate this constant gamma, with X1 inside its bounds [dB]."""
+        """Parameters of the default law that approximate the constant gamma of the level, with X1 inside its bounds [dB]."""
         first = min(max(self.gamma_db + _LINE_DB[0], lowest_db), highest_db)
         return [round(first, 2), _LINE_DB[1], 0.0, _X4]
 
@@ -219,7 +219,7 @@ def starting_levels(names: Sequence[str], taken_db: Iterable[float] = ()) -> dic
     """Starting levels of the laws of several materials, at least 3 dB apart from each other.
 
     A measured image is registered onto the simulated start image. The start image shows the border of two materials
-    only if their levels differ. The registration does not depend on the sign of this contrast.
+    only if their levels differ. The registration does not depend on the sign of the contrast between two materials.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Types of the numbers in the configuration, with their allowed ranges; docs/limits.md lists the ranges by key.
 
-No real acquisition, scene or computer has a value outside these ranges. A value outside its range therefore has a wrong
-unit or a wrong digit.
+No real acquisition, scene or computer has a value outside the allowed range of a key. A value outside its range
+therefore has a wrong unit or a wrong digit.
 """
 
 from __future__ import annotations

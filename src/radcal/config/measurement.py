@@ -110,7 +110,8 @@ def default_synthetic() -> Synthetic:
     """Synthetic measurement of the default case, made with other settings than the simulated images.
 
     Relief, point spread, level and the laws of the materials with fixed parameters differ slightly from those of the
-    simulator. A case that has a section ``measurement.synthetic`` gets none of these mismatches by default.
+    simulator. A case that has a section ``measurement.synthetic`` gets none of the mismatches of this measurement by
+    default.
     """
     return Synthetic(
         parameters={

@@ -64,10 +64,10 @@ _OfPasses = TypeVar("_OfPasses", bound=_Passes)
 
 
 class Part(Section):
-    """Base class of models that contain some sections of the configuration, or all of them.
+    """Base class of models that contain some or all sections of the configuration.
 
     Each property annotates ``self`` with a protocol of the sections that the property is derived from. mypy therefore
-    rejects the use of a property on a model that lacks one of these sections.
+    rejects the use of a property on a model that lacks a section that the property needs.
     """
 
     def sections(self, *names: str) -> dict[str, Any]:

@@ -66,7 +66,7 @@ class Stage(Part):
 
     @classmethod
     def params(cls, case: Case) -> dict[str, Any]:
-        """Sections of a whole case that this stage reads, as plain data for ``model_validate``."""
+        """Sections of a whole case that the stage of this model reads, as plain data for ``model_validate``."""
         return case.sections(*cls.model_fields)
 
 
