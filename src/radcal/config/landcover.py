@@ -59,7 +59,7 @@ class StartingLevel:
     moved: bool
 
     def start(self, lowest_db: float, highest_db: float) -> list[float]:
-        """Parameters of the default law that approximate the constant gamma of the level, with X1 inside its bounds [dB]."""
+        """Parameters of the default law that approximate the level's constant gamma, with X1 inside its bounds [dB]."""
         first = min(max(self.gamma_db + _LINE_DB[0], lowest_db), highest_db)
         return [round(first, 2), _LINE_DB[1], 0.0, _X4]
 

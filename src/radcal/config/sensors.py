@@ -1,7 +1,7 @@
 """Values of known sensors and products: defaults of section ``radar`` if ``radar.sensor`` names the sensor.
 
-Each value is listed with the source that it was read from. A value that was found in no source is missing here, and a
-case must give it. ``docs/sensors.md`` contains the table that :func:`sensors_table` returns.
+Each value is listed with the source that it was read from. A value that was found in no source is missing in this
+module, and a case must give the value. ``docs/sensors.md`` contains the table that :func:`sensors_table` returns.
 """
 
 from __future__ import annotations
