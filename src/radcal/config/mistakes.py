@@ -31,7 +31,7 @@ _OF_GEOMETRY = ("scene", "radar")
 
 @dataclass(frozen=True)
 class Loaded:
-    """Part of a case with mistakes that could be read, and the mistakes.
+    """Result of reading a case with mistakes: the case without the wrong keys, and sentences on the mistakes.
 
     Attributes
     ----------
@@ -135,7 +135,7 @@ def _of_nothing(text: str, loaded: Loaded) -> bool:
 
 
 def _mend(data: dict[str, Any], key: WrongKey) -> bool:
-    """Replace a wrong key or value by the one that was probably meant; return whether this was possible."""
+    """Replace a wrong key or value by the one that was probably meant; return whether a replacement was possible."""
     *above, last = _placed(data, key.place) or ("",)
     section = _section(data, above)
     if not isinstance(section, dict):
