@@ -1,7 +1,7 @@
-"""Values of known sensors and products, which are the defaults of section ``radar`` where ``radar.sensor`` names one.
+"""Values of known sensors and products: defaults of section ``radar`` if ``radar.sensor`` names the sensor.
 
-Each value stands beside the source from which it was read. A value that was read in no source is not given here; the
-configuration asks for it. ``docs/sensors.md`` contains the table of :func:`sensors_table`.
+Each value is listed with the source that it was read from. A value that was found in no source is missing in this
+module, and a case must give the value. ``docs/sensors.md`` contains the table that :func:`sensors_table` returns.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _AIRSAR_PDS = "NASA PDS, data set NDC8-E-ASAR-4-RADAR-V1.0: wavelength"
 
 @dataclass(frozen=True)
 class _Value:
-    """Value of a key, and its source; a length in ground range is converted to slant range."""
+    """Value of a configuration key and its source; a length in ground range must be converted to slant range."""
 
     value: Any
     source: str
@@ -52,14 +52,14 @@ class _Value:
 
 @dataclass(frozen=True)
 class Sensor:
-    """Values of a sensor and product.
+    """Sensor and product, with values for keys of section ``radar``.
 
     Attributes
     ----------
     values : mapping
-        Value and source by key of section ``radar``.
+        Value and source of each known key of section ``radar``.
     asks : tuple of str
-        Keys that the case must give. ``incidence_deg`` may be replaced by ``depression_deg``.
+        Keys that the case must give; the case may give ``depression_deg`` instead of ``incidence_deg``.
     orbit : bool
         Whether the sensor is in orbit, so that its track does not head north.
     """
@@ -69,7 +69,7 @@ class Sensor:
     orbit: bool = True
 
     def missing(self, given: Mapping[str, Any]) -> list[str]:
-        """Keys that the case must give and does not."""
+        """Required keys that are missing in section ``radar`` of the case."""
         angles = ("depression_deg", "incidence_deg")
         return [
             key
@@ -78,13 +78,13 @@ class Sensor:
         ]
 
     def values_at(self, incidence_deg: float) -> dict[str, Any]:
-        """Values by key, with lengths in ground range converted to slant range.
+        """Values of the sensor by key; lengths in ground range are converted to slant range.
 
         Parameters
         ----------
         incidence_deg : float
-            Incidence on level ground at the scene's centre [deg]. A length in ground range times its sine is the length
-            in slant range.
+            Incidence on level ground at the scene's centre [deg]. Slant range is ground range times the sine of this
+            angle.
         """
         sine = math.sin(math.radians(incidence_deg))
         return {key: item.value * sine if item.ground_range else item.value for key, item in self.values.items()}
@@ -169,7 +169,7 @@ SENSORS: Mapping[str, Sensor] = {
 
 
 def sensors_table() -> str:
-    """Table in Markdown of all values with their sources, and of the keys that are asked for."""
+    """Markdown table of all values with their sources, and of the keys that a case must give."""
     lines = ["| `radar.sensor` | key | value | source |", "|---|---|---|---|"]
     for name, sensor in SENSORS.items():
         for key, item in sensor.values.items():
