@@ -83,7 +83,7 @@ def sample(log_prior: LogDensity, log_likelihood: LogDensity | None, start: Doub
     walkers reach every mode that is worth it. Moves are differences of two other walkers (ter Braak 2006), stretches,
     and points of a normal mixture that is fitted three times to the steps so far: a law's parameters often lie in a
     thin bent region, in which differences of distant walkers are seldom accepted. The mixture stays the same in the
-    steps that are kept; the first eighth of these is dropped.
+    steps that are kept; the first eighth of these is dropped. No stage before them is longer than a fifth of ``steps``.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def sample(log_prior: LogDensity, log_likelihood: LogDensity | None, start: Doub
     stages = [(power, _WARM_UP) for power in _POWERS if log_likelihood is not None] + [(1.0, n) for n in _FITTED]
     for power, count in stages:
         walk = sampler(power)
-        state = walk.run_mcmc(state, min(count, steps), skip_initial_state_check=True)
+        state = walk.run_mcmc(state, min(count, max(1, steps // 5)), skip_initial_state_check=True)
         state = State(state.coords, random_state=state.random_state)
         if power == 1.0:
             chain = walk.get_chain()
