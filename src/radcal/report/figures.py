@@ -107,7 +107,7 @@ def _save(canvas: Canvas, path: Path) -> Path:
     metadata = {"png": {"Software": None}, "pdf": {"CreationDate": None, "Creator": None, "Producer": None}}[ending]
     with atomic(path) as partial:
         canvas.savefig(partial, format=ending, dpi=_DPI, metadata=metadata, facecolor="white")
-    # the second file keeps the layout of the first; with an engine left, even one that does nothing, matplotlib draws
-    # once more before it saves
+    # the second file keeps the layout of the first; as long as the figure has a layout engine, even one without effect,
+    # matplotlib draws once more before it saves
     canvas.set_layout_engine(None)
     return path
