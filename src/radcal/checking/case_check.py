@@ -32,7 +32,7 @@ _LARGEST = 20_000_000  # largest number of values of a scene that the check make
 
 @dataclass(frozen=True)
 class CaseCheck:
-    """Result of the check of a case: problems, remarks, and needs of a calibration.
+    """Result of the check of a case: problems, remarks, and the runs, memory and time of a calibration.
 
     Attributes
     ----------

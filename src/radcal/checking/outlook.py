@@ -1,6 +1,6 @@
 """Outlook on a calibration: contrast of the start image, measured levels against the laws' bounds, expected time.
 
-It needs no simulator run. Lines that are rough say so.
+It needs no simulator run. Rough values are called rough.
 """
 
 from __future__ import annotations
@@ -132,7 +132,7 @@ def time_expected(case: Case, results: str | Path) -> str:
     Parameters
     ----------
     case : Case
-        The configuration.
+        Configuration of the case.
     results : path
         Folder that contains the results folders of all cases.
     """

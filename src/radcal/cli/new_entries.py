@@ -19,7 +19,7 @@ class Entry:
     option : str
         Option on the command line.
     key : str
-        Key of the case, with dots.
+        Key of the case in dotted form, such as ``scene.names``.
     text : str
         Question, help of the option, and comment in the case.
     kind : type
@@ -27,7 +27,7 @@ class Entry:
     several : bool
         Whether the option may be repeated.
     optional : bool
-        Whether the key is neither asked for nor, without an answer, marked FILL_IN, because its default mostly holds.
+        Whether the key's default mostly holds, so that the key is neither asked for nor marked FILL_IN.
     """
 
     option: str

@@ -238,7 +238,7 @@ def _for_snakemake(value: Any) -> str:
 
 
 def _checked(files: Sequence[Path], changes: dict[str, Any]) -> list[str]:
-    """Names of the cases in the given files; if any case is wrong, one error with a line for each wrong case."""
+    """Names of the cases in the given files; if any case is wrong, one error reports every wrong case."""
     from radcal.errors import ConfigError
 
     names: dict[str, Path] = {}

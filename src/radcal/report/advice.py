@@ -108,7 +108,7 @@ def candidates(case: Case, depressions: Sequence[float] = ()) -> list[Radar]:
 
 
 def _of_orbit(case: Case, incidence_deg: float, depressions: Sequence[float]) -> list[Radar]:
-    """Candidate passes of a case with ``incidence_deg``, which is over the curved earth: incidences on both sides."""
+    """Candidate passes of a case with ``incidence_deg``, as for a satellite: incidence angles on both look sides."""
     given = [90.0 - angle for angle in depressions]
     around = [incidence_deg + step for step in (0.0, -_STEP_DEG, _STEP_DEG)]
     incidences = given or [angle for angle in around if _INCIDENCES[0] <= angle <= _INCIDENCES[1]]
@@ -125,7 +125,7 @@ def _of_orbit(case: Case, incidence_deg: float, depressions: Sequence[float]) ->
 
 
 def _opposite(radar: Radar) -> str:
-    """Sentence on a satellite's pass from the other side, whose heading differs from that of the scene's grid."""
+    """Sentence on the heading of a satellite that sees the scene from the other side, with the same look side."""
     heading = (180.0 - radar.heading_deg) % 360.0
     return (
         f"All passes have heading_deg {radar.heading_deg:g}, that of the scene's grid. A satellite that sees the scene "
@@ -143,7 +143,7 @@ def advice_on(
     passes: Sequence[Radar],
     over_deg: tuple[float, float] | None = None,
 ) -> list[Advised]:
-    """Half-widths of the bands of calibrated materials that are expected after each candidate pass, taken alone.
+    """Expected half-widths of the bands of calibrated materials after each candidate pass, one pass at a time.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ def advice_on(
         Passes to compare.
     over_deg : (float, float), optional
         Incidence of interest [deg]. By default, it reaches from the lowest 5 % quantile to the highest 95 % quantile of
-        the material's incidence in any pass, of the case or compared.
+        the material's incidence, over the passes of the case and the passes compared.
 
     Returns
     -------

@@ -103,7 +103,7 @@ def predictions(
     law : Law
         Law of the material.
     calibrated : array_like, shape (d,)
-        X of the simulated image.
+        Calibrated X, with which the image was simulated.
     sight : Sight
         Usable pixels of the material in the pass, with their incidence and bins.
     image_db : ndarray, shape (p,)
@@ -231,7 +231,7 @@ def apply(
 
 
 def _measured(case: Case | None, number: int, made: Forward, scene: Scene, out: Path, own: Path) -> _Pass:
-    """Measured image of a pass, registered as in its own case, which has the results folder ``own``, if possible."""
+    """Measured image of a pass, registered as in the results folder ``own`` of its case or onto the predicted image."""
     if case is None:
         return _Pass(made.geometry, made.image_db, None, ())
     one = case.passes[number - 1]
@@ -257,7 +257,7 @@ def registered_as(
     path : path
         ``registered.h5`` of the image's case, which need not exist.
     predicted_db : ndarray, shape (rows, columns)
-        Predicted image, onto which another image is registered [dB].
+        Predicted image [dB], onto which the measured image is registered if necessary.
     found : Measurement
         Measured image.
     config : RegistrationConfig

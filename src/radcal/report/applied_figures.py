@@ -27,9 +27,9 @@ class Prediction:
     edges_deg : (float, float)
         Edges of the bin [deg].
     incidence_deg : float
-        Mean local incidence of its pixels [deg].
+        Mean local incidence of the bin's pixels [deg].
     pixels : int
-        Number of usable pixels.
+        Number of usable pixels of the bin.
     known : str
         Knowledge of sigma0 at the bin's mean incidence: ``known``; ``not known`` if the calibration has seen this
         incidence, but does not call sigma0 known there; or ``not seen`` by the calibration.

@@ -1,6 +1,6 @@
 """Archive of all results of a calibration, ``calibration.h5``; the classes of this module define its layout.
 
-``python -m radcal.report.archive`` prints the table of this layout that ``docs/records.md`` contains.
+``python -m radcal.report.archive`` prints the layout as a table, which ``docs/records.md`` contains.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class LawParameters:
     formula: Annotated[str | None, About("formula of a law of the case file, phi in radians")] = None
 
     def curve(self) -> Law:
-        """Law as a function of incidence angle and parameters, with its conditions bound to it.
+        """Law as a function of incidence angle and parameters, for the stored polarisation, frequency and knots.
 
         Raises
         ------

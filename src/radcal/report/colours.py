@@ -44,7 +44,7 @@ def material_colours(names: Sequence[str], configured: Mapping[str, str] | None 
     Parameters
     ----------
     names : sequence of str
-        All materials, in the order of their ids.
+        Names of all materials, in the order of their ids.
     configured : mapping, optional
         Colours by material, as ``#RRGGBB``.
 

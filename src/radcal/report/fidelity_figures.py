@@ -22,9 +22,9 @@ _EACH = 8  # largest number of runs with a tick for each run
 
 
 def differences(found: Fidelity) -> Array:
-    """Verified minus predicted statistics of each run and bin, in kriging standard deviations, shape (m, b, 3).
+    """Verified minus predicted statistics of m runs and b bins, in kriging standard deviations, shape (m, b, 3).
 
-    It is NaN for a statistic that was not predicted.
+    The difference is NaN for a statistic that was not predicted.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         values = (found.verified - found.predicted) / found.error

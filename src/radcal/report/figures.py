@@ -36,7 +36,7 @@ class Figure:
     title, caption, alt : str
         Texts for the report: heading, explanation, and description for readers who cannot see the figure.
     png, pdf : Path
-        The files.
+        Paths of the PNG file and of the PDF file.
     material : str or None
         Material that the figure shows; None for a figure of the whole case.
     """

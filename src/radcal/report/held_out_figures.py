@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 __all__ = ["held_out"]
 
-_BAND = 1.645  # 90 % of a normal distribution lie within so many standard deviations
+_BAND = 1.645  # 90 % of a normal distribution lie within this many standard deviations
 
 
 def held_out(case: Archive, name: str) -> tuple[Canvas, str, str] | None:

@@ -42,7 +42,7 @@ class Results:
 
     @property
     def verdict(self) -> str:
-        """Verdict on all materials: whether the laws fit, and where sigma0 is known."""
+        """Verdict on the laws of all materials, in a sentence."""
         return str(self.summary["verdict"])
 
     @cached_property

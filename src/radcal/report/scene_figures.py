@@ -226,7 +226,7 @@ def _incidence_words(case: Archive, angle: NDArray[Any], material: NDArray[Any],
 
 
 def _scale(values: NDArray[Any]) -> tuple[float, float]:
-    """Ends of a colour scale: 1 % and 99 % quantile of the values, moved 1 apart about their middle if closer."""
+    """Ends of a colour scale: 1 % and 99 % quantile of the values, widened about their middle to at least 1."""
     low, high = (float(v) for v in np.percentile(values, [1.0, 99.0]))
     middle = 0.5 * (low + high)
     return (low, high) if high - low >= 1.0 else (middle - 0.5, middle + 0.5)
