@@ -27,7 +27,7 @@ class Entry:
     several : bool
         Whether the option may be repeated.
     optional : bool
-        Whether the key's default mostly holds, so that the key is neither asked for nor marked FILL_IN.
+        Whether the key's default is right in most cases, so that the key is neither asked for nor marked FILL_IN.
     """
 
     option: str

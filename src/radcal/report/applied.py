@@ -47,7 +47,7 @@ _QUANTILES = [0.05, 0.5, 0.95]
 
 
 def with_laws(archive: Archive, source: Mapping[str, Any], other: stages.Forward) -> stages.Forward:
-    """Settings of another case's forward run, with the laws and looks of the materials that an archive has calibrated.
+    """Settings of another case's forward run, in which materials have the laws and looks calibrated in an archive.
 
     Parameters
     ----------

@@ -96,7 +96,7 @@ def law_difference(first: Archive, second: Archive, name: str) -> LawDifference 
     Returns
     -------
     LawDifference or None
-        None if a law has no curve, or if the two have seen no incidence in common.
+        None if a law has no curve, or if the two calibrations have seen no incidence in common.
     """
     a, b = _band(first, name), _band(second, name)
     if a is None or b is None:

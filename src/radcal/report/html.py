@@ -207,7 +207,7 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) 
     Parameters
     ----------
     page : path
-        The file.
+        Path of the file.
     archive : Archive
         Results of a calibration.
     figures : sequence of Figure

@@ -138,7 +138,7 @@ def gather(
 
 
 def _pass_note(targets: Targets) -> list[str]:
-    """Remark on which results of a case of several passes belong to all passes, and which to pass 1; else empty."""
+    """Remark that says which results belong to all passes, and which to pass 1 alone; empty in a case of one pass."""
     if not targets.further:
         return []
     count = len(targets.passes)
