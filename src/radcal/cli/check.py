@@ -26,7 +26,7 @@ found, else 0.
 
 
 def main(cases: CaseFiles, settings: Settings = None, results: Results = Path("results")) -> None:
-    """Check cases."""
+    """Check cases without running them."""
     wrong = [case for case in cases if not _is_right(case, settings, results)]
     if wrong and len(cases) > 1:
         names = ", ".join(str(case) for case in wrong)
@@ -36,7 +36,7 @@ def main(cases: CaseFiles, settings: Settings = None, results: Results = Path("r
 
 
 def _is_right(case: Path, settings: list[str] | None, results: Path) -> bool:
-    """Whether a case can be run; what was found is printed."""
+    """Whether a case can be run; the result of its check is printed."""
     from radcal.checking.case_check import check_case
     from radcal.running.workflow_files import carried_case
 

@@ -39,7 +39,7 @@ def main(case: str, **answers: Any) -> None:
         keys = {entry.key: entry.optional for entry in ENTRIES}
         new = NewCase(path, given, keys)
         seen = set(given)
-        # an answer may answer later questions: a file tells its bands, a band its scale
+        # an answer may settle later questions: the file tells the bands, the band tells the scale
         while asked and (left := [one for one in ENTRIES if one.key not in seen and _is_open(one, new)]):
             seen.add(left[0].key)
             given |= _asked(left[0])
@@ -58,12 +58,12 @@ def _at_terminal() -> bool:
 
 
 def _is_open(entry: Entry, new: NewCase) -> bool:
-    """Whether a key is to be asked for: undecided, or a choice that has a default."""
+    """Whether to ask for a key: it is undecided, or it is the choice of materials, which has a default."""
     return entry.key in new.undecided or (entry.key == "materials.calibrated" and new.materials != [])
 
 
 def _asked(entry: Entry) -> dict[str, Any]:
-    """Answer at the terminal; an empty one leaves the key undecided."""
+    """Answer typed at the terminal, by key; an empty dict if the user has typed nothing."""
     while text := typer.prompt(entry.text, default="", show_default=False).strip():
         try:
             return {entry.key: [part.strip() for part in text.split(",")] if entry.several else entry.kind(text)}
@@ -73,7 +73,7 @@ def _asked(entry: Entry) -> dict[str, Any]:
 
 
 def _options() -> dict[str, Any]:
-    """Types of the options, which typer reads from the signature of a command."""
+    """Types of the arguments and options of ``radcal new``, which typer reads from the signature of ``main``."""
     types: dict[str, Any] = {
         "case": Annotated[str, typer.Argument(metavar="CASE", help="YAML file to write, or a name.")],
         "no_questions": Annotated[bool, typer.Option("--no-questions", help="Ask nothing, even at a terminal.")],

@@ -1,6 +1,6 @@
-"""Entries of a new case: each is one option of ``radcal new``, one question, and one line of the case.
+"""Entries of a new case: each entry is one option of ``radcal new``, one question, and one line of the case file.
 
-A key is added by one entry.
+For a further key, add one entry.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ __all__ = ["ENTRIES", "Entry"]
 
 @dataclass(frozen=True)
 class Entry:
-    """One key that a user decides.
+    """Key of a new case whose value the user decides.
 
     Attributes
     ----------
     option : str
         Option on the command line.
     key : str
-        Key of the case, with dots.
+        Key of the case in dotted form, such as ``scene.names``.
     text : str
         Question, help of the option, and comment in the case.
     kind : type
@@ -27,7 +27,7 @@ class Entry:
     several : bool
         Whether the option may be repeated.
     optional : bool
-        Whether the key is neither asked for nor marked without an answer, because its default mostly holds.
+        Whether the key's default is right in most cases, so that the key is neither asked for nor marked FILL_IN.
     """
 
     option: str

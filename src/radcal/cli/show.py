@@ -29,7 +29,7 @@ def main(
     ],
     results: Results = Path("results"),
 ) -> None:
-    """Show the results of cases."""
+    """Show the verdict, the runs and the files of cases."""
     from radcal.report.showing import results_folder, show
 
     failed = False

@@ -1,4 +1,4 @@
-"""Advice on a further pass: how far each of some passes is expected to narrow the bands of a finished calibration."""
+"""Advice on a further pass: how far each candidate is expected to narrow the 90 % bands of a finished calibration."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _DEPRESSIONS = (10.0, 75.0)
 _INCIDENCES = (15.0, 80.0)
 _SIDES = ("right", "left")
 _EQUAL = 1.05
-_LITTLE = 0.9  # of the half-width now
+_LITTLE = 0.9  # ratio of half-width after to half-width now, above which a pass narrows the band too little
 COLUMNS = (
     "depression_deg", "look_side", "material", "incidence_p05_deg", "incidence_p95_deg", "half_width_now_db",
     "half_width_after_db", "over_from_deg", "over_to_deg", "layover", "shadow",
@@ -42,16 +42,17 @@ _HEADINGS = ("pass", "material", "incidence 5-95 %", "half-width now", "after", 
 
 @dataclass(frozen=True)
 class Advised:
-    """What one pass is expected to do for the band of one material.
+    """Expected effect of one further pass on the 90 % band of one material.
 
     Attributes
     ----------
     radar : Radar
-        The pass.
+        The further pass.
     material : str
         Calibrated material.
     incidence_deg : (float, float) or None
-        5 and 95 % quantile of the local incidence of its usable pixels [deg]; None for fewer than 50 pixels.
+        5 and 95 % quantile of the local incidence of the material's usable pixels in this pass [deg]; None for fewer
+        than 50 pixels.
     now_db, after_db : float
         Mean half-width of the 90 % band of sigma0 [dB] over ``over_deg``, now and expected after this pass.
     over_deg : (float, float)
@@ -71,22 +72,22 @@ class Advised:
 
     @property
     def name(self) -> str:
-        """Depression and look side in words."""
+        """Depression or incidence angle and look side of the pass, in words."""
         if self.radar.incidence_deg is not None:
             return f"incidence {self.radar.incidence_deg:g} deg {self.radar.look_side}"
         return f"{self.radar.depression_deg:g} deg {self.radar.look_side}"
 
 
 def candidates(case: Case, depressions: Sequence[float] = ()) -> list[Radar]:
-    """Passes to compare: depressions on both look sides, without the passes of the case.
+    """Candidate passes: depression angles on both look sides, without the passes that the case already has.
 
     Parameters
     ----------
     case : Case
-        Its first pass gives the other settings.
+        Case whose first pass gives the other settings.
     depressions : sequence of float
-        Depression angles [deg]; by default that of the first pass, and 15 degrees more and less. Of a case with
-        ``incidence_deg``, the incidences are 90 degrees less these angles.
+        Depression angles [deg]; by default that of the first pass, and 15 degrees more and less. In a case with
+        ``incidence_deg``, a candidate has the incidence 90 degrees minus depression angle.
     """
     first = case.radar
     if first.incidence_deg is not None:
@@ -107,7 +108,7 @@ def candidates(case: Case, depressions: Sequence[float] = ()) -> list[Radar]:
 
 
 def _of_orbit(case: Case, incidence_deg: float, depressions: Sequence[float]) -> list[Radar]:
-    """Passes to compare of a case with ``incidence_deg``: incidences on both look sides, over the curved earth."""
+    """Candidate passes of a case with ``incidence_deg``, as for a satellite: incidence angles on both look sides."""
     given = [90.0 - angle for angle in depressions]
     around = [incidence_deg + step for step in (0.0, -_STEP_DEG, _STEP_DEG)]
     incidences = given or [angle for angle in around if _INCIDENCES[0] <= angle <= _INCIDENCES[1]]
@@ -124,7 +125,7 @@ def _of_orbit(case: Case, incidence_deg: float, depressions: Sequence[float]) ->
 
 
 def _opposite(radar: Radar) -> str:
-    """Sentence on the pass from the other side, which has another heading than the scene's grid."""
+    """Sentence on the heading of a satellite that sees the scene from the other side, with the same look side."""
     heading = (180.0 - radar.heading_deg) % 360.0
     return (
         f"All passes have heading_deg {radar.heading_deg:g}, that of the scene's grid. A satellite that sees the scene "
@@ -142,7 +143,7 @@ def advice_on(
     passes: Sequence[Radar],
     over_deg: tuple[float, float] | None = None,
 ) -> list[Advised]:
-    """Expected narrowing of the bands of calibrated materials by each of some passes, one pass at a time.
+    """Expected half-widths of the bands of calibrated materials after each candidate pass, one pass at a time.
 
     Parameters
     ----------
@@ -151,19 +152,20 @@ def advice_on(
     scene : Scene
         Scene of the calibration, with elevations.
     found : mapping
-        Draws from the posterior of each material, and their curves [dB], shape (m, 361).
+        Draws from the posterior of each material, and the law's curve of each of the m draws [dB], shape (m, 361).
     budget : Budget
-        Standard errors of level and noise.
+        Standard errors of the image's level and of the noise floor, among others.
     passes : sequence of Radar
         Passes to compare.
     over_deg : (float, float), optional
-        Incidence of interest [deg]; by default from the lowest 5 % to the highest 95 % quantile that the material has
-        in one of the passes of the case or of those compared.
+        Incidence of interest [deg]. By default, it reaches from the lowest 5 % quantile to the highest 95 % quantile of
+        the material's incidence, over the passes of the case and the passes compared.
 
     Returns
     -------
     list of Advised
-        Passes in the order of their mean half-width after, the narrowest first; the materials of a pass together.
+        One item for each pass and material. The pass with the smallest mean half-width afterwards is first, and the
+        materials of a pass follow each other.
     """
     geometries = [make_geometry(scene, radar) for radar in passes]
     own = [(one.radar, make_geometry(scene, one.radar)) for one in case.passes]
@@ -204,7 +206,7 @@ def of_archive(archive: Archive, folder: str | Path) -> dict[str, tuple[KeptDraw
     Raises
     ------
     ConfigError
-        No material has such draws.
+        No material has draws and a law with a curve in dB.
     """
     found = {}
     for name, material in archive.materials.items():
@@ -222,7 +224,7 @@ def of_archive(archive: Archive, folder: str | Path) -> dict[str, tuple[KeptDraw
 def advise(
     folder: str | Path, depressions: Sequence[float] = (), over_deg: tuple[float, float] | None = None
 ) -> list[str]:
-    """Lines of a table of further passes, which is also written to ``advice.csv`` in the results folder.
+    """Lines on further passes, with a table that is also written to ``advice.csv`` in the results folder.
 
     Parameters
     ----------
@@ -286,7 +288,7 @@ def _table(rows: Sequence[Advised]) -> Iterator[str]:
 
 
 def _sentences(rows: Sequence[Advised]) -> Iterator[str]:
-    """Advice for each material, in words."""
+    """Sentences that name the best further pass for each material."""
     for name in dict.fromkeys(row.material for row in rows):
         best = min((row for row in rows if row.material == name), key=lambda row: row.after_db)
         over = f"between {best.over_deg[0]:.1f} and {best.over_deg[1]:.1f} degrees"

@@ -1,4 +1,4 @@
-"""Laws of a finished calibration on another scene or pass: predicted image, and its comparison with a measured one."""
+"""Prediction of another scene or pass from the laws of a finished calibration, and its comparison with measurements."""
 
 from __future__ import annotations
 
@@ -47,21 +47,21 @@ _QUANTILES = [0.05, 0.5, 0.95]
 
 
 def with_laws(archive: Archive, source: Mapping[str, Any], other: stages.Forward) -> stages.Forward:
-    """Another case's forward run, in which the materials calibrated in an archive have their laws and looks.
+    """Settings of another case's forward run, in which materials have the laws and looks calibrated in an archive.
 
     Parameters
     ----------
     archive : Archive
         Results of a calibration.
     source : mapping
-        Section ``materials`` of its case, as plain data or models.
+        Section ``materials`` of the calibrated case, as plain data or models.
     other : stages.Forward
-        Scene, passes, simulator and other materials.
+        Scene, passes, simulator and materials of the other case.
 
     Raises
     ------
     ConfigError
-        The other case has none of the materials.
+        The other case has none of the calibrated materials.
     """
     own = {name: Material.model_validate(value) for name, value in source.items()}
     found = calibrated_materials(archive, own)
@@ -90,22 +90,22 @@ def predictions(
     """Predicted level of a material in each incidence-angle bin of a pass.
 
     The simulated image at the calibrated X gives the mean of each bin, with area term, noise and speckle. Each draw of
-    the posterior moves it by the difference of its law from the calibrated one over the bin's angles. To this come, at
-    random, the effects of fields and blocks with the draw's standard deviations, the speckle of measured and simulated
-    pixels, and the level of the image.
+    the posterior moves this mean by the difference between the draw's law and the calibrated law at the bin's angles.
+    Random errors are added: effects of fields and blocks with the draw's standard deviations, speckle of measured and
+    simulated pixels, and the error of the image's level.
 
     Parameters
     ----------
     name : str
         Material.
     posterior : Posterior
-        With draws.
+        Posterior of the law, with its draws.
     law : Law
-        Its law.
+        Law of the material.
     calibrated : array_like, shape (d,)
-        X of the simulated image.
+        Calibrated X, with which the image was simulated.
     sight : Sight
-        What the pass sees of the material.
+        Usable pixels of the material in the pass, with their incidence and bins.
     image_db : ndarray, shape (p,)
         Simulated pixels, in the order of ``sight.incidence_deg`` [dB].
     level_db : float
@@ -115,7 +115,7 @@ def predictions(
     seed : int
         Seed of the random effects.
     measured_db : ndarray, shape (p,), optional
-        Measured pixels [dB], NaN where there is none.
+        Measured pixels [dB]; NaN for a pixel without a measured value.
     """
     draws = posterior.draws
     assert draws is not None  # noqa: S101 - asked for by the caller
@@ -128,10 +128,10 @@ def predictions(
     for spread, shared in ((between, sight.patches), (within, sight.cells)):
         moved = moved + spread[:, None] * rng.multivariate_normal(np.zeros(n), shared, m, method="eigh")
     speckle = np.array([float(log_speckle_cumulants(float(looks))[1]) for looks in draws.looks])
-    # of the measured and of the simulated pixels
+    # twice the variance: speckle of the measured and of the simulated pixels
     moved += np.sqrt(2.0 * speckle[:, None] / sight.independent) * rng.standard_normal((m, n))
     moved += level_db * rng.standard_normal((m, 1))
-    # looks of a draw change the mean of the logarithm of speckle
+    # the mean of log speckle depends on the looks, which differ between draws
     moved += np.array([float(log_speckle_cumulants(float(x))[0]) for x in draws.looks])[:, None]
     moved -= float(log_speckle_cumulants(looks)[0])
     return list(_bins(name, posterior, sight, image_db, moved, measured_db))
@@ -167,7 +167,7 @@ def _known(posterior: Posterior, angle_deg: float) -> str:
 
 @dataclass(frozen=True)
 class _Pass:
-    """Predicted and, where there is one, measured image of one pass [dB]."""
+    """Predicted image of one pass and, if there is one, its measured image [dB]."""
 
     geometry: Geometry
     predicted_db: NDArray[np.float32]
@@ -178,7 +178,7 @@ class _Pass:
 def apply(
     folder: str | Path, other: stages.Forward, measured: Case | None, out: str | Path, runs: str | Path
 ) -> list[str]:
-    """Laws of a finished calibration on another case's scene and passes, compared with its measured images.
+    """Predict the images of another case from the laws of a finished calibration, and compare them with measurements.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ def apply(
     other : stages.Forward
         The other case.
     measured : Case or None
-        The other case with its measured images; None without.
+        The other case with its measured images; None if it has none.
     out : path
         Folder of the files written: ``predicted.tif``, masks, ``predictions.csv`` and ``predictions.png``.
     runs : path
@@ -201,7 +201,7 @@ def apply(
     Raises
     ------
     ConfigError
-        No material in common, or no posterior in dB.
+        The two cases have no material in common, or no material has both a posterior in dB and 50 usable pixels.
     StoreError
         The calibration is not finished.
     RadcalError
@@ -231,7 +231,7 @@ def apply(
 
 
 def _measured(case: Case | None, number: int, made: Forward, scene: Scene, out: Path, own: Path) -> _Pass:
-    """Measured image of a pass, registered as its case has it, whose results folder is ``own``."""
+    """Measured image of a pass, registered as in the results folder ``own`` of its case or onto the predicted image."""
     if case is None:
         return _Pass(made.geometry, made.image_db, None, ())
     one = case.passes[number - 1]
@@ -247,14 +247,17 @@ def _measured(case: Case | None, number: int, made: Forward, scene: Scene, out: 
 def registered_as(
     path: Path, predicted_db: NDArray[np.float32], found: Measurement, config: RegistrationConfig
 ) -> tuple[Registered, str]:
-    """Registration of a measured image, which is that of its own case where this has registered the same image.
+    """Registration of a measured image for the comparison with a predicted image.
+
+    If the case of the measured image has already registered this image with this method, that registration is taken.
+    Otherwise the measured image is registered onto the predicted one.
 
     Parameters
     ----------
     path : path
         ``registered.h5`` of the image's case, which need not exist.
     predicted_db : ndarray, shape (rows, columns)
-        Predicted image, onto which another image is registered [dB].
+        Predicted image [dB], onto which the measured image is registered if necessary.
     found : Measurement
         Measured image.
     config : RegistrationConfig
@@ -263,8 +266,9 @@ def registered_as(
     Returns
     -------
     registered : Registered
+        Registered measured image.
     by : str
-        By which simulated image.
+        Words that name the simulated image onto which the measured image is registered.
 
     Raises
     ------
@@ -282,7 +286,7 @@ def registered_as(
 
 
 def _images(out: Path, number: int, case: stages.Forward, scene: Scene, one: _Pass) -> list[Path]:
-    """GeoTIFFs of a pass."""
+    """Write the GeoTIFFs of a pass, and return their paths."""
     ending, tags = f"_pass{number}" if number > 1 else "", {"case": case.case, "radiometry": case.radar.radiometry}
     layers = {"predicted": Layer(one.predicted_db, "dB", "image predicted from the laws of another case", tags)}
     if one.measured_db is not None:
@@ -297,7 +301,7 @@ def _images(out: Path, number: int, case: stages.Forward, scene: Scene, one: _Pa
 def _of_pass(
     archive: Archive, config: Mapping[str, Any], changed: stages.Forward, number: int, one: _Pass
 ) -> Iterator[Prediction]:
-    """Predictions of all materials in a pass."""
+    """Predictions of all calibrated materials in a pass."""
     case = changed.passes[number - 1]
     target = TargetConfig.model_validate({**config["target"], "pixels": ALL_PIXELS})
     budget = Uncertainty.model_validate(config["uncertainty"])
@@ -338,7 +342,7 @@ def _table(rows: Sequence[tuple[int, Prediction]], several: bool) -> Iterator[st
 
 
 def _conclusion(rows: Sequence[tuple[int, Prediction]]) -> Iterator[str]:
-    """What the comparison has shown, by material."""
+    """Sentences on how many bins of each material lie inside the predicted 90 % interval."""
     for name in dict.fromkeys(one.material for _, one in rows):
         for known, where in (
             (KNOWN, "where sigma0 is known"),

@@ -69,7 +69,7 @@ def titled(name: str, text: str = "") -> str:
 
 
 def mark(axes: Axes, colour: str) -> None:
-    """Square in a material's colour at the upper right corner of a panel, by which the panel is found in the maps."""
+    """Draw a square at the upper right corner of a panel, in the colour that its material has in the maps."""
     from matplotlib.patches import Rectangle
 
     box = axes.get_window_extent()
@@ -111,7 +111,7 @@ def new_canvas(width: float, height: float, layout: Literal["constrained", "comp
 
 
 def add_legend(canvas: Canvas, entries: tuple[Sequence[Any], Sequence[str]], columns: int) -> None:
-    """Legend below the axes, in as many columns as fit."""
+    """Add a legend below the axes, with ``columns`` columns or, if these are too wide, with as many as fit."""
     while True:
         legend = canvas.legend(
             *entries,

@@ -16,13 +16,16 @@ if TYPE_CHECKING:
 __all__ = ["differences", "fidelity"]
 
 _STATISTICS = (("mean", "#0072B2", "o"), ("log sd", "#D55E00", "s"), ("skewness", "#009E73", "^"))
-_MOST = 6.0  # standard deviations at which larger differences are drawn
+_MOST = 6.0  # largest difference drawn [standard deviations]; larger differences are drawn at this value
 _NARROW = 0.13
-_EACH = 8  # runs that have a tick each
+_EACH = 8  # largest number of runs with a tick for each run
 
 
 def differences(found: Fidelity) -> Array:
-    """Verified minus predicted statistics in kriging standard deviations, shape (m, n, 3); NaN if not predicted."""
+    """Verified minus predicted statistics of m runs and b bins, in kriging standard deviations, shape (m, b, 3).
+
+    The difference is NaN for a statistic that was not predicted.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         values = (found.verified - found.predicted) / found.error
     return np.where(np.isfinite(values), values, np.nan)

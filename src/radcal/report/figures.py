@@ -36,7 +36,7 @@ class Figure:
     title, caption, alt : str
         Texts for the report: heading, explanation, and description for readers who cannot see the figure.
     png, pdf : Path
-        The files.
+        Paths of the PNG file and of the PDF file.
     material : str or None
         Material that the figure shows; None for a figure of the whole case.
     """
@@ -107,7 +107,7 @@ def _save(canvas: Canvas, path: Path) -> Path:
     metadata = {"png": {"Software": None}, "pdf": {"CreationDate": None, "Creator": None, "Producer": None}}[ending]
     with atomic(path) as partial:
         canvas.savefig(partial, format=ending, dpi=_DPI, metadata=metadata, facecolor="white")
-    # the second file keeps the layout of the first; with an engine left, even one that does nothing, matplotlib draws
-    # once more before it saves
+    # the second file keeps the layout of the first; as long as the figure has a layout engine, even one without effect,
+    # matplotlib draws once more before it saves
     canvas.set_layout_engine(None)
     return path

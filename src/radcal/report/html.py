@@ -105,7 +105,7 @@ def _material(name: str, summary: Mapping[str, Any], result: MaterialResult) -> 
         "reason": words.clause,
         "short_reason": words.cell,
         "parameters": parameters,
-        # at a bound that neither misfit nor curve suffer from is nothing to warn of
+        # warning only of a bound that limits the fit or, if the fit was not tested, of any bound after a failed search
         "at_bounds": [p for p in parameters if p["at"] and (p["name"] in summary["misfit"]["bounds"] or missed)],
         "target": _theta(summary["target"]),
         "calibrated": _theta(summary["calibrated"]),
@@ -116,7 +116,7 @@ def _material(name: str, summary: Mapping[str, Any], result: MaterialResult) -> 
         "eligible": result.eligible,
         "at_boundary": result.at_boundary,
         "known": "law_difference_db" in summary,
-        # also for hidden parameters of an external law
+        # true for hidden parameters of an external law, too
         "truth": bool(hidden),
     }
 
@@ -127,7 +127,10 @@ def _who(found: Sequence[Mapping[str, Any]], total: int) -> str:
 
 
 def _belief(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) -> str:
-    """Sentence on what was compared where that is the histogram alone, and on laws that are not identified."""
+    """Sentences that say if only the histogram was compared, and which laws are not identified.
+
+    A further sentence names the materials for which a constant is the recommended predictor of other fields.
+    """
     curves = [m for m in materials if m["identified"] is not None]
     lost = [m for m in curves if not m["identified"]]
     constant = [m for m in curves if m["recommended_predictor"] == "constant"]
@@ -149,7 +152,7 @@ def _belief(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) 
 
 
 def _search(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) -> str:
-    """Line after the verdict: how the search ended, and what was compared."""
+    """Line below the verdict of the report: how the search ended, what was compared, and which laws are in doubt."""
     return f"{_ending(summary, materials)} {_belief(summary, materials)}".rstrip()
 
 
@@ -204,7 +207,7 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) 
     Parameters
     ----------
     page : path
-        The file.
+        Path of the file.
     archive : Archive
         Results of a calibration.
     figures : sequence of Figure

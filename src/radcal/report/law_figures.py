@@ -77,7 +77,7 @@ def cost(case: Archive, name: str) -> tuple[Canvas, str, str]:
 
 
 def _law_cost(case: Archive, name: str, costs: Array) -> tuple[Canvas, str, str]:
-    """Draw each run's misfit of the incidence-angle bins, and its rms difference of the densities."""
+    """Draw, for each run, the misfit of the incidence-angle bins and the rms difference from the target density."""
     material = case.materials[name]
     canvas = new_canvas(6.2, 6.2)
     upper, lower = canvas.subplots(2, 1, sharex=True)
@@ -209,7 +209,7 @@ def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
 
 
 def _curves(axes: Axes, material: MaterialResult, seen: Array) -> None:
-    """Draw starting, calibrated and true law, with thick lines at the image's angles [deg], and the bins' levels."""
+    """Draw starting, calibrated and hidden law, thick over the incidence ``seen`` [deg], and the levels of bins."""
     parameters, start, check = material.parameters, material.start, material.check
     # where the first run has no X of the calibrated law, the start has another law
     begun = f"start ({start.law})" if np.isnan(parameters.values[0]).any() else "start"
@@ -236,7 +236,7 @@ def _curves(axes: Axes, material: MaterialResult, seen: Array) -> None:
 
 
 def _band(axes: Axes, material: MaterialResult) -> None:
-    """Draw the 90 % band of sigma0, pale, and again darker where it is known."""
+    """Draw the 90 % band of sigma0: pale at all angles, and darker where sigma0 is known."""
     posterior = material.posterior
     if posterior is None or posterior.curve is None:
         return
@@ -252,7 +252,7 @@ def _band(axes: Axes, material: MaterialResult) -> None:
 
 
 def _truth(axes: Axes, material: MaterialResult, hidden: Array, incidence_deg: Array, seen: Array) -> float:
-    """Draw the calibrated minus the true law, and return their largest difference over the image's angles [dB]."""
+    """Draw the calibrated minus the hidden law, and return their largest difference over the incidence seen [dB]."""
     curve, found = material.parameters.curve(), material.parameters.values[material.best]
     difference = curve.largest_difference_db(found, hidden, incidence_deg)
     for angles, width in ((_ANGLES_DEG, 1.0), (seen, 3.2)):

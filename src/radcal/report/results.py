@@ -76,9 +76,9 @@ def gather(
     scene : Scene
         Scene of the case.
     geometry : Geometry
-        Geometry of the pass.
+        Geometry of the first pass.
     registered : Registered
-        Registered measured image.
+        Registered measured image of the first pass.
     targets : Targets
         Targets of the calibrated materials.
     conclusion : Conclusion
@@ -138,7 +138,7 @@ def gather(
 
 
 def _pass_note(targets: Targets) -> list[str]:
-    """Remark on what is shown of several passes."""
+    """Remark that says which results belong to all passes, and which to pass 1 alone; empty in a case of one pass."""
     if not targets.further:
         return []
     count = len(targets.passes)
@@ -149,7 +149,7 @@ def _pass_note(targets: Targets) -> list[str]:
 
 
 def _as_written(case: stages.Archive, stop: Stop) -> dict[str, Any]:
-    """Configuration, with lists of the passes as in a case file."""
+    """Configuration in the form of a case file, in which sections of several passes are lists."""
     data = {**case.sections(*case.__dict__), "stop": stop.model_dump(mode="json")}
     for section, further in FURTHER.items():
         if further in data:
@@ -166,7 +166,7 @@ def _passes(
     images: Sequence[Registered],
     final: Sequence[Record],
 ) -> dict[str, PassSummary]:
-    """Passes of a case of several, by their number from 1."""
+    """Summaries of the passes of a case, by the number of the pass from 1."""
     laws = pass_laws(case, targets, history)
     found = {}
     known = {key for run in history.runs for key in (run.key, *run.further_keys)}
@@ -207,7 +207,10 @@ def _passes(
 def _difference_db(
     law: Law, found: Sequence[float], hidden: Sequence[float] | None, incidence_deg: Any
 ) -> float | None:
-    """Largest difference from a hidden law over a pass's incidence [dB]; None where there is none, or no curve."""
+    """Largest difference of the law from the hidden law over a pass's incidence [dB].
+
+    None if there is no hidden law, or if the law has no curve.
+    """
     if hidden is None or not law.has_curve:
         return None
     seen = seen_rad(incidence_deg)
@@ -221,7 +224,7 @@ def _final_parameters(case: stages.Archive, history: History, targets: Targets) 
 
 
 def _law(values: Any, material: Material, radar: Radar) -> LawParameters:
-    """Parameters of a material's law in one or several runs, with the conditions of the law."""
+    """Parameters of a material's law in one or several runs, with polarisation, frequency and knots of the law."""
     named = material.law in (EXTERNAL, FORMULA)
     return LawParameters(
         values=np.array(values, dtype=np.float64),
@@ -236,7 +239,7 @@ def _law(values: Any, material: Material, radar: Radar) -> LawParameters:
 
 
 def _runs(history: History) -> Runs:
-    """Runs in the order reference, reused, design, infill."""
+    """Kind, number, hash and time of all runs, in the order reference, reused, design, infill."""
     return Runs(
         kind=np.array([run.kind for run in history.runs]),
         index=np.array([run.index for run in history.runs]),

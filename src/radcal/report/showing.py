@@ -11,7 +11,7 @@ from radcal.errors import StoreError
 
 __all__ = ["results_folder", "show"]
 
-# steps of the flow by a file that each of them writes, in every case
+# names of the workflow's steps, by a file that the step writes in every case
 _STEPS = {
     "scene.h5": "scene",
     "reference.json": "reference run",
@@ -42,7 +42,7 @@ def results_folder(case: str | Path, results: str | Path = "results") -> Path:
     ConfigError
         The case file is wrong.
     StoreError
-        There is no such folder.
+        The results folder does not exist.
     """
     path = Path(case)
     if path.is_file():
@@ -92,7 +92,7 @@ def show(folder: str | Path) -> list[str]:
 
 
 def _failure(folder: Path) -> list[str]:
-    """Lines on the failure that ended the last command on a case, and on what to type; none without a failure."""
+    """Lines on the failure that ended the last command on a case, and on what to type next; empty without failure."""
     try:
         said = (folder / "logs" / "failure.txt").read_text(encoding="utf-8").split("\n")[0].strip()
     except (OSError, ValueError):
@@ -113,7 +113,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def _finished(summary: Mapping[str, Any]) -> list[str]:
-    """Lines on a finished calibration."""
+    """Lines on verdict, parameters and runs of a finished calibration."""
     materials, runs = summary["materials"], summary["runs"]
     reused = f"; {runs['reused']} reused" if runs.get("reused") else ""
     lines = [str(summary["verdict"])]
@@ -135,7 +135,7 @@ def _finished(summary: Mapping[str, Any]) -> list[str]:
 
 
 def _known(material: Mapping[str, Any]) -> str:
-    """Where sigma0 is known, and how well it is known there."""
+    """Sentence on the incidence angles at which sigma0 is known, and on the half-width of its band there."""
     known, curve = material.get("known_between_deg"), material.get("sigma0_curve")
     if known is None or curve is None:
         return "sigma0 is known nowhere." if curve is not None else "nothing is known of a curve in dB."
