@@ -34,7 +34,7 @@ def law_cumulants(
     nodes_deg : ndarray, shape (n, m)
         Equally likely angles that represent each incidence-angle bin [deg].
     noise_db : float
-        Noise-equivalent sigma0 [dB], whose power is added to the power of the law.
+        Noise-equivalent backscatter [dB], whose power is added to the power of the law.
 
     Returns
     -------
@@ -62,7 +62,7 @@ class LawForward:
     looks : float
         Number of looks of the speckle.
     noise_db : float
-        Noise-equivalent sigma0 [dB].
+        Noise-equivalent backscatter [dB].
     """
 
     law: Law

@@ -76,7 +76,7 @@ class PassScore:
     dp : list of float
         Skew-normal parameters xi [dB], omega [dB] and alpha.
     rms : float
-        Root-mean-square difference between the density and that of the target in the same pass [1/dB].
+        Root-mean-square difference between the density and the target's density in the same pass [1/dB].
     """
 
     dp: list[float]

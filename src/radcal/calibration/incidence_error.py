@@ -3,13 +3,13 @@ r"""Effects of an error of the mapped local incidence on the statistics of an in
 Two kinds of error of standard deviation e (Carroll, Ruppert, Stefanski and Crainiceanu, "Measurement
 Error in Nonlinear Models", 2nd edition (2006), chapter 1):
 
-- ``classical``: mapped = true + error. Noise of the elevation model and misregistration are of this kind.
+- ``classical``: mapped = true + error. Noise of the elevation model and misregistration cause classical errors.
   The expected true angle is closer to the mean angle than the mapped angle is, by the factor
-  :math:`\lambda = s_t^2 / (s_t^2 + e^2)`, where :math:`s_t` is the standard deviation of the true angles. The true
-  angle varies about its expectation with the standard deviation :math:`e \sqrt\lambda`. In bins of mapped incidence,
-  a law has :math:`\lambda` times its true slope (0.69 for e = 4 and :math:`s_t` = 6 degrees).
-- ``berkson``: true = mapped + error. Relief that a smooth elevation model leaves out is of this kind. The slope of a
-  law is unchanged, but the values in a bin have a further standard deviation of slope times e.
+  :math:`\lambda = s_t^2 / (s_t^2 + e^2)`, where :math:`s_t` is the standard deviation of the true angles. Given the
+  mapped angle, the true angle has the standard deviation :math:`e \sqrt\lambda`. In bins of mapped incidence, a law
+  has :math:`\lambda` times its true slope (0.69 for e = 4 and :math:`s_t` = 6 degrees).
+- ``berkson``: true = mapped + error. Relief that a smooth elevation model leaves out causes Berkson errors. Berkson
+  errors leave the slope of a law unchanged; the variance of the pixels in a bin grows by the square of slope times e.
 """
 
 from __future__ import annotations
@@ -47,9 +47,9 @@ _MOST_OF_SPREAD = 0.75  # largest error, as a share of the standard deviation of
 def attenuation(incidence_deg: ArrayLike, error_deg: ArrayLike, rms_deg: float | None = None) -> NDArray[np.float64]:
     r"""Share of the variance of the mapped incidence that is not classical error, at least 0.1.
 
-    If the error e differs between places, the share of a place is :math:`V_t / (V_t + e^2)`. The variance of
-    the true angles :math:`V_t` is the variance of the mapped angles minus the mean square of the errors (Carroll et
-    al., section 4.4: regression calibration).
+    If the standard error e differs between places, the share at a place is :math:`V_t / (V_t + e^2)`, where :math:`V_t`
+    is the variance of the true angles. The variance of the true angles is the variance of the mapped angles minus the
+    mean square of the errors (Carroll et al., section 4.4: regression calibration).
 
     Parameters
     ----------
@@ -76,10 +76,10 @@ def registration_error_deg(
 ) -> NDArray[np.float64]:
     r"""Standard error of each pixel's local incidence that the uncertainty of the registration causes.
 
-    A pixel with a wrong displacement is assigned the incidence of another place. To first order, the standard error is
-    :math:`|\nabla\phi|\,u / \sqrt 2`. Here u is the standard error of the displacement's length, and
-    :math:`u / \sqrt 2` is the standard error of its component along the gradient. The error is largest at edges of the
-    relief, where the gradient of the incidence is large.
+    A pixel with a wrong displacement is assigned the incidence of another place. To first order, the standard error of
+    the incidence :math:`\phi` is :math:`|\nabla\phi|\,u / \sqrt 2`, where u is the standard error of the displacement's
+    length. The displacement's component along the gradient has the standard error :math:`u / \sqrt 2`. The error of the
+    incidence is largest at edges of the relief, where the gradient of the incidence is large.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ def _shape_variance(law: Law, fit: LawFit, phi: NDArray[np.float64]) -> NDArray[
 def error_behind(law: Law, fit: LawFit, incidence_deg: ArrayLike, sensor: float) -> tuple[float, float]:
     r"""Error of the local incidence that would alone explain the low effective looks, and its effect on the law.
 
-    A classical error e adds the variance :math:`b^2 e^2 / \lambda` to the values in a bin of mapped incidence. The
+    A classical error e adds the variance :math:`b^2 e^2 / \lambda` to the pixels of a bin of mapped incidence. The
     fitted slope b is :math:`\lambda = 1 - e^2 / V` times the true slope, where V is the variance of the mapped
     incidence. The function finds the error e whose added variance explains why the fitted looks are below the sensor's.
 

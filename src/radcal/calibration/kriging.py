@@ -109,8 +109,8 @@ def train(
 
     The prior of a length scale is log-normal; its median is the width of the box, and its log standard deviation is 1.
     A few runs do not determine a length scale, and their likelihood alone would often choose one so short that a run
-    tells nothing about its neighbourhood. The constants and the variance of the process are integrated out of the
-    likelihood.
+    tells nothing about its neighbourhood. The constants of the outputs and the variance of the process are integrated
+    out of the likelihood.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Whole calibration loop in one process, for notebooks, benchmarks and tests.
 
-The workflow executes the steps of the loop as separate jobs, which exchange files. Their runs are equal to
-those of this loop, bit for bit.
+The workflow executes the steps of the loop as separate jobs, which exchange files. The runs of the jobs
+and of this loop are equal, bit for bit.
 """
 
 from __future__ import annotations

@@ -119,9 +119,9 @@ class BinMisfit(Misfit):
     def log_sds(self) -> Doubles:
         """Covariance of the bins' log sds that arises because the variance among a few fields and cells is random.
 
-        The effects u of the cells add u' S u to the variance of a bin, where S = diag(s) - s s' and s holds the shares
-        of the bin's pixels in the cells. For effects with the covariance matrix G, the terms of two bins i and j have
-        the covariance 2 tr(S_i G S_j G). G is between^2 for two cells of one field, plus within^2 on the diagonal.
+        The effects u of the cells add u' S u to the variance of a bin, where S = diag(s) - s s' and s holds the cells'
+        shares of its pixels. For bins i and j, the covariance of u' S_i u and u' S_j u is 2 tr(S_i G S_j G). The
+        covariance G of u is the between-field variance for cells of one field, plus within-field variance for one cell.
 
         Returns
         -------
@@ -148,7 +148,7 @@ class BinMisfit(Misfit):
 
     @cached_property
     def _order(self) -> Doubles:
-        """Coefficients of each bin's mean, log sd and skewness in orthogonal polynomials, shape (n, 3, 3)."""
+        """Coefficients that express each bin's statistics by orthogonal polynomials of its pixels, shape (n, 3, 3)."""
         each = zip(self.classes.speckle_db2, self._levels_db2, strict=True)
         return np.linalg.cholesky(np.stack([sampling_covariance(v, 1.0, of_levels) for v, of_levels in each]))
 
@@ -161,8 +161,8 @@ class BinMisfit(Misfit):
     def sampling(self) -> Doubles:
         """Covariance of the bins' means, log sds and skewnesses by speckle alone, shape (3 n, 3 n).
 
-        The orthogonal polynomials of order 1, 2 and 3 of two pixels have correlations equal to the pixels' correlation,
-        its square and its cube. The rule is exact for normal values, and accurate to some percent for log-gamma values.
+        The orthogonal polynomials of order 1, 2 and 3 of two pixels have the pixels' correlation, its square and its
+        cube as correlations. These relations are exact for normal values, and accurate to some percent for log-gamma.
         """
         whole = np.einsum("iak,jbk,kij->aibj", self._order, self._order, self.classes.pairs)
         return np.asarray(whole.reshape(3 * self.classes.size, -1))
@@ -242,12 +242,12 @@ class BinMisfit(Misfit):
 
 @dataclass(frozen=True)
 class LikelihoodMisfit(Misfit):
-    """Misfit by the gamma likelihood of the pixels in each incidence-angle bin.
+    """Misfit by the gamma likelihood of the pixels in each incidence-angle bin, without variance between fields.
 
     Each bin has a histogram of its pixels with intervals of 0.5 dB. The squares of the deviance residuals of the counts
     add up to minus twice the histogram's log likelihood, up to a constant. Counts are multiplied by the ratio of
     effective to nominal sample size, because pixels are correlated. The expected distribution in a bin is a mixture,
-    over its incidence angles, of gamma speckle with the material's looks. It has no variance between fields.
+    over its incidence angles, of gamma speckle with the material's looks.
 
     Attributes
     ----------

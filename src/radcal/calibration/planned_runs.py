@@ -26,13 +26,13 @@ Jobs = Sequence[tuple[str, Mapping[str, str]]]
 
 @dataclass(frozen=True)
 class _Known:
-    """Replacement for a simulator, with its identity alone."""
+    """Object in place of a simulator, which has the simulator's identity but cannot make runs."""
 
     identity: Mapping[str, Any]
 
 
 class _Flat:
-    """Replacement for a geometry over flat earth, with its earth radius alone."""
+    """Object in place of a geometry over flat earth, which only says that there is no earth radius."""
 
     earth_radius_m = None
 

@@ -45,8 +45,9 @@ def looks_residuals(effective: ArrayLike, sensor: float) -> NDArray[np.float64]:
     all of the sensor's looks (Oliver and Quegan, "Understanding Synthetic Aperture Radar Images", chapter 5); half of
     the looks is one standard deviation below the median of the prior. The prior is wide because texture differs from
     field to field: the pixels of a single field determine the looks with an error of 20 %, and a narrow prior would
-    lower the looks of ground without texture. With the wide prior, the estimate for a single field with speckle of 4
-    looks is 3.95, and for one with 2.5 looks it is 2.6. The search stays below 1.1 times the sensor's looks.
+    lower the looks of ground without texture. With the wide prior, a single field with speckle of 4 looks is
+    estimated to have 3.95 looks, and one with 2.5 looks to have 2.6. The search for the effective looks stays below 1.1
+    times the sensor's looks.
 
     Parameters
     ----------
@@ -72,9 +73,9 @@ class CurvePrior:
       Scattering Statistics for Terrain" (1989), decrease by about 0.05 (trees) to 0.6 dB/deg (smooth soil).
     - level: normal about the measured mean, standard deviation 10 dB.
     - parameters for which the law has a prior (``Law.log_normal``): log-normal.
-    - range: sigma0 between 20 and 70 degrees lies within 32.5 dB of the measured mean. The width of 65 dB is that
-      of the range from -50 dB (noise of good sensors) to +15 dB (strongest natural surfaces). The interval is centred
-      at the measured mean, because the level of the image may be wrong.
+    - range: sigma0 between 20 and 70 degrees lies within 32.5 dB of the measured mean. The range of
+      65 dB is as wide as that from -50 dB (noise of good sensors) to +15 dB (strongest natural surfaces). The prior
+      centres it at the measured mean, because the level of the image may be wrong.
 
     Attributes
     ----------

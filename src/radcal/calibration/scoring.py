@@ -99,7 +99,7 @@ _Values = Sequence[tuple[Mapping[str, NDArray[np.float32]], tuple[float, float]]
 
 
 def _statistics(name: str, objective: Comparison, targets: Targets, draws: Sequence[_Values]) -> NDArray[np.float64]:
-    """Statistics of a material, averaged over the draws of speckle, shape (n, 3); passes follow one another."""
+    """Statistics of a material, averaged over the draws of speckle, shape (n, 3): rows of all passes."""
     found = []
     for one, target, values in zip(objective.passes, targets.passes, draws, strict=True):
         if one is not None:

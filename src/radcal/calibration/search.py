@@ -229,11 +229,12 @@ class Search:
         every other proposal is searched near the best verified point, within a radius that shrinks with the number of
         failures (a trust region; Conn, Gould and Toint 2000). Runs near the best point improve the surrogate there.
 
-        If no clearly smaller cost is predicted, two multi-start searches follow. The first search minimises the
-        predicted cost. The second search minimises the cost of statistics that may err by two standard errors towards
-        the target; its minimum is the floor. If the floor is clearly below the best verified cost, the point of the
-        floor is proposed. If it is not, no point inside the bounds can be clearly better than the best run. An
-        objective that does not explore omits both searches, and proposes the point with the smallest predicted cost.
+        If no clearly smaller cost is predicted, two multi-start searches follow. The first multi-start search
+        minimises the predicted cost. The second multi-start search minimises the cost of statistics that may err by two
+        standard errors towards the target; its minimum is the floor. If the floor is clearly below the best verified
+        cost, the point of the floor is proposed. A higher floor means that no point inside the bounds is clearly better
+        than the best run. An objective that does not explore omits both searches, and proposes the point with the
+        smallest predicted cost.
 
         Parameters
         ----------

@@ -92,7 +92,7 @@ def repeatability(simulator: SimulatorConfig, differences_db: Sequence[float]) -
     Returns
     -------
     str
-        Sentence, empty if no reference run was repeated and the simulator is not declared to be non-deterministic.
+        Sentence, empty if no reference run was repeated and the simulator is not declared as non-deterministic.
     """
     smooths = "the surrogate smooths over runs instead of passing through them."
     if isinstance(simulator, CommandSimulation) and simulator.deterministic is False:
@@ -136,7 +136,7 @@ def not_fresh(simulator: SimulatorConfig, final: Sequence[Record]) -> str:
 
 
 def _noisy(history: History, simulator: SimulatorConfig) -> bool:
-    """Whether runs of equal parameters differ, by declaration or by a repeated reference run."""
+    """Whether runs of equal parameters differ, as the configuration declares or a repeated reference run shows."""
     declared = simulator.deterministic if isinstance(simulator, CommandSimulation) else True
     return any(history.repeat_db) if declared is None else not declared
 

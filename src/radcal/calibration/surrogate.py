@@ -125,7 +125,7 @@ class Surrogate:
     def predict(self, unit: ArrayLike, baseline: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
         """Predicted statistics, shape (m, n, 3), at points of the unit box, shape (m, d).
 
-        ``baseline`` holds the baseline's statistics at the points, shape (m, n, 3), if they are known already.
+        ``baseline`` holds the baseline's statistics at the points, shape (m, n, 3), if they have been computed.
         """
         points = np.atleast_2d(np.asarray(unit, dtype=np.float64))
         low, high = self.bounds.T

@@ -39,7 +39,7 @@ _ALONE = Spread(0.8, 0.4)  # [dB], in place of an estimate from all materials to
 _GRID = 200  # points on which the search compares densities; the score uses 1,000
 _NODES = 64  # incidence angles that represent the pixels
 _OF_SAMPLING = 1.0 / 3.0  # share of the sampling error; an rms below it adds at most a ninth to the variance
-_PATIENCE = 5  # runs without improvement after which a search below the sampling error ends
+_PATIENCE = 5  # runs without improvement after which a search below that rms ends
 _KEPT = 0.2  # relative difference of predicted and verified rms, up to which the prediction was right
 
 
@@ -47,7 +47,7 @@ class Density(Objective):
     """Objective ``density``: rms difference between a material's density and the target's density.
 
     The search first minimises scaled differences of mean, log sd and skewness, because the rms hardly changes with X
-    far from its minimum. The rms is 0 if all three differences are 0.
+    far from its minimum. The rms is 0 if the differences of the statistics are 0.
     """
 
     def __init__(self, material: Material) -> None:
@@ -98,7 +98,7 @@ class Density(Objective):
         return np.asarray((found - self._density) / self._density.max())
 
     def refinements(self) -> Sequence[Callable[[Points], Doubles]]:
-        """Function for differences of densities, used if mean, log sd and skewness cannot all be matched."""
+        """Function for residuals of a second search, which compares densities if statistics cannot be matched."""
         return (self._differences,)
 
     def cost(self, points: Points) -> Doubles:
@@ -180,7 +180,7 @@ class Density(Objective):
 
     @classmethod
     def standing(cls, name: str, best: float, stop: Stop) -> str:
-        """Start of a sentence, with the best rms and the tolerance."""
+        """Start of the sentence on the state of a search: best rms of the material, and tolerance."""
         return f"{name}: rms {best:.2g}, above the tolerance {stop.rms:.2g}"
 
     @classmethod

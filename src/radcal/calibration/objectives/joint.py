@@ -76,7 +76,7 @@ class Joint(Comparison):
         return np.concatenate([part.residuals(at) for part, at in self._split(points)], axis=1)
 
     def parts(self, residuals: Doubles) -> Doubles:
-        """Sum of squares of each pass, shape (m, k) to (m, passes)."""
+        """Sum of squared residuals of each pass, shape (m, passes), from residuals, shape (m, k)."""
         one = Points(self.scale[None], self.material.box.mean(axis=1)[None], np.array([self.material.looks]))
         ends = np.cumsum([part.residuals(at).shape[1] for part, at in self._split(one)])
         return np.stack([(part**2).sum(axis=1) for part in np.split(residuals, ends[:-1], axis=1)], axis=-1)
