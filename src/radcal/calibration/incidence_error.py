@@ -47,8 +47,8 @@ _MOST_OF_SPREAD = 0.75  # largest error, as a share of the standard deviation of
 def attenuation(incidence_deg: ArrayLike, error_deg: ArrayLike, rms_deg: float | None = None) -> NDArray[np.float64]:
     r"""Share of the variance of the mapped incidence that is not classical error, at least 0.1.
 
-    If the standard error e differs between places, the share at a place is :math:`V_t / (V_t + e^2)`, where :math:`V_t`
-    is the variance of the true angles. The variance of the true angles is the variance of the mapped angles minus the
+    If the standard error e differs between places, the share is :math:`V_t / (V_t + e^2)` at each place, where
+    :math:`V_t` is the variance of the true angles. The variance of the true angles is the variance of the mapped angles minus the
     mean square of the errors (Carroll et al., section 4.4: regression calibration).
 
     Parameters
@@ -78,8 +78,8 @@ def registration_error_deg(
 
     A pixel with a wrong displacement is assigned the incidence of another place. To first order, the standard error of
     the incidence :math:`\phi` is :math:`|\nabla\phi|\,u / \sqrt 2`, where u is the standard error of the displacement's
-    length. The displacement's component along the gradient has the standard error :math:`u / \sqrt 2`. The error of the
-    incidence is largest at edges of the relief, where the gradient of the incidence is large.
+    length; the factor :math:`1 / \sqrt 2` gives the component along the gradient. The error of the incidence is largest
+    at edges of the relief, where the gradient of the incidence is large.
 
     Parameters
     ----------

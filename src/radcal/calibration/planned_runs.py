@@ -32,7 +32,7 @@ class _Known:
 
 
 class _Flat:
-    """Object in place of a geometry over flat earth, which only says that there is no earth radius."""
+    """Object in place of the geometry, which only tells that the earth is flat (no earth radius)."""
 
     earth_radius_m = None
 

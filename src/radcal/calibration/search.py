@@ -227,7 +227,7 @@ class Search:
         surrogate predicts a clearly smaller cost at one of the resulting points, the point is proposed. Of several
         equally good points, the one with the smallest standard errors is proposed. After proposals without improvement,
         every other proposal is searched near the best verified point, within a radius that shrinks with the number of
-        failures (a trust region; Conn, Gould and Toint 2000). Runs near the best point improve the surrogate there.
+        failures (a trust region; Conn, Gould and Toint 2000). Runs near the best point improve the surrogate nearby.
 
         If no clearly smaller cost is predicted, two multi-start searches follow. The first multi-start search
         minimises the predicted cost. The second multi-start search minimises the cost of statistics that may err by two
