@@ -48,8 +48,8 @@ def attenuation(incidence_deg: ArrayLike, error_deg: ArrayLike, rms_deg: float |
     r"""Share of the variance of the mapped incidence that is not classical error, at least 0.1.
 
     If the standard error e differs between places, the share is :math:`V_t / (V_t + e^2)` at each place, where
-    :math:`V_t` is the variance of the true angles. The variance of the true angles is the variance of the mapped angles minus the
-    mean square of the errors (Carroll et al., section 4.4: regression calibration).
+    :math:`V_t` is the variance of the true angles. The variance of the true angles is the variance of the mapped angles
+    minus the mean square of the errors (Carroll et al., section 4.4: regression calibration).
 
     Parameters
     ----------

@@ -184,7 +184,7 @@ class Comparison(ABC):
     material : Material
         Target, law and bounds, in the first pass.
     baseline : callable or None
-        Function from X to the statistics that law, speckle and noise alone give; None if there is no such function.
+        Function from X to the statistics that law, speckle and noise alone give; None without a baseline.
     starts : sequence of (X, looks)
         Points from which every search starts, besides the best run.
     free_looks : bool
