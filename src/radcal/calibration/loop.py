@@ -1,7 +1,7 @@
 """Whole calibration loop in one process, for notebooks, benchmarks and tests.
 
-The workflow executes the steps of the loop as separate jobs, which exchange files. The runs of the jobs
-and of this loop are equal, bit for bit.
+The workflow executes the steps of the loop as separate jobs, which exchange files. Workflow and loop make
+equal runs, bit for bit.
 """
 
 from __future__ import annotations

@@ -233,8 +233,8 @@ class Search:
         minimises the predicted cost. The second multi-start search minimises the cost of statistics that may err by two
         standard errors towards the target; its minimum is the floor. If the floor is clearly below the best verified
         cost, the point of the floor is proposed. A higher floor means that no point inside the bounds is clearly better
-        than the best run. An objective that does not explore omits both searches, and proposes the point with the
-        smallest predicted cost.
+        than the best run. An objective that does not explore omits the multi-start searches, and proposes the point
+        with the smallest predicted cost.
 
         Parameters
         ----------

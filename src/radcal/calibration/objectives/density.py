@@ -98,7 +98,7 @@ class Density(Objective):
         return np.asarray((found - self._density) / self._density.max())
 
     def refinements(self) -> Sequence[Callable[[Points], Doubles]]:
-        """Function for residuals of a second search, which compares densities if statistics cannot be matched."""
+        """Function for residuals of a second search: differences of densities, if the statistics cannot be matched."""
         return (self._differences,)
 
     def cost(self, points: Points) -> Doubles:
