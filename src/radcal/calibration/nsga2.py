@@ -1,4 +1,4 @@
-"""NSGA-II of Platypus on the unit box, with a population in one call of the objective and random numbers of its own."""
+"""NSGA-II of the library Platypus on the unit box; one call of the objective evaluates a whole population."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["nsga2"]
 
 @contextmanager
 def _seeded_global_random(seed: int) -> Iterator[None]:
-    """Seed the ``random`` module, which Platypus draws from, and put its state back."""
+    """Seed the module ``random``, from which Platypus draws, and restore the state of the module afterwards."""
     state = random.getstate()
     random.seed(seed)
     try:
@@ -32,20 +32,20 @@ def nsga2(objective: Any, dimension: int, config: Optimiser, seed: int, objectiv
     Parameters
     ----------
     objective : callable
-        ``(n, d) -> (n,)``, or ``(n, m)`` for m objectives.
+        Function from points, shape (n, d), to values, shape (n,), or (n, m) for m objectives.
     dimension : int
-        d.
+        Dimension d of the unit box.
     config : Optimiser
-        Population and evaluations.
+        Size of the population and number of evaluations.
     seed : int
         Seed of Platypus' random numbers.
     objectives : int
-        m.
+        Number m of objectives.
 
     Returns
     -------
     ndarray, shape (population, d)
-        The last population, the least sum of objectives first.
+        Last population, ordered by increasing sum of the objectives.
 
     References
     ----------
@@ -54,14 +54,14 @@ def nsga2(objective: Any, dimension: int, config: Optimiser, seed: int, objectiv
     import platypus
 
     class Batched(platypus.Evaluator):  # type: ignore[misc]
-        """All solutions of a generation in one call of the objective."""
+        """Evaluator that evaluates all solutions of a generation in one call of the objective."""
 
         def evaluate_all(self, jobs: Any, **_: Any) -> Any:
             jobs = list(jobs)
             points = np.array([job.solution.variables[:] for job in jobs], dtype=np.float64)
             state = random.getstate()
             values = objective(points)
-            random.setstate(state)  # libraries draw as they are imported, which must not move Platypus' numbers
+            random.setstate(state)  # libraries may draw numbers when imported, which must not change those of Platypus
             for job, value in zip(jobs, values, strict=True):
                 job.solution.objectives[:] = [float(part) for part in np.atleast_1d(value)]
                 job.solution.constraint_violation = 0.0

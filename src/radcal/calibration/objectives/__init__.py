@@ -1,4 +1,4 @@
-"""Objectives: what is compared between runs and target, one class each, behind one contract."""
+"""Objectives: classes with a common interface that compare runs with the target."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ def make_objectives(case: stages.Scores | stages.Archive, targets: Targets) -> M
     case : stages.Scores or stages.Archive
         Name of the objective, laws, bounds and looks.
     targets : Targets
-        By calibrated material, with those of further passes.
+        Targets of the calibrated materials in all passes.
 
     Returns
     -------
     mapping
-        By material, in the order of the targets.
+        Objective by material, in the order of the targets.
     """
     if not targets.further:
         return _of_pass(case, targets)
@@ -45,7 +45,7 @@ def make_objectives(case: stages.Scores | stages.Archive, targets: Targets) -> M
 
 
 def _of_pass(case: stages.Scores | stages.Archive, targets: Targets, priors: bool = True) -> dict[str, Objective]:
-    """Objectives of one pass."""
+    """Objective of each material in one pass; ``priors`` tells whether the priors enter."""
     laws, kind = case.laws, OBJECTIVES[case.objective]
     return {
         name: kind(

@@ -1,4 +1,4 @@
-"""Objective of one material in several passes: the objectives of the single passes, side by side."""
+"""Objective of one material in several passes, made up of the objectives of the single passes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["Joint"]
 
 
 class Joint(Comparison):
-    """Comparison of one material in several passes.
+    """Comparison of one material's runs with its targets in several passes.
 
     Law and texture are shared: all passes have the same X, and looks that follow from the same texture
     (:func:`radcal.radar.texture.equal_texture`). Field effects are independent from pass to pass. The bins of all
@@ -26,8 +26,8 @@ class Joint(Comparison):
     Parameters
     ----------
     passes : sequence of Objective or None
-        Objective of each pass, None for a pass in which the material has too few pixels; the first is there, and it
-        alone was made with priors.
+        Objective of each pass, None for a pass in which the material has too few pixels. The first pass always has an
+        objective, and only this objective includes the priors.
     """
 
     def __init__(self, passes: Sequence[Objective | None]) -> None:
@@ -45,15 +45,15 @@ class Joint(Comparison):
         self._ends = np.cumsum([len(part.scale) for part in self._parts])
 
     def _back(self, part: Objective, looks: float) -> float:
-        """Looks in the first pass of a material with these looks in another one."""
+        """Effective looks in the first pass of a material that has ``looks`` in the pass of ``part``."""
         return equal_texture(part.material.looks, looks, self.material.looks)
 
     def _there(self, part: Objective, looks: float) -> float:
-        """Looks in a pass of a material with these looks in the first one."""
+        """Effective looks in the pass of ``part`` of a material that has ``looks`` in the first pass."""
         return equal_texture(self.material.looks, looks, part.material.looks)
 
     def _split(self, points: Points) -> list[tuple[Objective, Points]]:
-        """Points of each pass."""
+        """Objective of each pass, with the points restricted to the statistics of this pass."""
         slack = np.broadcast_to(points.slack, points.statistics.shape)
         each = zip(
             self._parts,
@@ -76,13 +76,13 @@ class Joint(Comparison):
         return np.concatenate([part.residuals(at) for part, at in self._split(points)], axis=1)
 
     def parts(self, residuals: Doubles) -> Doubles:
-        """Sum of squares of each pass, shape (m, k) to (m, passes)."""
+        """Sum of squared residuals of each pass, shape (m, passes), from residuals, shape (m, k)."""
         one = Points(self.scale[None], self.material.box.mean(axis=1)[None], np.array([self.material.looks]))
         ends = np.cumsum([part.residuals(at).shape[1] for part, at in self._split(one)])
         return np.stack([(part**2).sum(axis=1) for part in np.split(residuals, ends[:-1], axis=1)], axis=-1)
 
     def refinements(self) -> Sequence[Callable[[Points], Doubles]]:
-        """Further residuals of all passes."""
+        """Functions that give further residuals of all passes, minimised one after the other."""
         count = len(self.first.refinements())
 
         def of(number: int) -> Callable[[Points], Doubles]:
@@ -97,20 +97,20 @@ class Joint(Comparison):
         return self.first.together(np.stack([part.cost(at) for part, at in self._split(points)]))
 
     def together(self, costs: Doubles) -> Doubles:
-        """Cost of several passes, from that of each."""
+        """Cost of all passes together, from the cost of each pass."""
         return self.first.together(costs)
 
     def worth(self, parameters: Sequence[float], statistics: Doubles) -> tuple[float, float | None]:
-        """Looks that suit a run best in all passes, and its cost there; None where the cost is the density rms."""
+        """Looks that minimise the cost of a run in all passes, and this cost; None if the cost is the density rms."""
         looks, cost = self.first.worth(parameters, statistics[: self._ends[0]])
         return (looks, None) if cost is None else suited_looks(self, parameters, statistics)
 
     def promising(self, costs: Doubles, best: float) -> NDArray[np.bool_]:
-        """Which costs are worth a run, as in the first pass."""
+        """Mask of the costs that are worth a run, by the rule of the first pass's objective."""
         return self.first.promising(costs, best)
 
     def in_pass(self, number: int, score: Score) -> Score:
-        """Score of one pass: its statistics, its density, and the looks that its texture gives there."""
+        """Score of one pass alone: statistics, density, and effective number of looks in this pass."""
         part = self.passes[number]
         assert part is not None  # noqa: S101
         density = score.further[number - 1] if number else None
@@ -124,7 +124,7 @@ class Joint(Comparison):
         )
 
     def law_in(self, number: int, score: Score) -> GroundLaw:
-        """Law of a run with its uncertainty from all passes, on the ground of one of them."""
+        """Law of a run for the pixels of one pass, with its uncertainty from all passes."""
         each = [(one, one.evidence(self.in_pass(k, score))) for k, one in enumerate(self.passes) if one is not None]
         joined = self.first.law(
             self.in_pass(0, score),
@@ -136,7 +136,7 @@ class Joint(Comparison):
         return replace(own, fit=replace(joined.fit, looks=own.fit.looks))
 
     def moved_db(self, first: ArrayLike, second: ArrayLike) -> float | None:
-        """Largest difference of the laws over the incidence of all passes [dB]; None for a law without a curve."""
+        """Largest difference of two laws over the incidence of all passes [dB]; None for a law without a curve."""
         moved = [part.moved_db(first, second) for part in self._parts]
         known = [value for value in moved if value is not None]
         return max(known) if known else None
