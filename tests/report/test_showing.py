@@ -45,12 +45,21 @@ def test_a_finished_case(folder, made):
     ]
 
 
-def test_where_sigma0_is_known(folder):
+@pytest.mark.parametrize(
+    ("found", "said"),
+    [
+        ({"sigma0_curve": {}, "fits": True, "verdict": "dyke fits"}, "."),
+        ({"sigma0_curve": {}, "fits": None, "verdict": "dyke: level only, seen at one incidence: -9.0 dB"}, "."),
+        ({"sigma0_curve": {}, "fits": False, "verdict": "dyke: does not fit"}, "; sigma0 is known nowhere."),
+        ({"sigma0_curve": None, "fits": True, "verdict": "dyke fits"}, "; nothing is known of a curve in dB."),
+    ],
+)
+def test_a_law_of_which_nothing_is_known(folder, found, said):
     data = json.loads((folder / "summary.json").read_text())
-    posterior = {"known_half_width_db": 1.5}
-    data["materials"]["dyke"] |= {"known_between_deg": [19.5, 21.25], "sigma0_curve": {}, "posterior": posterior}
+    x = data["materials"]["dyke"]["parameters"]["X4"]
+    data["materials"]["dyke"] |= found
     (folder / "summary.json").write_text(json.dumps(data))
-    assert show(folder)[1].endswith("sigma0 is known to +-1.5 dB (90 %) from 19.5 to 21.25 degrees.")
+    assert show(folder)[1].endswith(f"X4 {x:.4g}{said}")
 
 
 def test_an_unfinished_case_says_what_is_missing(folder):

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.assessment.budget import NORMAL_90, Budget
 from radcal.assessment.causes import likely_cause
 from radcal.assessment.fit_test import FitTest, check_fit
 from radcal.assessment.law_check import LawCheck, check_laws, texture_note
@@ -21,7 +22,7 @@ from radcal.calibration.objectives import Comparison, make_objectives
 from radcal.calibration.scoring import with_texture
 from radcal.calibration.steps import not_fresh, repeatability
 from radcal.calibration.stopping import Decision, decide
-from radcal.config import Stop, stages
+from radcal.config import Stop, Uncertainty, stages
 from radcal.errors import StoreError
 from radcal.measurement.target import Targets
 from radcal.radar.geometry import Geometry
@@ -166,7 +167,7 @@ def conclude(
                 name,
                 fits[name],
                 _cause(case, name, targets, objectives[name], history, geometry, fits[name]),
-                _known(believed.get(name)),
+                _known(believed.get(name), targets, name, case.uncertainty),
                 level_only=targets.level_only(name),
                 between_db=checks[name].between_db,
             )
@@ -180,11 +181,19 @@ def _believed(posterior: Posterior, fit: FitTest) -> Posterior:
     return replace(posterior, known_between_deg=None, known_half_width_db=None) if fit.fits is False else posterior
 
 
-def _known(posterior: Posterior | None) -> Known | None:
+def _known(posterior: Posterior | None, targets: Targets, name: str, config: Uncertainty) -> Known | None:
     """Where sigma0 is known; None without a posterior of a curve."""
     if posterior is None or posterior.curve is None:
         return None
-    return Known(posterior.known_between_deg, posterior.known_half_width_db, linear=not posterior.sampled)
+    offset = targets.levels.normalisation == "offset" and np.isfinite(targets.levels.offset_error_db)
+    return Known(
+        posterior.known_between_deg,
+        posterior.known_half_width_db,
+        linear=not posterior.sampled,
+        levels=posterior.levels() if targets.level_only(name) else (),
+        level_error_db=NORMAL_90 * Budget.of(config, targets.levels).level_db,
+        level_key="the removed offset" if offset else "uncertainty.level_db",
+    )
 
 
 def _fit(

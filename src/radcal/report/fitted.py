@@ -32,11 +32,12 @@ class Fitted:
     bounds: Annotated[tuple[str, ...], Attribute(), About("parameters that their bounds hold back")]
     distance: Annotated[float, About("density rms over that of sampling")]
     fits: Annotated[bool | None, About("law fits; absent where it cannot be tested")] = None
+    level_only: Annotated[bool, About("seen at one incidence, so that the level can be known, but not the law")] = False
 
 
 def misfit(fitted: Fitted) -> dict[str, Any]:
     """Numbers of the test, for ``summary.json``."""
-    numbers = {key: value for key, value in vars(fitted).items() if key not in ("fits", "verdict")}
+    numbers = {key: value for key, value in vars(fitted).items() if key not in ("fits", "verdict", "level_only")}
     return {**numbers, "bounds": list(fitted.bounds)}
 
 

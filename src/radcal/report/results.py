@@ -335,7 +335,9 @@ def _material(
         calibrated_db=found.calibrated,
         fresh_db=found.fresh,
         check=_check(check),
-        fitted=Fitted(verdict=conclusion.verdicts[name], **vars(conclusion.fits[name])),
+        fitted=Fitted(
+            verdict=conclusion.verdicts[name], **vars(conclusion.fits[name]), level_only=targets.level_only(name)
+        ),
         final_dp=found.calibrated_dp,
         fresh_dp=found.fresh_dp,
         predicted_rms=_numbers(None if of_classes else proposal.cost for proposal in proposals),

@@ -122,8 +122,7 @@ def _finished(summary: Mapping[str, Any]) -> list[str]:
         # in a case of one material, the first line is its verdict
         said = f"{material['verdict']}" if len(materials) > 1 else f"{name}:"
         law = material.get("formula", material["law"])
-        known = "." if "sigma0" in material["verdict"] else f"; {_known(material)}"
-        lines.append(f"{said} {law} with {parameters}{known}")
+        lines.append(f"{said} {law} with {parameters}{_unknown(material)}")
         if remark := material.get("parameters_remark"):
             lines.append(f"{name}: {remark}")
     search = runs["design"] + runs["infill"]
@@ -134,10 +133,8 @@ def _finished(summary: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def _known(material: Mapping[str, Any]) -> str:
-    """Where sigma0 is known, and how well it is known there."""
-    known, curve = material.get("known_between_deg"), material.get("sigma0_curve")
-    if known is None or curve is None:
-        return "sigma0 is known nowhere." if curve is not None else "nothing is known of a curve in dB."
-    half = material["posterior"]["known_half_width_db"]
-    return f"sigma0 is known to +-{half:.1f} dB (90 %) from {known[0]:.4g} to {known[1]:.4g} degrees."
+def _unknown(material: Mapping[str, Any]) -> str:
+    """End of a sentence on a law of which nothing is known; the verdict says where others are known."""
+    if material.get("sigma0_curve") is None:
+        return "; nothing is known of a curve in dB."
+    return "; sigma0 is known nowhere." if material["fits"] is False else "."
