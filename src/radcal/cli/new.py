@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 import sys
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,6 +11,7 @@ import typer
 
 from radcal.cli.arguments import sentences
 from radcal.cli.new_entries import ENTRIES, Entry
+from radcal.config.sensors import SENSORS
 
 if TYPE_CHECKING:
     from radcal.running.new_case import NewCase
@@ -42,7 +44,7 @@ def main(case: str, **answers: Any) -> None:
         # an answer may answer later questions: a file tells its bands, a band its scale
         while asked and (left := [one for one in ENTRIES if one.key not in seen and _is_open(one, new)]):
             seen.add(left[0].key)
-            given |= _asked(left[0])
+            given |= _asked(left[0], new.offered if left[0].key == "scene.landcover" else "")
             new = NewCase(path, given, keys)
         written = new.write({entry.key: entry.text for entry in ENTRIES})
     for line in written:
@@ -50,6 +52,8 @@ def main(case: str, **answers: Any) -> None:
     if new.undecided:
         options = ", ".join(entry.option.split(",")[0] for entry in ENTRIES if entry.key in new.undecided)
         typer.echo(f"Still to be decided, marked FILL_IN (or by options in a new case): {options}.")
+        if decided := new.decided_by_sensors():
+            typer.echo(f"--sensor decides up to {len(decided)} of them: {', '.join(SENSORS)} (docs/sensors.md).")
     typer.echo(f"Next: radcal check {path}\nThen: radcal run {path} reference, and radcal run {path}")
 
 
@@ -58,15 +62,22 @@ def _at_terminal() -> bool:
 
 
 def _is_open(entry: Entry, new: NewCase) -> bool:
-    """Whether a key is to be asked for: undecided, or a choice that has a default."""
+    """Whether a key is to be asked for: undecided, or a choice that has a default or decides other keys."""
+    if entry.key == "scene.landcover":
+        return new.offered != ""
+    if entry.key == "radar.sensor":
+        return new.decided_by_sensors() != []
     return entry.key in new.undecided or (entry.key == "materials.calibrated" and new.materials != [])
 
 
-def _asked(entry: Entry) -> dict[str, Any]:
+def _asked(entry: Entry, remark: str) -> dict[str, Any]:
     """Answer at the terminal; an empty one leaves the key undecided."""
-    while text := typer.prompt(entry.text, default="", show_default=False).strip():
+    question = f"{entry.text} ({remark})" if remark else entry.text
+    while text := typer.prompt(question, default="", show_default=False).strip():
         try:
-            return {entry.key: [part.strip() for part in text.split(",")] if entry.several else entry.kind(text)}
+            # commas stand between materials, and between the parameters of a law
+            parts = re.split(r",(?=[^,]*=)" if "=" in text else ",", text)
+            return {entry.key: [part.strip() for part in parts] if entry.several else entry.kind(text)}
         except ValueError:
             typer.echo(f"{text!r} is not a number.", err=True)
     return {}
