@@ -190,7 +190,7 @@ def _images_alone(case: Case, loaded: Loaded, problems: _Problems) -> None:
     """Add the problems that the measured images have without their scene."""
     for one in case.passes if "measurement" not in loaded.without else ():
         if one.measurement.source == "file":
-            problems.add(image_problems(one.measurement, one.radar))
+            problems.add(image_problems(one.measurement, one.radar, one.scene.source == "raster"))
 
 
 _STAGES: tuple[Stage, ...] = ("scene", "geometry", "measurement", "run", "registration", "target", "report")
@@ -268,7 +268,7 @@ def _measured(
     try:
         if isinstance(one.measurement, FileMeasurement):
             if not (loaded.has_geometry or is_on_map(one.measurement)):
-                problems.add(image_problems(one.measurement, one.radar))
+                problems.add(image_problems(one.measurement, one.radar, one.scene.source == "raster"))
                 return None
             nothing: Simulator = None  # type: ignore[assignment]  # a file needs no simulator
             return make_measurement(stage, geometry, nothing, scene, partly=number > 0)
