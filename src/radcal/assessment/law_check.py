@@ -158,8 +158,9 @@ def texture_note(checks: Mapping[str, LawCheck]) -> str:
     each = ", ".join(f"{name} {check.looks:.2f}" for name, check in found.items())
     nominal = next(iter(found.values())).looks_nominal
     return (
-        f"The simulated speckle has {nominal:.3g} looks, some pixels spread as those of fewer ({each}): "
-        "for densities and pictures gamma texture is multiplied onto their simulated pixels."
+        f"The simulated speckle has {nominal:.3g} looks, the search found fewer effective ones ({each}), with a prior "
+        "about 0.9 of the sensor's, so that above that they show no texture: for densities and pictures gamma texture "
+        "is multiplied onto these simulated pixels, down to the looks found."
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -271,14 +270,19 @@ def registered_as(
     MeasurementError
         The image has nothing in common with the predicted one.
     """
+    why = ""
     if path.is_file():
-        with contextlib.suppress(RadcalError):
+        try:
             stored = read_registered(path)
-            if stored.method == config.method and np.array_equal(
-                stored.unregistered_db, found.image_db, equal_nan=True
-            ):
+            if stored.method != config.method:
+                why = f", not as in {path.parent}, whose registration.method was {stored.method}"
+            elif not np.array_equal(stored.unregistered_db, found.image_db, equal_nan=True):
+                why = f", not as in {path.parent}, which has registered another image"
+            else:
                 return stored, f"as in {path.parent}, onto the image at its start"
-    return register(predicted_db, found, config), "onto the predicted image"
+        except RadcalError as error:
+            why = f", because the registration of its case cannot be used: {error}"
+    return register(predicted_db, found, config), f"onto the predicted image{why}"
 
 
 def _images(out: Path, number: int, case: stages.Forward, scene: Scene, one: _Pass) -> list[Path]:
