@@ -145,7 +145,8 @@ def _with_posterior(
         return check
     known = posterior.known_between_deg is not None
     others = [said for said in check.sentences if f"{name}: the law is not identified" not in said]
-    doubt = [] if known else [f"{name}: {posterior.sentence(case.uncertainty.known_db, level_only)}"]
+    # of a material seen at one incidence, the verdict tells the level
+    doubt = [] if known or level_only else [f"{name}: {posterior.sentence(case.uncertainty.known_db)}"]
     linear = [] if posterior.sampled else [f"{name}: {posterior.sentences[0]}"]
     return replace(check, identified=known, sentences=[*doubt, *linear, *others])
 
