@@ -215,6 +215,7 @@ def test_what_does_not_apply_is_not_said(made, tmp_path):
     bins = changed_check(replace(made.archive, objective="classes"), "dyke")
     text = render(tmp_path / "report.html", bins)[1].text
     assert "set validation" in text
+    assert "the law found is right cannot be checked from this image" in text
     # dyke's densities agree, those of stem beans do not
     assert "so fresh numbers of dyke should come out near that." in text
     assert "Where rms is far above" in text
@@ -225,6 +226,7 @@ def test_what_does_not_apply_is_not_said(made, tmp_path):
     assert "set validation" not in text
     assert "dyke and stem beans are seen at one incidence: the level there is what the image tells of them" in text
     assert "should come out near that" not in text
+    assert "cannot be checked from this image" not in text
 
 
 @pytest.mark.parametrize(

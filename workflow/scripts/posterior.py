@@ -14,5 +14,4 @@ with logged(snakemake.log[0], snakemake.params.case):
     posterior = posterior_of(case, targets, history, name)
     write_posterior(snakemake.output.posterior, posterior)
     said = posterior.sentence(case.uncertainty.known_db, targets.level_only(name))
-    # the test of the fit comes later, and of a law that does not fit nothing is called known
-    progress(f"{name}: {said}{' Whether the law fits is tested next.' * (posterior.known_between_deg is not None)}")
+    progress(f"{name}: {'if its law fits, ' * (posterior.known_between_deg is not None)}{said}")

@@ -240,7 +240,7 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) 
         law_sentences=[sentence for m in materials for sentence in m["law_sentences"]],
         known=[m for m in materials if m["known"]],
         external=[m for m in materials if m["truth"] and not m["known"]],
-        unknown=[m for m in materials if not m["truth"]],
+        unknown=[m for m in materials if not m["truth"] and not m["level_only"]],
         overall=[figure for figure in figures if figure.material is None],
         figures={m["name"]: [figure for figure in figures if figure.material == m["name"]] for m in materials},
         reasons=list(dict.fromkeys(reason for m in materials for reason in m["left_out"])),
