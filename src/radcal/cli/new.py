@@ -11,7 +11,6 @@ import typer
 
 from radcal.cli.arguments import sentences
 from radcal.cli.new_entries import ENTRIES, Entry
-from radcal.config.sensors import SENSORS
 
 if TYPE_CHECKING:
     from radcal.running.new_case import NewCase
@@ -32,8 +31,10 @@ Example:
 
 def main(case: str, **answers: Any) -> None:
     """Write a new case."""
+    from radcal.config.sensors import SENSORS
     from radcal.running.new_case import NewCase, case_path
 
+    known = f"{', '.join(SENSORS)}; empty for another one"
     given = {entry.key: answers[entry.name] for entry in ENTRIES if answers[entry.name] not in (None, [], ())}
     asked = not answers["no_questions"] and _at_terminal()
     with sentences():
@@ -44,7 +45,7 @@ def main(case: str, **answers: Any) -> None:
         # an answer may answer later questions: a file tells its bands, a band its scale
         while asked and (left := [one for one in ENTRIES if one.key not in seen and _is_open(one, new)]):
             seen.add(left[0].key)
-            given |= _asked(left[0], new.offered if left[0].key == "scene.landcover" else "")
+            given |= _asked(left[0], {"scene.landcover": new.offered, "radar.sensor": known}.get(left[0].key, ""))
             new = NewCase(path, given, keys)
         written = new.write({entry.key: entry.text for entry in ENTRIES})
     for line in written:

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from radcal.config.sensors import SENSORS
-
 __all__ = ["ENTRIES", "Entry"]
 
 
@@ -62,7 +60,7 @@ ENTRIES = (
     Entry("--scale", "measurement.scale", "scale of the image's numbers: db, power, amplitude or complex"),
     Entry(
         "--sensor", "radar.sensor",
-        f"sensor, which decides most keys of section radar: {', '.join(SENSORS)} (none for another)", optional=True,
+        "sensor of docs/sensors.md, which decides most keys of section radar, such as sentinel1_iw_grdh", optional=True,
     ),
     Entry("--radiometry", "radar.radiometry", "quantity: sigma0_ref, sigma0_local, beta0, gamma0 or gamma0_rtc"),
     Entry("--polarisation", "radar.polarisation", "transmitted and received polarisation: HH, HV, VH or VV"),
