@@ -11,7 +11,7 @@ import h5py
 import matplotlib as mpl
 import numpy as np
 import pytest
-from archives import changed_check, changed_material, held_out_blocks
+from archives import changed_check, changed_material, held_out_blocks, posterior
 from matplotlib.text import Text
 from scipy import stats
 
@@ -19,7 +19,7 @@ from radcal import skewnormal
 from radcal.report import drawing, map_figures, scene_figures
 from radcal.report import figures as module
 from radcal.report.archive import Fidelity, Images
-from radcal.report.fidelity_figures import differences
+from radcal.report.fidelity_figures import differences, fidelity
 from radcal.report.figures import write_figures
 from radcal.report.held_out_figures import held_out
 from radcal.report.law_figures import cost, law
@@ -323,17 +323,18 @@ def test_the_misfit_of_classes_is_drawn_beside_the_densities(made):
     costs = np.linspace(400.0, 8.0, len(made.history.runs))
     classes = dict.fromkeys(("class_deg", "class_db", "class_error_db"), np.array([25.0, 35.0]))
     case = changed_check(replace(made.archive, objective="classes"), "dyke", **classes)
-    case = changed_material(case, "dyke", cost=costs)
+    fitted = replace(case.materials["dyke"].fitted, residual_sum=18.2, expected=4.4)
+    case = changed_material(case, "dyke", cost=costs, fitted=fitted)
     with mpl.rc_context(drawing.STYLE):
         canvas, caption, _ = cost(case, "dyke")
         assert drawn(canvas) == []
     upper, lower = canvas.axes
     best = [next(line for line in axes.lines if line.get_label() == "best so far") for axes in (upper, lower)]
     np.testing.assert_allclose(best[0].get_ydata(), 2.0 * costs)
-    # two classes of three numbers each
-    assert "For a right law it is about 6," in caption
+    # two classes of three numbers each, of which the verdict's test tells what is expected
+    assert "18 for the best run, where 4 are expected of a right law (dotted), 6 values less what the fit" in caption
     assert not any("tolerance" in str(line.get_label()) for line in lower.lines)
-    assert [line.get_ydata()[0] for line in upper.lines if line.get_label() == "a right law"] == [6]
+    assert [line.get_ydata()[0] for line in upper.lines if "right law" in str(line.get_label())] == [4.4]
 
 
 def test_densities_of_a_histogram_are_those_of_design_runs(made):
@@ -412,6 +413,9 @@ def test_a_scene_of_one_height_is_drawn(made):
         canvas, caption, _ = scene_figures.scene(replace(made.archive, scene=view))
         assert drawn(canvas) == []
     assert "heights from 120 to 120 m" in caption
+    # light from 40 degrees above: the sine of it as grey, on a scale from black to white
+    relief = canvas.axes[0].images[0]
+    np.testing.assert_allclose(relief.norm(relief.get_array()), np.sin(np.radians(40.0)))
 
 
 def test_one_incidence_has_the_middle_of_a_scale_and_a_title_of_its_own(made):
@@ -421,3 +425,39 @@ def test_one_incidence_has_the_middle_of_a_scale_and_a_title_of_its_own(made):
     for angles, title in ((seen, "seen at one incidence, a level and no law"), (10 * (seen - 36), "no truth to")):
         one = changed_material(made.archive, "dyke", incidence_deg=angles, hidden=None)
         assert title in law(one, "dyke")[0].axes[0].get_title().replace("\n", " ")
+
+
+@pytest.mark.parametrize(
+    ("angles", "view"),
+    [((38.9, 39.1), (33.0, 45.0)), ((22.0, 45.0), (0.0, 68.0)), ((29.4, 60.0), (0.0, 85.0))],
+)
+def test_the_axis_of_a_law_is_about_the_angles_seen_and_all_curves_end_with_it(made, angles, view):
+    n = made.archive.materials["dyke"].incidence_deg.size
+    # 5 and 95 % quantiles at these angles
+    seen = np.interp(np.linspace(0.0, 1.0, n), [0.05, 0.95], angles).astype(np.float32)
+    case = changed_material(made.archive, "dyke", incidence_deg=seen, posterior=posterior())
+    canvas, *_ = law(case, "dyke")
+    upper = canvas.axes[0]
+    assert upper.get_xlim() == view
+    assert canvas.axes[-1].get_xlim() == view
+    band = upper.collections[0].get_paths()[0].vertices[:, 0]
+    lines = [line.get_xdata() for line in upper.lines if line.get_linewidth() == 1.0]
+    assert lines
+    for one in [band, *lines]:
+        assert (one.min(), one.max()) == view
+
+
+def test_predicted_and_verified_misfit_have_the_scale_of_the_figure_of_the_runs(made):
+    values = np.array([[[0.1, 0.2, 0.3]], [[0.3, 0.1, 0.2]]])
+    found = Fidelity(np.array([9.0, 7.5]), np.array([8.0, 7.0]), values, values + 1.0, values, np.zeros((2, 3)))
+    bins = changed_material(made.archive, "dyke", fidelity=found, cost=np.linspace(9.0, 7.0, len(made.history.runs)))
+    with mpl.rc_context(drawing.STYLE):
+        canvas, caption, _ = fidelity(bins, "dyke")
+        assert drawn(canvas) == []
+        density, words, _ = fidelity(changed_material(made.archive, "dyke", fidelity=found), "dyke")
+    upper, other = canvas.axes[0], density.axes[0]
+    assert upper.get_ylabel() == "squared residuals,\npriors included"
+    assert caption.startswith("Above: squared residuals, priors included, as the surrogate predicted it")
+    np.testing.assert_allclose([line.get_ydata() for line in upper.lines], [[18.0, 15.0], [16.0, 14.0]])
+    np.testing.assert_allclose([line.get_ydata() for line in other.lines], [[9.0, 7.5], [8.0, 7.0]])
+    assert words.startswith("Above: densities, rms [1/dB], as")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from radcal.config import Uncertainty
 from radcal.measurement.levels import Levels
 
-__all__ = ["FIELD_FREEDOM", "FLATTENING", "Budget"]
+__all__ = ["FIELD_FREEDOM", "FLATTENING", "NORMAL_90", "Budget"]
 
 FIELD_FREEDOM = 4.0
 """Degrees of freedom of the half-t priors of the standard deviations between and within fields (Gelman, "Prior
@@ -18,6 +18,9 @@ distributions for variance parameters in hierarchical models", Bayesian Analysis
 
 FLATTENING = 0.25
 """Share by which a law flattens, over the share by which the resolutions are coarser (docs/uncertainty.md)."""
+
+NORMAL_90 = 1.6448536269514722
+"""Half-width of the 90 % interval of a normal distribution, in standard deviations."""
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.assessment.budget import NORMAL_90, Budget
 from radcal.assessment.causes import likely_cause
 from radcal.assessment.fit_test import FitTest, check_fit
 from radcal.assessment.law_check import LawCheck, check_laws, texture_note
@@ -21,8 +22,9 @@ from radcal.calibration.objectives import Comparison, make_objectives
 from radcal.calibration.scoring import with_texture
 from radcal.calibration.steps import not_fresh, repeatability
 from radcal.calibration.stopping import Decision, decide
-from radcal.config import Stop, stages
+from radcal.config import Stop, Uncertainty, stages
 from radcal.errors import StoreError
+from radcal.measurement.levels import Levels
 from radcal.measurement.target import Targets
 from radcal.radar.geometry import Geometry
 from radcal.seeds import derived_rng
@@ -166,7 +168,7 @@ def conclude(
                 name,
                 fits[name],
                 _cause(case, name, targets, objectives[name], history, geometry, fits[name]),
-                _known(believed.get(name)),
+                _known(believed.get(name), targets.levels, case.uncertainty, targets.level_only(name)),
                 level_only=targets.level_only(name),
                 between_db=checks[name].between_db,
             )
@@ -180,11 +182,19 @@ def _believed(posterior: Posterior, fit: FitTest) -> Posterior:
     return replace(posterior, known_between_deg=None, known_half_width_db=None) if fit.fits is False else posterior
 
 
-def _known(posterior: Posterior | None) -> Known | None:
+def _known(posterior: Posterior | None, levels: Levels, config: Uncertainty, level_only: bool = False) -> Known | None:
     """Where sigma0 is known; None without a posterior of a curve."""
     if posterior is None or posterior.curve is None:
         return None
-    return Known(posterior.known_between_deg, posterior.known_half_width_db, linear=not posterior.sampled)
+    removed = levels.normalisation == "offset" and np.isfinite(levels.offset_error_db)
+    return Known(
+        posterior.known_between_deg,
+        posterior.known_half_width_db,
+        linear=not posterior.sampled,
+        levels=posterior.levels() if level_only else (),
+        level_error_db=NORMAL_90 * Budget.of(config, levels).level_db,
+        level_key="the removed offset" if removed else "uncertainty.level_db",
+    )
 
 
 def _fit(

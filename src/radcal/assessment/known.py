@@ -10,7 +10,18 @@ from numpy.typing import NDArray
 
 from radcal.assessment.curves import GRID_DEG
 
-__all__ = ["Band", "Directions", "Modes", "band_of", "directions", "known_between", "modes_of", "why_unknown"]
+__all__ = [
+    "Band",
+    "Directions",
+    "Level",
+    "Modes",
+    "band_of",
+    "directions",
+    "known_between",
+    "level_words",
+    "modes_of",
+    "why_unknown",
+]
 
 Doubles = NDArray[np.float64]
 
@@ -40,6 +51,33 @@ class Band:
     def half_width_db(self) -> Doubles:
         """Half of the band's width [dB], shape (k,)."""
         return np.asarray(0.5 * (self.p95_db - self.p05_db))
+
+
+@dataclass(frozen=True)
+class Level:
+    """Sigma0 of a material at the one incidence at which a pass sees it.
+
+    Attributes
+    ----------
+    incidence_deg : float
+        Middle of the 5 and 95 % quantiles of the local incidence [deg].
+    median_db, p05_db, p95_db : float
+        Quantiles of sigma0 there [dB].
+    """
+
+    incidence_deg: float
+    median_db: float
+    p05_db: float
+    p95_db: float
+
+    def __str__(self) -> str:
+        return f"{self.median_db:.1f} dB (90 %: {self.p05_db:.1f} to {self.p95_db:.1f})"
+
+
+def level_words(levels: Sequence[Level]) -> str:
+    """Levels in words, with their incidence where there are several; empty without any."""
+    several = len(levels) > 1
+    return ", ".join(f"{level}{f' at {level.incidence_deg:.1f} degrees' * several}" for level in levels)
 
 
 @dataclass(frozen=True)

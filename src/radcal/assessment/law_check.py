@@ -145,7 +145,8 @@ def _with_posterior(
         return check
     known = posterior.known_between_deg is not None
     others = [said for said in check.sentences if f"{name}: the law is not identified" not in said]
-    doubt = [] if known else [f"{name}: {posterior.sentence(case.uncertainty.known_db, level_only)}"]
+    # of a material seen at one incidence, the verdict tells the level
+    doubt = [] if known or level_only else [f"{name}: {posterior.sentence(case.uncertainty.known_db)}"]
     linear = [] if posterior.sampled else [f"{name}: {posterior.sentences[0]}"]
     return replace(check, identified=known, sentences=[*doubt, *linear, *others])
 
@@ -158,8 +159,9 @@ def texture_note(checks: Mapping[str, LawCheck]) -> str:
     each = ", ".join(f"{name} {check.looks:.2f}" for name, check in found.items())
     nominal = next(iter(found.values())).looks_nominal
     return (
-        f"The simulated speckle has {nominal:.3g} looks, some pixels spread as those of fewer ({each}): "
-        "for densities and pictures gamma texture is multiplied onto their simulated pixels."
+        f"The simulated speckle has {nominal:.3g} looks, the search found fewer effective ones ({each}), with a prior "
+        "about 0.9 of the sensor's, so that above that they show no texture: for densities and pictures gamma texture "
+        "is multiplied onto these simulated pixels, down to the looks found."
     )
 
 

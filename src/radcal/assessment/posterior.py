@@ -13,7 +13,17 @@ from scipy.special import ndtri
 from threadpoolctl import threadpool_limits
 
 from radcal.assessment.curves import GRID_DEG, Curves
-from radcal.assessment.known import Band, Modes, band_of, directions, known_between, modes_of, why_unknown
+from radcal.assessment.known import (
+    Band,
+    Level,
+    Modes,
+    band_of,
+    directions,
+    known_between,
+    level_words,
+    modes_of,
+    why_unknown,
+)
 from radcal.assessment.sampling import Sample, sample
 from radcal.calibration.history import History
 from radcal.calibration.objectives import Comparison, make_objectives
@@ -112,15 +122,26 @@ class Posterior:
     ] = None
     draws: Annotated[KeptDraws | None, About("draws from the posterior, for predictions")] = None
 
+    def levels(self) -> tuple[Level, ...]:
+        """Sigma0 in the middle of the incidence of each pass, once for equal angles; none of a law without a curve."""
+        if self.curve is None:
+            return ()
+        seen, curve = dict.fromkeys(np.round(self.seen_deg.mean(axis=1), 1).tolist()), self.curve
+        quantiles = (curve.median_db, curve.p05_db, curve.p95_db)
+        return tuple(
+            Level(deg, *(float(np.interp(deg, curve.incidence_deg, values)) for values in quantiles)) for deg in seen
+        )
+
     def sentence(self, known_db: float, level_only: bool = False) -> str:
         """Where sigma0 is known, in words; ``level_only`` says that the material is seen at one incidence."""
         if self.curve is None:
             return "the law has no curve in dB, so that only its parameters have intervals."
+        if level_only:
+            return f"seen at one incidence, from which no law can be known; its level is {level_words(self.levels())}."
         if self.known_between_deg is None or self.known_half_width_db is None:
-            curve, why = self.curve, "it is seen at one incidence, from which no law can be known"
-            if not level_only:
-                half = 0.5 * (curve.p95_db - curve.p05_db)
-                why = why_unknown(curve.incidence_deg, half, curve.prior_half_width_db, self.seen_deg, known_db)
+            curve = self.curve
+            half = 0.5 * (curve.p95_db - curve.p05_db)
+            why = why_unknown(curve.incidence_deg, half, curve.prior_half_width_db, self.seen_deg, known_db)
             return f"sigma0 is called known nowhere over the incidence seen: {why}."
         low, high = self.known_between_deg
         return (

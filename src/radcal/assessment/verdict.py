@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from radcal.assessment.fit_test import DOUBTFUL_SPREAD_DB, FitTest
+from radcal.assessment.known import Level, level_words
 
 __all__ = ["OFF_DB", "Known", "all_fit", "first_line", "verdict"]
 
@@ -28,11 +29,31 @@ class Known:
         Largest half-width of its 90 % band there [dB].
     linear : bool
         Whether the band is that of the linear covariance, for lack of convergence of the sampler.
+    levels : tuple of Level
+        Sigma0 at the incidence of each pass, for a material that is seen at one incidence.
+    level_error_db : float
+        Half-width of the 90 % band that the error of the measured image's level alone leaves [dB].
+    level_key : str
+        What sets this error.
     """
 
     between_deg: tuple[float, ...] | None
     half_width_db: float | None
     linear: bool = False
+    levels: tuple[Level, ...] = ()
+    level_error_db: float = 0.0
+    level_key: str = "uncertainty.level_db"
+
+    @property
+    def remarks(self) -> list[str]:
+        """Words on how the band was found, and on the error of the level where it is the largest part of the band."""
+        said = ["linear covariance: the sampler has not converged"] * self.linear
+        widths = [self.half_width_db, *(0.5 * (level.p95_db - level.p05_db) for level in self.levels)]
+        width = max((one for one in widths if one is not None), default=0.0)
+        # the errors are independent, so that their squares add
+        if self.level_error_db**2 > 0.5 * width**2 > 0.0:
+            said.append(f"+-{self.level_error_db:.1f} dB of it by {self.level_key} alone")
+        return said
 
 
 def verdict(
@@ -67,7 +88,10 @@ def verdict(
             off = f"its simulated mean {_off(test.mean_db)} the measured"
             return f"{name}: level only, seen at one incidence, and does not fit: {off}; {cause or 'cause unknown'}."
         spread = f"; {_spread(test)}" * bool(_spread(test))
-        return f"{name}: level only, seen at one incidence{spread}{wide}."
+        level = (
+            f": {', '.join([level_words(known.levels), *known.remarks])}" if known is not None and known.levels else ""
+        )
+        return f"{name}: level only, seen at one incidence{level}{spread}{wide}."
     if test.fits is None:
         said = f"{name}: one density leaves no degree of freedom to test the law"
         distance = f", and its rms is {test.distance:.1f} times the sampling error"
@@ -81,12 +105,12 @@ def _known(known: Known | None) -> str:
     """Words on where sigma0 is known."""
     if known is None:
         return ""
-    linear = " (linear covariance: the sampler has not converged)" * known.linear
+    remark = f" ({'; '.join(known.remarks)})" * bool(known.remarks)
     if known.between_deg is None or known.half_width_db is None:
-        return f", but sigma0 is known well enough at no angle{linear}"
+        return f", but sigma0 is known well enough at no angle{remark}"
     low, high = known.between_deg
     where = f"between {low:.0f} and {high:.0f} degrees"
-    return f": sigma0 known to +-{known.half_width_db:.1f} dB {where}{linear}; outside that it is not called known"
+    return f": sigma0 known to +-{known.half_width_db:.1f} dB {where}{remark}; outside that it is not called known"
 
 
 def _misfit(test: FitTest) -> str:
@@ -134,7 +158,9 @@ def first_line(verdicts: Mapping[str, str], fits: Mapping[str, bool | None], con
     if len(verdicts) == 1:
         return next(iter(verdicts.values())) + going
     said = []
-    level = [name for name, text in verdicts.items() if text.startswith(f"{name}: level only")]
+    level = [
+        name for name, text in verdicts.items() if text.startswith(f"{name}: level only") and fits[name] is not False
+    ]
     for value, one, many in _COUNTS:
         names = [name for name, fit in fits.items() if fit is value and name not in level]
         who = f" ({', '.join(names)})" if value is not True and len(names) <= _NAMED else ""

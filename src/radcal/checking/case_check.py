@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,8 +26,10 @@ if TYPE_CHECKING:
 
 __all__ = ["CaseCheck", "check_case"]
 
-_LARGEST_RUN = 5_000_000  # largest number of pixels of a synthetic image that the check makes, in some seconds
-_LARGEST = 20_000_000  # largest number of values of a scene that the check makes; more would take minutes
+Say = Callable[[str], None]
+
+_LARGEST_RUN = 5_000_000  # pixels of a synthetic image that is made for the check, in some seconds
+_LARGEST = 20_000_000  # values of a scene that is made for the check: more would take minutes
 
 
 @dataclass(frozen=True)
@@ -97,7 +99,10 @@ class CaseCheck:
 
 
 def check_case(
-    paths: Sequence[str | Path], overrides: Mapping[str, Any] | None = None, results: str | Path = "results"
+    paths: Sequence[str | Path],
+    overrides: Mapping[str, Any] | None = None,
+    results: str | Path = "results",
+    say: Say = lambda _: None,
 ) -> CaseCheck:
     """Check keys, values, files, scene and measured image of a case, without a run of the simulator.
 
@@ -109,6 +114,8 @@ def check_case(
         Keys that the command line changes.
     results : path
         Folder that contains the results folders of all cases.
+    say : callable
+        Function that is called with a line before each part that may take long.
 
     Returns
     -------
@@ -121,7 +128,7 @@ def check_case(
         return CaseCheck([str(error)], [], {}, None, {}, {})
     if loaded.case is None:
         return CaseCheck(loaded.problems, [], {}, None, {}, {})
-    return _checked(loaded.case, loaded, results)
+    return _checked(loaded.case, loaded, results, say)
 
 
 class _Problems(list[str]):
@@ -138,8 +145,8 @@ class _Problems(list[str]):
                 self.append(text)
 
 
-def _checked(case: Case, loaded: Loaded, results: str | Path) -> CaseCheck:
-    """Result of the check of a case whose keys are checked already: files, scene, images, memory and time."""
+def _checked(case: Case, loaded: Loaded, results: str | Path, say: Say) -> CaseCheck:
+    """What further checks of a case find, after those of its keys."""
     problems = _Problems(loaded)
     missing = missing_inputs(case)
     problems.add(missing)
@@ -167,7 +174,7 @@ def _checked(case: Case, loaded: Loaded, results: str | Path) -> CaseCheck:
             # a scene can be made even if, for example, the heading or a pixel spacing is wrong
             small = bool(_refused(scene_size, case.scene)) or scene_size(case.scene).resampled <= _LARGEST
     if small:
-        notes, shape = _made(case, loaded, problems, sections, levels)
+        notes, shape = _made(case, loaded, problems, sections, levels, say)
     elif "scene" in loaded.without:
         _images_alone(case, loaded, problems)
     if not sections:
@@ -183,7 +190,7 @@ def _images_alone(case: Case, loaded: Loaded, problems: _Problems) -> None:
     """Add the problems of measured images that can be found without the scene."""
     for one in case.passes if "measurement" not in loaded.without else ():
         if one.measurement.source == "file":
-            problems.add(image_problems(one.measurement, one.radar))
+            problems.add(image_problems(one.measurement, one.radar, one.scene.source == "raster"))
 
 
 _STAGES: tuple[Stage, ...] = ("scene", "geometry", "measurement", "run", "registration", "target", "report")
@@ -198,7 +205,7 @@ def _refused(check: Any, *arguments: Any) -> list[str]:
 
 
 def _made(
-    case: Case, loaded: Loaded, problems: _Problems, sections: list[str], levels: list[str]
+    case: Case, loaded: Loaded, problems: _Problems, sections: list[str], levels: list[str], say: Say
 ) -> tuple[list[str], tuple[int, int] | None]:
     """Make scene, geometry and measured images in memory, as the workflow does; return remarks and image size."""
     from radcal.radar.projection import make_geometry
@@ -207,6 +214,7 @@ def _made(
     # a material with a wrong law still is a material of the case
     materials = list(case.materials) if loaded.materials is None else list(loaded.materials)
     scene = None
+    say("scene ...")
     try:
         scene = make_scene(case.scene, materials, case.radar.heading_deg)
     except RadcalError as error:
@@ -221,6 +229,8 @@ def _made(
     notes, shape = list(scene.notes), None
     for number, one in enumerate(case.passes):
         said: list[str] = []
+        which = f" of pass {number + 1}" * (len(case.passes) > 1)
+        say(f"geometry{which}: scene of {' x '.join(map(str, scene.material.shape))} cells ...")
         try:
             # before the geometry, because that cannot be made if section radar is wrong
             said, section = _by_annotation(one, scene)
@@ -233,6 +243,7 @@ def _made(
             _images_alone(one, loaded, problems)
             continue
         if "measurement" not in loaded.without:
+            say(f"measured image{which}, for {shape[0]} x {shape[1]} pixels ...")
             measured = _measured(one, loaded, geometry, scene, problems, number)
             notes += said if measured is None else measured.notes
             if not problems:
@@ -257,7 +268,7 @@ def _measured(
     try:
         if isinstance(one.measurement, FileMeasurement):
             if not (loaded.has_geometry or is_on_map(one.measurement)):
-                problems.add(image_problems(one.measurement, one.radar))
+                problems.add(image_problems(one.measurement, one.radar, one.scene.source == "raster"))
                 return None
             nothing: Simulator = None  # type: ignore[assignment]  # a file needs no simulator
             return make_measurement(stage, geometry, nothing, scene, partly=number > 0)

@@ -38,11 +38,17 @@ def scene_problems(scene: SceneConfig, materials: Collection[str] | None = None)
     return [text for check in checks for text in _said(check)]
 
 
-def image_problems(config: FileMeasurement, radar: Radar) -> list[str]:
-    """One sentence for each problem of a measured image that can be found without the scene."""
+def image_problems(config: FileMeasurement, radar: Radar, on_map: bool = True) -> list[str]:
+    """One sentence for each problem that a measured image has by itself, without the scene that it shows.
+
+    Parameters
+    ----------
+    config, radar, on_map
+        As for :func:`radcal.measurement.sources.check_image`.
+    """
     from radcal.measurement.sources import check_image
 
-    return [str(error) for error in check_image(config, radar)]
+    return [str(error) for error in check_image(config, radar, on_map)]
 
 
 def is_on_map(config: FileMeasurement) -> bool:

@@ -10,8 +10,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.assessment.budget import NORMAL_90
 from radcal.assessment.reach import law_range_db, level_asked_db
-from radcal.config import Case
+from radcal.checking.file_problems import is_on_map
+from radcal.config import Case, FileMeasurement
 from radcal.measurement.model import Measurement
 from radcal.measurement.registration import LEAST_CONTRAST_DB, contrast_db
 from radcal.radar.geometry import Geometry
@@ -39,6 +41,15 @@ def outlook(case: Case, geometry: Geometry, measured: Measurement | None) -> lis
     """
     blank = start_contrast(case, geometry)
     lines = [] if blank is None else [f"warning: {blank}."]
+    image = case.measurement
+    if isinstance(image, FileMeasurement):
+        if "heading_deg" not in case.radar.model_fields_set and is_on_map(image):
+            lines.append("warning: radar.heading_deg is not given, so that the track heads to the grid's north.")
+        error = case.uncertainty.level_db
+        lines.append(
+            f"the image's level counts as right to {error:g} dB (uncertainty.level_db, one standard error): no 90 % "
+            f"band of sigma0 is narrower than +-{NORMAL_90 * error:.2g} dB"
+        )
     levels = [] if measured is None else levels_against_laws(case, geometry, measured.image_db)
     rough = "levels, rough (the image is not registered, no target is drawn; noise and slopes are left out):"
     return [*lines, rough, *(f"  {line}" for line in levels)] if levels else lines

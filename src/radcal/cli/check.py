@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+import time
 from pathlib import Path
 
 import typer
@@ -38,10 +40,17 @@ def main(cases: CaseFiles, settings: Settings = None, results: Results = Path("r
 def _is_right(case: Path, settings: list[str] | None, results: Path) -> bool:
     """Whether a case can be run; the result of its check is printed."""
     from radcal.checking.case_check import check_case
+    from radcal.running.jobs import clock
     from radcal.running.workflow_files import carried_case
 
+    began = time.monotonic()
+
+    def say(line: str) -> None:
+        if sys.stderr.isatty():
+            typer.echo(f"[{clock(time.monotonic() - began):>6}] {line}", err=True)
+
     with sentences():
-        found = check_case([carried_case(case)], overrides(settings), results)
+        found = check_case([carried_case(case)], overrides(settings), results, say)
     if found.problems:
         count = len(found.problems)
         typer.echo(f"radcal: {case} cannot be run; {count} problem{'s' if count > 1 else ''} found:", err=True)

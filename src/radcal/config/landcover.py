@@ -9,13 +9,22 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
 from radcal.config.materials import DEFAULT_LAW
 
-__all__ = ["LANDCOVERS", "Cover", "LandCover", "StartingLevel", "landcover_table", "starting_keys", "starting_levels"]
+__all__ = [
+    "LANDCOVERS",
+    "Cover",
+    "LandCover",
+    "StartingLevel",
+    "landcover_remark",
+    "landcover_table",
+    "starting_keys",
+    "starting_levels",
+]
 
 LandCover = Literal["esa_worldcover", "corine", "nlcd"]
 
@@ -36,8 +45,9 @@ _WORDS = {
     "flatland": "bare soil sands? barren rocks? beach(es)? desert snow ice roads? runways? airports?",
     "sea state 3": "water sea ocean lakes? rivers? lagoons?",
 }
-_APART_DB = 3.0  # between the starting levels of two materials, so that the start image shows their border
-_UNKNOWN_DB = -15.0  # if neither the name nor a map shows the terrain
+_APART_DB = 3.0  # of the starting levels of two materials, so that the start image shows where they meet
+_FEW = 5  # codes, which any map may have
+_UNKNOWN_DB = -15.0  # where neither name nor map says anything
 
 
 @dataclass(frozen=True)
@@ -181,6 +191,31 @@ LANDCOVERS: Mapping[str, Mapping[int, Cover]] = {
     ),
 }
 """Classes of each land-cover map, by the code of the class."""
+
+
+def landcover_remark(codes: Collection[int]) -> str:
+    """Remark on the land-cover maps that have all codes of a raster; empty without such maps.
+
+    A map is named as the raster's own only where the codes speak for it: it is the only one that has them all, they are
+    not a mere count from 1, and they are more than five, or one of them is above 9 and in no other map.
+
+    Parameters
+    ----------
+    codes : collection of int
+        Codes that occur in the raster.
+    """
+    fits = [name for name, known in LANDCOVERS.items() if codes and known.keys() >= set(codes)]
+    if not fits:
+        return ""
+    others = {code for name, known in LANDCOVERS.items() if name != fits[0] for code in known}
+    own = any(code > 9 and code not in others for code in codes)
+    counted = set(codes) == set(range(1, len(codes) + 1))
+    if len(fits) == 1 and not counted and (own or len(codes) > _FEW):
+        return f"the codes are those of {fits[0]} (--landcover-preset {fits[0]})"
+    return (
+        f"{' and '.join(fits)} {'have' if len(fits) > 1 else 'has'} these codes, too, which other maps may have: "
+        "--landcover-preset only if the file is such a map"
+    )
 
 
 def starting_keys(landcover: str, name: str, given: Mapping[str, Any]) -> dict[str, Any]:

@@ -107,7 +107,7 @@ def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any]
             for key in () if mended else found:
                 _leave_out(rest, key.place)
             problems += [key.text for key in mended or found if not _is_missed(key, wrong)]
-            wrong |= {key.key for key in mended or found if key.meant is None and key.place}
+            wrong |= {_wrong(key) for key in mended or found if key.meant is None and key.place}
             if rest == data:
                 break
             data = rest
@@ -119,6 +119,11 @@ def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any]
     sentences = [f"{origin_of(files)}: {shown(text, 600)}." for text in dict.fromkeys(problems)]
     sentences += _missing_files(given, gone)
     return Loaded(case, sentences, frozenset(wrong), frozenset(gone), named)
+
+
+def _wrong(key: WrongKey) -> str:
+    """Key that is wrong; an unknown one makes nothing else in its section wrong."""
+    return f"{key.key}.{key.place[-1]}".lstrip(".") if key.text.startswith("unknown key") else key.key
 
 
 def _is_missed(key: WrongKey, wrong: Iterable[str]) -> bool:

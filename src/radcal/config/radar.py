@@ -23,6 +23,7 @@ from radcal.config.limits import Altitude, Decibels, Frequency, Length, Looks, R
 from radcal.config.sections import Section
 from radcal.config.sensors import SENSORS, SensorName
 from radcal.radar.bands import within_band
+from radcal.radar.speckle import WIDTH_FACTOR
 
 __all__ = ["Radar", "Radiometry"]
 
@@ -198,6 +199,22 @@ class Radar(Section):
         if self.earth == "flat":
             return math.cos(math.radians(self.depression_deg))
         return math.sin(math.radians(self.centre_incidence_deg))
+
+    def possible_resolution_m(self, way: str, wanted_m: float) -> float:
+        """Resolution nearest to a wanted one [m] that the pixel spacing allows, with three digits.
+
+        Parameters
+        ----------
+        way : str
+            range or azimuth.
+        wanted_m : float
+            Wanted resolution [m].
+        """
+        spacing = getattr(self, f"{way}_spacing_m")
+        finest = WIDTH_FACTOR * spacing
+        rounded = float(f"{min(max(wanted_m, finest), _COARSEST * spacing):.3g}")
+        # upwards, where rounding would make it too fine
+        return rounded if rounded >= finest else float(f"{1.005 * finest:.3g}")
 
     @field_validator("nesz_db", mode="after")
     @classmethod

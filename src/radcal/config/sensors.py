@@ -24,21 +24,23 @@ SensorName = Literal[
     "airsar_p",
 ]
 
-_TABLE_5_1 = "Sentinel-1 Product Definition, S1-RS-MDA-52-7440, table 5-1 (as transcribed in stactools-sentinel1)"
-_S1_SHEET = "ESA, Sentinel-1A data sheet (2013), mission profile"
-_S1_PAYLOAD = "ESA, Sentinel-1 instrument payload (sentinel.esa.int, missions)"
-_TSX_PORTAL = "EARSC portal, TerraSAR-X, satellite description"
+_TABLE_5_1 = (
+    "Sentinel-1 Product Definition, S1-RS-MDA-52-7440, table 5-1 (as transcribed in stactools-packages/sentinel1, "
+    "grd/properties.py)"
+)
+_S1_SHEET = "ESA, Sentinel-1A data sheet (2013; slideshare.net/esaops/sentinel1), mission profile and platform"
+_S1_FACTS = "ESA, Sentinel-1 facts and figures (esa.int), instrument"
+_TSX_DLR = "DLR, Earth Observation Center, mission TerraSAR-X (dlr.de/de/eoc), text and orbit parameters"
 _TSX_PRODUCTS = "DLR, TerraSAR-X Basic Product Specification Document, TX-GS-DD-3302 issue 1.7, section 2.2"
-_TSX_TITLE = "Roth et al., Geocoding of TerraSAR-X data, section 1"
-_ALOS2_SITE = "Monash University, SMAPEx-4, PALSAR-2"
-_ALOS2_MODES = "PASCO, PALSAR-2 specifications, stripmap 10 m"
-_ICEYE_HELP = "CATALYST, ICEYE, sensor table"
-_ICEYE_PORTAL = "EARSC portal, ICEYE, satellite description: 560 to 580 km"
-_ICEYE_ESA = "ESA, ICEYE full archive and tasking: standard stripmap"
-_ICEYE_GUIDE = "ICEYE, Types of SAR data products (sar.iceye.com), complex image parameters"
-_CAPELLA_HELP = "CATALYST, Capella, sensor table"
-_CAPELLA_PRODUCTS = "Capella Space, SAR imagery products: single look complex"
-_AIRSAR_PDS = "NASA PDS, data set NDC8-E-ASAR-4-RADAR-V1.0: wavelength"
+_ALOS2_SITE = "Monash University, SMAPEx-4, PALSAR-2 (smapex.monash.edu.au)"
+_ALOS2_MODES = "PASCO, PALSAR-2 specifications (alos-pasco.com/en/alos-2/spec), stripmap 10 m"
+_ICEYE_HELP = "CATALYST help (catalyst.earth), sensor ICEYE"
+_ICEYE_PORTAL = "EARSC portal (earsc-portal.eu), ICEYE, satellite description: 560 to 580 km"
+_ICEYE_ESA = "ESA, ICEYE full archive and tasking (earth.esa.int): standard stripmap"
+_ICEYE_GUIDE = "ICEYE product guide (sar.iceye.com, 5.2.8), types of SAR data products, complex image parameters"
+_CAPELLA_HELP = "CATALYST help (catalyst.earth), sensor Capella"
+_CAPELLA_PRODUCTS = "Capella Space, SAR imagery products (support.capellaspace.com): single look complex"
+_AIRSAR_PDS = "NASA PDS (pds.nasa.gov), data set NDC8-E-ASAR-4-RADAR-V1.0: wavelength"
 
 
 @dataclass(frozen=True)
@@ -108,8 +110,8 @@ SENSORS: Mapping[str, Sensor] = {
         {
             "altitude_m": _Value(693_000.0, _S1_SHEET),
             "look_side": _Value("right", _S1_SHEET),
-            "band": _Value("C", _S1_PAYLOAD),
-            "frequency_ghz": _Value(5.405, _S1_PAYLOAD),
+            "band": _Value("C", _S1_FACTS),
+            "frequency_ghz": _Value(5.405, _S1_FACTS),
             "range_resolution_m": _Value(20.0, _TABLE_5_1, ground_range=True),
             "azimuth_resolution_m": _Value(22.0, _TABLE_5_1),
             "range_spacing_m": _Value(10.0, _TABLE_5_1, ground_range=True),
@@ -120,9 +122,10 @@ SENSORS: Mapping[str, Sensor] = {
     ),
     "terrasarx_stripmap": Sensor(
         {
-            "altitude_m": _Value(514_000.0, _TSX_PORTAL),
+            "altitude_m": _Value(514_000.0, _TSX_DLR),
             "look_side": _Value("right", _TSX_PRODUCTS),
-            "band": _Value("X", _TSX_TITLE),
+            "band": _Value("X", _TSX_DLR),
+            "frequency_ghz": _Value(9.65, _TSX_DLR),
         },
         ("incidence_deg", *_GRID, *_OF_PRODUCT),
     ),

@@ -10,17 +10,26 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.config import FileMeasurement
+from radcal.config import FileMeasurement, Radar
 from radcal.errors import MeasurementError
 from radcal.measurement.readers import Places, read_raster
 from radcal.reading.arrays import is_raster
 from radcal.reading.rasters import open_raster
-from radcal.scene.crs import crs_of
+from radcal.scene.crs import crs_of, horizontal, pixel_size_m
 
 if TYPE_CHECKING:
     from pyproj import CRS
 
-__all__ = ["GeoreferencedImage", "is_georeferenced", "places_on_ground", "read_georeferenced", "values_at_ground"]
+__all__ = [
+    "GeoreferencedImage",
+    "check_spacing",
+    "is_georeferenced",
+    "places_on_ground",
+    "read_georeferenced",
+    "values_at_ground",
+]
+
+_FAR_OFF = 5.0  # times the image's pixels, or their fraction
 
 
 @dataclass(frozen=True)
@@ -64,6 +73,40 @@ def is_georeferenced(path: Path, folders: Sequence[Path] = ()) -> bool:
             return not raster.transform.is_identity and crs_of(raster) is not None
     except Exception:  # the libraries' exceptions for damaged files have no common base class
         return False
+
+
+def check_spacing(path: Path, radar: Radar, folders: Sequence[Path] = ()) -> None:
+    """Refuse pixel spacings that are far off the pixels of a georeferenced image.
+
+    Of an image whose pixels are far larger, each would be taken many times as if it were independent; of one with far
+    smaller pixels, most would not be used.
+
+    Parameters
+    ----------
+    path : path
+        File for which :func:`is_georeferenced` is true.
+    radar : Radar
+        Pixel spacings.
+    folders : sequence of path
+        Folders in which the sources of a VRT may lie, besides its own.
+
+    Raises
+    ------
+    MeasurementError
+        A spacing on the ground is more than five times, or less than a fifth of, the mean side of the image's pixels.
+    """
+    with open_raster(path, folders) as raster:
+        crs = crs_of(raster)
+        sides = pixel_size_m(raster, horizontal(crs)) if crs is not None else (1.0, 1.0)
+    side = float(np.sqrt(sides[0] * sides[1]))
+    for way, per_ground in (("range", radar.slant_per_ground), ("azimuth", 1.0)):
+        spacing = getattr(radar, f"{way}_spacing_m")
+        if not 1.0 / _FAR_OFF <= spacing / per_ground / side <= _FAR_OFF:
+            ground = f" ({spacing / per_ground:.3g} m on the ground)" if way == "range" else ""
+            raise MeasurementError(
+                f"radar.{way}_spacing_m is {spacing:g}{ground}, the pixels of {path} are {sides[0]:.3g} x "
+                f"{sides[1]:.3g} m: expected about {per_ground * side:.3g}, at most {_FAR_OFF:g} times more or less."
+            )
 
 
 def read_georeferenced(path: Path, config: FileMeasurement, places: Places | None = None) -> GeoreferencedImage:

@@ -228,4 +228,17 @@ def point_spread_note(found: PointSpread, looks: Looks | None, radar: Radar, sou
         return f"{source} is {guess}: {said}; {area}."
     if all(abs(width - resolution) <= _CERTAIN * error for width, resolution, error in compared):
         return None
-    return f"{said}: set them to the image's, unless it was resampled or has texture of a few pixels."
+    ways = {"range": found.range_m, "azimuth": found.azimuth_m}
+    possible = {way: radar.possible_resolution_m(way, width) for way, width in ways.items()}
+    limits = [
+        f"radar.{way}_spacing_m of {getattr(radar, f'{way}_spacing_m'):g} allows {possible[way]:g} at the finest"
+        for way, width in ways.items()
+        if possible[way] > 1.01 * width  # else it is rounded
+    ]
+    limited = f" ({' and '.join(limits)})" * bool(limits)
+    if all(abs(possible[way] / getattr(radar, f"{way}_resolution_m") - 1.0) <= _SHAPE for way in ways):
+        return f"{said}: no resolutions nearer to the image's are possible{limited}."
+    return (
+        f"{said}: set them to {possible['range']:g} and {possible['azimuth']:g}{limited}, unless the image was "
+        "resampled or has texture of a few pixels."
+    )

@@ -16,6 +16,7 @@ from radcal.config import FileMeasurement, Radar, TargetConfig, expand_path, sta
 from radcal.config.measurement import RADIOMETRY_EXPECTED
 from radcal.errors import FitError, MeasurementError, RadcalError
 from radcal.measurement.georeference import (
+    check_spacing,
     is_georeferenced,
     places_on_ground,
     read_georeferenced,
@@ -91,8 +92,8 @@ def make_measurement(
     return measurement
 
 
-def check_image(config: FileMeasurement, radar: Radar) -> list[RadcalError]:
-    """Errors in the file of a measured image that can be found without the scene.
+def check_image(config: FileMeasurement, radar: Radar, on_map: bool = True) -> list[RadcalError]:
+    """What is wrong with the file of a measured image, as far as it shows without the scene.
 
     Parameters
     ----------
@@ -100,6 +101,8 @@ def check_image(config: FileMeasurement, radar: Radar) -> list[RadcalError]:
         Section ``measurement``.
     radar : Radar
         Pass.
+    on_map : bool
+        Whether the scene is on the map, so that a georeferenced image is laid on it.
 
     Returns
     -------
@@ -125,12 +128,36 @@ def check_image(config: FileMeasurement, radar: Radar) -> list[RadcalError]:
         return found
     folders = vrt_folders(config)
     read = None if _is_large(path, folders) else attempt(read_image, path, config)
+    if read is None:
+        found += _whichever_band(path, config, folders)
+    if on_map and is_georeferenced(path, folders):
+        attempt(check_spacing, path, radar, folders)
     seen = read or ReadImage(np.zeros((0, 0), np.float32), Counts(0, 0, 0, 0))
     seen = attempt(_tagged, seen, tags_of(path, config.band, folders), config, path) or seen
     attempt(_check_pass, seen, radar, path)
     if read is not None:
         attempt(_check_radiometry, read.radiometry, config.radiometry, radar, path)
     return found
+
+
+def _whichever_band(path: Path, config: FileMeasurement, folders: Sequence[Path]) -> list[RadcalError]:
+    """Error that an image has in each of its bands where the configured one does not exist, such as a wrong scale."""
+    if not is_raster(path) or _is_large(path, folders):
+        return []
+    found: list[RadcalError] = []
+    try:
+        with open_raster(path, folders) as raster:
+            bands = raster.indexes
+    except Exception:  # as above
+        return []
+    for band in bands if config.band not in (None, *bands) else ():
+        try:
+            read_image(path, config.model_copy(update={"band": band}))
+        except RadcalError as error:
+            found.append(error)
+        else:
+            return []
+    return found[:1]
 
 
 def _is_large(path: Path, folders: Sequence[Path]) -> bool:
@@ -172,6 +199,7 @@ def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene:
         read = replace(image_of(power, path, config, geometry.shape), notes=said, radiometry="sigma0_ref")
         path = path.with_name(opened.name)
     elif crs is not None and transform is not None and is_georeferenced(path, vrt_folders(config)):
+        check_spacing(path, radar, vrt_folders(config))
         places = partial(places_on_ground, crs, transform, geometry.ground)
         values = values_at_ground(read_georeferenced(path, config, places), crs, transform, geometry.ground)
         read = image_of(values, path, config, geometry.shape)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -23,7 +24,7 @@ from radcal.report.archive import Archive, read_archive
 from radcal.report.tables import write_csv
 from radcal.scene.model import Scene, read_scene
 
-__all__ = ["Advised", "advice_on", "advise", "candidates", "of_archive"]
+__all__ = ["Advised", "advice_on", "advise", "candidates", "common_ratio", "of_archive"]
 
 Doubles = NDArray[np.float64]
 
@@ -32,10 +33,11 @@ _DEPRESSIONS = (10.0, 75.0)
 _INCIDENCES = (15.0, 80.0)
 _SIDES = ("right", "left")
 _EQUAL = 1.05
-_LITTLE = 0.9  # ratio of half-width after to half-width now, above which a pass narrows the band too little
+_ALL = "all materials"
+_LITTLE = 0.9  # of the half-width now
 COLUMNS = (
     "depression_deg", "look_side", "material", "incidence_p05_deg", "incidence_p95_deg", "half_width_now_db",
-    "half_width_after_db", "over_from_deg", "over_to_deg", "layover", "shadow",
+    "half_width_after_db", "after_over_now", "over_from_deg", "over_to_deg", "layover", "shadow",
 )  # fmt: skip
 _HEADINGS = ("pass", "material", "incidence 5-95 %", "half-width now", "after", "layover", "shadow")
 
@@ -164,8 +166,7 @@ def advice_on(
     Returns
     -------
     list of Advised
-        One item for each pass and material. The pass with the smallest mean half-width afterwards is first, and the
-        materials of a pass follow each other.
+        Passes in the order of :func:`common_ratio`, the smallest first; the materials of a pass together.
     """
     geometries = [make_geometry(scene, radar) for radar in passes]
     own = [(one.radar, make_geometry(scene, one.radar)) for one in case.passes]
@@ -184,11 +185,24 @@ def advice_on(
                 after = float(half_widths_after(curves, [sight], fields, looks, budget, of).mean())
             incidence = None if sight is None else _seen(sight)
             each.append(Advised(radar, name, incidence, now, after, over, *_hidden(made)))
-    return [row for each in sorted(rows, key=_mean_after) for row in each]
+    return [row for each in sorted(rows, key=common_ratio) for row in each]
 
 
-def _mean_after(rows: Sequence[Advised]) -> float:
-    return float(np.mean([row.after_db for row in rows]))
+def common_ratio(rows: Sequence[Advised]) -> float:
+    """Half-widths after one pass over those now, as geometric mean over the materials: a factor counts alike for each.
+
+    Parameters
+    ----------
+    rows : sequence of Advised
+        One pass, by material.
+    """
+    return float(np.exp(np.mean([np.log(row.after_db / row.now_db) for row in rows])))
+
+
+def _passes(rows: Sequence[Advised]) -> Iterator[list[Advised]]:
+    """Rows of each pass."""
+    for _, each in itertools.groupby(rows, key=lambda row: id(row.radar)):
+        yield list(each)
 
 
 def _seen(sight: Sight) -> tuple[float, float]:
@@ -270,18 +284,28 @@ def advise(
 
 
 def _rows(rows: Sequence[Advised]) -> Iterator[tuple[object, ...]]:
-    for row in rows:
-        seen = row.incidence_deg or (float("nan"), float("nan"))
-        widths = (row.now_db, row.after_db, *row.over_deg, row.layover, row.shadow)
-        yield (float(row.radar.centre_depression_deg), row.radar.look_side, row.material, *seen, *widths)
+    nothing = float("nan")
+    for each in _passes(rows):
+        for row in each:
+            seen = row.incidence_deg or (nothing, nothing)
+            widths = (row.now_db, row.after_db, row.after_db / row.now_db, *row.over_deg, row.layover, row.shadow)
+            yield (float(row.radar.centre_depression_deg), row.radar.look_side, row.material, *seen, *widths)
+        if len(each) > 1:
+            radar, hidden = each[0].radar, (each[0].layover, each[0].shadow)
+            numbers = (*[nothing] * 4, common_ratio(each), nothing, nothing, *hidden)
+            yield (float(radar.centre_depression_deg), radar.look_side, _ALL, *numbers)
 
 
 def _table(rows: Sequence[Advised]) -> Iterator[str]:
     cells = [_HEADINGS]
-    for row in rows:
-        seen = "too few pixels" if row.incidence_deg is None else "{:.1f}-{:.1f} deg".format(*row.incidence_deg)
-        widths = (f"+-{row.now_db:.2f} dB", f"+-{row.after_db:.2f} dB")
-        cells.append((row.name, row.material, seen, *widths, f"{100 * row.layover:.1f} %", f"{100 * row.shadow:.1f} %"))
+    for each in _passes(rows):
+        for row in each:
+            seen = "too few pixels" if row.incidence_deg is None else "{:.1f}-{:.1f} deg".format(*row.incidence_deg)
+            widths = (f"+-{row.now_db:.2f} dB", f"+-{row.after_db:.2f} dB")
+            hidden = (f"{100 * row.layover:.1f} %", f"{100 * row.shadow:.1f} %")
+            cells.append((row.name, row.material, seen, *widths, *hidden))
+        if len(each) > 1:
+            cells.append((each[0].name, _ALL, "", "", f"times {common_ratio(each):.2f}", "", ""))
     sizes = [max(map(len, column)) for column in zip(*cells, strict=True)]
     for line in cells:
         yield "  ".join(cell.ljust(size) for cell, size in zip(line, sizes, strict=True)).rstrip()
@@ -302,6 +326,15 @@ def _sentences(rows: Sequence[Advised]) -> Iterator[str]:
             own = [row for row in rows if row.material == name and row is not best]
             if equal := [row.name for row in own if row.after_db <= _EQUAL * best.after_db]:
                 yield f"{name}: as good within 5 %, which the draws do not tell apart: {', '.join(equal)}."
+    passes = list(_passes(rows))
+    if len(passes[0]) > 1:
+        common = [common_ratio(each) for each in passes]
+        best_of_all = f"{_ALL}: a pass of {passes[0][0].name} is expected to narrow the bands most"
+        equal = [
+            each[0].name for each, ratio in zip(passes[1:], common[1:], strict=True) if ratio <= _EQUAL * common[0]
+        ]
+        alike = f"; as good within 5 %: {', '.join(equal)}" * bool(equal)
+        yield f"{best_of_all}, to {common[0]:.2f} times their half-widths (geometric mean over the materials){alike}."
     yield (
         "Expected of a linear-Gaussian model with the draws of the posterior: a law that does not fit, an image that "
         "cannot be registered or a wrong level are not part of it."

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ from radcal.config.limits import ALL_PIXELS
 from radcal.errors import ConfigError, RadcalError, StoreError
 from radcal.measurement.classes import class_of
 from radcal.measurement.model import Measurement
+from radcal.measurement.one_incidence import LEAST_SPAN_DEG
 from radcal.measurement.registration import Registered, read_registered, register
 from radcal.measurement.sources import make_measurement
 from radcal.radar.geometry import Geometry
@@ -35,7 +35,7 @@ from radcal.scene.model import Scene
 from radcal.seeds import derived_rng
 from radcal.simulators.sources import make_simulator
 
-__all__ = ["COLUMNS", "apply", "predictions", "registered_as", "with_laws"]
+__all__ = ["COLUMNS", "apply", "predictions", "registered_as", "where_seen", "with_laws"]
 
 Doubles = NDArray[np.float64]
 
@@ -222,12 +222,51 @@ def apply(
         lines += one.said
         files += _images(out, number, other.passes[number - 1], scene, one)
         rows += [(number, row) for row in _of_pass(archive, config, changed, number, one)]
+    rows, left_out = where_seen(archive, rows)
+    lines += left_out
+    if not rows and left_out:
+        raise ConfigError(f"{folder}: nothing can be predicted of {other.case}: {' '.join(left_out)}")
     if not rows:
         raise ConfigError(f"{folder}: no calibrated material with a band in dB has 50 usable pixels in {other.case}.")
     files += [out / "predictions.csv", out / "predictions.png"]
     write_csv(files[-2], COLUMNS, map(_cells, rows))
     draw_predictions(files[-1], [row for _, row in rows], archive.case, other.case)
     return [*_table(rows, len(passes) > 1), *lines, *_conclusion(rows), *map(str, files)]
+
+
+def where_seen(
+    archive: Archive, rows: Sequence[tuple[int, Prediction]]
+) -> tuple[list[tuple[int, Prediction]], list[str]]:
+    """Predictions without those for which a material's level would have to be an angular law, and sentences on these.
+
+    Parameters
+    ----------
+    archive : Archive
+        Results of a calibration.
+    rows : sequence of (int, Prediction)
+        Number of the pass, and prediction of a bin.
+
+    Returns
+    -------
+    rows : list of (int, Prediction)
+        Of a material that was seen at one incidence only those within 1 degree of it.
+    left_out : list of str
+        One sentence for each such material with further bins.
+    """
+    kept, count = list[tuple[int, Prediction]](), dict[str, int]()
+    for number, one in rows:
+        material = archive.materials[one.material]
+        seen = np.empty((0, 2)) if material.posterior is None else material.posterior.seen_deg
+        near = any(low - LEAST_SPAN_DEG <= one.incidence_deg <= high + LEAST_SPAN_DEG for low, high in seen)
+        if material.fitted.level_only and not near:
+            count[one.material] = count.get(one.material, 0) + 1
+        else:
+            kept.append((number, one))
+    return kept, [
+        f"{name}: {number} bin{'s' if number > 1 else ''} left out, more than {LEAST_SPAN_DEG:g} degree from the one "
+        "incidence at which the calibration has seen it: its level is known there alone."
+        for name, number in count.items()
+    ]
 
 
 def _measured(case: Case | None, number: int, made: Forward, scene: Scene, out: Path, own: Path) -> _Pass:
@@ -275,14 +314,19 @@ def registered_as(
     MeasurementError
         The image has nothing in common with the predicted one.
     """
+    why = ""
     if path.is_file():
-        with contextlib.suppress(RadcalError):
+        try:
             stored = read_registered(path)
-            if stored.method == config.method and np.array_equal(
-                stored.unregistered_db, found.image_db, equal_nan=True
-            ):
+            if stored.method != config.method:
+                why = f", not as in {path.parent}, whose registration.method was {stored.method}"
+            elif not np.array_equal(stored.unregistered_db, found.image_db, equal_nan=True):
+                why = f", not as in {path.parent}, which has registered another image"
+            else:
                 return stored, f"as in {path.parent}, onto the image at its start"
-    return register(predicted_db, found, config), "onto the predicted image"
+        except RadcalError as error:
+            why = f", because the registration of its case cannot be used: {error}"
+    return register(predicted_db, found, config), f"onto the predicted image{why}"
 
 
 def _images(out: Path, number: int, case: stages.Forward, scene: Scene, one: _Pass) -> list[Path]:

@@ -40,19 +40,23 @@ def fidelity(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     canvas = new_canvas(6.2, 6.2)
     upper, lower = canvas.subplots(2, 1, sharex=True)
     runs = np.flatnonzero(case.runs.kind == "infill")
-    positive = np.concatenate([found.predicted_cost, found.verified_cost])
+    # the scale of the figure of each run's misfit; the cost of bins is half of their squared residuals
+    bins = material.cost is not None
+    what = "squared residuals, priors included" if bins else f"densities, rms [1/{case.levels.unit}]"
+    predicted, verified = ((2.0 if bins else 1.0) * cost for cost in (found.predicted_cost, found.verified_cost))
+    positive = np.concatenate([predicted, verified])
     positive = positive[np.isfinite(positive) & (positive > 0)]
     bottom = float(positive.min()) if positive.size else 1e-6
     for values, label, style in (
-        (found.predicted_cost, "predicted cost", {"color": START["color"], "marker": "D", "markerfacecolor": "none"}),
-        (found.verified_cost, "verified cost", {"color": FOUND["color"], "marker": "^"}),
+        (predicted, "predicted", {"color": START["color"], "marker": "D", "markerfacecolor": "none"}),
+        (verified, "verified", {"color": FOUND["color"], "marker": "^"}),
     ):
         upper.plot(runs, np.maximum(values, bottom), linestyle="none", markersize=7, label=label, **style)
     upper.set_yscale("log")
     if positive.size:  # at least a decade, so that equal costs are seen to be equal
         middle, reach = np.log10(positive).mean(), max(0.5, 0.6 * float(np.ptp(np.log10(positive))))
         upper.set_ylim(10.0 ** (middle - reach), 10.0 ** (middle + reach))
-    upper.set_ylabel("cost")
+    upper.set_ylabel(what.replace(", ", ",\n", 1))
     head(upper, case, name, "surrogate's predictions and verifying runs")
     lower.axhspan(-2.0, 2.0, color=PALE, alpha=0.6, linewidth=0, label="two standard deviations")
     lower.axhline(0.0, color=MUTED, linewidth=0.8)
@@ -79,7 +83,7 @@ def fidelity(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     inside = f"{int((np.abs(values[known]) <= 2.0).sum())} of {int(known.sum())}"
     q2 = found.q2[np.isfinite(found.q2).all(axis=1)]
     caption = (
-        "Above: the cost that the surrogate predicted for each infill run, and the cost that the run has. Below: the "
+        f"Above: {what}, as the surrogate predicted it for each infill run, and as the run has it. Below: the "
         "statistics of the run minus their prediction, in kriging standard deviations, one point for each statistic"
         f"{' and incidence-angle bin' if values.shape[1] > 1 else ''}; {inside} lie within two. The kriging standard "
         "deviation guides the search; it is not the uncertainty of the law."

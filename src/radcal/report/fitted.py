@@ -37,11 +37,12 @@ class Fitted:
     bounds: Annotated[tuple[str, ...], Attribute(), About("parameters at a bound beyond which the pixels ask for them")]
     distance: Annotated[float, About("ratio of the best run's density rms to `rms_sampling`")]
     fits: Annotated[bool | None, About("law fits; absent where it cannot be tested")] = None
+    level_only: Annotated[bool, About("seen at one incidence, so that the level can be known, but not the law")] = False
 
 
 def misfit(fitted: Fitted) -> dict[str, Any]:
-    """Numbers of the fit test, for ``summary.json``."""
-    numbers = {key: value for key, value in vars(fitted).items() if key not in ("fits", "verdict")}
+    """Numbers of the test, for ``summary.json``."""
+    numbers = {key: value for key, value in vars(fitted).items() if key not in ("fits", "verdict", "level_only")}
     return {**numbers, "bounds": list(fitted.bounds)}
 
 

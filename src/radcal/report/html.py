@@ -22,6 +22,7 @@ from radcal.storage.files import atomic
 __all__ = ["write_report"]
 
 _AT_BOUND = 1e-3  # share of the interval between bounds within which a value is at its bound
+_AGREE = 1.4  # times the error of sampling, up to which two densities are taken for equal
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _MINUS = "\N{MINUS SIGN}"
 _TIMES = "\N{NARROW NO-BREAK SPACE}\N{MULTIPLICATION SIGN}\N{NARROW NO-BREAK SPACE}"
@@ -234,12 +235,15 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) 
         search=_search(summary, materials),
         materials=materials,
         within=[m for m in materials if m["within"]],
+        with_law=[m for m in materials if not m["level_only"]],
+        level_only=[m["name"] for m in materials if m["level_only"]],
+        agreeing=[m["name"] for m in materials if m["rms"] <= _AGREE * m["rms_sampling"]],
         checked=[m for m in materials if m["validation"]],
         left_out=[m for m in materials if m["fields_left_out"]],
         law_sentences=[sentence for m in materials for sentence in m["law_sentences"]],
         known=[m for m in materials if m["known"]],
         external=[m for m in materials if m["truth"] and not m["known"]],
-        unknown=[m for m in materials if not m["truth"]],
+        unknown=[m for m in materials if not m["truth"] and not m["level_only"]],
         overall=[figure for figure in figures if figure.material is None],
         figures={m["name"]: [figure for figure in figures if figure.material == m["name"]] for m in materials},
         reasons=list(dict.fromkeys(reason for m in materials for reason in m["left_out"])),

@@ -338,7 +338,7 @@ def _material(
         calibrated_db=found.calibrated,
         fresh_db=found.fresh,
         check=_check(check),
-        fitted=Fitted(verdict=conclusion.verdicts[name], **vars(conclusion.fits[name])),
+        fitted=_fitted(name, targets, conclusion),
         final_dp=found.calibrated_dp,
         fresh_dp=found.fresh_dp,
         predicted_rms=_numbers(None if of_classes else proposal.cost for proposal in proposals),
@@ -371,6 +371,10 @@ def _fidelity(infill: Sequence[Run], name: str) -> Fidelity | None:
 def _numbers(values: Iterable[float | None]) -> NDArray[np.float64]:
     """Numbers as an array, with NaN in place of None."""
     return np.array(list(values), dtype=np.float64)
+
+
+def _fitted(name: str, targets: Targets, conclusion: Conclusion) -> Fitted:
+    return Fitted(conclusion.verdicts[name], **vars(conclusion.fits[name]), level_only=targets.level_only(name))
 
 
 def _check(check: LawCheck) -> Check:

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import json
+import socket
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from radcal.errors import StoreError
+from radcal.running.time_left import duration
+from radcal.storage.lock import holder
 
 __all__ = ["results_folder", "show"]
 
@@ -24,6 +28,8 @@ _STEPS = {
 }
 _FILES = {"report.html": "report", "export": "exports", "summary.json": "summary", "runs.csv": "table of runs"}
 
+_SAID = " INFO radcal: "  # before a line of progress in the log of a job
+_RECENT_LOGS = 20
 _AGAIN = "type the command that began the case again (radcal run with its YAML file): finished runs are kept"
 
 
@@ -81,14 +87,34 @@ def show(folder: str | Path) -> list[str]:
     folder = Path(folder)
     missing = [name for file, name in _STEPS.items() if not (folder / file).is_file()]
     there = [f"{title}: {folder / file}" for file, title in _FILES.items() if (folder / file).exists()]
-    failed = _failure(folder)
+    failed, running = _failure(folder), _running(folder)
     if not missing:
-        return [*_finished(_read(folder / "summary.json")), *there, *failed]
+        return [*_finished(_read(folder / "summary.json")), *there, *failed, *running]
     kept = len(list((folder / "runs").glob("[!.]*.h5")))
     iterations = len(list((folder / "iterations").glob("*/verified.json")))
     lines = [f"{folder.name}: not finished; missing: {', '.join(missing)}."]
     lines.append(f"records of runs: {kept} in {folder / 'runs'}; iterations verified: {iterations}.")
-    return [*lines, *there, *(failed or [f"To continue, {_AGAIN}."])]
+    return [*lines, *there, *(running or failed or [f"To continue, {_AGAIN}."])]
+
+
+def _running(folder: Path) -> list[str]:
+    """Lines on the command that works on a case at this moment, and on where it stands; none without one."""
+    found = holder(folder)
+    if found is None:
+        return []
+    place = "" if found.host == socket.gethostname() else f" on {found.host}"
+    lines = [f"running now: process {found.process}{place}, for {duration(time.time() - found.since)}."]
+    logs = sorted((folder / "logs").rglob("*.log"), key=lambda path: path.stat().st_mtime)
+    recent = [path for path in logs[-_RECENT_LOGS:] if path.stat().st_mtime >= found.since]
+    if recent:
+        names = ", ".join(path.relative_to(folder / "logs").with_suffix("").as_posix() for path in recent[:-4:-1])
+        ago = duration(max(0.0, time.time() - recent[-1].stat().st_mtime))
+        lines.append(f"jobs that wrote a log last: {names} ({ago} ago).")
+    said = [line for path in recent for line in path.read_text("utf-8", "replace").splitlines() if _SAID in line]
+    if said:
+        # each line begins with its time
+        lines.append(f"last progress: {max(said).partition(_SAID)[2].strip()}")
+    return lines
 
 
 def _failure(folder: Path) -> list[str]:
@@ -122,8 +148,7 @@ def _finished(summary: Mapping[str, Any]) -> list[str]:
         # in a case of one material, the first line is its verdict
         said = f"{material['verdict']}" if len(materials) > 1 else f"{name}:"
         law = material.get("formula", material["law"])
-        known = "." if "sigma0" in material["verdict"] else f"; {_known(material)}"
-        lines.append(f"{said} {law} with {parameters}{known}")
+        lines.append(f"{said} {law} with {parameters}{_unknown(material)}")
         if remark := material.get("parameters_remark"):
             lines.append(f"{name}: {remark}")
     search = runs["design"] + runs["infill"]
@@ -134,10 +159,8 @@ def _finished(summary: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def _known(material: Mapping[str, Any]) -> str:
-    """Sentence on the incidence angles at which sigma0 is known, and on the half-width of its band there."""
-    known, curve = material.get("known_between_deg"), material.get("sigma0_curve")
-    if known is None or curve is None:
-        return "sigma0 is known nowhere." if curve is not None else "nothing is known of a curve in dB."
-    half = material["posterior"]["known_half_width_db"]
-    return f"sigma0 is known to +-{half:.1f} dB (90 %) from {known[0]:.4g} to {known[1]:.4g} degrees."
+def _unknown(material: Mapping[str, Any]) -> str:
+    """End of a sentence on a law of which nothing is known; the verdict says where others are known."""
+    if material.get("sigma0_curve") is None:
+        return "; nothing is known of a curve in dB."
+    return "; sigma0 is known nowhere." if material["fits"] is False else "."

@@ -118,6 +118,7 @@ def _posterior(material: MaterialResult) -> dict[str, Any]:
         "sigma0_curve": None
         if curve is None
         else {key: getattr(curve, key).tolist() for key in ("incidence_deg", "median_db", "p05_db", "p95_db")},
+        "levels": [dict(vars(level)) for level in known.levels()] if material.fitted.level_only else None,
         "parameters_p05": dict(zip(names, map(float, known.parameters_p05), strict=True)),
         "parameters_p95": dict(zip(names, map(float, known.parameters_p95), strict=True)),
         "parameters_remark": _outside(material) or None,
@@ -168,6 +169,7 @@ def _material(material: MaterialResult, counted: NDArray[np.bool_], tolerance: f
         **_check(material.check),
         **_posterior(material),
         "fits": material.fitted.fits,
+        "level_only": material.fitted.level_only,
         "verdict": material.fitted.verdict,
         "misfit": misfit(material.fitted),
         "target": _theta(target),

@@ -13,7 +13,7 @@ import numpy as np
 from radcal.errors import ConfigError
 from radcal.reading.arrays import is_raster
 from radcal.reading.rasters import check_blocks, open_raster
-from radcal.scene.crs import METRES, crs_of, horizontal, label, vertical_datum
+from radcal.scene.crs import crs_of, horizontal, label, pixel_size_m, vertical_datum
 
 if TYPE_CHECKING:
     from radcal.measurement.acquisition import Acquisition
@@ -94,7 +94,7 @@ def raster_facts(path: Path, key: str, numbers: bool = False) -> RasterFacts | N
                 tuple(_name(text) for text in raster.descriptions),
                 None if crs is None else label(horizontal(crs)),
                 None if crs is None else vertical_datum(crs),
-                None if crs is None else _pixel_m(raster, horizontal(crs)),
+                None if crs is None else pixel_size_m(raster, horizontal(crs)),
                 {band: _numbers(raster, band) for band in raster.indexes} if numbers else {},
             )
     except ConfigError:
@@ -180,20 +180,6 @@ def code_counts(path: Path) -> dict[int, int]:
 def _name(description: str | None) -> str:
     text = (description or "").strip()
     return next((name for name in _POLARISATIONS if name in text.upper().replace("_", " ").split()), text)
-
-
-def _pixel_m(raster: Any, plane: Any) -> tuple[float, float]:
-    """Size of a raster's middle pixel on the ground [m], east and north; on the ellipsoid if the CRS is geographic."""
-    from pyproj import Geod
-
-    t = raster.transform
-    if not plane.is_geographic:
-        unit = plane.axis_info[0].unit_conversion_factor if plane.axis_info[0].unit_name not in METRES else 1.0
-        return float(np.hypot(t.a, t.d) * unit), float(np.hypot(t.b, t.e) * unit)
-    column, row = raster.width / 2, raster.height / 2
-    x, y = t.c + t.a * column + t.b * row, t.f + t.d * column + t.e * row
-    geod = Geod(ellps="WGS84")
-    return float(geod.inv(x, y, x + t.a, y + t.d)[2]), float(geod.inv(x, y, x + t.b, y + t.e)[2])
 
 
 def _numbers(raster: Any, band: int) -> tuple[float, float, float] | str | None:

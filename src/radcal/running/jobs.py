@@ -28,6 +28,7 @@ __all__ = [
     "RESULTS",
     "STARTED",
     "Follower",
+    "clock",
     "die_with_parent",
     "elapsed",
     "logged",
@@ -127,8 +128,12 @@ def _fail(sentence: str) -> NoReturn:
 
 def elapsed() -> str:
     """Time since the start of the Snakemake command, as minutes and seconds."""
-    seconds = int(time.time() - float(os.environ.get(STARTED, time.time())))
-    return f"{seconds // 60}:{seconds % 60:02d}"
+    return clock(time.time() - float(os.environ.get(STARTED, time.time())))
+
+
+def clock(seconds: float) -> str:
+    """A time [s] as minutes and seconds."""
+    return f"{int(seconds) // 60}:{int(seconds) % 60:02d}"
 
 
 def progress(line: str) -> None:

@@ -25,6 +25,7 @@ __all__ = [
     "horizontal",
     "label",
     "named_datum",
+    "pixel_size_m",
     "same_datum",
     "same_place",
     "transformation_note",
@@ -327,3 +328,25 @@ def geoid_m(datum: str, longitude_deg: float, latitude_deg: float) -> float | No
             return None
         return float(height)
     return None
+
+
+def pixel_size_m(raster: Any, plane: CRS) -> tuple[float, float]:
+    """Ground size of the middle pixel of an open raster [m], along its rows and its columns.
+
+    Parameters
+    ----------
+    raster : rasterio.DatasetReader
+        Raster with a transform.
+    plane : pyproj.CRS
+        Its horizontal CRS; in a geographic one, lengths are geodesics of WGS84 (:class:`pyproj.Geod`).
+    """
+    from pyproj import Geod
+
+    t = raster.transform
+    if not plane.is_geographic:
+        unit = plane.axis_info[0].unit_conversion_factor if plane.axis_info[0].unit_name not in METRES else 1.0
+        return float(math.hypot(t.a, t.d) * unit), float(math.hypot(t.b, t.e) * unit)
+    column, row = raster.width / 2, raster.height / 2
+    x, y = t.c + t.a * column + t.b * row, t.f + t.d * column + t.e * row
+    geod = Geod(ellps="WGS84")
+    return float(geod.inv(x, y, x + t.a, y + t.d)[2]), float(geod.inv(x, y, x + t.b, y + t.e)[2])

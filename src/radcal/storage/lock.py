@@ -9,15 +9,56 @@ import os
 import socket
 import sys
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn, TextIO
 
 from radcal.errors import StoreError
 from radcal.storage.files import alive, sweep
 
-__all__ = ["CaseLock", "claimed", "leave"]
+__all__ = ["CaseLock", "Holder", "claimed", "holder", "leave"]
 
 logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Holder:
+    """Snakemake command that works on a case at this moment.
+
+    Attributes
+    ----------
+    process : int
+        Its process on ``host``.
+    host : str
+        Name of its machine.
+    since : float
+        Time at which it began [s since 1970].
+    """
+
+    process: int
+    host: str
+    since: float
+
+
+def holder(folder: str | Path) -> Holder | None:
+    """Command that has locked a case's results folder; None without one.
+
+    Parameters
+    ----------
+    folder : path
+        ``results/<case>``, of which nothing is changed.
+    """
+    path = Path(folder) / ".lock"
+    with contextlib.suppress(OSError, ValueError), path.open(encoding="ascii") as file:
+        process, _, host = file.read().strip().partition(" ")
+        # of a process that has ended, only jobs may be left, which hold the lock a moment longer
+        if host == socket.gethostname() and not alive(int(process)):
+            return None
+        try:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return Holder(int(process), host, path.stat().st_mtime)
+    return None
 
 
 class CaseLock:
