@@ -1,4 +1,4 @@
-"""Hidden laws and mismatches of the twins of ``benchmarks/twins.py``: keys of a synthetic measurement."""
+"""Hidden laws and mismatches for the twins of ``benchmarks/twins.py``, as keys of a synthetic measurement."""
 
 from __future__ import annotations
 
