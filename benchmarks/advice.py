@@ -2,11 +2,11 @@
 
     python benchmarks/advice.py [--quick] [--truths 10]
 
-The hidden laws are drawn uniformly in the bounds of the default case's dyke. The first pass of each law, with a
-depression of 45 degrees to the right, is measured with independent speckle and no other mismatch, and calibrated.
-``radcal advise`` then compares three further passes: 30 and 60 degrees to the right, and 45 degrees to the left. Each
-further pass is also measured, and calibrated together with the first pass. The advice is right if the advised pass
-leaves the smallest mean half-width of the 90 % band of sigma0. The mean is taken over the incidence that the material
+The hidden laws are drawn uniformly in the bounds of the default case's dyke. Each law is measured in a first pass with
+a depression of 45 degrees to the right, with independent speckle and no other mismatch, and is calibrated. ``radcal
+advise`` then compares three further passes, with depressions of 30 and 60 degrees to the right, and of 45 degrees to
+the left. Each further pass is also measured, and calibrated together with the first pass. The advice is right if the
+advised pass leaves the smallest half-width of the 90 % band of sigma0, averaged over the incidence that the material
 has in any of the four passes.
 """
 

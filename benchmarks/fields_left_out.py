@@ -5,8 +5,10 @@
 The fields (connected areas) of each material of the AIRSAR image under RADCAL_DATA are divided at random into two
 halves, four times. Law and constant are fitted to each half and predict the other half. The predictions are compared
 with measured means of cells, which are parts of fields in 10 rows with 20 pixels or more. The cells have angles between
-the 5 % and 95 % quantiles of the calibrated half. The constant is the generalised least squares mean with random
-effects of fields and cells. The variances of these effects are estimated from all materials together, for the law, too.
+the 5 % and 95 % quantiles of the angles of the calibrated half. The constant is the generalised least squares mean with
+random effects of fields and cells. The variances of the random effects are estimated from all materials together, for
+the constant as for the law.
+
 The recommendation of law or constant uses the calibrated half alone. The laws are fitted to the measured pixels with
 the model of law and speckle, without a simulator. Ratios of errors are geometric means over materials and folds.
 """

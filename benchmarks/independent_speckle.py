@@ -1,4 +1,4 @@
-"""Calibration of random targets by the workflow: hidden X uniform in the bounds, measurement with independent speckle.
+"""Calibration by the workflow for hidden X drawn uniformly in the bounds, measured with independent speckle.
 
     python benchmarks/independent_speckle.py [--quick] [--jobs 2]
 

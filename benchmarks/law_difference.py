@@ -4,8 +4,8 @@
 
 Each measured image is made from the same hidden law with speckle and noise of its own, and needs no registration. The
 table gives the largest difference [dB] between hidden and found law over the incidence seen (5-95 %). A matched density
-does not limit this difference. The table also tells whether the law is reported as identified, and gives the number of
-design and infill runs.
+does not limit the difference of the laws. The table also tells whether the law is reported as identified, and gives the
+number of design and infill runs.
 """
 
 from __future__ import annotations

@@ -4,8 +4,8 @@
 
 The case is the published dyke (config/dyke_published.yaml) without registration. The first table is for a measured
 image whose level is raised by 3 dB. The raised level must not change the shape of the law found, which is the law minus
-its mean over the incidence seen (5-95 %). The second table is for errors of 3 dB (standard deviation, independent) in
-the laws of the six other materials. It gives the largest difference in shape between the found and the hidden law.
+its mean over the incidence seen (5-95 %). In the second table, the laws of the six other materials have independent
+errors with a standard deviation of 3 dB; the table gives the largest difference in shape between found and hidden law.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Error of the law over the incidence of two passes, if one pass, or both together, are calibrated.
+"""Error of the law over the incidence of two passes, after calibration on one pass, or on both together.
 
     python benchmarks/passes.py [--quick] [--truths 10]
 

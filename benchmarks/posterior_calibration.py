@@ -5,12 +5,12 @@
 Each truth is a draw from the configured prior: X, looks, variances between and within fields, level, and errors of the
 incidence and of the resolutions. Option ``--looks`` fixes the looks. For each truth, 1,000 pixels with independent
 speckle lie in one to eight fields, each of several cells. Their mean incidence is 20 to 50 degrees, with a standard
-deviation of 4 to 9 degrees. The simulator is law and speckle, without images, and its single run has no error. The
-result therefore tests likelihood, priors and sampler.
+deviation of 4 to 9 degrees. Law and speckle take the place of the simulator, so that the benchmark tests likelihood,
+priors and sampler, and no surrogate.
 
-The last line printed gives the share of all whole degrees called known at which the band holds the true sigma0. It also
-gives the rank of the true sigma0 among the draws, at the mean incidence and at the 5 and 95 % quantiles of the
-incidence seen, with a chi-squared test that the ranks are uniform.
+The last line printed gives the share of all whole degrees called known at which the band holds the true sigma0. The
+line also gives the rank of the true sigma0 among the draws, at the mean incidence and at the 5 and 95 % quantiles of
+the incidence seen, with a chi-squared test that the ranks are uniform.
 
 Reference: Talts et al., "Validating Bayesian inference algorithms with simulation-based calibration" (2018),
 arXiv:1804.06788.

@@ -2,15 +2,15 @@
 
     python benchmarks/right_law.py [--quick] [--part synthetic|flevoland] [--objectives classes,density,likelihood]
 
-Part ``synthetic`` has 1,000 pixels of the published dyke's hidden law with independent speckle. The simulator is that
-law and the cumulants of log-gamma speckle, without images. The result therefore depends on the objective and not on a
+Part ``synthetic`` has 1,000 pixels of the published dyke's hidden law with independent speckle. The law and the
+cumulants of log-gamma speckle take the place of the simulator, so that the result depends on the objective and not on a
 surrogate. The table gives the largest difference [dB] between hidden and found law over the incidence seen (5-95 %):
-its median, 90 % quantile and maximum over the seeds. Further lines are for an error of 4 degrees in the mapped
-incidence, which is, or is not, configured as ``incidence_error_deg``.
+its median, 90 % quantile and maximum over the seeds. Further lines give the error of the law if the mapped incidence
+has an error of 4 degrees, which is, or is not, configured as ``incidence_error_deg``.
 
 Part ``flevoland`` has the fourteen surface materials of the AIRSAR image under RADCAL_DATA, divided into blocks of 20
 rows. Laws calibrated on the even blocks predict means over 10 rows of the odd blocks, and the reverse. Ratios of errors
-are geometric means over the resulting 28 cases.
+are geometric means over 28 cases: fourteen materials, calibrated on even and on odd blocks.
 """
 
 from __future__ import annotations

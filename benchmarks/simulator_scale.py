@@ -1,10 +1,10 @@
-"""Time of the built-in simulator for images of up to 56 km2, compared with a pair of Fourier transforms.
+"""Time of the built-in simulator for images of up to 56 km2, compared with two Fourier transforms of the image.
 
     python benchmarks/simulator_scale.py [--quick]
 
-The scene is hilly, with cells of 1 m, 24 materials in fields, and 3,358 objects per square kilometre (188,914 on
-56 km2). Four fifths of the objects are trees and buildings with a footprint; the others are points. Five times are
-measured:
+The scene is hilly, with cells of 1 m, 24 materials in fields, and 3,358 objects per square kilometre (188,914 on 56
+km2). Four fifths of the objects are trees and buildings with a footprint; the others are points. The times are those
+of:
 
 - one complete run, from laws to image in dB, at the default number of looks;
 - the next run, in which one material, which covers a tenth of the scene, has another law;
@@ -12,7 +12,7 @@ measured:
 - the computation of the geometry;
 - writing the geometry's file, once for a case, and reading it, in every job.
 
-The exponent is that of a power law of a complete run's time against the area of the scene.
+The result ``area_exponent`` is the exponent of a power law for the time of a complete run as a function of the area.
 """
 
 from __future__ import annotations

@@ -4,12 +4,12 @@
 
 The samples have n = 50 to 5,000 values (log-uniform). Mean, standard deviation and skewness of the densities are drawn
 uniformly, the skewness over nearly its whole range. A failure is a result that is not finite, or a mean log-likelihood
-that is more than 1e-6 below that of ``scipy.stats.skewnorm.fit``, started from its own default. Times are medians at
-n = 1,000.
+that is more than 1e-6 below that of ``scipy.stats.skewnorm.fit``, started from its own default. Times are medians for
+1,000 values.
 
 The second table gives the share of samples whose 95 % intervals (``skewnormal.intervals``) hold the true parameters.
 With ``--critical``, the program instead simulates, in about 10 minutes, the critical values of the likelihood ratio of
-the true skewness. The intervals use these values, which are ``_RATIOS`` in ``skewnormal.profile``.
+the true skewness. The 95 % intervals use these critical values, which are ``_RATIOS`` in ``skewnormal.profile``.
 """
 
 from __future__ import annotations

@@ -3,13 +3,13 @@
     python benchmarks/twins.py [--quick] [--seeds 20] [--first-seed 0] [--factors none,relief] [--jobs 2] [--out FILE]
 
 A twin is the default case with a hidden law drawn for each seed, uniformly in the bounds of the calibrated material.
-Its measured image is made with settings that the simulator does not know (``docs/twins.md``), is written to a GeoTIFF
-and is read as any measured file. These settings, the factors, are applied one at a time (``--seeds`` twins for each),
-not at all (``none``, twice as many twins) or all together (``all``, three times as many). The image covers a part of
-the scene, so that a twin takes seconds.
+The measured image of a twin is made with settings that the simulator does not know (``docs/twins.md``), is written to a
+GeoTIFF and is read as any measured file. Each mismatch with the simulator is a factor. The twins have a single factor
+(``--seeds`` twins for each), no factor (``none``, twice as many twins) or all factors (``all``, three times as many).
+The image covers a part of the scene, so that a twin takes seconds.
 
-Each finished twin is one line of the file ``--out`` and is not made again. After a change of radcal, name another file.
-The last line printed is one JSON object.
+Each finished twin is one line of the file ``--out`` and is not made again. After a change of radcal, name another file
+with ``--out``. The last line printed is one JSON object.
 """
 
 from __future__ import annotations

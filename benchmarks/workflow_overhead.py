@@ -4,10 +4,10 @@
 
 The benchmark prints three tables, all for the design of a small case (96 x 80 pixels):
 
-1. planning: dry runs of designs of growing size with four runs per job; time, and peak memory of Snakemake's process
-2. the same for runs of radcal's own simulator, which take some milliseconds, with a hundred runs per job
-3. an external program that sleeps 60 s (6 s with ``--quick``), for a design of 8 runs on one core and on two cores;
-   time of the whole command, and time per run without the sleep
+1. time of planning (dry runs) for designs of growing size with four runs per job, and peak memory of Snakemake
+2. time and memory for runs of radcal's own simulator, which take some milliseconds each, with a hundred runs per job
+3. time of a design of 8 runs of an external program that sleeps 60 s (6 s with ``--quick``), on one core and on two
+   cores, and time per run beyond the sleep
 
 The last line is one JSON object.
 """

@@ -50,7 +50,7 @@ class Budget:
 
     @classmethod
     def of(cls, config: Uncertainty, levels: Levels) -> Budget:
-        """Uncertainty budget of a case; an offset removed from the images (``levels``) has its own standard error."""
+        """Uncertainty budget of a case; the level's standard error is that of the removed offset, if there is one."""
         removed = levels.normalisation == "offset" and np.isfinite(levels.offset_error_db)
         return cls(
             level_db=float(levels.offset_error_db) if removed else config.level_db,
@@ -67,14 +67,14 @@ class Budget:
         """Errors of measured levels [dB] if the noise floor is off by one standard error, to first order, shape (n,).
 
         The derivative of 10 log10(signal + noise) with respect to the noise in dB is the share of noise in the
-        measured power. The share is at most 1, and 0 if ``noise_db`` is -inf (no noise known).
+        measured power. This share is limited to 1; it is 0 if ``noise_db`` is -inf (no noise known).
         """
         return np.asarray(self.noise_db * np.minimum(10.0 ** ((noise_db - level_db) / 10.0), 1.0))
 
     def incidence_error_deg(self, stated_deg: NDArray[np.float64], z: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Standard errors of the local incidence [deg], (m, n), from n stated ones and m standard normal deviates z."""
+        """Standard errors of the local incidence [deg], shape (m, n), for n stated errors and m normal deviates z."""
         return np.hypot(stated_deg, self.incidence_floor_deg) * np.exp(self.incidence_log_sd * z)[:, None]
 
     def steepening(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Factor, at least 0.1, on the slope of a law if the resolutions are off by z standard errors, shape (m,)."""
+        """Factor (0.1 or more) on the slope of a law if the resolutions are off by z standard errors, shape (m,)."""
         return np.maximum(1.0 - FLATTENING * self.point_spread * z, 0.1)

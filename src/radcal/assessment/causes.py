@@ -33,7 +33,7 @@ def likely_cause(
     geometry: Geometry,
     image_looks: float,
 ) -> str:
-    """Clause that names the likely cause of the misfit of a law, or says that the cause is unknown.
+    """Text that names the likely cause of the misfit of a law, or says that the cause is unknown.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def likely_cause(
 
 
 def _noise(law: GroundLaw, test: FitTest, noise_db: float) -> str:
-    """Clause for a worst bin whose measured level lies below the simulated noise, so that no law can reach it."""
+    """Text that names noise as cause, if the worst bin's measured level lies below the simulated noise; else empty."""
     k = int(np.abs(law.classes.nodes_deg.mean(axis=1) - test.worst_deg).argmin())
     measured = float(law.classes.cumulants[k, 0] - log_speckle_cumulants(law.fit.looks)[0])
     if test.worst_mean_db > 0.0 and measured < noise_db:
@@ -74,7 +74,7 @@ def _noise(law: GroundLaw, test: FitTest, noise_db: float) -> str:
 
 
 def _reach(law_name: str, law: GroundLaw, test: FitTest) -> str:
-    """Clause for bounds of X inside which no law reaches the level of the worst bin; else empty."""
+    """Text that names the bounds of X as cause, if no law inside them reaches the worst bin's level; else empty."""
     classes = law.classes
     k = int(np.abs(classes.nodes_deg.mean(axis=1) - test.worst_deg).argmin())
     level, there = law.method.law, classes.nodes_deg[k]
@@ -86,14 +86,14 @@ def _reach(law_name: str, law: GroundLaw, test: FitTest) -> str:
 
 
 def _held_back(test: FitTest) -> str:
-    """Clause that names the parameters held back by their bounds; empty if there are none."""
+    """Text that names the parameters held back by their bounds as cause; empty if there are none."""
     if len(test.bounds) == 1:
         return f"{test.bounds[0]} is held back by its bound"
     return f"{' and '.join(test.bounds)} are held back by their bounds" if test.bounds else ""
 
 
 def _looks(law: GroundLaw, test: FitTest, image_looks: float) -> str:
-    """Clause for an image with too many looks for the sensor, or for effective looks at a limit; else empty."""
+    """Text on an image with too many looks for the sensor, or on effective looks at a limit; else empty."""
     sensor = law.method.looks
     if image_looks > _FILTERED * sensor:
         return f"the image has {image_looks:.1f} looks, radar.looks is {sensor:g}: speckle-filtered?"
@@ -105,7 +105,7 @@ def _looks(law: GroundLaw, test: FitTest, image_looks: float) -> str:
 
 
 def _radiometry(law: GroundLaw, target: Target, geometry: Geometry) -> str:
-    """Clause that suspects a wrong radiometry, if the residuals are proportional to the area factor; else empty."""
+    """Text that names a wrong radiometry as cause, if residuals are proportional to the area factor; else empty."""
     rows = target.pixels // geometry.shape[1]
     local, flat = np.radians(target.incidence_deg.astype(np.float64)), np.radians(geometry.flat_incidence_deg[rows])
     area_db = 10.0 * np.log10(np.sin(flat) / np.maximum(np.sin(local), 0.02))
@@ -146,7 +146,7 @@ def area_slope(law: GroundLaw, area_db: NDArray[np.float64]) -> tuple[float, flo
 
 
 def _incidence(law: GroundLaw) -> str:
-    """Clause on the error of the local incidence that would explain why the effective looks are few; else empty."""
+    """Text on the error of the local incidence that would explain why the effective looks are few; else empty."""
     if law.fit.looks > _FEW_LOOKS * law.method.looks:
         return ""
     error, _ = error_behind(law.method.law, law.fit, law.ground.incidence_deg, law.method.looks)

@@ -93,7 +93,7 @@ def shifted_cumulants(
     Returns
     -------
     ndarray, shape (m, n, 3)
-        Mean [dB], variance [dB^2] and third central moment [dB^3] afterwards minus those before.
+        Change of mean [dB], variance [dB^2] and third central moment [dB^3].
     """
     found = np.empty((len(curves), len(places), 3))
     before, after = np.empty(places.shape[1]), np.empty(places.shape[1] * offsets.size)

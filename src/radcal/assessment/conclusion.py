@@ -35,7 +35,7 @@ Pixels = Mapping[str, NDArray[np.float32]]
 
 @dataclass(frozen=True)
 class MaterialPixels:
-    """Simulated pixels of one material's target in the reference run and in the two final runs, with texture.
+    """Simulated pixels of one material's target in the reference run and the two final runs, textured.
 
     Attributes
     ----------
@@ -113,7 +113,7 @@ def conclude(
     Parameters
     ----------
     case, stop : stages.Archive, Stop
-        Configuration.
+        Configuration of the case, and stop criteria.
     history : History
         Scored runs: reference run, design and verified proposals.
     targets : Targets
@@ -178,7 +178,7 @@ def conclude(
 
 
 def _believed(posterior: Posterior, fit: FitTest) -> Posterior:
-    """Posterior that calls sigma0 known at no angle if the law does not fit: a wrong form is not in the budget."""
+    """Posterior that, if the law does not fit, calls sigma0 known at no angle: no budget covers a wrong form."""
     return replace(posterior, known_between_deg=None, known_half_width_db=None) if fit.fits is False else posterior
 
 
@@ -205,7 +205,7 @@ def _fit(
 
 
 def without_angles(test: FitTest) -> FitTest:
-    """Test of a material seen at one incidence: its law fails only if the mean of the pixels is off by 0.5 dB."""
+    """Test of a material seen at one incidence: a law fails only if the mean is off by more than 0.5 dB."""
     return replace(test, fits=False if test.fits is False and abs(test.mean_db) > OFF_DB else None)
 
 

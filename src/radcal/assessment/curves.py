@@ -22,8 +22,8 @@ _RAD = np.radians(GRID_DEG)
 class Curves:
     """Curves of sigma0 of one backscatter law, for many X at once.
 
-    If the formula of the law accepts arrays in place of numbers, all X are evaluated in one call. Otherwise, there is
-    one call for each X.
+    If the formula of the law accepts arrays in place of numbers, all X are evaluated in one call. Otherwise, the
+    formula is called once for each X.
 
     Parameters
     ----------
@@ -49,12 +49,12 @@ class Curves:
         return np.stack([self.law(phi_rad, x) for x in parameters])
 
     def __call__(self, parameters: Doubles, phi_rad: Doubles = _RAD) -> Doubles:
-        """Sigma0 [dB] of m X, shape (m, d), on the grid of incidence, (m, 361), or at k other angles [rad], (m, k)."""
+        """Sigma0 [dB] for m vectors X, shape (m, d), on the grid, shape (m, 361), or at k angles [rad], (m, k)."""
         return (self._at_once if self._together else self._one_by_one)(parameters, phi_rad)
 
     @staticmethod
     def at(levels_db: Doubles, angles_deg: Doubles) -> Doubles:
-        """Levels of m curves, given on the grid, shape (m, 361), at other angles [deg], shape (m, ...) or (1, ...)."""
+        """Levels at angles [deg], shape (m, ...) or (1, ...), interpolated from curves on the grid, shape (m, 361)."""
         m = len(levels_db)
         place = np.broadcast_to(angles_deg, (m, *angles_deg.shape[1:])).reshape(m, -1) * PER_DEG
         below = np.clip(place.astype(np.intp), 0, GRID_DEG.size - 2)

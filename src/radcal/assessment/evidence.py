@@ -54,10 +54,10 @@ class Unknowns:
 class Evidence:
     """Likelihood of the incidence-angle bins of one material in one pass.
 
-    The likelihood is normal in the means, log standard deviations and skewnesses of all bins. Their covariance is the
-    sum of that of :class:`radcal.calibration.misfit.BinMisfit`, of the variances of the level and of the noise floor,
-    and of the variance of the surrogate. The covariance depends on the unknowns, so that its determinant is part of
-    the likelihood.
+    The likelihood is normal in the means, log standard deviations and skewnesses of all bins. The covariance of these
+    statistics is the sum of that of :class:`radcal.calibration.misfit.BinMisfit`, of the variances of the level and of
+    the noise floor, and of the variance of the surrogate. The covariance depends on the unknowns, so that its
+    determinant is part of the likelihood.
 
     Parameters
     ----------
@@ -179,8 +179,8 @@ class Evidence:
 def _spread_table(ground: Ground) -> Doubles:
     """Log likelihood of the standard deviations between and within fields, on the grid ``GRID_DB`` of both.
 
-    The data are the differences between cells of one bin, because each bin has a free level in place of the law. The
-    differences are independent of the means of the bins, which the rest of the likelihood compares with the law, and
+    Each bin has a free level in place of the law, so that only differences between cells of one bin enter this
+    likelihood. Such differences are independent of the means of the bins, which enter the rest of the likelihood, and
     a wrong law does not affect them.
     """
     edges = incidence_edges(ground.incidence_deg, "auto")
@@ -194,6 +194,6 @@ def _spread_table(ground: Ground) -> Doubles:
 
 
 def _looks_table(first: float, here: float) -> tuple[Doubles, Doubles]:
-    """Table for interpolation: logarithms of the looks that one texture gives in the first pass and in another pass."""
+    """Logarithms of the effective looks of one texture in the first pass and in another pass, for interpolation."""
     log = np.linspace(np.log(0.1), np.log(2.0 * first), _LOOKS_TABLE)
     return log, np.array([np.log(equal_texture(first, float(looks), here)) for looks in np.exp(log)])

@@ -1,11 +1,11 @@
 """Test of the fit of a calibrated law to its measured bins.
 
 The m residuals are whitened differences between expected and measured means, log standard deviations and skewnesses of
-all incidence-angle bins. Priors are not among them. If the law is right and X is drawn from its priors and bounds, the
-residuals have the covariance I - H, and the sum of their squares has the expectation m - tr(H). The hat matrix of the
-linearised fit is H = J (J'J + Lambda)^-1 J', with the derivatives J of the residuals with respect to X and looks, and
-the information Lambda of priors and bounds. The variances between and within fields are not refitted: they keep the
-values that were estimated from the residuals of cells.
+all incidence-angle bins. Priors add no residuals. If the law is right and X is drawn from its priors and bounds, the m
+residuals have the covariance I - H, H being the hat matrix of the linearised fit, and the sum of their squares has the
+expectation m - tr(H). The hat matrix is H = J (J'J + Lambda)^-1 J', with the derivatives J of the residuals with
+respect to X and looks, and the information Lambda of priors and bounds. The variances between and within fields are not
+refitted: they keep the values that were estimated from the residuals of cells.
 """
 
 from __future__ import annotations
@@ -52,7 +52,8 @@ class FitTest:
         p-value: share of parametric replicates whose residual sum, or whose sum over the means alone, is at least as
         unlikely as that of the law.
     worst_deg : float
-        Mean incidence of the worst bin [deg], in which the ratio of the misfit to the misfit that matters is largest.
+        Mean incidence of the worst bin [deg], whose misfit is largest in units of 0.5 dB (mean) or 15 % (standard
+        deviation).
     worst_mean_db, worst_spread : float
         Simulated minus measured mean [dB], and ratio of simulated to measured standard deviation, in the worst bin.
     mean_db : float
@@ -199,10 +200,12 @@ def check_fit(
 
     The law does not fit in either of two cases:
 
-    - Its p-value is below 1 %, and the misfit matters: the mean of a bin is off by more than 0.5 dB, or its standard
-      deviation by more than 15 %. The p-value compares two sums with those of parametric replicates: that of all
-      squared residuals, and that of the means alone. The less likely of both sums counts, in the replicates, too.
-    - The effective looks end at a limit, and the pixels ask for looks more than three standard errors beyond it.
+    - The p-value of the law is below 1 %, and the misfit matters: the mean of a bin is off by more than 0.5 dB, or its
+      standard deviation by more than 15 %. The p-value compares two sums of squared residuals with those of parametric
+      replicates: the sum over all statistics, and the sum over the means alone. For the law and for each replicate,
+      the less likely of the two sums counts.
+    - The effective looks end at a limit of the search, and the pixels ask for looks more than three standard errors
+      beyond the limit.
 
     Parameters
     ----------
@@ -260,7 +263,7 @@ def _sums(residuals: Doubles, of_means: NDArray[np.bool_]) -> Doubles:
 
 
 def _p(replicates: Doubles, found: Doubles) -> float:
-    """Share of replicates with a sum as unlikely as the sums found; sums have shapes (count, 2) and (2,)."""
+    """Share of replicates whose sums, shape (count, 2), are at least as unlikely as those found, shape (2,)."""
     every = np.concatenate([found[None], replicates])
     # rank 1 is the largest; equal sums share the rank of the last
     ranks = [len(sums) - np.searchsorted(np.sort(sums), sums, side="left") for sums in every.T]
@@ -281,7 +284,7 @@ def _linearised(comparison: Comparison, score: Score, passes: list[_Pass]) -> Li
 
 
 def _worst(passes: list[_Pass], residuals: Doubles) -> tuple[tuple[float, float, float], bool]:
-    """Incidence [deg], mean difference [dB] and ratio of standard deviations in the worst bin, and if that matters."""
+    """Incidence [deg], mean difference [dB] and ratio of spreads in the worst bin, and whether its misfit matters."""
     ends = np.cumsum([3 * one.moments.classes.size for one in passes])[:-1]
     split = np.split(residuals, ends)
     difference = np.concatenate([one.moments.differences(own) for one, own in zip(passes, split, strict=True)])
@@ -294,7 +297,7 @@ def _worst(passes: list[_Pass], residuals: Doubles) -> tuple[tuple[float, float,
 def _limits(
     comparison: Comparison, score: Score, found: Linearised, names: tuple[str, ...]
 ) -> tuple[str, tuple[str, ...]]:
-    """Limit of the looks, and parameters at bounds, beyond which the pixels ask for values."""
+    """Limit at which the looks end, and parameters that end at a bound, although the pixels ask for values beyond."""
     box, asked = comparison.material.box, found.asked()
     if not asked.size:
         return "", ()

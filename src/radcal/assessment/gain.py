@@ -36,7 +36,7 @@ class Gain:
 
     @classmethod
     def of(cls, field: NDArray[np.int64], gains: Doubles) -> Gain:
-        """Mean gain over fields, from k gains; several gains of one field (``field``: labels) are averaged first."""
+        """Mean gain over fields, from k gains and the labels of their fields; gains of one field are averaged first."""
         labels, of = np.unique(field, return_inverse=True)
         if not labels.size:
             return cls(float("nan"), float("inf"), 0)

@@ -152,7 +152,7 @@ def why_unknown(
     Returns
     -------
     str
-        Clause with the reason: the band of the posterior is too wide, or at least half as wide as the band of the
+        Text with the reason: the band of the posterior is too wide, or at least half as wide as the band of the
         prior, or both. If neither is true, the law does not fit, which is the only other reason.
     """
     inside = [np.linspace(low, high, 21) for low, high in seen_deg]
@@ -172,7 +172,7 @@ def why_unknown(
 
 
 def directions(posterior: Doubles, prior: Doubles) -> Directions:
-    """Combinations of X that the data fix, from samples of X by posterior and prior, shapes (m, d) and (k, d).
+    """Combinations of X, the best fixed by the data first, from m draws of the posterior and k draws of the prior.
 
     References
     ----------

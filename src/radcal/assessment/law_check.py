@@ -51,7 +51,7 @@ class LawCheck:
         Errors of the predictions of whole fields of the calibrated ground from the other fields; None for a law without
         a curve.
     recommended, recommended_why : str
-        Recommended predictor of other fields, ``law`` or ``constant``, and a clause with the reason; both are empty for
+        Recommended predictor of other fields, ``law`` or ``constant``, and a text with the reason; both are empty for
         a law without a curve.
     constant_db : float
         Constant level with which the law is compared [dB]: generalised least squares mean of the calibrated ground over
@@ -104,7 +104,7 @@ def check_laws(
     number : int
         Number of the pass whose ground is used, from 0; the law's uncertainty follows from all passes.
     posteriors : mapping, optional
-        Posterior of each material's law, by which a law is identified if sigma0 is known at some angles.
+        Posterior of each material's law; with it, a law counts as identified if sigma0 is known at some angles.
 
     Returns
     -------
@@ -177,7 +177,7 @@ def _start_db(case: stages.Archive, name: str, ground: Ground) -> NDArray[np.flo
 def _held(
     case: stages.Archive, targets: Targets, laws: Mapping[str, GroundLaw], levels: Mapping[str, Constant]
 ) -> dict[str, HeldOut | None]:
-    """Predictions of held-out ground; if ``keep`` is ``both`` or ``fields``, each part is predicted from the others."""
+    """Predictions of held-out ground; with ``keep: both`` or ``keep: fields``, each part is held out in turn."""
     if case.validation is None:
         return {}
     if case.validation.holds_out:
@@ -271,7 +271,7 @@ def _doubts(name: str, identified: bool, crossed: CrossValidation | None, binned
 
 
 def _held_sentences(case: stages.Archive, name: str, held: HeldOut | None) -> list[str]:
-    """Sentences on held-out ground that is missing, better predicted by a constant, or too often outside the band."""
+    """Sentences on held-out ground: none is there, a constant predicts it better, or the 90 % band is too narrow."""
     if held is None and case.validation is not None:
         return [
             f"{name}: validation checks nothing: no held-out block holds 20 of its pixels "

@@ -200,7 +200,7 @@ class Draws:
 
 
 def draw(model: Model, config: Uncertainty, seed: int, best: Sequence[float] | Doubles | None = None) -> Draws:
-    """Draws from a model's posterior by the sampler or, if it does not converge, by the linear covariance.
+    """Draws from a model's posterior by the sampler or, if it does not converge, by the Gauss-Newton covariance.
 
     Parameters
     ----------
@@ -237,10 +237,10 @@ def _drawn(model: Model, config: Uncertainty, seed: int, best: Sequence[float] |
 
 
 def sigma0_db(model: Model, points: Doubles) -> Doubles:
-    """Mean power of the ground [dB] at m points on the grid of incidence, shape (m, 361); the law must have a curve.
+    """Mean power of the ground [dB] for m points of a posterior, on the grid of incidence, shape (m, 361).
 
-    The levels of fields scatter in dB about the law. Their mean power therefore lies above the law, by ln(10)/20 dB for
-    each dB^2 of their variance.
+    The levels of fields scatter in dB about the law. The mean power of fields therefore lies above the law, by
+    ln(10)/20 dB for each dB^2 of their variance. The law must have a curve.
     """
     assert model.curves is not None  # noqa: S101
     fields = model.unknowns(points)

@@ -41,7 +41,8 @@ class Sight:
     weights : ndarray, shape (n, 361)
         Share of each bin's pixels at each angle of the grid of incidence.
     patches, cells : ndarray, shape (n, n)
-        Covariances of the bins' means by effects of variance 1 of the fields, and of the cells, that the bins share.
+        Covariances of the bins' means that random effects of variance 1 cause: effects of the fields, and effects of
+        the cells, that the bins share.
     independent : ndarray, shape (n,)
         Number of independent pixels in each bin.
     noise_db : ndarray, shape (n,)
@@ -69,8 +70,8 @@ class Sight:
     def covariance(self, fields_db: Doubles, looks: float, budget: Budget, level_db: Doubles) -> Doubles:
         """Covariance of the errors of the bins' means [dB^2], shape (n, n), at mean levels ``level_db``, shape (n,).
 
-        The covariance is the sum of four parts: speckle, fields and their cells (``fields_db``: standard deviations
-        between and within fields), level of the image, and noise floor of the image.
+        The covariance is the sum of the contributions of speckle, of fields and their cells (``fields_db``: standard
+        deviations between and within fields), of the image's level, and of its noise floor.
         """
         between, within = fields_db
         speckle = float(log_speckle_cumulants(looks)[1])
@@ -129,7 +130,7 @@ def sight_of(name: str, geometry: Geometry, radar: Radar, target: TargetConfig) 
 
 
 def _shared(member: NDArray[np.int64], label: NDArray[np.int64], count: Doubles) -> Doubles:
-    """Product of the shares of pixels that two bins have in one label, summed over the labels, shape (n, n)."""
+    """Product of two bins' shares of pixels with the same label, summed over all labels, shape (n, n)."""
     _, number = np.unique(label, return_inverse=True)
     shares = np.zeros((count.size, int(number.max()) + 1))
     np.add.at(shares, (member, number), 1.0)
@@ -148,10 +149,11 @@ def half_widths_after(
 ) -> Doubles:
     """Expected half-width of the 90 % band after further passes [dB], by the linear-Gaussian preposterior covariance.
 
-    The draws give the joint covariance of the curve and of the predicted means of the bins. Together with the
-    covariance of the measurement errors, this determines the covariance of the curve after the further passes, which
-    does not depend on the values that will be measured. The present half-width, from quantiles of the draws, is
-    multiplied by the ratio of the standard deviations after and before, which allows for a skewed band.
+    Draws from the posterior give the joint covariance of the curve and of the predicted means of the bins. From this
+    and the covariance of the measurement errors follows the covariance of the curve after the further passes, which
+    does not depend on the values that will be measured. The present half-width follows from quantiles of the draws,
+    because the band may be skewed. It is multiplied by the ratio of the curve's standard deviations after and before
+    the further passes.
 
     Parameters
     ----------

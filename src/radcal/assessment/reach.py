@@ -56,7 +56,7 @@ def law_range_db(law: Law, bounds: ArrayLike, incidence_deg: ArrayLike) -> tuple
 
 
 def level_asked_db(values_db: ArrayLike, looks: float) -> float:
-    """Level of the law that the mean of measured dB values asks for [dB]: this mean minus the mean of log speckle."""
+    """Level [dB] that a law needs to give the mean of measured dB values: this mean minus the mean of log speckle."""
     return float(np.mean(np.asarray(values_db, dtype=np.float64)) - log_speckle_cumulants(looks)[0])
 
 
@@ -73,7 +73,7 @@ def check_reach(case: stages.Target, targets: Targets) -> None:
     Raises
     ------
     ConfigError
-        If no X inside the bounds of a material gives its measured level.
+        If no X inside the bounds of a material gives its measured level to within 3 dB.
     """
     if case.target.normalisation == "image":
         return  # values of normalised images are not in dB

@@ -38,7 +38,7 @@ _INSIDE = 0.5  # least share of the law's variance among cells at which means of
 
 @dataclass(frozen=True)
 class FieldCheck:
-    """Errors of predictions of whole fields that were left out, whose random effects are therefore unknown.
+    """Errors of the predictions of whole fields that were left out of the fit, so that their effects are unknown.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class FieldCheck:
 
 @dataclass(frozen=True)
 class Recommendation:
-    """Predictor recommended for other fields, and a clause with the reason."""
+    """Predictor recommended for other fields, and a text with the reason."""
 
     predictor: Literal["law", "constant"]
     why: str
@@ -78,14 +78,14 @@ def fold_of_fields(patch: NDArray[np.int64], folds: int = _FOLDS) -> NDArray[np.
 
 
 def leave_fields_out(found: GroundLaw, constant: Constant) -> FieldCheck:
-    """Leave out each tenth of the fields (each field, of up to ten) in turn, and predict it from the other fields.
+    """Leave out each tenth of the fields in turn (each field, if there are few), and predict it from the other fields.
 
     Parameters
     ----------
     found : GroundLaw
         Law fitted to all fields; each time, it is refitted to the other fields with the same variances.
     constant : Constant
-        Constant fitted to the same ground.
+        Constant fitted to all fields.
 
     Returns
     -------
@@ -133,7 +133,7 @@ def trend(found: GroundLaw) -> float:
 
     The cell means are regressed on the law with generalised least squares. Each field has a random level and a random
     gradient :math:`\tau (1, z)`, z the standardised incidence inside the field, both with the standard deviation
-    :math:`\tau` between fields. If there are few fields, such gradients look like a law.
+    :math:`\tau` between fields. Random gradients inside few fields look like a law.
 
     Returns
     -------
@@ -177,22 +177,24 @@ def recommend(found: GroundLaw, check: FieldCheck) -> Recommendation:
     """Recommended predictor for other fields of the material, decided on the calibrated ground alone.
 
     The constant is recommended if the half-width of the law's 90 % band exceeds 1.5 dB anywhere between 5 and 95 % of
-    the incidence. Otherwise, the rule depends on the fields and cells:
+    the incidence. For a narrower band, the recommendation depends on the fields and cells:
 
-    - If less than half of the law's variance lies between the means of cells, these means cannot test the law, but the
-      pixels inside the cells can, whatever the effects of fields. The law is then recommended if it is identified.
+    - If less than half of the law's variance lies between the means of cells, the law is recommended if it is
+      identified. The means of cells then cannot test the law, but the pixels inside the cells can, whatever the effects
+      of fields.
     - With four or more fields, the law is recommended if whole fields that were left out are predicted better by the
       law of the other fields than by their constant, beyond the standard error.
-    - With two or three fields, this standard error is hardly known. The law must also be identified, and explain more
-      than gradients inside the fields would.
-    - With one field, the law must be identified, and explain more than a gradient inside the field would.
+    - With two or three fields, the standard error is hardly known. The law is recommended if, in addition, it is
+      identified and explains more than gradients inside the fields would.
+    - With one field, the law is recommended if it is identified and explains more than a gradient inside the field
+      would.
 
     Parameters
     ----------
     found : GroundLaw
         Law fitted to the calibrated ground.
     check : FieldCheck
-        Errors of predictions of left-out fields by this law and by the constant.
+        Errors of the predictions of left-out fields, as :func:`leave_fields_out` returns them.
 
     Returns
     -------

@@ -79,11 +79,11 @@ def split_r_hat(chains: Doubles) -> Doubles:
 def sample(log_prior: LogDensity, log_likelihood: LogDensity | None, start: Doubles, steps: int, seed: int) -> Sample:
     """Sample the product of prior and likelihood or, without a likelihood, the prior alone.
 
-    The walkers start dispersed over the prior. Before the exponent of the likelihood is 1, it grows in five stages, so
-    that walkers reach all modes of notable probability. A walker moves by the difference of two other walkers (ter
+    The walkers start dispersed over the prior. The exponent of the likelihood grows to 1 in stages, so that walkers
+    reach all modes of notable probability. A walker moves by the difference of two other walkers (ter
     Braak 2006), by a stretch, or to a point of a normal mixture, which is fitted three times to earlier steps. The
     mixture is needed because the parameters of a law often lie in a thin bent region, in which differences of distant
-    walkers are seldom accepted. The steps after the last fit, without their first eighth, are the sample.
+    walkers are seldom accepted. The sample is taken from the steps after the last fit, without their first eighth.
 
     Parameters
     ----------

@@ -33,7 +33,7 @@ class Model:
     A point of the posterior is a row of numbers: X, scaled to the unit box; the logarithm of the effective looks, if
     they are free; the standard deviations between and within fields, divided by the scale of their priors; and, for a
     law with a curve, standard normal deviates of the errors of incidence and resolutions. The errors of level, sampling
-    and surrogate are normal. They enter as variances, which gives the same posterior as if they were sampled.
+    and surrogate are normal. These errors enter as variances, which has the same effect as sampling them.
 
     Parameters
     ----------
@@ -95,10 +95,10 @@ class Model:
         )
 
     def points(self, deviates: Doubles) -> Doubles:
-        """Points of the posterior from standard normal deviates, shape (m, dimension) to (m, dimension).
+        """Points of the posterior that belong to normal deviates, shape (m, dimension) to (m, dimension).
 
-        Normal random deviates give points from the prior without the priors on looks and curve. The sampler walks over
-        the deviates, because they have neither bounds nor heavy tails.
+        Standard normal random deviates give points drawn from the prior without the priors on looks and curve. The
+        sampler walks over the deviates, because they have neither bounds nor heavy tails.
         """
         share = ndtr(deviates)
         looks, fields = self.d, self.d + int(self.free_looks)

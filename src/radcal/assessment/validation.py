@@ -50,7 +50,7 @@ class HeldOut:
         Kolmogorov-Smirnov distances of the held-out pixels from three predicted densities: that of the law with its
         looks and field effects, that of the calibrated ground, and that of the starting law at the sensor's looks.
     tail_law_db, tail_constant_db, tail_start_db : float
-        Predicted minus measured 99 % quantile [dB], for the same three predicted densities.
+        Predicted minus measured 99 % quantile [dB], predicted by law, calibrated ground, and starting law.
     coverage_90 : float
         Share of the held-out block means that lie inside the predicted 90 % band.
     n_blocks, n_fields : int
@@ -99,12 +99,12 @@ class HeldOut:
 
     @property
     def gain(self) -> Gain:
-        """Gain of the law over the constant, both with the effects of the fields that were calibrated on."""
+        """Gain of the law over the constant, both with the effects of calibrated fields."""
         return Gain(self.patch_gain, self.patch_gain_error, self.n_fields)
 
     @property
     def held_in_band(self) -> bool:
-        """Whether the 90 % band holds: False if chance leaves so few block means inside in less than 1 % of cases."""
+        """Whether the 90 % band is wide enough: False if so few block means inside have a probability below 1 %."""
         from scipy.stats import binom
 
         inside = round(self.coverage_90 * self.n_blocks)
@@ -163,7 +163,7 @@ def _against(
     looks: float,
     sd_db: NDArray[np.float64] | float = 0.0,
 ) -> tuple[float, float]:
-    """Kolmogorov-Smirnov distance of pixels from gamma speckle about levels, and excess of its 99 % quantile [dB]."""
+    """Kolmogorov-Smirnov distance of pixels from speckle about levels, and error of the 99 % quantile [dB]."""
     from scipy.optimize import brentq
     from scipy.special import gammainc
 

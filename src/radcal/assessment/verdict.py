@@ -78,7 +78,7 @@ def verdict(
 
 
 def _known(known: Known | None) -> str:
-    """Clause that says at which incidence sigma0 is known, and how well."""
+    """Part of a verdict that says at which incidence sigma0 is known, and how well."""
     if known is None:
         return ""
     linear = " (linear covariance: the sampler has not converged)" * known.linear
@@ -90,7 +90,7 @@ def _known(known: Known | None) -> str:
 
 
 def _misfit(test: FitTest) -> str:
-    """Clause on the main misfit: of the standard deviation of all pixels, of their mean, or of the worst bin."""
+    """Part of a verdict on the main misfit: in the standard deviation of all pixels, in their mean, or in a bin."""
     if spread := _spread(test):
         return spread
     residuals = f"residuals {test.residual_sum:.0f} of {test.expected:.0f}"
@@ -103,7 +103,7 @@ def _misfit(test: FitTest) -> str:
 
 
 def _spread(test: FitTest) -> str:
-    """Clause on the standard deviation of all pixels; empty if simulated and measured value differ by 15 % or less."""
+    """Part of a verdict on the standard deviation of all pixels; empty if it differs by 15 % or less."""
     ratio = test.sd_db / max(test.measured_sd_db, 1e-12)
     off = max(ratio, 1.0 / max(ratio, 1e-12)) > _SPREAD_RATIO
     return f"the simulated spread is {test.sd_db:.1f} dB, the measured {test.measured_sd_db:.1f}" if off else ""
