@@ -9,8 +9,8 @@ deviation of 4 to 9 degrees. Law and speckle take the place of the simulator, so
 priors and sampler, and no surrogate.
 
 The last line printed gives the share of all whole degrees called known at which the band holds the true sigma0. The
-line also gives the rank of the true sigma0 among the draws, at the mean incidence and at the 5 and 95 % quantiles of
-the incidence seen, with a chi-squared test that the ranks are uniform.
+last line also gives the rank of the true sigma0 among the draws, at the mean incidence and at the 5 and 95 % quantiles
+of the incidence seen, with a chi-squared test that the ranks are uniform.
 
 Reference: Talts et al., "Validating Bayesian inference algorithms with simulation-based calibration" (2018),
 arXiv:1804.06788.

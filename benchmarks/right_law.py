@@ -1,4 +1,4 @@
-"""Error of the law found: against hidden laws, and on held-out ground of a measured image.
+"""Error of fitted laws: compared with a hidden law, and in predictions of held-out ground of a measured image.
 
     python benchmarks/right_law.py [--quick] [--part synthetic|flevoland] [--objectives classes,density,likelihood]
 

@@ -67,7 +67,7 @@ class Budget:
         """Errors of measured levels [dB] if the noise floor is off by one standard error, to first order, shape (n,).
 
         The derivative of 10 log10(signal + noise) with respect to the noise in dB is the share of noise in the
-        measured power. This share is limited to 1; it is 0 if ``noise_db`` is -inf (no noise known).
+        measured power. The share of noise is limited to 1; it is 0 if ``noise_db`` is -inf (no noise known).
         """
         return np.asarray(self.noise_db * np.minimum(10.0 ** ((noise_db - level_db) / 10.0), 1.0))
 

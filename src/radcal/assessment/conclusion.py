@@ -178,7 +178,7 @@ def conclude(
 
 
 def _believed(posterior: Posterior, fit: FitTest) -> Posterior:
-    """Posterior that, if the law does not fit, calls sigma0 known at no angle: no budget covers a wrong form."""
+    """Posterior that calls sigma0 known at no angle if the law does not fit (its budget covers no wrong form)."""
     return replace(posterior, known_between_deg=None, known_half_width_db=None) if fit.fits is False else posterior
 
 
@@ -218,7 +218,7 @@ def _cause(
     geometry: Geometry,
     fit: FitTest,
 ) -> str:
-    """Likely cause of a misfit; empty for a law that fits, for a law without a curve, and for several passes."""
+    """Likely cause of a misfit; empty for a law that fits, for a law without a curve, and with several passes."""
     # with several passes the misfit may lie in another pass than the first, whose law and pixels are examined here
     if fit.fits is not False or not case.laws[name].has_curve or targets.further:
         return ""

@@ -22,8 +22,8 @@ _RAD = np.radians(GRID_DEG)
 class Curves:
     """Curves of sigma0 of one backscatter law, for many X at once.
 
-    If the formula of the law accepts arrays in place of numbers, all X are evaluated in one call. Otherwise, the
-    formula is called once for each X.
+    If the formula of the law accepts arrays in place of numbers, all X are evaluated in one call. A
+    formula of single numbers is called once for each X.
 
     Parameters
     ----------

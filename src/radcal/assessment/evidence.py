@@ -22,7 +22,7 @@ __all__ = ["Evidence", "Unknowns"]
 
 Doubles = NDArray[np.float64]
 
-_EVERY = 3  # each third angle of a bin is enough for the change of its cumulants by an error of the incidence
+_EVERY = 3  # every third angle of a bin is enough for the change of its cumulants by an error of the incidence
 _HERMITE = (np.arange(5) - 2.0) / np.sqrt(2.0)  # points with the first three moments of a standard normal law
 _LEAST_SHARE = 0.1  # least attenuation, as in radcal.calibration.incidence_error.attenuation
 _LOOKS_TABLE = 200
@@ -179,9 +179,9 @@ class Evidence:
 def _spread_table(ground: Ground) -> Doubles:
     """Log likelihood of the standard deviations between and within fields, on the grid ``GRID_DB`` of both.
 
-    Each bin has a free level in place of the law, so that only differences between cells of one bin enter this
-    likelihood. Such differences are independent of the means of the bins, which enter the rest of the likelihood, and
-    a wrong law does not affect them.
+    Each bin has a free level in place of the law, so that only differences between cells of one bin determine these
+    standard deviations. The differences between cells are independent of the means of the bins, which enter the rest of
+    the likelihood, and a wrong law does not affect them.
     """
     edges = incidence_edges(ground.incidence_deg, "auto")
     member, cells = class_of(ground.incidence_deg, edges), ground.cells

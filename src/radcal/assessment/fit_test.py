@@ -1,11 +1,11 @@
 """Test of the fit of a calibrated law to its measured bins.
 
 The m residuals are whitened differences between expected and measured means, log standard deviations and skewnesses of
-all incidence-angle bins. Priors add no residuals. If the law is right and X is drawn from its priors and bounds, the m
-residuals have the covariance I - H, H being the hat matrix of the linearised fit, and the sum of their squares has the
-expectation m - tr(H). The hat matrix is H = J (J'J + Lambda)^-1 J', with the derivatives J of the residuals with
-respect to X and looks, and the information Lambda of priors and bounds. The variances between and within fields are not
-refitted: they keep the values that were estimated from the residuals of cells.
+all incidence-angle bins, without residuals of priors. If the law is right and X is drawn from its priors and bounds,
+the m residuals have the covariance I - H, H being the hat matrix of the linearised fit, and the sum of their squares
+has the expectation m - tr(H). The hat matrix is H = J (J'J + Lambda)^-1 J', with the derivatives J of the residuals
+with respect to X and looks, and the information Lambda of priors and bounds. The variances between and within fields
+are not refitted: they keep the values that were estimated from the residuals of cells.
 """
 
 from __future__ import annotations
@@ -124,7 +124,7 @@ class Linearised:
         return np.asarray((disturbance + of_x) @ left)
 
     def asked(self) -> Doubles:
-        """Increase of each searched value that the data, without priors, ask for, in standard errors, shape (d,)."""
+        """Number of standard errors by which the data alone would increase each searched value, shape (d,)."""
         pull = -self.jacobian.T @ self.residuals
         return np.asarray(pull * np.sqrt(np.diag(self.covariance)))
 

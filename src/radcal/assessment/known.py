@@ -172,7 +172,7 @@ def why_unknown(
 
 
 def directions(posterior: Doubles, prior: Doubles) -> Directions:
-    """Combinations of X, the best fixed by the data first, from m draws of the posterior and k draws of the prior.
+    """Combinations of X, ordered by how well the data fix them, from draws of posterior, (m, d), and prior, (k, d).
 
     References
     ----------

@@ -149,11 +149,11 @@ def half_widths_after(
 ) -> Doubles:
     """Expected half-width of the 90 % band after further passes [dB], by the linear-Gaussian preposterior covariance.
 
-    Draws from the posterior give the joint covariance of the curve and of the predicted means of the bins. From this
-    and the covariance of the measurement errors follows the covariance of the curve after the further passes, which
-    does not depend on the values that will be measured. The present half-width follows from quantiles of the draws,
-    because the band may be skewed. It is multiplied by the ratio of the curve's standard deviations after and before
-    the further passes.
+    Draws from the posterior give the joint covariance of the curve and of the predicted means of the bins. The
+    covariance of the curve after the further passes follows from the joint covariance and from the covariance of the
+    measurement errors, and does not depend on the values that will be measured. The present half-width follows from
+    quantiles of the draws, because the band may be skewed. The expected half-width is the present one, multiplied by
+    the ratio of the curve's standard deviations after and before the further passes.
 
     Parameters
     ----------

@@ -184,8 +184,8 @@ def recommend(found: GroundLaw, check: FieldCheck) -> Recommendation:
       of fields.
     - With four or more fields, the law is recommended if whole fields that were left out are predicted better by the
       law of the other fields than by their constant, beyond the standard error.
-    - With two or three fields, the standard error is hardly known. The law is recommended if, in addition, it is
-      identified and explains more than gradients inside the fields would.
+    - With two or three fields, the law must, in addition, be identified and explain more than gradients inside the
+      fields would, because the standard error from so few fields is hardly known.
     - With one field, the law is recommended if it is identified and explains more than a gradient inside the field
       would.
 

@@ -80,10 +80,10 @@ def sample(log_prior: LogDensity, log_likelihood: LogDensity | None, start: Doub
     """Sample the product of prior and likelihood or, without a likelihood, the prior alone.
 
     The walkers start dispersed over the prior. The exponent of the likelihood grows to 1 in stages, so that walkers
-    reach all modes of notable probability. A walker moves by the difference of two other walkers (ter
-    Braak 2006), by a stretch, or to a point of a normal mixture, which is fitted three times to earlier steps. The
-    mixture is needed because the parameters of a law often lie in a thin bent region, in which differences of distant
-    walkers are seldom accepted. The sample is taken from the steps after the last fit, without their first eighth.
+    reach all modes of notable probability. A walker moves by the difference of two other walkers (ter Braak 2006), by a
+    stretch, or to a point of a normal mixture, which is fitted three times to earlier steps. The normal mixture is
+    needed because the parameters of a law often lie in a thin bent region, in which differences of distant walkers are
+    seldom accepted. The sample is taken from the steps after the last fit, without their first eighth.
 
     Parameters
     ----------

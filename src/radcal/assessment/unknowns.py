@@ -30,10 +30,15 @@ _LINEAR, _TRIED, _FEWEST = 4000, 20_000, 400  # most draws kept, draws made, few
 class Model:
     """Posterior of one material's law and of the other unknowns, as a log density.
 
-    A point of the posterior is a row of numbers: X, scaled to the unit box; the logarithm of the effective looks, if
-    they are free; the standard deviations between and within fields, divided by the scale of their priors; and, for a
-    law with a curve, standard normal deviates of the errors of incidence and resolutions. The errors of level, sampling
-    and surrogate are normal. These errors enter as variances, which has the same effect as sampling them.
+    A point of the posterior is a row of numbers:
+
+    - X, scaled to the unit box;
+    - the logarithm of the effective looks, if they are free;
+    - the standard deviations between and within fields, divided by the scale of their priors;
+    - for a law with a curve, standard normal deviates of the errors of incidence and resolutions.
+
+    The errors of level, sampling and surrogate are normal and enter as variances, which has the same effect as sampling
+    them.
 
     Parameters
     ----------
@@ -141,7 +146,7 @@ class Model:
         return np.asarray(-0.5 * (deviates**2).sum(axis=1) + self._log_weight(self.points(deviates)))
 
     def from_prior(self, count: int, rng: np.random.Generator) -> Doubles:
-        """Independent draws from the prior, at most ``count``; fewer if the priors on looks and curve reject too many.
+        """Independent draws from the prior, at most ``count``; fewer if the priors on looks and curve reject most.
 
         Rejection sampling: a draw made without the priors on looks and curve is kept with a probability proportional to
         the density of these two priors.

@@ -13,7 +13,7 @@ __all__ = ["OFF_DB", "Known", "all_fit", "first_line", "verdict"]
 
 _COUNTS = ((True, "fits", "fit"), (False, "does not fit", "do not fit"), (None, "cannot be tested", "cannot be tested"))
 _NAMED = 4  # largest number of materials that the first line names
-_SPREAD_RATIO, OFF_DB = 1.15, 0.5  # ratio, and difference of means [dB], of all pixels, told before the worst bin
+_SPREAD_RATIO, OFF_DB = 1.15, 0.5  # misfits of all pixels (ratio of spreads; mean [dB]) that come before the worst bin
 
 
 @dataclass(frozen=True)
