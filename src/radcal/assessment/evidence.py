@@ -31,7 +31,7 @@ _KNOWN = 1e-6  # prior information on the level of a bin [1/dB^2]: practically n
 
 @dataclass(frozen=True)
 class Unknowns:
-    """Unknowns of the posterior besides X, at m points.
+    """Values of the unknowns besides X, at m points of the posterior.
 
     Attributes
     ----------
@@ -54,9 +54,9 @@ class Unknowns:
 class Evidence:
     """Likelihood of the incidence-angle bins of one material in one pass.
 
-    The likelihood is normal in the means, log standard deviations and skewnesses of all bins. The covariance of these
-    statistics is the sum of that of :class:`radcal.calibration.misfit.BinMisfit`, of the variances of the level and of
-    the noise floor, and of the variance of the surrogate. The covariance depends on the unknowns, so that its
+    The likelihood is normal in the means, log standard deviations and skewnesses of all bins. The covariance of bins is
+    the sum of that of :class:`radcal.calibration.misfit.BinMisfit`, of the variances of the level and of the noise
+    floor, and of the variance of the surrogate. The covariance depends on the unknowns, so that its
     determinant is part of the likelihood.
 
     Parameters

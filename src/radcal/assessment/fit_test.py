@@ -297,7 +297,7 @@ def _worst(passes: list[_Pass], residuals: Doubles) -> tuple[tuple[float, float,
 def _limits(
     comparison: Comparison, score: Score, found: Linearised, names: tuple[str, ...]
 ) -> tuple[str, tuple[str, ...]]:
-    """Limit at which the looks end, and parameters that end at a bound, although the pixels ask for values beyond."""
+    """Limit that the looks reach, and names of parameters at bounds, if the pixels ask for values beyond them."""
     box, asked = comparison.material.box, found.asked()
     if not asked.size:
         return "", ()

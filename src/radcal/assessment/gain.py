@@ -93,9 +93,9 @@ def power(patch: NDArray[np.int64], difference_db: Doubles, common: Doubles, own
 
     Let the predictions of the mean of cell c by law and constant differ by :math:`\delta_c`, and let the prediction by
     the law have the error :math:`e_c`. The squared error of the constant then exceeds that of the law by
-    :math:`\delta_c^2 + 2 \delta_c e_c`. The sum of this excess over the cells has the expectation
-    :math:`\sum \delta_c^2`, and its variance is four times the variance of :math:`\sum \delta_c e_c`. If all cells hold
-    the same angles, :math:`\delta_c` is near 0, and the comparison has no power.
+    :math:`\delta_c^2 + 2 \delta_c e_c`. Summed over the cells, the difference of the squared errors has the expectation
+    :math:`\sum \delta_c^2` and four times the variance of :math:`\sum \delta_c e_c`. If all cells hold the same angles,
+    law and constant predict the same means, and the comparison has no power.
 
     Parameters
     ----------

@@ -132,8 +132,8 @@ def trend(found: GroundLaw) -> float:
     r"""Evidence that the level changes with the incidence as the law says, and not by gradients inside single fields.
 
     The cell means are regressed on the law with generalised least squares. Each field has a random level and a random
-    gradient :math:`\tau (1, z)`, z the standardised incidence inside the field, both with the standard deviation
-    :math:`\tau` between fields. Random gradients inside few fields look like a law.
+    gradient over the incidence inside the field, standardised to :math:`z`; together, their effect is
+    :math:`\tau (1, z)`, with the standard deviation :math:`\tau` between fields. Random gradients inside few fields look like a law.
 
     Returns
     -------

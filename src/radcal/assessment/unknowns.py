@@ -146,7 +146,7 @@ class Model:
         return np.asarray(-0.5 * (deviates**2).sum(axis=1) + self._log_weight(self.points(deviates)))
 
     def from_prior(self, count: int, rng: np.random.Generator) -> Doubles:
-        """Independent draws from the prior, at most ``count``; fewer if the priors on looks and curve reject most.
+        """Independent draws from the prior: ``count``, or fewer if the priors on looks and curve reject most draws.
 
         Rejection sampling: a draw made without the priors on looks and curve is kept with a probability proportional to
         the density of these two priors.
