@@ -129,11 +129,11 @@ def half_width_db(found: GroundLaw) -> float:
 
 
 def trend(found: GroundLaw) -> float:
-    r"""Evidence that the level changes with the incidence as the law says, and not by gradients inside single fields.
+    """Evidence that the level changes with the incidence as the law says, and not by gradients inside single fields.
 
     The cell means are regressed on the law with generalised least squares. Each field has a random level and a random
-    gradient over the incidence inside the field, standardised to :math:`z`; together, their effect is
-    :math:`\tau (1, z)`, with the standard deviation :math:`\tau` between fields. Random gradients inside few fields look like a law.
+    gradient in z, the standardised incidence inside the field. Level and gradient both have the standard deviation
+    between fields. If a material has few fields, random gradients inside the fields look like a law.
 
     Returns
     -------

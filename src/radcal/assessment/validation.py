@@ -163,7 +163,7 @@ def _against(
     looks: float,
     sd_db: NDArray[np.float64] | float = 0.0,
 ) -> tuple[float, float]:
-    """Kolmogorov-Smirnov distance of pixels from speckle about levels, and error of the 99 % quantile [dB]."""
+    """Kolmogorov-Smirnov distance, and error of the 99 % quantile [dB], of predicted levels with speckle."""
     from scipy.optimize import brentq
     from scipy.special import gammainc
 
