@@ -1,12 +1,13 @@
-"""Advice on a further pass, followed: how often the advised pass is the one that narrows the band most.
+"""Test of ``radcal advise``: how often the advised pass is the one that narrows the 90 % band of sigma0 most.
 
     python benchmarks/advice.py [--quick] [--truths 10]
 
-Hidden laws of the default case's dyke, uniform in its bounds, are measured at 45 degrees of depression to the right
-with independent speckle, without other mismatches, and calibrated. The advice of ``radcal advise`` then compares three
-further passes: 30 and 60 degrees to the right, and 45 degrees to the left. Each of the three is measured, too, and
-calibrated together with the first pass. The advice was right where the advised pass has the smallest mean half-width of
-the 90 % band of sigma0, over the incidence that the material has in any of the four passes.
+The hidden laws are drawn uniformly in the bounds of the default case's dyke. Each law is measured in a first pass with
+a depression of 45 degrees to the right, with independent speckle and no other mismatch, and is calibrated. ``radcal
+advise`` then compares three further passes, with depressions of 30 and 60 degrees to the right, and of 45 degrees to
+the left. Each further pass is also measured, and calibrated together with the first pass. The advice is right if the
+advised pass leaves the smallest half-width of the 90 % band of sigma0, averaged over the incidence that the material
+has in any of the four passes.
 """
 
 from __future__ import annotations

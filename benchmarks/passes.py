@@ -1,11 +1,11 @@
-"""Error of the law over the incidence of two passes, at 45 and 30 degrees of depression: one pass, and both together.
+"""Error of the law over the incidence of two passes, after calibration on one pass, or on both together.
 
     python benchmarks/passes.py [--quick] [--truths 10]
 
-Each hidden law is uniform in the bounds of the published dyke (config/dyke_published.yaml),
-and the measured images have independent speckle and no
-misregistration (``benchmarks/registration.py`` measures its correction). Errors are the largest differences of the laws
-over the incidence of the material's pixels [dB].
+The passes have depression angles of 45 and 30 degrees; the single pass is that at 45 degrees. Each hidden law is drawn
+uniformly in the bounds of the published dyke (config/dyke_published.yaml). The measured images have independent speckle
+and no misregistration (``benchmarks/registration.py`` tests registration). The error of a law is the largest difference
+[dB] between found and hidden law over the incidence of the material's pixels.
 """
 
 from __future__ import annotations

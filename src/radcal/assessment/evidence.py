@@ -1,4 +1,4 @@
-"""What the bins of one pass say of a law: log likelihood of many X, looks and errors at once."""
+"""Log likelihood of the incidence-angle bins of one pass, for many points of X and the other unknowns at once."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ __all__ = ["Evidence", "Unknowns"]
 
 Doubles = NDArray[np.float64]
 
-_EVERY = 3  # of the angles that stand for a bin: enough for the change by an error of the incidence
-_HERMITE = (np.arange(5) - 2.0) / np.sqrt(2.0)  # points of a normal law with its first three moments
-_LEAST_SHARE = 0.1  # as radcal.calibration.incidence_error.attenuation has it
+_EVERY = 3  # every third angle of a bin is enough for the change of its cumulants by an error of the incidence
+_HERMITE = (np.arange(5) - 2.0) / np.sqrt(2.0)  # points with the first three moments of a standard normal law
+_LEAST_SHARE = 0.1  # least attenuation, as in radcal.calibration.incidence_error.attenuation
 _LOOKS_TABLE = 200
-_KNOWN = 1e-6  # inverse variance of levels that nothing is known of
+_KNOWN = 1e-6  # prior information on the level of a bin [1/dB^2]: practically none
 
 
 @dataclass(frozen=True)
 class Unknowns:
-    """Unknowns at m points besides X.
+    """Values of the unknowns besides X, at m points of the posterior.
 
     Attributes
     ----------
@@ -40,7 +40,8 @@ class Unknowns:
     between_db, within_db : ndarray, shape (m,)
         Standard deviations between and within fields [dB].
     incidence, point_spread : ndarray, shape (m,)
-        Standard normal deviates of the error of the incidence and of the resolutions.
+        Standard normal deviates: of the logarithm of the standard error of the incidence, and of the relative error of
+        the resolutions.
     """
 
     looks: Doubles
@@ -51,18 +52,19 @@ class Unknowns:
 
 
 class Evidence:
-    """Likelihood of the bins of one material in one pass.
+    """Likelihood of the incidence-angle bins of one material in one pass.
 
-    Normal in mean, log sd and skewness of all bins. The covariance is that of
-    :class:`radcal.calibration.misfit.BinMisfit` with the level's variance, which is common to all means, and with the
-    error of the surrogate; its log-determinant counts, because it depends on the unknowns.
+    The likelihood is normal in the means, log standard deviations and skewnesses of all bins. The covariance of bins is
+    the sum of that of :class:`radcal.calibration.misfit.BinMisfit`, of the variances of the level and of the noise
+    floor, and of the variance of the surrogate. The covariance depends on the unknowns, so that its
+    determinant is part of the likelihood.
 
     Parameters
     ----------
     part : Objective
-        Of the pass.
+        Objective of the material in the pass.
     budget : Budget
-        Standard errors.
+        Uncertainty budget: standard errors of level, noise floor, incidence and resolutions.
     sensor : float
         Looks of the sensor in the first pass.
     """
@@ -88,7 +90,7 @@ class Evidence:
             of_noise = budget.noise_errors_db(power_db, material.target.noise_db)
             self._base[:n, :n] += np.multiply.outer(of_noise, of_noise)
             self._spread = _spread_table(compared.ground)
-        else:  # values of normalised images: the moments of a normal sample
+        else:  # values of normalised images: covariance of the moments of a normal sample
             self._base = np.diag((part.scale.T.ravel() ** 2) / np.repeat(compared.classes.effective, 3))
             self._spread = np.zeros((GRID_DB.size, GRID_DB.size))
         nodes = part.expected.nodes_deg if part.expected is not None else compared.classes.nodes_deg
@@ -97,7 +99,7 @@ class Evidence:
         self._mean_deg, self._variance = float(mapped.mean()), max(float(np.var(mapped)), 1e-12)
         self._stated = np.broadcast_to(np.asarray(compared.method.incidence_error_deg, dtype=np.float64), (n,))
         self._rms = np.sqrt(np.mean(self._stated**2, keepdims=True))
-        if compared.ground.error_deg is not None:  # pixels have errors of their own
+        if compared.ground.error_deg is not None:  # each pixel has a standard error of its own
             square, classes = compared.ground.error_deg**2, compared.classes
             self._stated = np.sqrt(np.bincount(classes.member, square, n) / classes.count)
             self._rms = np.sqrt(np.mean(square, keepdims=True))
@@ -105,16 +107,16 @@ class Evidence:
         self.has_baseline = part.expected is not None
 
     def baseline(self, levels_db: Doubles) -> Doubles:
-        """Statistics that law, speckle and noise have, from curves (m, 361) to (m, n, 3)."""
+        """Statistics of n bins by law, speckle and noise alone, shape (m, n, 3), from m curves, shape (m, 361)."""
         expected = self.part.expected
         assert expected is not None  # noqa: S101
         cumulants = cumulants_at(levels_db, self._nodes * PER_DEG, float(expected.noise_db))
         return from_cumulants(cumulants + log_speckle_cumulants(expected.looks))
 
     def _shift(self, levels_db: Doubles, unknowns: Unknowns) -> Doubles:
-        """Change of the cumulants by the errors of incidence and resolution, shape (m, n, 3)."""
+        """Change of the cumulants of n bins by errors of the incidence and of the resolutions, shape (m, n, 3)."""
         error = self.budget.incidence_error_deg(self._stated, unknowns.incidence)
-        # as radcal.calibration.incidence_error.attenuation has it
+        # same formula as in radcal.calibration.incidence_error.attenuation
         rms = self.budget.incidence_error_deg(self._rms, unknowns.incidence)
         of_true = np.maximum(self._variance - rms**2, _LEAST_SHARE * self._variance)
         share = np.maximum(of_true / (of_true + error**2), _LEAST_SHARE)
@@ -123,7 +125,7 @@ class Evidence:
         return shifted_cumulants(levels_db, self._few * PER_DEG, self._mean_deg * PER_DEG, slope, spread, _HERMITE)
 
     def difference(self, simulated: Doubles, levels_db: Doubles | None, unknowns: Unknowns) -> Doubles:
-        """Expected minus measured statistics, all means, log sds and skewnesses: (m, n, 3) to (m, 3 n)."""
+        """Expected minus measured means, log standard deviations and skewnesses, shape (m, 3 n)."""
         cumulants = to_cumulants(simulated)
         found = cumulants
         if self.decibels:
@@ -138,16 +140,16 @@ class Evidence:
         return np.asarray(np.swapaxes(from_cumulants(found), 1, 2).reshape(len(found), -1) - self._measured)
 
     def whitened(self, difference: Doubles, error: Doubles, unknowns: Unknowns) -> tuple[Doubles, Doubles]:
-        """Differences in standard deviations, and the logarithm of their covariance's determinant, halved.
+        """Differences whitened by their covariance, and half the logarithm of the determinant of this covariance.
 
         Parameters
         ----------
         difference : ndarray, shape (m, 3 n)
-            As :meth:`difference` returns it.
+            Expected minus measured statistics, as :meth:`difference` returns them.
         error : ndarray, shape (m, 3)
-            Standard errors of the surrogate.
+            Standard errors of the mean, log standard deviation and skewness that the surrogate predicts.
         unknowns : Unknowns
-            At m points.
+            Unknowns besides X at the m points.
 
         Returns
         -------
@@ -159,12 +161,12 @@ class Evidence:
         return whitened(difference, self._base, between, self._patches, within, self._cells, self._log_sds, error)
 
     def log_likelihood(self, simulated: Doubles, error: Doubles, levels_db: Doubles | None, at: Unknowns) -> Doubles:
-        """Log likelihood of the bins and, of the fields' standard deviations, of the cells inside bins, shape (m,)."""
+        """Log likelihood of the statistics of the bins and of the differences between cells of one bin, shape (m,)."""
         residuals, determinant = self.whitened(self.difference(simulated, levels_db, at), error, at)
         return np.asarray(-0.5 * (residuals**2).sum(axis=1) - determinant + self._of_fields(at))
 
     def _of_fields(self, at: Unknowns) -> Doubles:
-        """Log likelihood of the fields' standard deviations, interpolated in its table."""
+        """Log likelihood of the standard deviations between and within fields, interpolated in a table, shape (m,)."""
         places = [np.interp(tau, GRID_DB, np.arange(GRID_DB.size)) for tau in (at.between_db, at.within_db)]
         first, second = (np.minimum(place.astype(np.intp), GRID_DB.size - 2) for place in places)
         a, b = places[0] - first, places[1] - second
@@ -175,10 +177,11 @@ class Evidence:
 
 
 def _spread_table(ground: Ground) -> Doubles:
-    """Log likelihood of the fields' standard deviations from cells that share a bin, on the grid of both.
+    """Log likelihood of the standard deviations between and within fields, on the grid ``GRID_DB`` of both.
 
-    A free level of each bin takes the place of the law: these contrasts are independent of the means of the bins, which
-    the rest of the likelihood is about, and know of no law that might be wrong.
+    Each bin has a free level in place of the law, so that only differences between cells of one bin determine these
+    standard deviations. The differences between cells are independent of the means of the bins, which enter the rest of
+    the likelihood, and a wrong law does not affect them.
     """
     edges = incidence_edges(ground.incidence_deg, "auto")
     member, cells = class_of(ground.incidence_deg, edges), ground.cells
@@ -191,6 +194,6 @@ def _spread_table(ground: Ground) -> Doubles:
 
 
 def _looks_table(first: float, here: float) -> tuple[Doubles, Doubles]:
-    """Logarithms of the looks in the first pass and in this one, for interpolation."""
+    """Logarithms of the effective looks of one texture in the first pass and in another pass, for interpolation."""
     log = np.linspace(np.log(0.1), np.log(2.0 * first), _LOOKS_TABLE)
     return log, np.array([np.log(equal_texture(first, float(looks), here)) for looks in np.exp(log)])

@@ -1,4 +1,4 @@
-"""Verdicts: one sentence on each material, and the first line on all."""
+"""Verdicts of a calibration: one sentence on each material, and a first line on all materials."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from radcal.assessment.known import Level, level_words
 __all__ = ["OFF_DB", "Known", "all_fit", "first_line", "verdict"]
 
 _COUNTS = ((True, "fits", "fit"), (False, "does not fit", "do not fit"), (None, "cannot be tested", "cannot be tested"))
-_NAMED = 4  # materials that the first line names
-_SPREAD_RATIO, OFF_DB = 1.15, 0.5  # of all pixels, worth saying before the worst bin
+_NAMED = 4  # largest number of materials that the first line names
+_SPREAD_RATIO, OFF_DB = 1.15, 0.5  # misfits of all pixels (ratio of spreads; mean [dB]) that come before the worst bin
 
 
 @dataclass(frozen=True)
 class Known:
-    """Where sigma0 is known.
+    """Interval of local incidence in which sigma0 is known.
 
     Attributes
     ----------
     between_deg : (float, float) or None
-        Incidence between which it is known [deg]; None if nowhere.
+        Ends of the interval in which sigma0 is known [deg]; None if it is known at no angle.
     half_width_db : float or None
-        Largest half-width of its 90 % band there [dB].
+        Largest half-width of the 90 % band of sigma0 in the interval [dB]; None if it is known at no angle.
     linear : bool
-        Whether the band is that of the linear covariance, for lack of convergence of the sampler.
+        Whether the band is that of the linear covariance, because the sampler has not converged.
     levels : tuple of Level
         Sigma0 at the incidence of each pass, for a material that is seen at one incidence.
     level_error_db : float
@@ -65,18 +65,18 @@ def verdict(
     level_only: bool = False,
     between_db: float = float("nan"),
 ) -> str:
-    """Sentence on one material.
+    """Verdict on one material: a sentence on the fit of its law, and on where sigma0 is known.
 
     Parameters
     ----------
     name : str
-        Material.
+        Name of the material.
     test : FitTest
-        Whether its law fits.
+        Result of the test of the fit of the material's law.
     cause : str
-        Likely cause where it does not.
+        Likely cause of a misfit of the law.
     known : Known, optional
-        Where sigma0 is known; None where nobody has looked.
+        Interval in which sigma0 is known; None without a posterior, or for a law without a curve.
     level_only : bool
         Whether the material is seen at one incidence.
     between_db : float
@@ -102,7 +102,7 @@ def verdict(
 
 
 def _known(known: Known | None) -> str:
-    """Words on where sigma0 is known."""
+    """Part of a verdict that says at which incidence sigma0 is known, and how well."""
     if known is None:
         return ""
     remark = f" ({'; '.join(known.remarks)})" * bool(known.remarks)
@@ -114,7 +114,7 @@ def _known(known: Known | None) -> str:
 
 
 def _misfit(test: FitTest) -> str:
-    """Words on the largest misfit: of the spread of all pixels, of their mean, or of a bin."""
+    """Part of a verdict on the main misfit: in the standard deviation of all pixels, in their mean, or in a bin."""
     if spread := _spread(test):
         return spread
     residuals = f"residuals {test.residual_sum:.0f} of {test.expected:.0f}"
@@ -127,7 +127,7 @@ def _misfit(test: FitTest) -> str:
 
 
 def _spread(test: FitTest) -> str:
-    """Words on a spread of all pixels that is off; empty where it is not."""
+    """Part of a verdict on the standard deviation of all pixels; empty if it differs by 15 % or less."""
     ratio = test.sd_db / max(test.measured_sd_db, 1e-12)
     off = max(ratio, 1.0 / max(ratio, 1e-12)) > _SPREAD_RATIO
     return f"the simulated spread is {test.sd_db:.1f} dB, the measured {test.measured_sd_db:.1f}" if off else ""
@@ -138,21 +138,21 @@ def _off(difference_db: float) -> str:
 
 
 def all_fit(fits: Sequence[bool | None]) -> bool | None:
-    """Whether all laws fit: False if one does not, None if one could not be tested."""
+    """Whether all laws fit: False if any law does not fit, else None if any law could not be tested."""
     return False if False in fits else None if None in fits or not fits else True
 
 
 def first_line(verdicts: Mapping[str, str], fits: Mapping[str, bool | None], converged: bool) -> str:
-    """First line of terminal, summary and report.
+    """First line of terminal output, summary and report: a verdict on all materials.
 
     Parameters
     ----------
     verdicts : mapping
-        Sentence on each material.
+        Verdict on each material, as a sentence.
     fits : mapping
-        Whether its law fits.
+        Whether the law of each material fits.
     converged : bool
-        Whether the search has ended by its criterion.
+        Whether the search has met its stop criterion.
     """
     going = "" if converged else " The search has not met its stop criterion."
     if len(verdicts) == 1:
