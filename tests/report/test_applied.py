@@ -16,10 +16,10 @@ from radcal.assessment.preposterior import Sight
 from radcal.config import RegistrationConfig, load_forward, load_measured
 from radcal.errors import ConfigError, StoreError
 from radcal.measurement.model import Measurement
-from radcal.measurement.registration import Registered, write_registered
+from radcal.measurement.registration import Registered, registered_as, write_registered
 from radcal.radar.laws import LAWS, law_for
 from radcal.radar.texture import log_speckle_cumulants
-from radcal.report.applied import _conclusion, _table, apply, predictions, registered_as, where_seen, with_laws
+from radcal.report.applied import _conclusion, _table, apply, predictions, where_seen, with_laws
 from radcal.report.applied_figures import Prediction, draw_predictions
 
 LAW = law_for("tabulated", angles_deg=(20.0, 60.0))

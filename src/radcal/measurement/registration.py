@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config import RegistrationConfig
-from radcal.errors import MeasurementError
+from radcal.errors import MeasurementError, RadcalError
 from radcal.measurement.displacement import warp
 from radcal.measurement.gefolki import Flow, Level, find_flow, local_correlation, pyramid, rank_transform
 from radcal.measurement.model import Measurement
@@ -18,7 +18,15 @@ from radcal.measurement.spline_field import Prior
 from radcal.storage.layout import put, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
-__all__ = ["LEAST_CONTRAST_DB", "Registered", "contrast_db", "read_registered", "register", "write_registered"]
+__all__ = [
+    "LEAST_CONTRAST_DB",
+    "Registered",
+    "contrast_db",
+    "read_registered",
+    "register",
+    "registered_as",
+    "write_registered",
+]
 
 _SIGNIFICANT = 4.0  # standard errors
 _SMALLEST_PX = 64
@@ -318,3 +326,49 @@ def read_registered(path: str | Path) -> Registered:
     """Read a registered image that :func:`write_registered` wrote; raises the errors of :func:`.read_hdf5`."""
     with read_hdf5(path, "registered") as file:
         return take(file, Registered)
+
+
+def registered_as(
+    path: Path, predicted_db: NDArray[np.float32], found: Measurement, config: RegistrationConfig
+) -> tuple[Registered, str]:
+    """Registration of a measured image for the comparison with a predicted image.
+
+    If the case of the measured image has already registered this image with this method, that registration is taken.
+    Otherwise the measured image is registered onto the predicted one.
+
+    Parameters
+    ----------
+    path : path
+        ``registered.h5`` of the image's case, which need not exist.
+    predicted_db : ndarray, shape (rows, columns)
+        Predicted image [dB], onto which the measured image is registered if necessary.
+    found : Measurement
+        Measured image.
+    config : RegistrationConfig
+        Method and limits.
+
+    Returns
+    -------
+    registered : Registered
+        Registered measured image.
+    by : str
+        Words that name the simulated image onto which the measured image is registered.
+
+    Raises
+    ------
+    MeasurementError
+        The image has nothing in common with the predicted one.
+    """
+    why = ""
+    if path.is_file():
+        try:
+            stored = read_registered(path)
+            if stored.method != config.method:
+                why = f", not as in {path.parent}, whose registration.method was {stored.method}"
+            elif not np.array_equal(stored.unregistered_db, found.image_db, equal_nan=True):
+                why = f", not as in {path.parent}, which has registered another image"
+            else:
+                return stored, f"as in {path.parent}, onto the image at its start"
+        except RadcalError as error:
+            why = f", because the registration of its case cannot be used: {error}"
+    return register(predicted_db, found, config), f"onto the predicted image{why}"

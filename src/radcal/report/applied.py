@@ -14,13 +14,12 @@ from numpy.typing import NDArray
 from radcal.assessment.curves import Curves
 from radcal.assessment.posterior import Posterior
 from radcal.assessment.preposterior import Sight, sight_of
-from radcal.config import Case, Material, RegistrationConfig, TargetConfig, Uncertainty, stages
+from radcal.config import Case, Material, TargetConfig, Uncertainty, stages
 from radcal.config.limits import ALL_PIXELS
-from radcal.errors import ConfigError, RadcalError, StoreError
+from radcal.errors import ConfigError, StoreError
 from radcal.measurement.classes import class_of
-from radcal.measurement.model import Measurement
 from radcal.measurement.one_incidence import LEAST_SPAN_DEG
-from radcal.measurement.registration import Registered, read_registered, register
+from radcal.measurement.registration import registered_as
 from radcal.measurement.sources import make_measurement
 from radcal.radar.geometry import Geometry
 from radcal.radar.laws import Law
@@ -35,7 +34,7 @@ from radcal.scene.model import Scene
 from radcal.seeds import derived_rng
 from radcal.simulators.sources import make_simulator
 
-__all__ = ["COLUMNS", "apply", "predictions", "registered_as", "where_seen", "with_laws"]
+__all__ = ["COLUMNS", "apply", "predictions", "where_seen", "with_laws"]
 
 Doubles = NDArray[np.float64]
 
@@ -281,52 +280,6 @@ def _measured(case: Case | None, number: int, made: Forward, scene: Scene, out: 
     registered, by = registered_as(below / "registered.h5", made.image_db, found, one.registration)
     said = (f"pass {number}: {found.source}; {by}: {registered.verdict}", *found.notes)
     return _Pass(made.geometry, made.image_db, registered.measurement.image_db, said)
-
-
-def registered_as(
-    path: Path, predicted_db: NDArray[np.float32], found: Measurement, config: RegistrationConfig
-) -> tuple[Registered, str]:
-    """Registration of a measured image for the comparison with a predicted image.
-
-    If the case of the measured image has already registered this image with this method, that registration is taken.
-    Otherwise the measured image is registered onto the predicted one.
-
-    Parameters
-    ----------
-    path : path
-        ``registered.h5`` of the image's case, which need not exist.
-    predicted_db : ndarray, shape (rows, columns)
-        Predicted image [dB], onto which the measured image is registered if necessary.
-    found : Measurement
-        Measured image.
-    config : RegistrationConfig
-        Method and limits.
-
-    Returns
-    -------
-    registered : Registered
-        Registered measured image.
-    by : str
-        Words that name the simulated image onto which the measured image is registered.
-
-    Raises
-    ------
-    MeasurementError
-        The image has nothing in common with the predicted one.
-    """
-    why = ""
-    if path.is_file():
-        try:
-            stored = read_registered(path)
-            if stored.method != config.method:
-                why = f", not as in {path.parent}, whose registration.method was {stored.method}"
-            elif not np.array_equal(stored.unregistered_db, found.image_db, equal_nan=True):
-                why = f", not as in {path.parent}, which has registered another image"
-            else:
-                return stored, f"as in {path.parent}, onto the image at its start"
-        except RadcalError as error:
-            why = f", because the registration of its case cannot be used: {error}"
-    return register(predicted_db, found, config), f"onto the predicted image{why}"
 
 
 def _images(out: Path, number: int, case: stages.Forward, scene: Scene, one: _Pass) -> list[Path]:
