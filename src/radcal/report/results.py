@@ -41,6 +41,7 @@ from radcal.report.archive import (
 from radcal.report.fitted import Fitted
 from radcal.report.held_out_blocks import HeldOutBlocks, LeftOutFields
 from radcal.report.law_notes import law_notes
+from radcal.report.search_front import search_fronts
 from radcal.scene.model import Scene
 from radcal.storage.disclosure import disclosed
 from radcal.storage.runs import Record
@@ -95,6 +96,7 @@ def gather(
     """
     parameters = _final_parameters(case, history, targets)
     measurement, decision = registered.measurement, conclusion.decision
+    fronts = search_fronts(case, targets, history)
     return Archive(
         case=case.case,
         config=json.dumps(disclosed(_as_written(case, stop))),
@@ -122,6 +124,7 @@ def gather(
             name: replace(
                 _material(name, case, history, targets, conclusion, measurement.hidden.get(name)),
                 posterior=conclusion.posteriors.get(name),
+                front=fronts.get(name),
             )
             for name in targets
         },
@@ -144,7 +147,7 @@ def _pass_note(targets: Targets) -> list[str]:
     count = len(targets.passes)
     return [
         f"The laws are those of {count} passes together; densities, images, pixels and checks on held-out ground are "
-        "shown of pass 1. The field effects of a material are taken as independent from pass to pass."
+        "shown of pass 1. The effect of a field is one in all passes."
     ]
 
 

@@ -1,0 +1,73 @@
+"""Figure of the front of a search that minimises several objectives side by side."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from radcal.report.archive import Archive
+from radcal.report.colours import head
+from radcal.report.drawing import RUNS, Array, add_legend, new_canvas, short
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
+
+__all__ = ["front"]
+
+_LEAST = 1e-12  # sums of squares below this are drawn at it
+
+
+def front(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
+    """Figure of the first objective against each of the others: the front, the verified runs and the chosen one."""
+    found = case.materials[name].front
+    if found is None:
+        return None
+    others = range(1, len(found.objectives))
+    canvas = new_canvas(6.2, 0.8 + 4.4 * len(others))
+    panels = canvas.subplots(len(others), 1, squeeze=False)[:, 0]
+    for axes, other in zip(panels, others, strict=True):
+        _panel(axes, case, name, other)
+    head(panels[0], case, name, "front of the last search")
+    add_legend(canvas, panels[0].get_legend_handles_labels(), 3)
+    best = found.verified[case.materials[name].best]
+    each = ", ".join(f"{short(value)} ({of})" for value, of in zip(best, found.objectives, strict=True))
+    caption = (
+        f"NSGA-II minimises {len(found.objectives)} sums of squared residuals side by side. Line: its front in the "
+        "last iteration, as the surrogate predicts it; of two points of the front, each is better in one of the sums. "
+        "Least squares from the front's best point, the best run and further starts then minimise all residuals "
+        f"together. Markers: the runs. The chosen run has the sums {each}."
+    )
+    return canvas, caption, f"Front of the search for {name} with the runs and the chosen run, on logarithmic axes."
+
+
+def _panel(axes: Axes, case: Archive, name: str, other: int) -> None:
+    """Draw two of the objectives against each other."""
+    material = case.materials[name]
+    found = material.front
+    assert found is not None  # noqa: S101
+    line, runs = (np.maximum(values[:, [0, other]], _LEAST) for values in (found.predicted, found.verified))
+    line = line[np.argsort(line[:, 0], kind="stable")]
+    axes.plot(*line.T, color="black", linewidth=1.2, marker=".", markersize=4, label="front, predicted")
+    for kind, (label, style) in RUNS.items():
+        x, y = runs[(case.runs.kind == kind) & np.isfinite(runs).all(axis=1)].T
+        if x.size:
+            axes.scatter(x, y, label=label, edgecolors="black", linewidths=0.4, zorder=3, **style)
+    x, y = runs[[material.best]].T
+    axes.scatter(
+        x, y, label="chosen run", marker="o", s=190, facecolors="none", edgecolors="black", linewidths=1.6, zorder=4
+    )
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xlim(*_limits(np.concatenate([line, runs])[:, 0]))
+    axes.set_ylim(*_limits(np.concatenate([line, runs])[:, 1]))
+    axes.set_xlabel(f"squared residuals: {found.objectives[0]}")
+    axes.set_ylabel(f"squared residuals: {found.objectives[other]}")
+
+
+def _limits(values: Array) -> tuple[float, float]:
+    """Ends of a logarithmic axis: all finite values, with half a decade at least about their middle."""
+    log = np.log10(values[np.isfinite(values)])
+    middle, reach = 0.5 * (log.min() + log.max()), max(0.5, 0.55 * float(np.ptp(log)))
+    return float(10.0 ** (middle - reach)), float(10.0 ** (middle + reach))
