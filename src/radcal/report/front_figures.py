@@ -37,13 +37,16 @@ def front(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
         f"NSGA-II minimises {len(found.objectives)} sums of squared residuals side by side. Line: its front in the "
         "last iteration, as the surrogate predicts it; of two points of the front, each is better in one of the sums. "
         "Least squares from the front's best point, the best run and further starts then minimise all residuals "
-        f"together. Markers: the runs. The chosen run has the sums {each}."
+        "together, so that runs may lie below the front. Markers: the runs. "
+        f"The chosen run has the sums {each}."
     )
     return canvas, caption, f"Front of the search for {name} with the runs and the chosen run, on logarithmic axes."
 
 
 def _panel(axes: Axes, case: Archive, name: str, other: int) -> None:
     """Draw two of the objectives against each other."""
+    from matplotlib.ticker import LogLocator, NullLocator
+
     material = case.materials[name]
     found = material.front
     assert found is not None  # noqa: S101
@@ -60,6 +63,10 @@ def _panel(axes: Axes, case: Archive, name: str, other: int) -> None:
     )
     axes.set_xscale("log")
     axes.set_yscale("log")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_locator(NullLocator())
     axes.set_xlim(*_limits(np.concatenate([line, runs])[:, 0]))
     axes.set_ylim(*_limits(np.concatenate([line, runs])[:, 1]))
     axes.set_xlabel(f"squared residuals: {found.objectives[0]}")
