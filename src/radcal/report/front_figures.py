@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["front"]
 
 _LEAST = 1e-12  # sums of squares below this are drawn at it
+_WIDE = 300.0  # ratio of an axis' ends from which on only powers of ten are labelled
 
 
 def front(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
@@ -61,14 +62,13 @@ def _panel(axes: Axes, case: Archive, name: str, other: int) -> None:
     axes.scatter(
         x, y, label="chosen run", marker="o", s=190, facecolors="none", edgecolors="black", linewidths=1.6, zorder=4
     )
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    shown = np.concatenate([line, runs])
+    axes.set(xscale="log", yscale="log", xlim=_limits(shown[:, 0]), ylim=_limits(shown[:, 1]))
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        low, high = axis.get_view_interval()
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < _WIDE * low else (1.0,)))
         axis.set_major_formatter("{x:g}")
         axis.set_minor_locator(NullLocator())
-    axes.set_xlim(*_limits(np.concatenate([line, runs])[:, 0]))
-    axes.set_ylim(*_limits(np.concatenate([line, runs])[:, 1]))
     axes.set_xlabel(f"squared residuals: {found.objectives[0]}")
     axes.set_ylabel(f"squared residuals: {found.objectives[other]}")
 
