@@ -382,6 +382,7 @@ def test_the_front_is_drawn_with_the_runs_and_the_chosen_one(made):
     with mpl.rc_context(drawing.STYLE):
         canvas, caption, _ = front(case, "dyke")
         assert drawn(canvas) == []
+    assert "of which 4 lie outside of the axes" in caption
     for axes, other in zip(canvas.axes, (1, 2), strict=True):
         (line,) = axes.lines
         np.testing.assert_array_equal(line.get_xydata(), predicted[[1, 0, 2]][:, [0, other]])

@@ -81,7 +81,7 @@ def test_a_pass_added_later_reuses_all_runs_and_a_kill_loses_none(project, monke
         front = file["materials/field/front"]
         assert front.attrs["objectives"].tolist() == ["pass 1", "pass 2"]
         assert front["verified"].shape == (len(file["runs/key"]), 2)
-        assert len(front["predicted"]) > 5
+        assert len(front["predicted"]) > 1
     exported = radcal.open(project.out())
     assert {"calibrated_pass2", "difference_pass2", "incidence_pass2", "mask_pass2"} <= set(exported.images)
     fresh = read_index(project.out() / "final.json")[3].key
