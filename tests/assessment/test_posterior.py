@@ -69,7 +69,7 @@ def test_error_of_the_noise_floor_widens_the_band_of_dark_ground():
 def test_residuals_are_those_of_the_objective():
     bins = made_bins(LAWS["mangia"], MANGIA_BOX, MANGIA_X, error_deg=3.0)
     model = made_model(bins)
-    evidence = model.evidence[0]
+    evidence = model.evidence
     x = np.array([[-20.0, 10.0, 5.0, 6.0]])
     levels = model.curves(x)
     simulated = evidence.baseline(levels)
@@ -83,7 +83,7 @@ def test_residuals_are_those_of_the_objective():
 
 
 def test_the_log_determinant_counts():
-    evidence = made_model(made_bins(), field_db=1.0).evidence[0]
+    evidence = made_model(made_bins(), field_db=1.0).evidence
     zero = np.zeros((1, evidence.size, 3))
     simulated = zero + evidence.compared.statistics
     found = [evidence.log_likelihood(simulated, np.full((1, 3), error), None, unknowns()) for error in (0.0, 5.0)]
@@ -93,7 +93,7 @@ def test_the_log_determinant_counts():
 
 def test_the_table_of_fields_is_interpolated_in_both_directions():
     """A plane is met everywhere, with other slopes in both directions."""
-    evidence = made_model(made_bins()).evidence[0]
+    evidence = made_model(made_bins()).evidence
     evidence._spread = 3.0 * GRID_DB[:, None] - 5.0 * GRID_DB[None, :]
     at = replace(unknowns(3), between_db=np.array([0.0, 1.23, 5.9]), within_db=np.array([0.7, 0.31, 0.0]))
     np.testing.assert_allclose(evidence._of_fields(at), [-3.5, 3.69 - 1.55, 17.7], atol=0.02)
@@ -102,7 +102,7 @@ def test_the_table_of_fields_is_interpolated_in_both_directions():
 def test_a_second_sensor_has_other_looks_at_the_same_texture():
     """As texture leaves 2 of 4 looks in the first pass, it leaves fewer than half of 16."""
     bins = made_bins()
-    first, second = (Evidence(bins, Budget(0.0, 0.5, 0.0, 0.0, 0.0), sensor) for sensor in (4.0, 16.0))
+    first, second = (Evidence([bins], Budget(0.0, 0.5, 0.0, 0.0, 0.0), sensor) for sensor in (4.0, 16.0))
     same, other = (
         one.difference(np.asarray(bins.baseline(LINE_X))[None], None, unknowns(looks=2.0)) for one in (first, second)
     )
@@ -114,6 +114,23 @@ def test_a_second_sensor_has_other_looks_at_the_same_texture():
         wanted = moved + speckle - first.compared.statistics[:, 0]
         np.testing.assert_allclose(found[0, :n], wanted, atol=2e-3)
     assert equal_texture(16.0, 2.0, 4.0) < 1.9
+
+
+def test_an_effect_of_a_field_counts_once_in_two_passes():
+    """A level that is off by 1 dB in both passes is one effect of the field, of 1.5 dB; opposed levels are none."""
+    bins, budget, at = made_bins(fields=1), Budget(0.0, 0.5, 0.0, 0.0, 0.0), unknowns(between_db=1.5)
+    measured = bins.compared().statistics
+
+    def squares(*levels_db: float) -> float:
+        evidence = Evidence([bins] * len(levels_db), budget, 4.0)
+        simulated = np.concatenate([measured + [level, 0.0, 0.0] for level in levels_db])[None]
+        found, _ = evidence.whitened(evidence.difference(simulated, None, at), np.zeros((1, 3)), at)
+        return float((found**2).sum())
+
+    single = squares(1.0) - squares(0.0)
+    assert single == pytest.approx(1.0 / 1.5**2, rel=0.15)
+    assert squares(1.0, 1.0) - squares(0.0, 0.0) == pytest.approx(single, rel=0.05)
+    assert squares(1.0, -1.0) - squares(0.0, 0.0) > 20.0 * single
 
 
 def test_points_of_the_prior_have_its_laws():

@@ -21,8 +21,10 @@ from radcal.report import figures as module
 from radcal.report.archive import Fidelity, Images
 from radcal.report.fidelity_figures import differences, fidelity
 from radcal.report.figures import write_figures
+from radcal.report.front_figures import front
 from radcal.report.held_out_figures import held_out
 from radcal.report.law_figures import cost, law
+from radcal.report.search_front import SearchFront
 from radcal.scene.objects import Objects
 
 HIDDEN = [6.1, 14.2, 21.5, 3.3]
@@ -371,6 +373,32 @@ def test_a_surrogate_is_judged_by_verified_minus_predicted():
     error = np.array([[[0.5, 0.1, 2.0]], [[0.0, 0.0, 0.0]]])
     found = differences(Fidelity(np.zeros(2), np.zeros(2), one, error, one + 1.0, np.zeros((2, 3))))
     np.testing.assert_allclose(found, [[[2.0, 10.0, 0.5]], [[np.nan] * 3]])
+
+
+def test_the_front_is_drawn_with_the_runs_and_the_chosen_one(made):
+    """Of three objectives, the first against each of the others; a run of another law has no place."""
+    case = made.archive
+    assert front(case, "dyke") is None
+    count = case.runs.kind.size
+    verified = np.geomspace(900.0, 9.0, 3 * count).reshape(count, 3)
+    verified[0] = np.nan
+    predicted = np.array([[4.0, 9.0, 20.0], [2.0, 30.0, 10.0], [8.0, 5.0, 5.0]])
+    names = ("pass 1", "pass 2", "pass 4")
+    found = SearchFront(names, np.ones((3, 4)), np.full(3, 2.5), predicted, verified)
+    case = changed_material(case, "dyke", front=found, best=count - 1)
+    with mpl.rc_context(drawing.STYLE):
+        canvas, caption, _ = front(case, "dyke")
+        assert drawn(canvas) == []
+    assert "of which 4 lie outside of the axes" in caption
+    for axes, other in zip(canvas.axes, (1, 2), strict=True):
+        (line,) = axes.lines
+        np.testing.assert_array_equal(line.get_xydata(), predicted[[1, 0, 2]][:, [0, other]])
+        dots = {one.get_label(): one.get_offsets().data for one in axes.collections}
+        np.testing.assert_array_equal(dots["chosen run"], verified[-1:, [0, other]])
+        np.testing.assert_array_equal(dots["infill"], verified[case.runs.kind == "infill"][:, [0, other]])
+        assert "reference (start)" not in dots
+        assert axes.get_ylabel() == f"squared residuals: {names[other]}"
+    assert f"the sums {verified[-1, 0]:.2g} (pass 1), {verified[-1, 1]:.2g} (pass 2)" in caption
 
 
 def test_the_truth_is_subtracted_from_the_law_found(made):

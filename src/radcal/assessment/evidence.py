@@ -1,18 +1,22 @@
-"""Log likelihood of the incidence-angle bins of one pass, for many points of X and the other unknowns at once."""
+"""What the bins of all passes say of a law: log likelihood of many X, looks and errors at once."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from radcal.assessment.budget import Budget
 from radcal.assessment.compiled_bins import cumulants_at, shifted_cumulants, whitened
 from radcal.assessment.curves import PER_DEG
+from radcal.calibration.incidence_error import LEAST_SHARE
 from radcal.calibration.misfit import BinMisfit
 from radcal.calibration.moments import from_cumulants, to_cumulants
 from radcal.calibration.objectives.objective import Objective
+from radcal.calibration.shared_fields import together
 from radcal.measurement.classes import class_of, incidence_edges
 from radcal.measurement.ground import Ground
 from radcal.measurement.patches import GRID_DB, Residuals, Spread, spread_log_likelihood
@@ -22,9 +26,8 @@ __all__ = ["Evidence", "Unknowns"]
 
 Doubles = NDArray[np.float64]
 
-_EVERY = 3  # every third angle of a bin is enough for the change of its cumulants by an error of the incidence
-_HERMITE = (np.arange(5) - 2.0) / np.sqrt(2.0)  # points with the first three moments of a standard normal law
-_LEAST_SHARE = 0.1  # least attenuation, as in radcal.calibration.incidence_error.attenuation
+_EVERY = 3  # of the angles that stand for a bin: enough for the change by an error of the incidence
+_HERMITE = (np.arange(5) - 2.0) / np.sqrt(2.0)  # points of a normal law with its first three moments
 _LOOKS_TABLE = 200
 _KNOWN = 1e-6  # prior information on the level of a bin [1/dB^2]: practically none
 
@@ -51,13 +54,8 @@ class Unknowns:
     point_spread: Doubles
 
 
-class Evidence:
-    """Likelihood of the incidence-angle bins of one material in one pass.
-
-    The likelihood is normal in the means, log standard deviations and skewnesses of all bins. The covariance of bins is
-    the sum of that of :class:`radcal.calibration.misfit.BinMisfit`, of the variances of the level and of the noise
-    floor, and of the variance of the surrogate. The covariance depends on the unknowns, so that its
-    determinant is part of the likelihood.
+class _Pass:
+    """What is expected of the bins of one material in one pass.
 
     Parameters
     ----------
@@ -77,34 +75,33 @@ class Evidence:
         self.decibels = material.decibels
         self.curve = material.law.has_curve and material.decibels
         misfit = BinMisfit.of(compared.ground, compared.classes, compared.method, Spread(0.0, 0.0))
-        self._measured = compared.statistics.T.ravel()
-        n = self.size
-        self._patches = misfit.patch_share @ misfit.patch_share.T
-        self._cells = misfit.cell_share @ misfit.cell_share.T
-        self._log_sds = misfit.log_sds
+        self.misfit = misfit
         self._inside = [1.0 - (share**2).sum(axis=1) for share in (misfit.patch_share, misfit.cell_share)]
-        if self.decibels:
-            self._base = misfit.covariance.copy()
-            self._base[:n, :n] += budget.level_db**2
-            power_db = compared.statistics[:, 0] - log_speckle_cumulants(material.looks)[0]
-            of_noise = budget.noise_errors_db(power_db, material.target.noise_db)
-            self._base[:n, :n] += np.multiply.outer(of_noise, of_noise)
-            self._spread = _spread_table(compared.ground)
-        else:  # values of normalised images: covariance of the moments of a normal sample
-            self._base = np.diag((part.scale.T.ravel() ** 2) / np.repeat(compared.classes.effective, 3))
-            self._spread = np.zeros((GRID_DB.size, GRID_DB.size))
         nodes = part.expected.nodes_deg if part.expected is not None else compared.classes.nodes_deg
         self._nodes, self._few = np.ascontiguousarray(nodes), np.ascontiguousarray(nodes[:, _EVERY // 2 :: _EVERY])
         mapped = compared.ground.incidence_deg
         self._mean_deg, self._variance = float(mapped.mean()), max(float(np.var(mapped)), 1e-12)
-        self._stated = np.broadcast_to(np.asarray(compared.method.incidence_error_deg, dtype=np.float64), (n,))
+        self._stated = np.broadcast_to(np.asarray(compared.method.incidence_error_deg, dtype=np.float64), (self.size,))
         self._rms = np.sqrt(np.mean(self._stated**2, keepdims=True))
         if compared.ground.error_deg is not None:  # each pixel has a standard error of its own
             square, classes = compared.ground.error_deg**2, compared.classes
-            self._stated = np.sqrt(np.bincount(classes.member, square, n) / classes.count)
+            self._stated = np.sqrt(np.bincount(classes.member, square, self.size) / classes.count)
             self._rms = np.sqrt(np.mean(square, keepdims=True))
         self._looks = _looks_table(sensor, material.looks)
         self.has_baseline = part.expected is not None
+
+    @property
+    def of_level(self) -> Doubles:
+        """Covariance of the means by the errors of the level and of the noise floor, shape (n, n) [dB^2]."""
+        material = self.part.material
+        power_db = self.compared.statistics[:, 0] - log_speckle_cumulants(material.looks)[0]
+        of_noise = self.budget.noise_errors_db(power_db, material.target.noise_db)
+        return np.asarray(self.budget.level_db**2 + np.multiply.outer(of_noise, of_noise))
+
+    @property
+    def of_sample(self) -> Doubles:
+        """Variances of mean, log sd and skewness of a normal sample, shape (n, 3), for values of normalised images."""
+        return np.asarray(self.part.scale**2 / self.compared.classes.effective[:, None])
 
     def baseline(self, levels_db: Doubles) -> Doubles:
         """Statistics of n bins by law, speckle and noise alone, shape (m, n, 3), from m curves, shape (m, 361)."""
@@ -118,14 +115,14 @@ class Evidence:
         error = self.budget.incidence_error_deg(self._stated, unknowns.incidence)
         # same formula as in radcal.calibration.incidence_error.attenuation
         rms = self.budget.incidence_error_deg(self._rms, unknowns.incidence)
-        of_true = np.maximum(self._variance - rms**2, _LEAST_SHARE * self._variance)
-        share = np.maximum(of_true / (of_true + error**2), _LEAST_SHARE)
+        of_true = np.maximum(self._variance - rms**2, LEAST_SHARE * self._variance)
+        share = np.maximum(of_true / (of_true + error**2), LEAST_SHARE)
         slope = share * self.budget.steepening(unknowns.point_spread)[:, None]
         spread = error * np.sqrt(share) * PER_DEG
         return shifted_cumulants(levels_db, self._few * PER_DEG, self._mean_deg * PER_DEG, slope, spread, _HERMITE)
 
     def difference(self, simulated: Doubles, levels_db: Doubles | None, unknowns: Unknowns) -> Doubles:
-        """Expected minus measured means, log standard deviations and skewnesses, shape (m, 3 n)."""
+        """Expected minus measured statistics of simulated ones, shape (m, n, 3)."""
         cumulants = to_cumulants(simulated)
         found = cumulants
         if self.decibels:
@@ -137,7 +134,58 @@ class Evidence:
             fields = np.multiply.outer(unknowns.between_db**2, self._inside[0])
             fields = fields + np.multiply.outer(unknowns.within_db**2, self._inside[1])
             found[..., 1] = np.maximum(found[..., 1] + fields, 1e-3 * cumulants[..., 1])
-        return np.asarray(np.swapaxes(from_cumulants(found), 1, 2).reshape(len(found), -1) - self._measured)
+        return np.asarray(from_cumulants(found) - self.compared.statistics)
+
+
+class Evidence:
+    """Likelihood of the bins of one material in all passes.
+
+    Normal in mean, log sd and skewness of all bins. The covariance is that of
+    :class:`radcal.calibration.misfit.BinMisfit`, where passes share their fields
+    (:func:`radcal.calibration.shared_fields.together`), with the variance of each pass's level, which is common to all
+    of its means, and with the error of the surrogate; its log-determinant counts, because it depends on the unknowns.
+
+    Parameters
+    ----------
+    parts : sequence of Objective
+        Of each pass.
+    budget : Budget
+        Standard errors.
+    sensor : float
+        Looks of the sensor in the first pass.
+    """
+
+    def __init__(self, parts: Sequence[Objective], budget: Budget, sensor: float) -> None:
+        self.passes = [_Pass(part, budget, sensor) for part in parts]
+        self.compared, self.decibels = self.passes[0].compared, self.passes[0].decibels
+        self._ends = np.cumsum([one.size for one in self.passes])
+        n = self.size = int(self._ends[-1])
+        misfit = together([one.misfit for one in self.passes])
+        self._patches = misfit.patch_share @ misfit.patch_share.T
+        self._cells = misfit.cell_share @ misfit.cell_share.T
+        self._log_sds = misfit.log_sds
+        if self.decibels:
+            self._base = misfit.covariance.copy()
+            self._base[:n, :n] += block_diag(*(one.of_level for one in self.passes))
+            self._spread = _spread_table([one.compared.ground for one in self.passes])
+        else:
+            self._base = np.diag(np.concatenate([one.of_sample for one in self.passes]).T.ravel())
+            self._spread = np.zeros((GRID_DB.size, GRID_DB.size))
+
+    @property
+    def has_baseline(self) -> bool:
+        """Whether every pass has a baseline."""
+        return all(one.has_baseline for one in self.passes)
+
+    def baseline(self, levels_db: Doubles) -> Doubles:
+        """Statistics that law, speckle and noise have, from curves (m, 361) to (m, n, 3)."""
+        return np.concatenate([one.baseline(levels_db) for one in self.passes], axis=1)
+
+    def difference(self, simulated: Doubles, levels_db: Doubles | None, unknowns: Unknowns) -> Doubles:
+        """Expected minus measured statistics, all means, log sds and skewnesses: (m, n, 3) to (m, 3 n)."""
+        each = zip(self.passes, np.split(simulated, self._ends[:-1], axis=1), strict=True)
+        found = np.concatenate([one.difference(own, levels_db, unknowns) for one, own in each], axis=1)
+        return np.ascontiguousarray(np.swapaxes(found, 1, 2)).reshape(len(found), -1)
 
     def whitened(self, difference: Doubles, error: Doubles, unknowns: Unknowns) -> tuple[Doubles, Doubles]:
         """Differences whitened by their covariance, and half the logarithm of the determinant of this covariance.
@@ -176,18 +224,25 @@ class Evidence:
         return np.asarray((1.0 - a) * low + a * high)
 
 
-def _spread_table(ground: Ground) -> Doubles:
-    """Log likelihood of the standard deviations between and within fields, on the grid ``GRID_DB`` of both.
+def _spread_table(grounds: Sequence[Ground]) -> Doubles:
+    """Log likelihood of the fields' standard deviations from cells that share a bin, on the grid of both.
 
-    Each bin has a free level in place of the law, so that only differences between cells of one bin determine these
-    standard deviations. The differences between cells are independent of the means of the bins, which enter the rest of
-    the likelihood, and a wrong law does not affect them.
+    A free level of each bin of each pass takes the place of the law: these contrasts are independent of the means of
+    the bins, which the rest of the likelihood is about, and know of no law that might be wrong. Cells of several passes
+    that lie in one field share its effect.
     """
-    edges = incidence_edges(ground.incidence_deg, "auto")
-    member, cells = class_of(ground.incidence_deg, edges), ground.cells
-    slopes = cells.mean((member[:, None] == np.arange(len(edges) - 1)).astype(np.float64))
+    slopes = []
+    for ground in grounds:
+        edges = incidence_edges(ground.incidence_deg, "auto")
+        member = class_of(ground.incidence_deg, edges)
+        slopes.append(ground.cells.mean((member[:, None] == np.arange(len(edges) - 1)).astype(np.float64)))
+    of_bins = block_diag(*slopes)
     data = Residuals(
-        cells.mean(ground.values_db), ground.sampling, cells.patch, slopes, _KNOWN * np.eye(slopes.shape[1])
+        np.concatenate([ground.cells.mean(ground.values_db) for ground in grounds]),
+        np.concatenate([ground.sampling for ground in grounds]),
+        np.concatenate([ground.cells.patch for ground in grounds]),
+        of_bins,
+        _KNOWN * np.eye(of_bins.shape[1]),
     )
     table = spread_log_likelihood(data)
     return np.asarray(table - table.max())

@@ -19,6 +19,7 @@ from radcal.calibration.history import Score
 from radcal.calibration.law_fit import LOOKS, Residuals
 from radcal.calibration.misfit import BinMisfit
 from radcal.calibration.objectives import Comparison
+from radcal.calibration.shared_fields import SharedFields
 from radcal.radar.texture import equal_texture
 
 __all__ = ["DOUBTFUL_SPREAD_DB", "FitTest", "Linearised", "check_fit", "linearised"]
@@ -162,29 +163,19 @@ def linearised(
     return Linearised(at(middle), jacobian, np.linalg.inv(jacobian.T @ jacobian + known), known)
 
 
-@dataclass(frozen=True)
-class _Pass:
-    """Bins of one pass, their residuals as a function of X and of the looks in this pass, and looks of the sensor."""
+def _all_passes(comparison: Comparison, score: Score) -> tuple[BinMisfit, Residuals] | None:
+    """Bins of all passes with their residuals by X and the looks in the first; None without bins.
 
-    moments: BinMisfit
-    residuals: Residuals
-    sensor: float
-
-
-def _passes(comparison: Comparison, score: Score) -> list[_Pass]:
-    """Passes whose target has incidence-angle bins."""
-    each = [(part, comparison.in_pass(k, score)) for k, part in enumerate(comparison.passes) if part is not None]
-    return [
-        _Pass(part.moments, part.moment_residuals(one), part.material.looks)
-        for part, one in each
-        if part.moments is not None
-    ]
-
-
-def _all_passes(passes: list[_Pass], sensor: float) -> Residuals:
-    """Residuals of all passes as a function of X and of the looks in the first pass; the passes share one texture."""
-    return lambda x, looks: np.concatenate(
-        [one.residuals(x, equal_texture(sensor, looks, one.sensor)) for one in passes]
+    Texture and fields are shared.
+    """
+    parts = [(k, part) for k, part in enumerate(comparison.passes) if part is not None]
+    moments = [part.moments for _, part in parts if part.moments is not None]
+    if not moments:
+        return None
+    shared, sensor = SharedFields(moments), comparison.material.looks
+    each = [(part.material.looks, part.moment_residuals(comparison.in_pass(k, score))) for k, part in parts]
+    return shared.joined, lambda x, looks: shared.residuals(
+        [residuals(x, equal_texture(sensor, looks, there)) for there, residuals in each]
     )
 
 
@@ -233,33 +224,32 @@ def check_fit(
     of parametric replicates.
     """
     simulated, measured = pixels_db
-    moments = (float(np.mean(simulated) - np.mean(measured)), float(np.std(simulated)), float(np.std(measured)))
-    passes = _passes(comparison, score)
-    if not passes:
-        return FitTest(None, *(float("nan"),) * 6, *moments, "", (), distance)
-    found = _linearised(comparison, score, passes)
-    disturbance = np.concatenate([one.moments.replicates(REPLICATES, rng) for one in passes], axis=1)
-    total = float(found.residuals @ found.residuals)
-    of_means = np.concatenate([np.arange(3 * one.moments.classes.size) < one.moments.classes.size for one in passes])
-    sums = _sums(found.refitted(disturbance, rng), of_means)
-    if not comparison.material.law.has_curve:  # all searched values count as determined by the pixels
+    levels = (float(np.mean(simulated) - np.mean(measured)), float(np.std(simulated)), float(np.std(measured)))
+    bins = _all_passes(comparison, score)
+    if bins is None:
+        return FitTest(None, *(float("nan"),) * 6, *levels, "", (), distance)
+    moments, residuals = bins
+    found = _linearised(comparison, score, residuals)
+    total, n = float(found.residuals @ found.residuals), moments.classes.size
+    sums = _sums(found.refitted(moments.replicates(REPLICATES, rng), rng), n)
+    if not comparison.material.law.has_curve:  # all searched values are taken for determined by the pixels
         searched = len(comparison.material.box) + comparison.free_looks
         if searched >= found.residuals.size:  # no degree of freedom is left
-            return FitTest(None, *(float("nan"),) * 6, *moments, "", (), distance)
+            return FitTest(None, *(float("nan"),) * 6, *levels, "", (), distance)
         sums, expected = sums * (1.0 - searched / found.residuals.size), found.expected - searched
     else:
         expected = found.expected
-    p = _p(sums, _sums(found.residuals, of_means))
-    worst, matters = _worst(passes, found.residuals)
+    p = _p(sums, _sums(found.residuals, n))
+    worst, matters = _worst(moments, found.residuals)
     looks_limit, bounds = _limits(comparison, score, found, names)
     fits = not (p < LEVEL and matters) and not looks_limit
-    return FitTest(fits, total, expected, p, *worst, *moments, looks_limit, bounds, distance)
+    return FitTest(fits, total, expected, p, *worst, *levels, looks_limit, bounds, distance)
 
 
-def _sums(residuals: Doubles, of_means: NDArray[np.bool_]) -> Doubles:
-    """Sums of squares of all residuals, and of the residuals of the means alone, shape (..., m) to (..., 2)."""
-    # whitening by a Cholesky factor mixes no other statistic into the means, which come first
-    return np.stack([(residuals**2).sum(axis=-1), (residuals[..., of_means] ** 2).sum(axis=-1)], axis=-1)
+def _sums(residuals: Doubles, n: int) -> Doubles:
+    """Sums of squares of all residuals, and of those of the n means, shape (..., m) to (..., 2)."""
+    # whitening by Cholesky's factor leaves the first statistic, the means, to themselves
+    return np.stack([(residuals**2).sum(axis=-1), (residuals[..., :n] ** 2).sum(axis=-1)], axis=-1)
 
 
 def _p(replicates: Doubles, found: Doubles) -> float:
@@ -271,10 +261,9 @@ def _p(replicates: Doubles, found: Doubles) -> float:
     return float(np.mean(least <= least[0]))
 
 
-def _linearised(comparison: Comparison, score: Score, passes: list[_Pass]) -> Linearised:
-    """Linearised fit of all passes; for a law without a curve, the residuals without derivatives."""
+def _linearised(comparison: Comparison, score: Score, residuals: Residuals) -> Linearised:
+    """Linearised fit of all passes; without a law's curve the residuals alone."""
     material, x = comparison.material, np.asarray(score.parameters, dtype=np.float64)
-    residuals = _all_passes(passes, material.looks)
     if not material.law.has_curve:
         at, nothing = residuals(x, score.looks), np.empty((0, 0))
         return Linearised(at, np.empty((at.size, 0)), nothing, nothing)
@@ -283,12 +272,9 @@ def _linearised(comparison: Comparison, score: Score, passes: list[_Pass]) -> Li
     return linearised(residuals, x, score.looks, material.box, sensor, information)
 
 
-def _worst(passes: list[_Pass], residuals: Doubles) -> tuple[tuple[float, float, float], bool]:
-    """Incidence [deg], mean difference [dB] and ratio of spreads in the worst bin, and whether its misfit matters."""
-    ends = np.cumsum([3 * one.moments.classes.size for one in passes])[:-1]
-    split = np.split(residuals, ends)
-    difference = np.concatenate([one.moments.differences(own) for one, own in zip(passes, split, strict=True)])
-    middle = np.concatenate([one.moments.classes.nodes_deg.mean(axis=1) for one in passes])
+def _worst(moments: BinMisfit, residuals: Doubles) -> tuple[tuple[float, float, float], bool]:
+    """Incidence [deg], mean difference [dB] and ratio of spreads of the worst bin, and whether its misfit matters."""
+    difference, middle = moments.differences(residuals), moments.classes.nodes_deg.mean(axis=1)
     size = np.maximum(np.abs(difference[:, 0]) / MEAN_DB, np.abs(difference[:, 1]) / np.log1p(SPREAD))
     k = int(size.argmax())
     return (float(middle[k]), float(difference[k, 0]), float(np.exp(difference[k, 1]))), bool(size[k] > 1.0)

@@ -58,8 +58,8 @@ class Model:
         self.names, self.d = material.law.names, len(material.box)
         self.budget = Budget.of(config, levels)
         parts = [part for part in objective.passes if part is not None]
-        self.evidence = [Evidence(part, self.budget, material.looks) for part in parts]
-        first = self.evidence[0].compared
+        self.evidence = Evidence(parts, self.budget, material.looks)
+        first = self.evidence.compared
         self.prior, self._looks_prior = first.prior, first.looks_prior and material.decibels
         self._prior_rad = np.radians(self.prior.angles_deg if self.prior is not None else [])
         self.free_looks = first.method.free_looks and material.decibels
@@ -163,9 +163,7 @@ class Model:
         """Predicted statistics of n bins, (m, n, 3), their standard errors, (m, 3), and curves of sigma0, (m, 361)."""
         unit = self.surrogate.snapped(points[:, : self.d])
         levels = self.curves(self.parameters(points)) if self.curves is not None else None
-        baseline = None
-        if levels is not None and all(one.has_baseline for one in self.evidence):
-            baseline = np.concatenate([one.baseline(levels) for one in self.evidence], axis=1)
+        baseline = self.evidence.baseline(levels) if levels is not None and self.evidence.has_baseline else None
         return self.surrogate.predict(unit, baseline), self.surrogate.error(unit), levels
 
     def log_likelihood(self, points: Doubles) -> Doubles:
@@ -175,10 +173,7 @@ class Model:
 
     def _log_likelihood(self, points: Doubles) -> Doubles:
         simulated, error, levels = self._simulated(points)
-        at = self.unknowns(points)
-        ends = np.cumsum([one.size for one in self.evidence])[:-1]
-        each = zip(self.evidence, np.split(simulated, ends, axis=1), strict=True)
-        return np.asarray(sum(one.log_likelihood(found, error, levels, at) for one, found in each))
+        return self.evidence.log_likelihood(simulated, error, levels, self.unknowns(points))
 
     def _whitened(self, points: Doubles, centre: Doubles) -> Doubles:
         """Residuals of data and curve prior, whitened by the covariance at the point ``centre``, shape (m, k)."""
@@ -186,10 +181,7 @@ class Model:
         same = np.repeat(centre[None], len(points), axis=0)
         _, error, _ = self._simulated(same)
         at, there = self.unknowns(points), self.unknowns(same)
-        ends = np.cumsum([one.size for one in self.evidence])[:-1]
-        columns = []
-        for one, found in zip(self.evidence, np.split(simulated, ends, axis=1), strict=True):
-            columns.append(one.whitened(one.difference(found, levels, at), error, there)[0])
+        columns = [self.evidence.whitened(self.evidence.difference(simulated, levels, at), error, there)[0]]
         if self.prior is not None and self.curves is not None:
             x = self.parameters(points)
             columns.append(self.prior.of_curves(self.curves(x, self._prior_rad), x))

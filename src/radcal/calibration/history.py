@@ -14,6 +14,7 @@ from radcal.errors import StoreError
 from radcal.storage.records import read_json, write_json
 
 __all__ = [
+    "Front",
     "History",
     "Kind",
     "PassScore",
@@ -27,6 +28,25 @@ __all__ = [
 ]
 
 Kind = Literal["reference", "reused", "design", "infill"]
+
+
+@dataclass(frozen=True)
+class Front:
+    """Front of NSGA-II's last population, where it minimises several objectives: none of its points beats another.
+
+    Attributes
+    ----------
+    parameters : list of list of float
+        X of f points, shape (f, d), the least sum of objectives first.
+    looks : list of float
+        Their effective numbers of looks.
+    objectives : list of list of float
+        Their objectives as the surrogate predicts them, shape (f, p).
+    """
+
+    parameters: list[list[float]] = field(default_factory=list)
+    looks: list[float] = field(default_factory=list)
+    objectives: list[list[float]] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -54,6 +74,8 @@ class Proposal:
         Statistics predicted at the proposal, and their kriging standard deviations, shape (n, 3).
     q2 : list of float or None
         Leave-one-out Q2 of the surrogate for mean, log sd and skewness; None if it is undefined, as for a single run.
+    front : Front
+        Front of the search; empty if there is one objective.
     """
 
     parameters: list[float]
@@ -65,6 +87,7 @@ class Proposal:
     statistics: list[list[float]] = field(default_factory=list)
     errors: list[list[float]] = field(default_factory=list)
     q2: list[float | None] = field(default_factory=list)
+    front: Front = field(default_factory=Front)
 
 
 @dataclass(frozen=True)
@@ -257,7 +280,7 @@ def read_runs(paths: Iterable[str | Path]) -> History:
                 "make it again (finished runs are kept)."
             )
         scores = {name: _score(item) for name, item in data.pop("scores").items()}
-        proposals = {name: Proposal(**item) for name, item in data.pop("proposals").items()}
+        proposals = {name: _proposal(item) for name, item in data.pop("proposals").items()}
         return Run(**data, scores=scores, proposals=proposals)
 
     return History(parse(path, data) for path in paths for data in read_json(path))
@@ -268,6 +291,10 @@ def _score(data: dict[str, Any]) -> Score:
     return Score(**data, further=further)
 
 
+def _proposal(data: dict[str, Any]) -> Proposal:
+    return Proposal(**{**data, "front": Front(**data.get("front", {}))})
+
+
 def write_proposals(path: str | Path, proposals: Mapping[str, Proposal]) -> None:
     """Write the proposals of all materials as JSON."""
     write_json(path, {name: asdict(proposal) for name, proposal in proposals.items()})
@@ -275,4 +302,4 @@ def write_proposals(path: str | Path, proposals: Mapping[str, Proposal]) -> None
 
 def read_proposals(path: str | Path) -> dict[str, Proposal]:
     """Read the proposals of all materials from a file of :func:`write_proposals`."""
-    return {name: Proposal(**data) for name, data in read_json(path).items()}
+    return {name: _proposal(data) for name, data in read_json(path).items()}

@@ -24,6 +24,7 @@ from radcal.radar.laws import Law, seen_rad
 from radcal.radar.texture import log_speckle_cumulants
 
 __all__ = [
+    "LEAST_SHARE",
     "ErrorKind",
     "attenuation",
     "error_behind",
@@ -35,7 +36,7 @@ __all__ = [
 
 ErrorKind = Literal["classical", "berkson"]
 _HERMITE = 5
-_LEAST_SHARE = 0.1  # smallest share of the mapped variance that counts as variance of the true angles
+LEAST_SHARE = 0.1  # smallest share of the mapped variance that counts as variance of the true angles
 _GAP_DB = 0.7
 _GAP_ERRORS = 2.0  # standard errors; 1,000 pixels of a right law show up to 1 dB by chance (benchmarks/right_law.py)
 _FEW_LOOKS = 0.5  # in multiples of the sensor's looks
@@ -67,8 +68,8 @@ def attenuation(incidence_deg: ArrayLike, error_deg: ArrayLike, rms_deg: float |
     error = np.asarray(error_deg, dtype=np.float64)
     square = error**2 if rms_deg is None else rms_deg**2
     variance = max(float(np.var(np.asarray(incidence_deg, dtype=np.float64))), 1e-12)
-    true = np.maximum(variance - square, _LEAST_SHARE * variance)
-    return np.where(error == 0.0, 1.0, np.maximum(_LEAST_SHARE, true / (true + error**2)))
+    true = np.maximum(variance - square, LEAST_SHARE * variance)
+    return np.where(error == 0.0, 1.0, np.maximum(LEAST_SHARE, true / (true + error**2)))
 
 
 def registration_error_deg(

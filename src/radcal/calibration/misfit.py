@@ -79,13 +79,15 @@ class BinMisfit(Misfit):
     cell_share : ndarray, shape (n, cells)
         Share of each bin's pixels that lies in each cell (area of one field in one block of the image).
     patch_of_cell : ndarray of int, shape (cells,)
-        Index, from 0, of the field that contains each cell.
+        Column of each cell's field in ``patch_share``.
     between_db, within_db : float
         Between-field and within-field standard deviation [dB].
     method : Method, optional
         Law, and error of the local incidence, which shifts the expected statistics; no shift if missing.
     true_deg : ndarray, shape (n, k), optional
         Angles with the distribution of the true local incidence in each bin [deg].
+    patches : ndarray of int, shape (patches,), optional
+        Label of each field, by which it is known in other passes.
     """
 
     classes: Classes
@@ -96,6 +98,7 @@ class BinMisfit(Misfit):
     within_db: float
     method: Method | None = None
     true_deg: Doubles | None = None
+    patches: NDArray[np.int64] | None = None
 
     of_fields: ClassVar[bool] = True
 
@@ -103,11 +106,11 @@ class BinMisfit(Misfit):
     def of(cls, ground: Ground, classes: Classes, method: Method, spread: Spread) -> BinMisfit:
         """Misfit of the law in ``method`` to a material's pixels, which lie in incidence-angle bins."""
         cells = ground.cells
-        _, patch = np.unique(cells.patch, return_inverse=True)
+        patches, patch = np.unique(cells.patch, return_inverse=True)
         shares = classes.shares(patch[cells.of_pixel], int(patch.max()) + 1)
         by_cell = classes.shares(cells.of_pixel, cells.count.size)
         true_deg = true_angles(ground, classes, method, classes.nodes_deg)
-        return cls(classes, shares, by_cell, patch, spread.between, spread.within, method, true_deg)
+        return cls(classes, shares, by_cell, patch, spread.between, spread.within, method, true_deg, patches)
 
     @property
     def patch_variance(self) -> Doubles:
@@ -181,12 +184,20 @@ class BinMisfit(Misfit):
         return whole.reshape(3 * n, 3 * n)
 
     @cached_property
+    def _root(self) -> Doubles:
+        return np.asarray(np.linalg.cholesky(self.covariance))
+
+    @cached_property
     def _whitening(self) -> Doubles:
-        return np.asarray(np.linalg.inv(np.linalg.cholesky(self.covariance)))
+        return np.asarray(np.linalg.inv(self._root))
+
+    def whitened(self, differences: Doubles) -> Doubles:
+        """Residuals from expected minus measured mean [dB], log sd and skewness, (..., n, 3) to (..., 3 n)."""
+        return np.swapaxes(differences, -1, -2).reshape(*differences.shape[:-2], -1) @ self._whitening.T
 
     def differences(self, residuals: Doubles) -> Doubles:
-        """Expected minus measured mean [dB], log sd and skewness of each bin from residuals, shape (3 n,) to (n, 3)."""
-        return np.asarray((np.linalg.cholesky(self.covariance) @ residuals).reshape(3, -1).T)
+        """The inverse of :meth:`whitened`, (..., 3 n) to (..., n, 3)."""
+        return np.swapaxes((residuals @ self._root.T).reshape(*residuals.shape[:-1], 3, -1), -1, -2)
 
     def replicates(self, count: int, rng: np.random.Generator) -> Doubles:
         """Residuals of random samples for which the expected statistics are true, shape (count, 3 n).
@@ -216,28 +227,22 @@ class BinMisfit(Misfit):
         measured = self.classes.cumulants[:, 1]
         found[:, 1] += (variance - self.patch_variance) / (2.0 * measured)
         found[:, 2] += SKEWNESS_SHAPE * rng.normal(size=(count, 1))
-        return np.asarray(found.reshape(count, 3 * n) @ self._whitening.T)
-
-    @cached_property
-    def _measured(self) -> Doubles:
-        return from_cumulants(self.classes.cumulants).T.ravel()
+        return self.whitened(np.swapaxes(found, 1, 2))
 
     def _shift(self, x: Doubles) -> Doubles | float:
         """Change of the bins' cumulants by the error of the local incidence, shape (n, 3); 0 without an error."""
         m = self.method
-        if m is None or not m.law.has_curve or self.true_deg is None:
+        mapped = self.classes.nodes_deg
+        if m is None or not m.law.has_curve or self.true_deg is None or self.true_deg.shape == mapped.shape:  # no error
             return 0.0
-        if self.true_deg.shape == self.classes.nodes_deg.shape:  # no error
-            return 0.0
-        return law_cumulants(m.law, x, self.true_deg) - law_cumulants(m.law, x, self.classes.nodes_deg)
+        return law_cumulants(m.law, x, self.true_deg) - law_cumulants(m.law, x, mapped)
 
     def __call__(self, parameters: Doubles, looks: float, simulated: Doubles, slack: Doubles | float = 0.0) -> Doubles:
         """Expected minus measured means, log sds and skewnesses, whitened by their covariance, shape (3 n,)."""
         sensor = looks if self.method is None else self.method.looks
         expected = expected_cumulants(simulated, sensor, looks, self.patch_variance, self._shift(parameters))
-        difference = from_cumulants(expected).T.ravel() - self._measured
-        reach = np.asarray(slack, dtype=np.float64).T.ravel()
-        return np.asarray(self._whitening @ (difference - np.clip(difference, -reach, reach)))
+        difference = from_cumulants(expected) - from_cumulants(self.classes.cumulants)
+        return self.whitened(difference - np.clip(difference, -np.asarray(slack), slack))
 
 
 @dataclass(frozen=True)
@@ -283,8 +288,8 @@ class LikelihoodMisfit(Misfit):
         levels = m.law(np.radians(self.true_deg), parameters)
         # the simulated mean replaces the law's: it includes the area of facets, noise and neighbouring materials
         mean = simulated[:, 0] - log_speckle_cumulants(m.looks)[0]
-        moved = mean - law_cumulants(m.law, parameters, self.classes.nodes_deg)[:, 0]
-        return self.residuals(levels + moved[:, None], looks)
+        moved = mean[:, None] - law_cumulants(m.law, parameters, self.classes.nodes_deg)[:, :1]
+        return self.residuals(levels + moved, looks)
 
     @cached_property
     def _bins(self) -> Doubles:
@@ -295,15 +300,11 @@ class LikelihoodMisfit(Misfit):
     def _counts(self) -> Doubles:
         """Histogram counts, scaled to the effective sample size, shape (n, intervals); end intervals are open."""
         place = np.clip(np.searchsorted(self._bins, self.values_db, side="right") - 1, 0, self._bins.size - 2)
-        joint = np.bincount(self.classes.member * (self._bins.size - 1) + place, minlength=self._places)
+        width = self._bins.size - 1
+        joint = np.bincount(self.classes.member * width + place, minlength=self.classes.size * width)
         # the sum over all bins includes the correlation of a bin's pixels with the pixels of other bins
-        with_others = self.classes.count * (self.classes.pairs[0] @ self.classes.count)
-        temper = self.classes.count / with_others
+        temper = self.classes.count / (self.classes.count * (self.classes.pairs[0] @ self.classes.count))
         return np.asarray(joint.reshape(self.classes.size, -1) * temper[:, None])
-
-    @property
-    def _places(self) -> int:
-        return self.classes.size * (self._bins.size - 1)
 
     def residuals(self, level_db: Doubles, looks: float) -> Doubles:
         """Deviance residuals of the histogram of each incidence-angle bin.

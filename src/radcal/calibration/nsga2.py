@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,26 @@ from numpy.typing import NDArray
 
 from radcal.config import Optimiser
 
-__all__ = ["nsga2"]
+__all__ = ["Population", "nsga2"]
+
+
+@dataclass(frozen=True)
+class Population:
+    """Last population of a search, the least sum of objectives first.
+
+    Attributes
+    ----------
+    points : ndarray, shape (population, d)
+        Points of the unit box.
+    objectives : ndarray, shape (population, m)
+        Their objectives.
+    front : ndarray of int, shape (f,)
+        Places of the points on the front: no other point is better in one objective and as good in the others.
+    """
+
+    points: NDArray[np.float64]
+    objectives: NDArray[np.float64]
+    front: NDArray[np.intp]
 
 
 @contextmanager
@@ -26,7 +46,7 @@ def _seeded_global_random(seed: int) -> Iterator[None]:
         random.setstate(state)
 
 
-def nsga2(objective: Any, dimension: int, config: Optimiser, seed: int, objectives: int = 1) -> NDArray[np.float64]:
+def nsga2(objective: Any, dimension: int, config: Optimiser, seed: int, objectives: int = 1) -> Population:
     """Minimise a batched objective on the unit box with Platypus' NSGA-II.
 
     Parameters
@@ -44,8 +64,7 @@ def nsga2(objective: Any, dimension: int, config: Optimiser, seed: int, objectiv
 
     Returns
     -------
-    ndarray, shape (population, d)
-        Last population, ordered by increasing sum of the objectives.
+    Population
 
     References
     ----------
@@ -75,4 +94,9 @@ def nsga2(objective: Any, dimension: int, config: Optimiser, seed: int, objectiv
         algorithm = platypus.NSGAII(problem, population_size=config.population, evaluator=Batched())
         algorithm.run(max(config.evaluations, config.population))
         population = sorted(algorithm.population, key=lambda s: sum(s.objectives))
-        return np.array([solution.variables[:] for solution in population], dtype=np.float64)
+        best = {id(solution) for solution in platypus.nondominated(population)}
+        values = np.array([solution.objectives[:] for solution in population], dtype=np.float64)
+        front = np.flatnonzero([id(solution) in best for solution in population])
+        _, first = np.unique(values[front], axis=0, return_index=True)  # a population holds copies of its points
+        points = np.array([solution.variables[:] for solution in population], dtype=np.float64)
+        return Population(points, values, front[np.sort(first)])

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radcal.calibration.bounded import least_squares, sobol
-from radcal.calibration.history import Proposal, Score
+from radcal.calibration.history import Front, Proposal, Score
 from radcal.calibration.lattice import SAME, corners, elsewhere, lattice
 from radcal.calibration.law_fit import LOOKS
-from radcal.calibration.nsga2 import nsga2
+from radcal.calibration.nsga2 import Population, nsga2
 from radcal.calibration.objectives import Comparison
 from radcal.calibration.objectives.objective import Points
 from radcal.calibration.surrogate import Surrogate
@@ -252,15 +252,13 @@ class Search:
         Proposal
         """
         direct = config.objective == "rms"
+        goals = 1 if direct else len(self.objective.part_names)
         population = nsga2(
-            lambda points: self._goals(self.snapped(points), direct),
-            self.dimension,
-            config,
-            seed,
-            1 if direct else self._goals(np.full((1, self.dimension), 0.5), direct).shape[1],
+            lambda points: self._goals(self.snapped(points), direct), self.dimension, config, seed, goals
         )
-        first = self.snapped(population[:1])[0]
-        told = partial(self._proposal, seed=seed, best=best, nsga2_cost=float(self.cost(first)[0]))
+        first = self.snapped(population.points[:1])[0]
+        front = self._front(population) if goals > 1 else Front()
+        told = partial(self._proposal, seed=seed, best=best, nsga2_cost=float(self.cost(first)[0]), front=front)
         if not config.polish:
             return told(first, "exploit")
         there, *others = self._starts(best)
@@ -291,7 +289,12 @@ class Search:
         """Goals that NSGA-II minimises at m points, shape (m, p): the cost, or parts of the sum of squares."""
         if direct:
             return self.cost(points)[:, None]
-        return self.objective.parts(self.objective.residuals(self._at(points, 0.0)))
+        return self.objective.parts(self._at(points, 0.0))
+
+    def _front(self, population: Population) -> Front:
+        """Front of several objectives that NSGA-II has found."""
+        x, looks = self.split(self.snapped(population.points[population.front]))
+        return Front(x.tolist(), looks.tolist(), population.objectives[population.front].tolist())
 
     def _promising(self, points: Sequence[NDArray[np.float64]], best: Score) -> NDArray[np.bool_]:
         return self.objective.promising(np.array([float(self.cost(point)[0]) for point in points]), best.cost)
@@ -308,6 +311,7 @@ class Search:
         seed: int,
         best: Score,
         nsga2_cost: float,
+        front: Front,
         floor: float | None = None,
     ) -> Proposal:
         """Proposal of a point, or of another point if rounding leads to an X that has been simulated already."""
@@ -332,4 +336,5 @@ class Search:
             statistics=self.surrogate.predict(unit)[0].tolist(),
             errors=self.surrogate.standard_error(unit)[0].tolist(),
             q2=[float(v) if np.isfinite(v) else None for v in self.surrogate.training.q2],
+            front=front,
         )

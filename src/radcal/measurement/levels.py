@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Levels", "image_levels", "median_and_range", "offset_levels", "pooled_offset"]
+__all__ = ["Levels", "image_levels", "median_and_range", "offset_levels", "pooled_offset", "without_level"]
 
 _NOTABLE_DB = 0.5
 
@@ -202,3 +202,8 @@ def image_levels(
         others_db=reference_db[others],
         valid=places,
     )
+
+
+def without_level(image_db: NDArray[np.float32], levels: Levels) -> NDArray[np.float32]:
+    """Measured image [dB] after subtraction of its assumed level."""
+    return image_db - np.float32(0.0 if levels.normalisation == "none" else levels.offset_db)

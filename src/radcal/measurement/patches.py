@@ -1,9 +1,9 @@
 """Random effects of the fields (patches) of one material: between-field and within-field variance, and predictions.
 
-A *patch* is a connected area of one material (a field, a pond). A *cell* is the area of a patch that lies in one block
-of the image. The mean level of a cell is the sum of four terms: the level of the law, the random effect of the patch
-(standard deviation ``between``), the random effect of the cell (standard deviation ``within``), and the sampling error
-of a mean over finitely many independent pixels.
+A *patch* is a connected area of one material in the scene (a field, a pond), the same in all passes. A *cell* is the
+area of a patch that lies in one block of the image. The mean level of a cell is the sum of four terms: the level of the
+law, the random effect of the patch (standard deviation ``between``), the random effect of the cell (standard deviation
+``within``), and the sampling error of a mean over finitely many independent pixels.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ __all__ = [
     "label_patches",
     "make_cells",
     "patch_effects",
+    "patches_seen",
+    "pooled",
     "spread_log_likelihood",
     "spreads",
 ]
@@ -81,6 +83,12 @@ class Spread:
     within: float
 
 
+def pooled(spread: Sequence[Spread]) -> Spread:
+    """Spread of one material from those found in several passes: root mean squares."""
+    each = np.array([[one.between, one.within] for one in spread])
+    return Spread(*(float(value) for value in np.sqrt(np.mean(each**2, axis=0))))
+
+
 @dataclass(frozen=True)
 class Effects:
     """Best linear unbiased predictions of the random effects of patches.
@@ -110,6 +118,34 @@ def label_patches(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
 
     labels, _ = label(mask)
     return np.asarray(labels, dtype=np.int64)
+
+
+def patches_seen(image: NDArray[np.bool_], scene: NDArray[np.bool_], ground: NDArray[np.float32]) -> NDArray[np.int64]:
+    """Patch of the scene that each pixel of one material shows.
+
+    Parameters
+    ----------
+    image : ndarray of bool, shape (rows, columns)
+        Pixels of the material.
+    scene : ndarray of bool, shape (y, x)
+        Cells of the material.
+    ground : ndarray of float32, shape (2, rows, columns)
+        Row and column in the scene that each pixel shows (:class:`radcal.radar.geometry.Geometry`); NaN in a scene in
+        slant range, whose cells are the pixels.
+
+    Returns
+    -------
+    ndarray of int64, shape (rows, columns)
+        Number of the patch from 1; 0 of other pixels, and of pixels whose middle lies on other ground.
+    """
+    known = np.isfinite(ground[0]) & image
+    if not known.any():
+        return label_patches(image)
+    row, column = (
+        np.clip(np.rint(np.where(known, at, 0.0)).astype(np.intp), 0, size - 1)
+        for at, size in zip(ground, scene.shape, strict=True)
+    )
+    return np.where(known, label_patches(scene)[row, column], 0)
 
 
 def make_cells(patch: NDArray[np.int64], block: NDArray[np.int64]) -> Cells:

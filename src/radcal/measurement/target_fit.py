@@ -18,7 +18,7 @@ from radcal.measurement.ground import Blocks, Ground
 from radcal.measurement.levels import Levels, image_levels, offset_levels
 from radcal.measurement.looks import estimate_looks, local_looks
 from radcal.measurement.model import Measurement
-from radcal.measurement.patches import label_patches
+from radcal.measurement.patches import label_patches, patches_seen
 from radcal.measurement.pixels import IN_THE_NOISE, eligible_pixels, noise_limited, point_targets
 from radcal.measurement.target import Target, Targets
 from radcal.radar.radiometry import noise_floor_db
@@ -27,6 +27,7 @@ from radcal.seeds import derived_rng
 if TYPE_CHECKING:
     from radcal.measurement.registration import Registered
     from radcal.radar.geometry import Geometry
+    from radcal.scene.model import Scene
 
 __all__ = ["HELD_OUT", "make_levels", "make_target", "make_targets", "sampling_rms"]
 
@@ -89,6 +90,7 @@ def make_target(
     flags: Mapping[str, NDArray[np.bool_]] | None = None,
     radar: Radar | None = None,
     validation: Validation | None = None,
+    scene: Scene | None = None,
 ) -> Target:
     """Target of one material: pixels drawn at random without replacement, and the density fitted to their values.
 
@@ -104,7 +106,9 @@ def make_target(
         Pass with resolutions and pixel spacings, from which the number of looks is estimated; without it, no estimate
         is made.
     validation : Validation, optional
-        Blocks to hold out; by default none.
+        Blocks to hold out; none if missing.
+    scene : Scene, optional
+        The scene, whose connected areas are the material's fields; without it, those of the image are.
 
     Raises
     ------
@@ -127,7 +131,10 @@ def make_target(
     fit = skewnormal.fit(values, penalised)
     correlation = estimate_correlation(measurement.image_db, eligible.pixels, geometry.incidence_deg)
     effective = correlation.effective(drawn)
-    patches = label_patches(geometry.material == geometry.names.index(name) + 1).ravel()
+    number = geometry.names.index(name) + 1
+    shown = geometry.material == number
+    fields = label_patches(shown) if scene is None else patches_seen(shown, scene.material == number, geometry.ground)
+    patches = fields.ravel()
     held_out = None
     if out.any():
         others = {reason: flag for reason, flag in (flags or {}).items() if reason != HELD_OUT}
@@ -177,6 +184,7 @@ def make_targets(
     registered: Registered,
     reference_db: NDArray[np.float32],
     partly: bool = False,
+    scene: Scene | None = None,
 ) -> Targets:
     """Targets of all calibrated materials, with the level normalisation.
 
@@ -191,7 +199,9 @@ def make_targets(
     reference_db : ndarray, shape (rows, columns)
         Image of the reference run [dB].
     partly : bool
-        Whether materials with too few pixels are left out if at least one material has enough, as for later passes.
+        Whether materials with too few pixels are left out, as long as one has enough; for further passes.
+    scene : Scene, optional
+        The scene, whose connected areas are the materials' fields; without it, those of the image are.
 
     Raises
     ------
@@ -222,6 +232,7 @@ def make_targets(
                 flags=flags,
                 radar=case.radar,
                 validation=case.validation,
+                scene=scene,
             )
         except MeasurementError:
             if not partly or (number == len(case.calibrated) and not targets):

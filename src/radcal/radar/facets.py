@@ -178,6 +178,12 @@ def order_facets(
                 across += weight[i] * place[1, i]
                 if i > first and material[i] != material[i - 1]:
                     count += 1
+            if total == 0.0:  # slivers whose areas vanish in single precision: the plain mean
+                for i in range(first, ground_last):
+                    angles += angle[i]
+                    down += place[0, i]
+                    across += place[1, i]
+                total = float(ground_last - first)
             cells[pixel] = count if ground_last == last else count + 1
             pure[pixel] = material[first] if cells[pixel] == 1 else 0
             mean_deg[pixel] = angles / total * (90.0 / 65535.0)

@@ -17,6 +17,7 @@ from radcal.assessment.posterior import Posterior
 from radcal.radar.laws import Law, law_for
 from radcal.report.fitted import Fitted
 from radcal.report.held_out_blocks import HeldOutBlocks, LeftOutFields
+from radcal.report.search_front import SearchFront
 from radcal.storage.layout import About, Attribute, Inline, Main, put, table, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
@@ -189,6 +190,7 @@ class MaterialResult:
         Doubles | None, About("effective number of looks at which each run fits the target best", shape="n")
     ] = None
     fidelity: Annotated[Fidelity | None, About("predictions of the surrogate and the runs that verified them")] = None
+    front: Annotated[SearchFront | None, About("front of the last search, if it had several objectives")] = None
     posterior: Annotated[Posterior | None, About("posterior of the law")] = None
 
 

@@ -30,6 +30,14 @@ PALE = "#D0D0D0"
 DESIGN = "#56B4E9"
 MUTED = "#7A7A7A"
 
+# label and style of the runs of each kind
+RUNS: dict[str, tuple[str, dict[str, Any]]] = {
+    "reference": ("reference (start)", {"color": START["color"], "marker": "s", "s": 62}),
+    "reused": ("earlier case", {"color": MUTED, "marker": "D", "s": 26}),
+    "design": ("design", {"color": DESIGN, "marker": "o", "s": 30}),
+    "infill": ("infill", {"color": FOUND["color"], "marker": "^", "s": 40}),
+}
+
 STYLE: Any = {
     "font.family": "DejaVu Sans",
     "font.size": 11.0,

@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 
 from radcal.config import Radar, stages
 from radcal.errors import StoreError
-from radcal.measurement.levels import Levels
+from radcal.measurement.levels import Levels, without_level
 from radcal.measurement.registration import Registered
 from radcal.radar.geometry import Geometry
 from radcal.report.archive import Archive
 from radcal.report.geotiff import Layer, map_grid, write_geotiff
-from radcal.report.results import without_level
 from radcal.report.summary import sentences
 from radcal.report.tables import (
     LAWS,

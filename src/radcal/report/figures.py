@@ -11,6 +11,7 @@ from radcal.report.archive import Archive
 from radcal.report.density_figures import densities, histogram, overview, quality
 from radcal.report.drawing import STYLE, slugs
 from radcal.report.fidelity_figures import fidelity
+from radcal.report.front_figures import front
 from radcal.report.held_out_figures import held_out
 from radcal.report.law_figures import cost, law
 from radcal.report.map_figures import images, registration, residual
@@ -91,6 +92,7 @@ def write_figures(archive: Archive, folder: str | Path) -> list[Figure]:
             ("law", "The law found", law),
             ("held_out", "Held-out ground", held_out),
             ("cost", "Cost of each run", cost),
+            ("front", "Front of the search", front),
             ("fidelity", "Predicted and verified", fidelity),
             ("histogram", "Measured pixels and the design", histogram),
             ("quality", "Fit of a skew normal to the pixels", quality),

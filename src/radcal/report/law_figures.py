@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radcal.config.objectives import OBJECTIVES
 from radcal.measurement.one_incidence import LEAST_SPAN_DEG
@@ -13,11 +12,11 @@ from radcal.radar.laws import Law
 from radcal.report.archive import Archive, MaterialResult
 from radcal.report.colours import head
 from radcal.report.drawing import (
-    DESIGN,
     FOUND,
     HIDDEN,
     MUTED,
     PALE,
+    RUNS,
     SAMPLING,
     START,
     TOLERANCE,
@@ -46,14 +45,8 @@ def _runs(axes: Axes, case: Archive, material: MaterialResult, shown: Array) -> 
     axes.step(runs[counted], best, where="post", color="black", linewidth=1.6, label="best so far")
     ended = np.zeros(shown.size, dtype=bool)
     ended[np.flatnonzero(case.runs.kind == "infill")[[mode == "ended" for mode in material.mode]]] = True
-    markers: tuple[tuple[str, NDArray[np.bool_], dict[str, Any]], ...] = (
-        ("reference (start)", case.runs.kind == "reference", {"color": START["color"], "marker": "s", "s": 62}),
-        ("earlier case", case.runs.kind == "reused", {"color": MUTED, "marker": "D", "s": 26}),
-        ("design", case.runs.kind == "design", {"color": DESIGN, "marker": "o", "s": 30}),
-        ("infill", (case.runs.kind == "infill") & ~ended, {"color": FOUND["color"], "marker": "^", "s": 40}),
-        ("infill after it ended", ended, {"color": PALE, "marker": "^", "s": 26}),
-    )
-    for label, which, style in markers:
+    markers = [(label, (case.runs.kind == kind) & ~ended, style) for kind, (label, style) in RUNS.items()]
+    for label, which, style in (*markers, ("infill after it ended", ended, {"color": PALE, "marker": "^", "s": 26})):
         if which.any():
             axes.scatter(
                 runs[which], shown[which], label=label, edgecolors="black", linewidths=0.4, zorder=3, clip_on=False,

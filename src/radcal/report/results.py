@@ -41,11 +41,12 @@ from radcal.report.archive import (
 from radcal.report.fitted import Fitted
 from radcal.report.held_out_blocks import HeldOutBlocks, LeftOutFields
 from radcal.report.law_notes import law_notes
+from radcal.report.search_front import search_fronts
 from radcal.scene.model import Scene
 from radcal.storage.disclosure import disclosed
 from radcal.storage.runs import Record
 
-__all__ = ["gather", "without_level"]
+__all__ = ["gather"]
 
 _LARGEST_SCENE = 1200  # largest number of archived cells per side
 _MOST_OBJECTS = 20_000  # largest number of archived objects; a figure cannot show more as separate dots
@@ -95,6 +96,7 @@ def gather(
     """
     parameters = _final_parameters(case, history, targets)
     measurement, decision = registered.measurement, conclusion.decision
+    fronts = search_fronts(case, targets, history)
     return Archive(
         case=case.case,
         config=json.dumps(disclosed(_as_written(case, stop))),
@@ -122,6 +124,7 @@ def gather(
             name: replace(
                 _material(name, case, history, targets, conclusion, measurement.hidden.get(name)),
                 posterior=conclusion.posteriors.get(name),
+                front=fronts.get(name),
             )
             for name in targets
         },
@@ -144,7 +147,7 @@ def _pass_note(targets: Targets) -> list[str]:
     count = len(targets.passes)
     return [
         f"The laws are those of {count} passes together; densities, images, pixels and checks on held-out ground are "
-        "shown of pass 1. The field effects of a material are taken as independent from pass to pass."
+        "shown of pass 1. The effect of a field is one in all passes."
     ]
 
 
@@ -265,11 +268,6 @@ def _registration(registered: Registered) -> RegistrationSummary:
 def _levels(levels: Levels) -> LevelSummary:
     """Level of the measured image relative to the simulated image."""
     return LevelSummary(**{item.name: getattr(levels, item.name) for item in fields(LevelSummary)})
-
-
-def without_level(image_db: NDArray[np.float32], levels: Levels) -> NDArray[np.float32]:
-    """Measured image [dB] after subtraction of its assumed level."""
-    return image_db - np.float32(0.0 if levels.normalisation == "none" else levels.offset_db)
 
 
 def _scene(scene: Scene) -> SceneView:

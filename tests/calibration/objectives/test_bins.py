@@ -190,12 +190,12 @@ def test_parts_are_levels_and_spreads_and_sum_to_all(objectives):
     higher = statistics + [1.0, 0.0, 0.0]
     points = Points(np.array([statistics, higher]), np.array([x, x]), np.array([3.0, 3.0]))
     residuals = objective.residuals(points)
-    found = objective.parts(residuals)
+    found = objective.parts(points)
     np.testing.assert_allclose(found.sum(axis=1), (residuals**2).sum(axis=1), rtol=1e-9)
     np.testing.assert_allclose(objective.cost(points), 0.5 * (residuals**2).sum(axis=1), rtol=1e-12)
     likelihood = Likelihood(objective.material)
     residuals = likelihood.residuals(points)
-    np.testing.assert_allclose(likelihood.parts(residuals).sum(axis=1), (residuals**2).sum(axis=1), rtol=1e-9)
+    np.testing.assert_allclose(likelihood.parts(points).sum(axis=1), (residuals**2).sum(axis=1), rtol=1e-9)
 
 
 def test_the_scale_is_that_of_the_measured_bins(objectives):

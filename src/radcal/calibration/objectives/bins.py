@@ -41,6 +41,7 @@ class Bins(Objective):
     tolerance = 1e-6
     improvement: ClassVar[float] = _SETTLED
     misfit: ClassVar[type[Misfit]] = BinMisfit
+    part_names = ("means and priors", "log sds and skewnesses")
 
     def __init__(self, material: Material) -> None:
         super().__init__(material)
@@ -73,6 +74,11 @@ class Bins(Objective):
         return BinMisfit.of(self.ground, self.bins.classes, self.method, self.bins.spread)
 
     @property
+    def of_fields(self) -> BinMisfit | None:
+        """The same where it is minimised; None where fields are no part of what is."""
+        return self.moments if self.misfit.of_fields else None
+
+    @property
     def scale(self) -> Doubles:
         """Standard deviations of mean [dB], log sd and skewness of the measured bins, shape (n, 3)."""
         return np.asarray(np.sqrt(np.diag(self.moments.covariance)).reshape(3, -1).T)
@@ -98,10 +104,10 @@ class Bins(Objective):
             ]
         )
 
-    def parts(self, residuals: Doubles) -> Doubles:
-        """Sums of squared residuals, shape (m, 2): means with priors; log sds with skewnesses."""
+    def parts(self, points: Points) -> Doubles:
+        """Squares of the means with the priors, and of the other statistics, shape (m, 2)."""
         n = self.bins.classes.size
-        squares = residuals**2
+        squares = self.residuals(points) ** 2
         first, second, weak = np.split(squares, [n, 3 * n], axis=1)
         return np.stack([first.sum(axis=1) + weak.sum(axis=1), second.sum(axis=1)], axis=-1)
 
@@ -187,13 +193,14 @@ class Likelihood(Bins):
     """Objective ``likelihood``: gamma likelihood of the pixels in each incidence-angle bin."""
 
     misfit: ClassVar[type[Misfit]] = LikelihoodMisfit
+    part_names = ("pixels of small incidence, priors", "pixels of large incidence")
 
-    def parts(self, residuals: Doubles) -> Doubles:
-        """Sums of squared residuals, shape (m, 2): bins of small incidence with priors; bins of large incidence."""
+    def parts(self, points: Points) -> Doubles:
+        """Squares of the bins of small incidence with the priors, and of those of large incidence, shape (m, 2)."""
         n = self.bins.classes.size
         weak = self._prior(self.material.box.mean(axis=1), self.material.looks).size
-        data = residuals.shape[1] - weak
-        squares = residuals**2
+        squares = self.residuals(points) ** 2
+        data = squares.shape[1] - weak
         half = n // 2 * (data // n)
         first, second, rest = np.split(squares, [half, data], axis=1)
         return np.stack([first.sum(axis=1) + rest.sum(axis=1), second.sum(axis=1)], axis=-1)

@@ -14,7 +14,7 @@ from radcal.calibration.expected import LawForward
 from radcal.calibration.grounds import GroundLaw, bins_of, ground_residuals
 from radcal.calibration.history import History, Proposal, Score
 from radcal.calibration.law_fit import Residuals, fit_law
-from radcal.calibration.misfit import Method
+from radcal.calibration.misfit import BinMisfit, Method
 from radcal.calibration.moments import from_cumulants, from_dp, to_dp
 from radcal.calibration.objectives.objective import (
     Compared,
@@ -75,6 +75,11 @@ class Density(Objective):
     def scale(self) -> Doubles:
         """Standard errors of mean, log sd and skewness of n normal values, times sqrt(n), shape (1, 3)."""
         return np.array([[np.exp(self._target[1]), np.sqrt(0.5), np.sqrt(6.0)]])
+
+    @cached_property
+    def of_fields(self) -> BinMisfit:
+        """Misfit of one bin."""
+        return BinMisfit.of(self.material.target.ground, self._classes.compared(1), self._method, _ALONE)
 
     def compared(self) -> Compared:
         """Measured pixels and the centred parameters of their density."""

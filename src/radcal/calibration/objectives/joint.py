@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from radcal.calibration.grounds import GroundLaw
 from radcal.calibration.history import Score
 from radcal.calibration.objectives.objective import Comparison, Doubles, Objective, Points, suited_looks
+from radcal.calibration.shared_fields import SharedFields
 from radcal.radar.texture import equal_texture
 
 __all__ = ["Joint"]
@@ -20,8 +21,9 @@ class Joint(Comparison):
     """Comparison of one material's runs with its targets in several passes.
 
     Law and texture are shared: all passes have the same X, and looks that follow from the same texture
-    (:func:`radcal.radar.texture.equal_texture`). Field effects are independent from pass to pass. The bins of all
-    passes are stacked, in the order of the passes; the priors enter once, with the first pass.
+    (:func:`radcal.radar.texture.equal_texture`). The effects of the fields that several passes show are shared, too
+    (:mod:`radcal.calibration.shared_fields`). The bins of all passes are stacked, in the order of the passes; the
+    priors enter once, with the first pass.
 
     Parameters
     ----------
@@ -36,6 +38,7 @@ class Joint(Comparison):
         self.passes = passes
         self.first, self.material = first, first.material
         self._parts = [part for part in passes if part is not None]
+        self.part_names = [f"pass {k}" for k, part in enumerate(passes, start=1) if part is not None]
         self.free_looks, self.explores = first.free_looks, any(part.explores for part in self._parts)
         self.looks_ahead, self.tolerance = first.looks_ahead, first.tolerance
         self.starts = [(x, self._back(part, looks)) for part in self._parts for x, looks in part.starts]
@@ -43,6 +46,11 @@ class Joint(Comparison):
         known = [base for base in bases if base is not None]
         self.baseline = (lambda x: np.concatenate([base(x) for base in known])) if len(known) == len(bases) else None
         self._ends = np.cumsum([len(part.scale) for part in self._parts])
+        fields = [part.of_fields for part in self._parts]
+        shown = [one for one in fields if one is not None]
+        self._fields = SharedFields(shown) if len(shown) == len(fields) else None
+        # the residuals of a density are not those of its evidence
+        self._minimised = self._fields if first.misfit is not None else None
 
     def _back(self, part: Objective, looks: float) -> float:
         """Effective looks in the first pass of a material that has ``looks`` in the pass of ``part``."""
@@ -72,14 +80,18 @@ class Joint(Comparison):
         return np.concatenate([part.scale for part in self._parts])
 
     def residuals(self, points: Points) -> Doubles:
-        """Residuals of all passes, shape (m, k)."""
-        return np.concatenate([part.residuals(at) for part, at in self._split(points)], axis=1)
+        """Residuals of all passes, shape (m, k), then those of the priors."""
+        found = [part.residuals(at) for part, at in self._split(points)]
+        if self._minimised is None:
+            return np.concatenate(found, axis=1)
+        sizes = [3 * len(part.scale) for part in self._parts]
+        data = [one[:, :size] for one, size in zip(found, sizes, strict=True)]
+        rest = [one[:, size:] for one, size in zip(found, sizes, strict=True)]
+        return np.concatenate([self._minimised.residuals(data), *rest], axis=1)
 
-    def parts(self, residuals: Doubles) -> Doubles:
-        """Sum of squared residuals of each pass, shape (m, passes), from residuals, shape (m, k)."""
-        one = Points(self.scale[None], self.material.box.mean(axis=1)[None], np.array([self.material.looks]))
-        ends = np.cumsum([part.residuals(at).shape[1] for part, at in self._split(one)])
-        return np.stack([(part**2).sum(axis=1) for part in np.split(residuals, ends[:-1], axis=1)], axis=-1)
+    def parts(self, points: Points) -> Doubles:
+        """Sum of squares of each pass by itself, shape (m, passes)."""
+        return np.stack([(part.residuals(at) ** 2).sum(axis=1) for part, at in self._split(points)], axis=-1)
 
     def refinements(self) -> Sequence[Callable[[Points], Doubles]]:
         """Functions that give further residuals of all passes, minimised one after the other."""
@@ -94,6 +106,8 @@ class Joint(Comparison):
 
     def cost(self, points: Points) -> Doubles:
         """Cost of all passes together, shape (m,)."""
+        if self._minimised is not None:
+            return super().cost(points)
         return self.first.together(np.stack([part.cost(at) for part, at in self._split(points)]))
 
     def together(self, costs: Doubles) -> Doubles:
@@ -126,10 +140,12 @@ class Joint(Comparison):
     def law_in(self, number: int, score: Score) -> GroundLaw:
         """Law of a run for the pixels of one pass, with its uncertainty from all passes."""
         each = [(one, one.evidence(self.in_pass(k, score))) for k, one in enumerate(self.passes) if one is not None]
-        joined = self.first.law(
-            self.in_pass(0, score),
-            lambda x, looks: np.concatenate([found(x, self._there(one, looks)) for one, found in each]),
-        )
+
+        def residuals(x: Doubles, looks: float) -> Doubles:
+            found = [evidence(x, self._there(one, looks)) for one, evidence in each]
+            return np.concatenate(found) if self._fields is None else self._fields.residuals(found)
+
+        joined = self.first.law(self.in_pass(0, score), residuals)
         part = self.passes[number]
         assert part is not None  # noqa: S101
         own = part.law(self.in_pass(number, score))

@@ -197,6 +197,8 @@ class Comparison(ABC):
         Relative tolerance of the least-squares search.
     passes : sequence of Objective or None
         Objective of each pass, None for a pass in which the material has too few pixels.
+    part_names : sequence of str
+        Names of the sums of squares that NSGA-II minimises side by side.
     """
 
     material: Material
@@ -207,6 +209,7 @@ class Comparison(ABC):
     looks_ahead: bool = False
     tolerance: float = 1e-14
     passes: Sequence[Objective | None]
+    part_names: Sequence[str] = ("all residuals",)
 
     @property
     @abstractmethod
@@ -217,9 +220,14 @@ class Comparison(ABC):
     def residuals(self, points: Points) -> Doubles:
         """Residuals at m points, shape (m, k); the search minimises the sum of their squares."""
 
-    def parts(self, residuals: Doubles) -> Doubles:
-        """Sums of squares that NSGA-II minimises as separate goals, shape (m, p), from residuals, shape (m, k)."""
-        return np.asarray((residuals**2).sum(axis=1, keepdims=True))
+    def parts(self, points: Points) -> Doubles:
+        """Sums of squares that NSGA-II minimises side by side, shape (m, p), one for each of ``part_names``."""
+        return np.asarray((self.residuals(points) ** 2).sum(axis=1, keepdims=True))
+
+    def parts_of(self, score: Score) -> Doubles:
+        """The same sums of a run, shape (p,)."""
+        statistics, x = np.asarray(score.statistics)[None], np.asarray(score.parameters)[None]
+        return np.asarray(self.parts(Points(statistics, x, np.array([score.looks])))[0])
 
     def refinements(self) -> Sequence[Callable[[Points], Doubles]]:
         """Functions that give further residuals, minimised one after the other if :meth:`residuals` are not all 0."""
@@ -302,6 +310,11 @@ class Objective(Comparison):
     @property
     def moments(self) -> BinMisfit | None:
         """Misfit of mean, log sd and skewness of the measured bins; None without bins."""
+        return None
+
+    @property
+    def of_fields(self) -> BinMisfit | None:
+        """Misfit that has made :meth:`evidence`, where fields are part of it; otherwise None."""
         return None
 
     def moment_residuals(self, score: Score) -> Residuals:
