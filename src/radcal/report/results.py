@@ -18,7 +18,7 @@ from radcal.calibration.history import History, Run
 from radcal.calibration.passes import pass_laws
 from radcal.config import Material, Radar, Stop, stages
 from radcal.config.sections import FURTHER
-from radcal.measurement.levels import Levels
+from radcal.measurement.levels import Levels, without_level
 from radcal.measurement.registration import Registered
 from radcal.measurement.target import Targets
 from radcal.radar.geometry import Geometry
