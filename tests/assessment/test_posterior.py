@@ -82,6 +82,20 @@ def test_residuals_are_those_of_the_objective():
     assert np.abs(wanted).max() > 1.0
 
 
+def test_an_error_of_the_incidence_spreads_a_straight_law_by_the_share_that_is_true():
+    """True angles are drawn towards the mean of the mapped ones, and scatter by the root of this share of the error."""
+    bins = made_bins(error_deg=4.0)
+    model = made_model(bins)
+    shift = model.evidence[0]._shift(model.curves(LINE_X[None]), unknowns())[0]
+    variance, mean = np.var(bins.ground.incidence_deg), np.mean(bins.ground.incidence_deg)
+    share = (variance - 16.0) / variance
+    assert 0.5 < share < 0.8
+    nodes = model.evidence[0]._few
+    wanted = 0.25**2 * ((share**2 - 1.0) * nodes.var(axis=1) + 16.0 * share)
+    np.testing.assert_allclose(shift[:, 1], wanted, rtol=0.03)
+    np.testing.assert_allclose(shift[:, 0], -0.25 * (share - 1.0) * (nodes.mean(axis=1) - mean), atol=0.01)
+
+
 def test_the_log_determinant_counts():
     evidence = made_model(made_bins(), field_db=1.0).evidence[0]
     zero = np.zeros((1, evidence.size, 3))
