@@ -127,6 +127,6 @@ def test_a_line_takes_two_degrees_of_freedom():
 
 
 def test_speckle_is_no_more_than_the_variance_of_a_bin():
-    """Values of +-3 dB in turn, two at each angle: no line explains any, and 40 of 38 degrees of freedom are too much."""
+    """Values of +-3 dB in turn, two at each angle: 40 over 38 degrees of freedom would be too much."""
     classes = make_classes(np.tile([3.0, -3.0], 20), np.repeat(np.linspace(20.0, 40.0, 20), 2), 1)
     assert classes.speckle_db2.tolist() == [9.0]

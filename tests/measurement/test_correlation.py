@@ -136,7 +136,7 @@ def exact_moving_average(shape, seed):
 def test_lags_count_from_two_of_bartletts_standard_errors_on(side, corner):
     """The outermost lag of the triangles is 1/3 times 1/5; the squares of all add up to 19/9 times 17/5."""
     error = np.sqrt(19.0 / 9.0 * 3.4) / side
-    assert (1.0 / 15.0 > 2.0 * error) == corner
+    assert (2.0 * error < 1.0 / 15.0) == corner
     lags = estimate_correlation(exact_moving_average((side, side), 6), np.arange(side**2)).lags
     assert (lags[[4, 4, 8, 8], [2, 10, 2, 10]] > 0.0).tolist() == [corner] * 4
     assert (lags[4:9, 3:10] > 0.0).all()
