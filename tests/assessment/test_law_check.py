@@ -9,7 +9,7 @@ import pytest
 from calibration_samples import make_target
 
 from radcal.assessment import law_check
-from radcal.assessment.constant import constants
+from radcal.assessment.constant import Constant, constants
 from radcal.assessment.law_check import _held_sentences, _levels_asked, _start_db, check_laws, texture_note
 from radcal.assessment.validation import CrossValidation, HeldOut, cross_validate
 from radcal.calibration.expected import LawForward
@@ -232,6 +232,20 @@ def test_cross_validation_is_silent_where_folds_hold_all_angles_alike():
     assert silent.power < 2.0 < told.power
     assert not CrossValidation(0.5, 0.4, silent.power).no_better
     assert CrossValidation(0.5, 0.4, told.power).no_better
+
+
+def test_blocks_are_dealt_to_five_folds_in_turn():
+    """One field of ten equal blocks: each is predicted by the mean of the others but the one five further."""
+    case, targets, history = made()
+    law = make_objectives(case, targets)["area"].law(history.runs[0].scores["area"])
+    block, rng = np.repeat(np.arange(10), 60), np.random.default_rng(4)
+    values = rng.normal(0.0, 3.0, 10)[block] + rng.normal(size=600)
+    ground = Ground(values, rng.uniform(30.0, 50.0, 600), np.ones(600, dtype=np.int64), block)
+    law = replace(law, ground=ground, classes=make_classes(values, ground.incidence_deg, 4))
+    found = cross_validate(law, Constant(ground, Spread(100.0, 1.0)), block)
+    mean = values.reshape(10, 60).mean(axis=1)
+    errors = [mean[k] - np.delete(mean, [k, (k + 5) % 10]).mean() for k in range(10)]
+    assert found.rmse_constant_patch_db == pytest.approx(np.sqrt(np.mean(np.square(errors))), rel=1e-3)
 
 
 def test_what_held_out_ground_says():
