@@ -35,6 +35,20 @@ def clone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.fixture
+def started(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
+    """Commands that were to take the place of this process, in a command of one case."""
+    commands: list[list[str]] = []
+
+    def execv(_: str, words: list[str]) -> NoReturn:
+        commands.append(words)
+        raise SystemExit(0)
+
+    monkeypatch.setattr("radcal.cli.run.os.execv", execv)
+    monkeypatch.setenv("RADCAL_RESULTS", "")  # put back after the test
+    return commands
+
+
 def run(*arguments: str) -> Result:
     return CliRunner().invoke(app, ["run", *arguments])
 
@@ -66,10 +80,13 @@ BAD_FILES = {
 
 
 @pytest.mark.parametrize("name", BAD_FILES)
-def test_what_snakemake_would_answer_with_a_traceback_ends_in_a_sentence(clone: Path, name: str) -> None:
+def test_what_snakemake_would_answer_with_a_traceback_ends_in_a_sentence(
+    clone: Path, name: str, started: list[list[str]]
+) -> None:
     content, said = BAD_FILES[name]
     (clone / name).write_bytes(content)
     assert refused(name).startswith(said)
+    assert started == []
 
 
 @pytest.mark.parametrize(
@@ -93,22 +110,11 @@ def test_what_snakemake_would_answer_with_a_traceback_ends_in_a_sentence(clone: 
         (["mine.yaml", "--", "-n", "--configfile=b.yaml"], "--configfile=b.yaml after -- would replace the case"),
     ],
 )
-def test_wrong_commands_end_in_a_sentence(clone: Path, arguments: list[str], said: str) -> None:
+def test_wrong_commands_end_in_a_sentence(
+    clone: Path, arguments: list[str], said: str, started: list[list[str]]
+) -> None:
     assert refused(*arguments).startswith(said)
-
-
-@pytest.fixture
-def started(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
-    """Commands that were to take the place of this process, in a command of one case."""
-    commands: list[list[str]] = []
-
-    def execv(_: str, words: list[str]) -> NoReturn:
-        commands.append(words)
-        raise SystemExit(0)
-
-    monkeypatch.setattr("radcal.cli.run.os.execv", execv)
-    monkeypatch.setenv("RADCAL_RESULTS", "")  # put back after the test
-    return commands
+    assert started == []
 
 
 def test_a_clones_own_workflow_is_run_in_its_folder(clone: Path, started: list[list[str]]) -> None:
@@ -248,6 +254,7 @@ def test_all_cores_are_used_unless_somebody_says_where_jobs_run(clone: Path) -> 
     assert parsed().cores >= 1
     assert parsed(cores="3").cores == 3
     assert parsed(further="--jobs 50").cores is None
+    assert parsed(further="--jobs=50").cores is None
     assert parsed(further="--cores=5").cores == 5
 
 
