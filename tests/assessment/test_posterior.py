@@ -154,7 +154,7 @@ def test_linear_draws_of_a_parameter_that_nothing_tells_fill_its_bounds():
     """The covariance of a uniform law, 1/12, for one that the pixels are silent of; steps go to the inside."""
     bins = made_bins()
     model = made_model(bins)
-    for centre in (0.5, 0.999):
+    for centre in (0.5, 1e-5, 1.0 - 1e-5):
         asked = []
         model._whitened = lambda points, _, asked=asked: asked.append(points) or 50.0 * points[:, :1]
         at = np.array([0.5, centre, 0.0, 0.0, 0.0, 0.0])

@@ -123,6 +123,26 @@ def test_a_clones_own_workflow_is_run_in_its_folder(clone: Path, started: list[l
     assert os.environ["RADCAL_RESULTS"] == "results"
 
 
+def test_rules_and_files_are_targets(clone: Path, started: list[list[str]]) -> None:
+    run("mine.yaml", "design", "results/mine/scene.h5")
+    assert parse_args(started[0][4:])[1].targets == ["design", "results/mine/scene.h5"]
+
+
+def test_two_files_of_one_case_are_refused(clone: Path, started: list[list[str]]) -> None:
+    (clone / "copy.yaml").write_text("case: mine\n")
+    said = "copy.yaml: case is 'mine', which mine.yaml is called, too, expected another."
+    assert refused("mine.yaml", "copy.yaml") == said
+
+
+def test_a_profile_of_the_current_folder_is_taken_before_radcals(
+    clone: Path, started: list[list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (clone / "elsewhere/profiles/slurm").mkdir(parents=True)
+    monkeypatch.chdir(clone / "elsewhere")
+    run("../mine.yaml", "--", "--profile", "profiles/slurm")
+    assert started[0][-2:] == ["--profile", "profiles/slurm"]
+
+
 @pytest.mark.parametrize("folder", ["elsewhere", "others"])
 def test_elsewhere_radcals_own_workflow_is_run(
     clone: Path, folder: str, started: list[list[str]], monkeypatch: pytest.MonkeyPatch

@@ -51,3 +51,12 @@ def test_a_misspelt_key_is_taken_for_the_nearest_that_is_not_there(loaded: Any) 
     assert (len(both.problems), both.case.stop.max_runs) == (1, 99)
     # what is wrong about its value is told, too
     assert len(loaded({"stop": {"max_rnus": 0}}).problems) == 2
+
+
+def test_a_required_key_that_was_left_out_is_not_called_missing(loaded: Any) -> None:
+    found = loaded({"measurement": {**IMAGE, "path": [1]}, "materials": FIELD})
+    assert len(found.problems) == 1
+    assert "measurement.path is [1]" in found.problems[0]
+    missing = loaded({"measurement": {key: value for key, value in IMAGE.items() if key != "path"}})
+    assert len(missing.problems) == 1
+    assert "measurement.path is missing" in missing.problems[0]
