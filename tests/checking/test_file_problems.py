@@ -13,7 +13,10 @@ from safe_product import write_product
 from radcal.checking.file_problems import is_on_map
 from radcal.config import FileMeasurement
 
-pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning"),
+    pytest.mark.filterwarnings("ignore:Use `@` matmul:PendingDeprecationWarning"),  # of rasterio about affine
+]
 
 
 def test_products_and_rasters_with_a_place_are_on_the_map(tmp_path: Path) -> None:
