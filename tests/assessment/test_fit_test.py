@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from calibration_samples import make_material, make_score, make_target
 from scipy import stats
+from scipy.special import polygamma
 
-from radcal.assessment.fit_test import LEVEL, Linearised, _p, _worst, check_fit, linearised
+from radcal.assessment import fit_test
+from radcal.assessment.fit_test import LEVEL, Linearised, _all_passes, _p, _worst, check_fit, linearised
 from radcal.calibration.expected import LawForward
 from radcal.calibration.grounds import fit_grounds
 from radcal.calibration.history import PassScore
@@ -294,3 +297,49 @@ def test_linearised_steps_are_taken_in_units_of_the_intervals():
     np.testing.assert_allclose(found.jacobian, slope * width, rtol=1e-6)
     assert isinstance(found, Linearised)
     assert found.expected == pytest.approx(1.0)
+
+
+def test_x_is_drawn_from_its_prior_with_its_correlations():
+    rng = np.random.default_rng(5)
+    jacobian, information = rng.normal(size=(5, 2)), np.array([[4.0, 3.0], [3.0, 9.0]])
+    covariance = np.linalg.inv(jacobian.T @ jacobian + information)
+    found = Linearised(np.zeros(5), jacobian, covariance, information)
+    left = np.eye(5) - found.hat
+    wanted = left @ jacobian @ np.linalg.inv(information) @ jacobian.T @ left
+    drawn = found.refitted(np.zeros((40_000, 5)), rng)
+    np.testing.assert_allclose(np.cov(drawn.T), wanted, atol=0.03 * np.abs(wanted).max())
+
+
+def test_equal_sums_share_the_rank_of_the_last():
+    """Three first sums are the largest, and rank third; the second sums of the others rank first to third."""
+    replicates = np.array([[9.0, 1.0], [9.0, 2.0], [1.0, 8.0], [2.0, 7.0], [3.0, 6.0]])
+    assert _p(replicates, np.array([9.0, 0.0])) == 1.0
+
+
+def test_many_searched_values_without_a_curve_leave_little(right):
+    """Of 24 residuals, 11 values take more than 3: the same sum is less likely."""
+    objective, score = right
+    away = replace(score, statistics=(np.array(score.statistics) + [0.12, 0.0, 0.0]).tolist())
+    p = {}
+    for count in (2, 10):
+        law = external_law([f"a{k}" for k in range(count)])
+        outside = OBJECTIVES["classes"](make_material(objective.material.target, np.tile([0.0, 1.0], (count, 1)), law))
+        p[count] = result_of(outside, replace(away, parameters=[0.5] * count)).p
+    assert 0.05 < p[2] < 0.95
+    assert p[10] < 0.5 * p[2]
+
+
+def test_the_looks_of_a_further_pass_are_those_of_the_same_texture(monkeypatch):
+    """In dB the variances of speckle and texture add: trigamma functions of looks, and of the order of texture."""
+    monkeypatch.setattr(fit_test, "SharedFields", lambda _: SimpleNamespace(joined=None, residuals=np.concatenate))
+    passes = [
+        SimpleNamespace(
+            moments="bins", material=SimpleNamespace(looks=sensor), moment_residuals=lambda _: lambda _, looks: [looks]
+        )
+        for sensor in (4.0, 9.0)
+    ]
+    comparison = SimpleNamespace(passes=passes, material=passes[0].material, in_pass=lambda _, score: score)
+    _, of_looks = _all_passes(comparison, None)
+    first, second = of_looks(TRUTH, 2.5)
+    assert first == pytest.approx(2.5)
+    assert polygamma(1, second) == pytest.approx(polygamma(1, 9.0) + polygamma(1, 2.5) - polygamma(1, 4.0), rel=1e-3)

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from calibration_samples import make_target
 
-from radcal.assessment import law_check
-from radcal.assessment.constant import constants
+from radcal.assessment import law_check, validation
+from radcal.assessment.constant import Constant, constants
 from radcal.assessment.law_check import _held_sentences, _levels_asked, _start_db, check_laws, texture_note
-from radcal.assessment.validation import CrossValidation, HeldOut, cross_validate
+from radcal.assessment.validation import CrossValidation, HeldOut, _against, cross_validate
 from radcal.calibration.expected import LawForward
 from radcal.calibration.history import History, Run, Score
 from radcal.calibration.moments import from_cumulants, from_dp
@@ -241,6 +241,33 @@ def test_cross_validation_is_silent_where_folds_hold_all_angles_alike():
     assert CrossValidation(0.5, 0.4, told.power).no_better
 
 
+def test_blocks_are_dealt_to_five_folds_in_turn(monkeypatch):
+    """One field of ten equal blocks: each is predicted by the mean of the others but the one five further."""
+    case, targets, history = made()
+    law = make_objectives(case, targets)["area"].law(history.runs[0].scores["area"])
+    block, rng = np.repeat(np.arange(10), 60), np.random.default_rng(4)
+    values = rng.normal(0.0, 3.0, 10)[block] + rng.normal(size=600)
+    ground = Ground(values, rng.uniform(30.0, 50.0, 600), np.ones(600, dtype=np.int64), block)
+    law = replace(law, ground=ground, classes=make_classes(values, ground.incidence_deg, 4))
+    asked = []
+    monkeypatch.setattr(validation, "power", lambda *values: asked.append(values) or 1.0)
+    found = cross_validate(law, Constant(ground, Spread(100.0, 1.0)), block)
+    mean = values.reshape(10, 60).mean(axis=1)
+    errors = [mean[k] - np.delete(mean, [k, (k + 5) % 10]).mean() for k in range(10)]
+    assert found.rmse_constant_patch_db == pytest.approx(np.sqrt(np.mean(np.square(errors))), rel=1e-3)
+    # the variance of a block's error is that of the better predictor, none of it shared
+    ((_, _, common, own),) = asked
+    assert not common.any()
+    np.testing.assert_allclose(own, min(found.rmse_law_patch_db, found.rmse_constant_patch_db) ** 2)
+
+
+def test_expected_levels_lie_a_standard_deviation_on_both_sides():
+    """Without speckle: a half of the pixels at -3 dB, a half at 3 dB, and a sample that is even from -6 to 6 dB."""
+    distance, excess = _against(np.linspace(-6.0, 6.0, 10_001), np.zeros(500), 1e5, 3.0)
+    assert distance == pytest.approx(0.25, abs=0.01)
+    assert excess == pytest.approx(3.0 - 5.88, abs=0.1)
+
+
 def test_what_held_out_ground_says():
     """Worse than a constant is said beyond the standard error, and a band that is too narrow of each material."""
     case, targets, history = made()
@@ -255,6 +282,8 @@ def test_what_held_out_ground_says():
     assert _held_sentences(case, "area", replace(held, n_blocks=22, coverage_90=17 / 22)) == []
     (narrow,) = _held_sentences(case, "area", replace(held, n_blocks=22, coverage_90=15 / 22))
     assert "68 % of 22 held-out means lie inside" in narrow
+    # all of 100 are more than expected, and no band too narrow
+    assert _held_sentences(case, "area", replace(held, n_blocks=100, coverage_90=1.0)) == []
 
 
 def test_the_level_asked_is_the_laws_where_bins_hold_what_is_expected():

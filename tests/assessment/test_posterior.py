@@ -14,8 +14,15 @@ from scipy import stats
 from radcal.assessment.budget import FLATTENING, Budget
 from radcal.assessment.curves import Curves
 from radcal.assessment.evidence import Evidence, Unknowns
-from radcal.assessment.posterior import posterior_on, read_posterior, sigma0_db, write_posterior
-from radcal.assessment.sampling import sample
+from radcal.assessment.posterior import (
+    Draws,
+    posterior_on,
+    read_posterior,
+    sigma0_db,
+    summarised,
+    write_posterior,
+)
+from radcal.assessment.sampling import Sample, sample
 from radcal.assessment.unknowns import Model
 from radcal.calibration.misfit import BinMisfit
 from radcal.calibration.moments import to_cumulants
@@ -80,6 +87,20 @@ def test_residuals_are_those_of_the_objective():
     wanted = misfit(x[0], 2.9, to_cumulants(simulated[0]))
     assert found[0] == pytest.approx(wanted, abs=0.06)
     assert np.abs(wanted).max() > 1.0
+
+
+def test_an_error_of_the_incidence_spreads_a_straight_law_by_the_share_that_is_true():
+    """True angles are drawn towards the mean of the mapped ones, and scatter by the root of this share of the error."""
+    bins = made_bins(error_deg=4.0)
+    model = made_model(bins)
+    shift = model.evidence.passes[0]._shift(model.curves(LINE_X[None]), unknowns())[0]
+    variance, mean = np.var(bins.ground.incidence_deg), np.mean(bins.ground.incidence_deg)
+    share = (variance - 16.0) / variance
+    assert 0.5 < share < 0.8
+    nodes = model.evidence.passes[0]._few
+    wanted = 0.25**2 * ((share**2 - 1.0) * nodes.var(axis=1) + 16.0 * share)
+    np.testing.assert_allclose(shift[:, 1], wanted, rtol=0.03)
+    np.testing.assert_allclose(shift[:, 0], -0.25 * (share - 1.0) * (nodes.mean(axis=1) - mean), atol=0.01)
 
 
 def test_the_log_determinant_counts():
@@ -157,7 +178,7 @@ def test_linear_draws_of_a_parameter_that_nothing_tells_fill_its_bounds():
     """The covariance of a uniform law, 1/12, for one that the pixels are silent of; steps go to the inside."""
     bins = made_bins()
     model = made_model(bins)
-    for centre in (0.5, 0.999):
+    for centre in (0.5, 1e-5, 1.0 - 1e-5):
         asked = []
         model._whitened = lambda points, _, asked=asked: asked.append(points) or 50.0 * points[:, :1]
         at = np.array([0.5, centre, 0.0, 0.0, 0.0, 0.0])
@@ -295,6 +316,22 @@ def test_the_same_seed_gives_the_same_posterior(of_density, found_of_density, tm
     assert read.known_between_deg == (20.25, 41.5)
     assert (read.curve.p95_db == first.curve.p95_db).all()
     assert read.sentences == first.sentences
+
+
+def test_a_law_is_known_where_its_band_is_narrow_as_widely_as_it_is_at_worst():
+    """A line through levels with errors of 0.2 dB at 20 degrees and 1.2 dB at 60."""
+    model, rng = made_model(made_bins()), np.random.default_rng(6)
+    points, prior = np.zeros((20_000, model.dimension)), np.zeros((2000, model.dimension))
+    points[:, :2] = model.surrogate.unit(LINE_X + [0.2, 1.2] * rng.standard_normal((20_000, 2)))
+    prior[:, :2] = rng.random((2000, 2))
+    drawn = Draws(points, prior, Sample(points, 1000.0, 1.0, 100, True, points[0]))
+    found = summarised(model, drawn, 0.6)
+    angle = np.linspace(20.0, 60.0, 4001)
+    half = 1.6449 * np.hypot(0.2 * (60.0 - angle), 1.2 * (angle - 20.0)) / 40.0
+    first, last = model.seen_deg[0][0], angle[half <= 0.6].max()
+    assert found.known_between_deg == pytest.approx((first, last), abs=0.4)
+    assert found.known_half_width_db == pytest.approx(np.interp(found.known_between_deg[1], angle, half), rel=0.03)
+    assert np.interp(first, angle, half) < 0.55
 
 
 @pytest.mark.slow

@@ -243,6 +243,9 @@ def test_the_density_predicted_is_that_of_the_pixels():
     assert held.tail_constant_db > 0.5
     assert held.rmse_start_db == pytest.approx(3.0, abs=0.2)
     assert np.isnan(held_out(found, constant(found), far).ks_start)
+    # cells that scatter by 4 dB: a half of the pixels is expected 4 dB higher
+    wide = held_out(replace(found, spread=Spread(found.spread.between, 4.0)), constant(found), far)
+    assert wide.tail_law_db - held.tail_law_db == pytest.approx(3.5, abs=0.6)
 
 
 def test_the_covariance_is_that_of_repeated_fits():

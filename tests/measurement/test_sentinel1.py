@@ -202,6 +202,20 @@ def test_heights_above_the_geoid_are_raised_by_it(safe: Path, monkeypatch: pytes
     assert found.notes == ()
 
 
+def test_heights_between_the_centres_of_cells_are_interpolated(safe: Path) -> None:
+    """A plane that rises by 6 m a row and falls by 2.5 m a column."""
+    product, _ = opened(safe)
+    level = scene()
+    row, column = np.indices((SIDE, SIDE))
+    tilted = replace(level, elevation_m=HEIGHT_M + 6.0 * row - 2.5 * column)
+    at = np.array([[12.3, 14.5, 17.8], [15.25, 11.9, 18.4]])[..., None]
+    found = seen_from(product, tilted, at.astype(np.float32))
+    x, y = (level.transform[k] + CELL_M * (at[j] + 0.5) for k, j in ((2, 1), (5, 0)))
+    places = Transformer.from_crs(UTM, "EPSG:4326", always_xy=True).transform(x, y)
+    expected = product.annotation.ground.positions(*places, HEIGHT_M + 6.0 * at[0] - 2.5 * at[1])
+    np.testing.assert_allclose((found.line, found.pixel), expected, atol=0.01)
+
+
 def test_a_product_tells_its_pass_whatever_the_polarisation_of_the_case(safe: Path) -> None:
     for polarisation in ("HH", "VV"):
         found = told(safe, config(safe), Radar(polarisation=polarisation), scene())
@@ -336,6 +350,7 @@ PIXELS_FILE = f"measurement/{STEM}.tiff"
         (ANNOTATION, "<polarisation>VV", "<polarisation>HH", "is of polarisation HH, its name says VV"),
         (CALIBRATION, "<sigmaNought>", "<sigmaNought>x ", "its sigmaNought is 'x "),
         (CALIBRATION, "<sigmaNought>", "<sigmaNought>1 ", "sigmaNought at"),
+        (CALIBRATION, "<pixel>0 25 ", "<pixel>0 0 ", "expected ascending pixels"),
         ("manifest.safe", r"\./annotation", "../annotation", "expected a file of the folder"),
     ],
 )

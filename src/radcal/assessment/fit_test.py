@@ -164,15 +164,14 @@ def linearised(
 
 
 def _all_passes(comparison: Comparison, score: Score) -> tuple[BinMisfit, Residuals] | None:
-    """Bins of all passes with their residuals by X and the looks in the first; None without bins.
+    """Bins of all passes, and their residuals as a function of X and of the looks in the first pass; None without bins.
 
-    Texture and fields are shared.
+    The passes share texture and fields.
     """
-    parts = [(k, part) for k, part in enumerate(comparison.passes) if part is not None]
-    moments = [part.moments for _, part in parts if part.moments is not None]
-    if not moments:
+    parts = [(k, part) for k, part in enumerate(comparison.passes) if part is not None and part.moments is not None]
+    if not parts:
         return None
-    shared, sensor = SharedFields(moments), comparison.material.looks
+    shared, sensor = SharedFields([part.moments for _, part in parts if part.moments]), comparison.material.looks
     each = [(part.material.looks, part.moment_residuals(comparison.in_pass(k, score))) for k, part in parts]
     return shared.joined, lambda x, looks: shared.residuals(
         [residuals(x, equal_texture(sensor, looks, there)) for there, residuals in each]

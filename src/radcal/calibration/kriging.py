@@ -13,7 +13,9 @@ from radcal.errors import SurrogateError
 __all__ = ["JITTER", "Kriging", "train"]
 
 _LOG_SD = 1.0  # log standard deviation of the prior of a length scale; its median is 1, the width of the box
-_STARTS = (1.0, 0.3, 3.0)
+# of the length scales, in widths of the box: the first of each group, and the one of the highest posterior besides, as
+# outputs that vary fast or hardly at all have a maximum to which no search from 0.3 or 3 comes
+_STARTS = ((1.0,), (0.3, 0.1, 0.03), (3.0, 10.0))
 _SCALES = (0.02, 50.0)
 JITTER = 1e-10  # nugget without noise
 _MOST_NOISE = 10.0  # largest nugget, in variances of the process
@@ -144,16 +146,14 @@ def train(
         if noise_variance:
             process = Kriging(x, y, scales, nugget).process
             nugget = float(np.clip(noise_variance / max(process, 1e-300), JITTER, _MOST_NOISE))
+        starts = []
+        for group in _STARTS:
+            places = [np.log([start] * d + [1e-2] * free) for start in group]
+            highest = int(np.argmin([_minus_log_posterior(at, squares, y, nugget)[0] for at in places]))
+            starts += [places[k] for k in sorted({0, highest})]
         found = [
-            minimize(
-                _minus_log_posterior,
-                np.log([start] * d + [1e-2] * free),
-                args=(squares, y, nugget),
-                jac=True,
-                method="L-BFGS-B",
-                bounds=limits,
-            )
-            for start in _STARTS
+            minimize(_minus_log_posterior, start, args=(squares, y, nugget), jac=True, method="L-BFGS-B", bounds=limits)
+            for start in starts
         ]
         best = min(found, key=lambda result: float(result.fun)).x
         scales = np.exp(best[:d])
