@@ -20,6 +20,7 @@ from radcal.assessment.unknowns import Model
 from radcal.calibration.misfit import BinMisfit
 from radcal.calibration.moments import to_cumulants
 from radcal.calibration.objectives.density import Density
+from radcal.calibration.objectives.joint import Joint
 from radcal.calibration.surrogate import Surrogate, train_surrogate
 from radcal.config import SurrogateConfig, Uncertainty, case_from
 from radcal.errors import ConfigError
@@ -162,6 +163,18 @@ def test_the_level_adds_in_quadrature():
     assert np.sqrt(level**2 - alone**2) == pytest.approx(0.6, rel=0.1)
 
 
+@pytest.mark.parametrize("first", [0, 1])
+def test_each_pass_has_the_error_of_its_own_offset(first: int):
+    """Weights by the inverse variances of both offsets, whichever pass comes first."""
+    errors_db = [0.2, 0.8]
+    order = [first, 1 - first]
+    levels = [Levels("offset", 1.0, errors_db[k]) for k in order]
+    model = made_model(Joint([made_bins(seed=1 + k) for k in order]), levels)
+    alone = 0.06**2 / 2.0  # of the sampling, as in a single pass without any error of the level
+    wanted = np.sqrt(1.0 / (0.2**-2 + 0.8**-2) + alone)
+    assert linear_sd_db(model, LINE_X, 40.0) == pytest.approx(wanted, rel=0.1)
+
+
 def test_the_resolutions_flatten_and_steepen():
     bins = made_bins()
     angles = np.array([[30.0, 50.0]])
@@ -245,7 +258,7 @@ def of_density():
     x = np.array([[-30.0, 20.0, 10.0, 5.0], [-20.0, 5.0, 20.0, 9.0]])
     statistics = np.stack([objective.baseline(one) + 0.02 for one in x])
     surrogate = Surrogate(train_surrogate(objective, x, statistics, SurrogateConfig()), objective)
-    return lambda seed: posterior_on(objective, surrogate, Levels(), BRIEF, seed, x[0])
+    return lambda seed: posterior_on(objective, surrogate, [Levels()], BRIEF, seed, x[0])
 
 
 @pytest.fixture(scope="module")
@@ -285,7 +298,7 @@ def test_without_a_curve_only_parameters_have_intervals():
     x = np.array([[0.1, -1.0], [0.8, 1.0], [0.4, 0.3], [0.9, -1.5]])
     statistics = np.stack([[[-14.0 + 9.0 * a, 0.6 + 0.1 * b, -0.3]] for a, b in x])
     surrogate = Surrogate(train_surrogate(objective, x, statistics, SurrogateConfig()), objective)
-    found = posterior_on(objective, surrogate, Levels(), Uncertainty(walkers=40, steps=200), 2)
+    found = posterior_on(objective, surrogate, [Levels()], Uncertainty(walkers=40, steps=200), 2)
     assert found.sampled
     assert found.curve is None
     assert found.known_between_deg is None

@@ -119,7 +119,9 @@ def area_slope(law: GroundLaw, area_db: NDArray[np.float64]) -> tuple[float, flo
     """Slope of the residuals against the area factor at equal incidence, and its standard error.
 
     Law and area factor both depend on the incidence, so that only the part of the area factor counts that a polynomial
-    of third degree in the incidence, apart in each bin, does not explain.
+    of third degree in the incidence, apart in each bin, does not explain. The error has the covariance of the fit: the
+    effects of fields and of their parts, and sampling inside of these parts. An area factor that goes with the fields
+    is thus no better known than few fields allow.
 
     Parameters
     ----------
@@ -127,6 +129,11 @@ def area_slope(law: GroundLaw, area_db: NDArray[np.float64]) -> tuple[float, flo
         Law found.
     area_db : ndarray, shape (pixels,)
         Area of the ground in each pixel over that of level ground [dB].
+
+    References
+    ----------
+    Cameron and Miller, "A practitioner's guide to cluster-robust inference", Journal of Human Resources 50 (2015),
+    section 2: variance of a least squares slope whose errors have random effects of groups.
     """
     ground, member = law.ground, law.classes.member
     residual = ground.values_db - law.levels_db(ground.incidence_deg)
@@ -141,8 +148,17 @@ def area_slope(law: GroundLaw, area_db: NDArray[np.float64]) -> tuple[float, flo
     away, area = left
     if np.std(area) < _LEAST_AREA_DB:
         return 0.0, np.inf
-    power = float(area @ area)
-    return float(area @ away / power), float(np.std(away) / np.sqrt(power * ground.independent))
+    power, cells = float(area @ area), ground.cells
+    by_field = np.bincount(np.unique(ground.patch, return_inverse=True)[1], area)
+    by_cell = np.bincount(cells.of_pixel, area)
+    # a cell's mean has the variance of a pixel over the number of its independent pixels
+    of_pixel = cells.sampling_variance(away, ground.independent) * cells.count
+    variance = (
+        law.spread.between**2 * (by_field @ by_field)
+        + law.spread.within**2 * (by_cell @ by_cell)
+        + of_pixel @ np.bincount(cells.of_pixel, area**2)
+    )
+    return float(area @ away / power), float(np.sqrt(variance) / power)
 
 
 def _incidence(law: GroundLaw) -> str:

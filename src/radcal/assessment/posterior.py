@@ -152,13 +152,13 @@ def posterior_of(case: stages.Posterior, targets: Targets, history: History, nam
     surrogate = Surrogate(training, objective)
     best = history.best(name).scores[name].parameters
     seed = derived_seed(case.seed, "posterior", name)
-    return posterior_on(objective, surrogate, targets.levels, case.uncertainty, seed, best)
+    return posterior_on(objective, surrogate, [one.levels for one in targets.passes], case.uncertainty, seed, best)
 
 
 def posterior_on(
     objective: Comparison,
     surrogate: Surrogate,
-    levels: Levels,
+    levels: Sequence[Levels],
     config: Uncertainty,
     seed: int,
     best: Sequence[float] | Doubles | None = None,
@@ -171,8 +171,8 @@ def posterior_on(
         Target, law and bounds.
     surrogate : Surrogate
         Statistics at any X.
-    levels : Levels
-        Level of the measured image.
+    levels : sequence of Levels
+        Level of the measured image of each pass.
     config : Uncertainty
         Budget and sampler.
     seed : int
