@@ -149,7 +149,7 @@ def posterior_of(case: stages.Posterior, targets: Targets, history: History, nam
     """
     objective = make_objectives(case, targets)[name]
     training = train_all(history, case, {name: objective})[name]
-    surrogate = Surrogate(training, objective)
+    surrogate = Surrogate(training, objective, history.surprise(name))
     best = history.best(name).scores[name].parameters
     seed = derived_seed(case.seed, "posterior", name)
     return posterior_on(objective, surrogate, [one.levels for one in targets.passes], case.uncertainty, seed, best)

@@ -79,6 +79,9 @@ class Surrogate:
         Data and hyper-parameters.
     objective : Comparison
         Baseline, bounds and whole parameters.
+    surprise : ndarray, shape (3,), optional
+        By how much squared errors of verified predictions exceeded the kriging variance
+        (:meth:`radcal.calibration.history.History.surprise`).
 
     References
     ----------
@@ -87,8 +90,9 @@ class Surrogate:
     (2004).
     """
 
-    def __init__(self, training: Training, objective: Comparison) -> None:
+    def __init__(self, training: Training, objective: Comparison, surprise: NDArray[np.float64] | None = None) -> None:
         self.training = training
+        self._surprise = np.ones(len(STATISTICS)) if surprise is None else surprise
         self.bounds, self.integer = objective.material.box, objective.material.integer
         self.parameters = training.parameters
         self._baseline = objective.baseline if training.baseline.any() else None
@@ -136,8 +140,10 @@ class Surrogate:
     def error(self, unit: ArrayLike) -> NDArray[np.float64]:
         """Standard error of the statistics by the runs' own errors, (m, d) to (m, 3); 0 where others are learnt.
 
-        The kriging variance is multiplied by the mean square of the standardised leave-one-out errors where that is
-        above 1: few runs do not tell the length scales, and errors beyond the kriging's own then show. A single run
+        The kriging variance is multiplied by the mean square of the standardised leave-one-out errors, or by that of
+        the verified predictions where it is larger, if above 1: few runs do not tell the length scales, and errors
+        beyond the kriging's own then show. Leave-one-out errors keep the length scales that all runs gave; verified
+        predictions were made without the run. A single run
         tells nothing of how its difference from the baseline changes; the mean square of this difference is taken for
         the variance of the process, and one width of the box for its length scale.
 
@@ -151,7 +157,9 @@ class Surrogate:
         if len(self.parameters) == 1:
             apart = ((points - self.unit(self.parameters)) ** 2).sum(axis=1)
             return np.asarray(np.sqrt(self._first * -np.expm1(-apart)[:, None]))
-        return np.asarray(np.sqrt(np.stack([model.excess * model.variance(points) for model in self._models], axis=-1)))
+        variance = np.stack([model.variance(points) for model in self._models], axis=-1)
+        excess = np.maximum([model.excess for model in self._models], self._surprise)
+        return np.asarray(np.sqrt(excess * variance))
 
     def standard_error(self, unit: ArrayLike) -> NDArray[np.float64]:
         """Kriging standard error of the statistics, shape (m, d) to (m, n, 3); 0 where others are learnt."""
