@@ -177,8 +177,9 @@ class Evidence:
 def _spread_table(ground: Ground) -> Doubles:
     """Log likelihood of the fields' standard deviations from cells that share a bin, on the grid of both.
 
-    A free level of each bin takes the place of the law: these contrasts are independent of the means of the bins, which
-    the rest of the likelihood is about, and know of no law that might be wrong.
+    A free level of each bin takes the place of the law: these contrasts know of no law that might be wrong. They are
+    independent of the means of the bins, which the rest of the likelihood is about, as far as the bins share the fields
+    alike (``docs/uncertainty.md`` says what it costs that they do not).
     """
     edges = incidence_edges(ground.incidence_deg, "auto")
     member, cells = class_of(ground.incidence_deg, edges), ground.cells
