@@ -230,6 +230,33 @@ def test_the_linear_band_covers_hidden_laws():
 
 
 @pytest.mark.statistics
+def test_slopes_up_and_down_that_one_density_hardly_tells_apart_have_their_exact_shares():
+    """Two separate modes, against the integral over a grid of X and looks; skewed incidence makes them unequal."""
+    rng = np.random.default_rng(5)
+    angle = np.clip(40.0 + 24.0 * (rng.gamma(16.0, 1.0 / 16.0, 900) - 1.0), 21.0, 59.0)
+    values = LINE(np.radians(angle), [2.0, -34.0]) + 10.0 * np.log10(np.random.default_rng(1).gamma(4.0, 0.25, 900))
+    model = made_model(Density(make_material(make_target(values, angle), [[-40.0, 10.0]] * 2, LINE)))
+    start = np.random.default_rng(2).standard_normal((128, model.dimension))
+    found = sample(model.log_prior, lambda z: model.log_likelihood(model.points(z)), start, 2000, 2)
+    drawn = model.points(found.draws)
+    middle, half, share = np.meshgrid(
+        np.linspace(-3.0, 4.0, 71) + values.mean(), np.linspace(-24.0, 24.0, 97), np.linspace(0.02, 0.98, 13)
+    )
+    grid = np.repeat(model.points(np.zeros((1, model.dimension))), middle.size, axis=0)
+    grid[:, :2] = model.surrogate.unit(np.stack([(middle + half).ravel(), (middle - half).ravel()], axis=-1))
+    grid[:, 2] = model._log_looks[0] + np.ptp(model._log_looks) * share.ravel()
+    grid = grid[((grid[:, :2] > 0.0) & (grid[:, :2] < 1.0)).all(axis=1)]
+    log = model.log_likelihood(grid) + model._log_weight(grid)
+    weight, falls = np.exp(log - log.max()), grid[:, 0] > grid[:, 1]
+    exact = weight[falls].sum() / weight.sum()
+    assert exact == pytest.approx(0.72, abs=0.03)
+    assert found.converged
+    assert (drawn[:, 0] > drawn[:, 1]).mean() == pytest.approx(exact, abs=0.04)
+    # modes that touch would be no test of separate ones
+    assert np.mean(np.abs(drawn[:, 0] - drawn[:, 1]) < 0.1) < 0.01
+
+
+@pytest.mark.statistics
 def test_rejection_draws_the_prior_that_the_sampler_sees():
     bins = made_bins(LAWS["mangia"], MANGIA_BOX, MANGIA_X, free_looks=True)
     bins.bins = replace(bins.bins, priors=True)

@@ -286,8 +286,8 @@ def summarised(model: Model, found: Draws, known_db: float) -> Posterior:
         if len(modes.share) > 1:
             each = ", ".join(f"{100.0 * one:.0f} %" for one in modes.share)
             sentences.append(
-                f"{len(modes.share)} distinct laws agree with the pixels ({each} of the sample; walkers seldom change "
-                "from one to another, so that these shares are rough)."
+                f"{len(modes.share)} distinct laws agree with the pixels ({each} of the sample; a further "
+                "law that no walker found would not be seen)."
             )
     axes = directions(x, before)
     sentences.append(axes.sentence(model.names))
