@@ -114,7 +114,7 @@ def model_of(ground: Ground, config: Uncertainty) -> Model:
         x, objective.baseline(x[0])[None], np.ones((3, 4)), np.full(3, 1e-10), np.ones(3, dtype=np.bool_),
         np.full(3, np.nan), ("trained",) * 3,
     )  # fmt: skip
-    return Model(objective, Surrogate(training, objective), Levels(), config)
+    return Model(objective, Surrogate(training, objective), [Levels()], config)
 
 
 def judged(seed: int, config: Uncertainty, looks: float | None) -> dict[str, Any]:

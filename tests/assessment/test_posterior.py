@@ -27,6 +27,7 @@ from radcal.assessment.unknowns import Model
 from radcal.calibration.misfit import BinMisfit
 from radcal.calibration.moments import to_cumulants
 from radcal.calibration.objectives.density import Density
+from radcal.calibration.objectives.joint import Joint
 from radcal.calibration.surrogate import Surrogate, train_surrogate
 from radcal.config import SurrogateConfig, Uncertainty, case_from
 from radcal.errors import ConfigError
@@ -200,6 +201,18 @@ def test_the_level_adds_in_quadrature():
     assert np.sqrt(level**2 - alone**2) == pytest.approx(0.6, rel=0.1)
 
 
+@pytest.mark.parametrize("first", [0, 1])
+def test_each_pass_has_the_error_of_its_own_offset(first: int):
+    """Weights by the inverse variances of both offsets, whichever pass comes first."""
+    errors_db = [0.2, 0.8]
+    order = [first, 1 - first]
+    levels = [Levels("offset", 1.0, errors_db[k]) for k in order]
+    model = made_model(Joint([made_bins(seed=1 + k) for k in order]), levels)
+    alone = 0.06**2 / 2.0  # of the sampling, as in a single pass without any error of the level
+    wanted = np.sqrt(1.0 / (0.2**-2 + 0.8**-2) + alone)
+    assert linear_sd_db(model, LINE_X, 40.0) == pytest.approx(wanted, rel=0.1)
+
+
 def test_the_resolutions_flatten_and_steepen():
     bins = made_bins()
     angles = np.array([[30.0, 50.0]])
@@ -255,6 +268,33 @@ def test_the_linear_band_covers_hidden_laws():
 
 
 @pytest.mark.slow
+def test_slopes_up_and_down_that_one_density_hardly_tells_apart_have_their_exact_shares():
+    """Two separate modes, against the integral over a grid of X and looks; skewed incidence makes them unequal."""
+    rng = np.random.default_rng(5)
+    angle = np.clip(40.0 + 24.0 * (rng.gamma(16.0, 1.0 / 16.0, 900) - 1.0), 21.0, 59.0)
+    values = LINE(np.radians(angle), [2.0, -34.0]) + 10.0 * np.log10(np.random.default_rng(1).gamma(4.0, 0.25, 900))
+    model = made_model(Density(make_material(make_target(values, angle), [[-40.0, 10.0]] * 2, LINE)))
+    start = np.random.default_rng(2).standard_normal((128, model.dimension))
+    found = sample(model.log_prior, lambda z: model.log_likelihood(model.points(z)), start, 2000, 2)
+    drawn = model.points(found.draws)
+    middle, half, share = np.meshgrid(
+        np.linspace(-3.0, 4.0, 71) + values.mean(), np.linspace(-24.0, 24.0, 97), np.linspace(0.02, 0.98, 13)
+    )
+    grid = np.repeat(model.points(np.zeros((1, model.dimension))), middle.size, axis=0)
+    grid[:, :2] = model.surrogate.unit(np.stack([(middle + half).ravel(), (middle - half).ravel()], axis=-1))
+    grid[:, 2] = model._log_looks[0] + np.ptp(model._log_looks) * share.ravel()
+    grid = grid[((grid[:, :2] > 0.0) & (grid[:, :2] < 1.0)).all(axis=1)]
+    log = model.log_likelihood(grid) + model._log_weight(grid)
+    weight, falls = np.exp(log - log.max()), grid[:, 0] > grid[:, 1]
+    exact = weight[falls].sum() / weight.sum()
+    assert exact == pytest.approx(0.72, abs=0.03)
+    assert found.converged
+    assert (drawn[:, 0] > drawn[:, 1]).mean() == pytest.approx(exact, abs=0.04)
+    # modes that touch would be no test of separate ones
+    assert np.mean(np.abs(drawn[:, 0] - drawn[:, 1]) < 0.1) < 0.01
+
+
+@pytest.mark.slow
 def test_rejection_draws_the_prior_that_the_sampler_sees():
     bins = made_bins(LAWS["mangia"], MANGIA_BOX, MANGIA_X, free_looks=True)
     bins.bins = replace(bins.bins, priors=True)
@@ -283,7 +323,7 @@ def of_density():
     x = np.array([[-30.0, 20.0, 10.0, 5.0], [-20.0, 5.0, 20.0, 9.0]])
     statistics = np.stack([objective.baseline(one) + 0.02 for one in x])
     surrogate = Surrogate(train_surrogate(objective, x, statistics, SurrogateConfig()), objective)
-    return lambda seed: posterior_on(objective, surrogate, Levels(), BRIEF, seed, x[0])
+    return lambda seed: posterior_on(objective, surrogate, [Levels()], BRIEF, seed, x[0])
 
 
 @pytest.fixture(scope="module")
@@ -342,7 +382,7 @@ def test_without_a_curve_only_parameters_have_intervals():
     x = np.array([[0.1, -1.0], [0.8, 1.0], [0.4, 0.3], [0.9, -1.5]])
     statistics = np.stack([[[-14.0 + 9.0 * a, 0.6 + 0.1 * b, -0.3]] for a, b in x])
     surrogate = Surrogate(train_surrogate(objective, x, statistics, SurrogateConfig()), objective)
-    found = posterior_on(objective, surrogate, Levels(), Uncertainty(walkers=40, steps=200), 2)
+    found = posterior_on(objective, surrogate, [Levels()], Uncertainty(walkers=40, steps=200), 2)
     assert found.sampled
     assert found.curve is None
     assert found.known_between_deg is None

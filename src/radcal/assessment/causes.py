@@ -119,7 +119,9 @@ def area_slope(law: GroundLaw, area_db: NDArray[np.float64]) -> tuple[float, flo
     """Slope of the residuals against the area factor at equal incidence, and standard error of the slope.
 
     Law and area factor both depend on the incidence. In each bin, a polynomial of third degree in the incidence is
-    therefore fitted to the residuals and to the area factor, and subtracted.
+    therefore fitted to the residuals and to the area factor, and subtracted. The standard error follows from the
+    covariance of the fit: effects of fields and of their parts, and sampling inside these parts. If the area factor is
+    equal within each field, the slope is therefore no better known than the number of fields allows.
 
     Parameters
     ----------
@@ -127,6 +129,11 @@ def area_slope(law: GroundLaw, area_db: NDArray[np.float64]) -> tuple[float, flo
         Law found.
     area_db : ndarray, shape (pixels,)
         Ratio of the area of the ground in each pixel to the area of level ground [dB].
+
+    References
+    ----------
+    Cameron and Miller, "A practitioner's guide to cluster-robust inference", Journal of Human Resources 50 (2015),
+    section 2: variance of a least squares slope whose errors have random effects of groups.
     """
     ground, member = law.ground, law.classes.member
     residual = ground.values_db - law.levels_db(ground.incidence_deg)
@@ -141,8 +148,17 @@ def area_slope(law: GroundLaw, area_db: NDArray[np.float64]) -> tuple[float, flo
     away, area = left
     if np.std(area) < _LEAST_AREA_DB:
         return 0.0, np.inf
-    power = float(area @ area)
-    return float(area @ away / power), float(np.std(away) / np.sqrt(power * ground.independent))
+    power, cells = float(area @ area), ground.cells
+    by_field = np.bincount(np.unique(ground.patch, return_inverse=True)[1], area)
+    by_cell = np.bincount(cells.of_pixel, area)
+    # a cell's mean has the variance of a pixel over the number of its independent pixels
+    of_pixel = cells.sampling_variance(away, ground.independent) * cells.count
+    variance = (
+        law.spread.between**2 * (by_field @ by_field)
+        + law.spread.within**2 * (by_cell @ by_cell)
+        + of_pixel @ np.bincount(cells.of_pixel, area**2)
+    )
+    return float(area @ away / power), float(np.sqrt(variance) / power)
 
 
 def _incidence(law: GroundLaw) -> str:

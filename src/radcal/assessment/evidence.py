@@ -138,25 +138,26 @@ class _Pass:
 
 
 class Evidence:
-    """Likelihood of the bins of one material in all passes.
+    """Likelihood of the incidence-angle bins of one material in all passes.
 
-    Normal in mean, log sd and skewness of all bins. The covariance is that of
-    :class:`radcal.calibration.misfit.BinMisfit`, where passes share their fields
-    (:func:`radcal.calibration.shared_fields.together`), with the variance of each pass's level, which is common to all
-    of its means, and with the error of the surrogate; its log-determinant counts, because it depends on the unknowns.
+    The likelihood is normal in the means, log standard deviations and skewnesses of all bins. The covariance is the sum
+    of the covariance of :class:`radcal.calibration.misfit.BinMisfit`, for passes that share their fields
+    (:func:`radcal.calibration.shared_fields.together`), of the variances of each pass's level and noise floor, and of
+    the variance of the surrogate. The covariance depends on the unknowns, so that its determinant is part of the
+    likelihood.
 
     Parameters
     ----------
     parts : sequence of Objective
-        Of each pass.
-    budget : Budget
-        Standard errors.
+        Objective of each pass.
+    budgets : sequence of Budget
+        Uncertainty budget of each pass.
     sensor : float
         Looks of the sensor in the first pass.
     """
 
-    def __init__(self, parts: Sequence[Objective], budget: Budget, sensor: float) -> None:
-        self.passes = [_Pass(part, budget, sensor) for part in parts]
+    def __init__(self, parts: Sequence[Objective], budgets: Sequence[Budget], sensor: float) -> None:
+        self.passes = [_Pass(part, budget, sensor) for part, budget in zip(parts, budgets, strict=True)]
         self.compared, self.decibels = self.passes[0].compared, self.passes[0].decibels
         self._ends = np.cumsum([one.size for one in self.passes])
         n = self.size = int(self._ends[-1])
@@ -227,9 +228,10 @@ class Evidence:
 def _spread_table(grounds: Sequence[Ground]) -> Doubles:
     """Log likelihood of the fields' standard deviations from cells that share a bin, on the grid of both.
 
-    A free level of each bin of each pass takes the place of the law: these contrasts are independent of the means of
-    the bins, which the rest of the likelihood is about, and know of no law that might be wrong. Cells of several passes
-    that lie in one field share its effect.
+    A free level of each bin of each pass takes the place of the law, so that a wrong law does not change the result.
+    The differences between cells are independent of the means of the bins, which enter the rest of the likelihood, if
+    all bins contain equal shares of the fields (``docs/uncertainty.md`` gives the loss if they do not). Cells of
+    several passes in one field share the effect of this field.
     """
     slopes = []
     for ground in grounds:

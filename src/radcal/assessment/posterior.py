@@ -170,16 +170,16 @@ def posterior_of(case: stages.Posterior, targets: Targets, history: History, nam
     """
     objective = make_objectives(case, targets)[name]
     training = train_all(history, case, {name: objective})[name]
-    surrogate = Surrogate(training, objective)
+    surrogate = Surrogate(training, objective, history.surprise(name))
     best = history.best(name).scores[name].parameters
     seed = derived_seed(case.seed, "posterior", name)
-    return posterior_on(objective, surrogate, targets.levels, case.uncertainty, seed, best)
+    return posterior_on(objective, surrogate, [one.levels for one in targets.passes], case.uncertainty, seed, best)
 
 
 def posterior_on(
     objective: Comparison,
     surrogate: Surrogate,
-    levels: Levels,
+    levels: Sequence[Levels],
     config: Uncertainty,
     seed: int,
     best: Sequence[float] | Doubles | None = None,
@@ -192,8 +192,8 @@ def posterior_on(
         Objective of the material, which holds target, law and bounds.
     surrogate : Surrogate
         Surrogate that predicts the statistics of the bins at any X.
-    levels : Levels
-        Level of the measured image.
+    levels : sequence of Levels
+        Level of the measured image of each pass.
     config : Uncertainty
         Configuration of uncertainty budget and sampler.
     seed : int
@@ -307,8 +307,8 @@ def summarised(model: Model, found: Draws, known_db: float) -> Posterior:
         if len(modes.share) > 1:
             each = ", ".join(f"{100.0 * one:.0f} %" for one in modes.share)
             sentences.append(
-                f"{len(modes.share)} distinct laws agree with the pixels ({each} of the sample; walkers seldom change "
-                "from one to another, so that these shares are rough)."
+                f"{len(modes.share)} distinct laws agree with the pixels ({each} of the sample; a further "
+                "law that no walker found would not be seen)."
             )
     axes = directions(x, before)
     sentences.append(axes.sentence(model.names))

@@ -12,7 +12,9 @@ from radcal.assessment.constant import Constant
 from radcal.assessment.gain import Gain, field_gains, power
 from radcal.assessment.prediction import predict
 from radcal.calibration.grounds import GroundLaw, refit
+from radcal.calibration.passes import law_sd_db
 from radcal.measurement.classes import FEWEST
+from radcal.radar.laws import seen_rad
 
 __all__ = [
     "FieldCheck",
@@ -29,7 +31,6 @@ _FOLDS = 10
 _FEW_PIXELS = 20  # least number of pixels in a cell whose mean is compared
 _KNOWN_DB = 1.5  # largest half-width of the 90 % band of a law that is called known
 _BAND = 1.6448536269514722
-_ANGLES = 41
 _TREND = 4.0  # least squared coefficient over its variance: two standard errors, squared
 _MANY = 4  # least number of fields whose scatter alone gives a standard error: three degrees of freedom
 _IDENTIFIED = 2.0  # see GroundLaw.identified
@@ -121,11 +122,14 @@ def leave_fields_out(found: GroundLaw, constant: Constant) -> FieldCheck:
 
 
 def half_width_db(found: GroundLaw) -> float:
-    """Largest half-width [dB] of a law's linear (Gauss-Newton) 90 % band between 5 and 95 % of the incidence."""
-    low, high = np.quantile(found.ground.incidence_deg, [0.05, 0.95])
-    slope = found.slopes(np.linspace(low, high, _ANGLES))
-    variance = np.einsum("kd,de,ke->k", slope, found.fit.covariance, slope)
-    return float(_BAND * np.sqrt(variance.max()))
+    """Largest half-width of the linear (Gauss-Newton) 90 % band of sigma0 over the 5-95 % of the incidence [dB].
+
+    The band is that of the law at the true incidence (``docs/uncertainty.md``), and not that of the mean of dB values,
+    on which the looks act as well. The level of the image, which law and constant share, is not part of it.
+    """
+    method = found.method
+    sd = law_sd_db(method.law, method.bounds, found.fit, seen_rad(found.ground.incidence_deg))
+    return float(_BAND * sd.max())
 
 
 def trend(found: GroundLaw) -> float:

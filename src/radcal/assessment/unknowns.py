@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, stdtr, stdtrit
@@ -46,19 +48,21 @@ class Model:
         Objective of the material, which holds target, law and bounds.
     surrogate : Surrogate
         Surrogate that predicts the statistics of the bins at any X.
-    levels : Levels
-        Level of the measured image.
+    levels : sequence of Levels
+        Level of the measured image of each pass, whose error is the pass's own.
     config : Uncertainty
         Configuration of the uncertainty budget.
     """
 
-    def __init__(self, objective: Comparison, surrogate: Surrogate, levels: Levels, config: Uncertainty) -> None:
+    def __init__(
+        self, objective: Comparison, surrogate: Surrogate, levels: Sequence[Levels], config: Uncertainty
+    ) -> None:
         material = objective.material
         self.surrogate, self.sensor = surrogate, material.looks
         self.names, self.d = material.law.names, len(material.box)
-        self.budget = Budget.of(config, levels)
-        parts = [part for part in objective.passes if part is not None]
-        self.evidence = Evidence(parts, self.budget, material.looks)
+        pairs = [(part, one) for part, one in zip(objective.passes, levels, strict=True) if part is not None]
+        parts = [part for part, _ in pairs]
+        self.evidence = Evidence(parts, [Budget.of(config, one) for _, one in pairs], material.looks)
         first = self.evidence.compared
         self.prior, self._looks_prior = first.prior, first.looks_prior and material.decibels
         self._prior_rad = np.radians(self.prior.angles_deg if self.prior is not None else [])
@@ -70,7 +74,7 @@ class Model:
         self.curves = None
         if material.law.has_curve and material.decibels:
             self.curves = Curves(material.law, surrogate.scaled(np.array([[0.3], [0.6]]) * np.ones(self.d)))
-        self._scale = self.budget.field_db if material.decibels else 0.0
+        self._scale = config.field_db if material.decibels else 0.0
         most = 0.99 * _MOST_FIELD_DB / max(self._scale, 1e-9)
         self._t_below = min(float(stdtr(FIELD_FREEDOM, most)), 1.0 - 1e-12)
         # one column for each unknown after X

@@ -259,6 +259,33 @@ class History:
                 seen[tuple(score.parameters)] = score.statistics
         return np.array(list(seen)), np.array(list(seen.values()))
 
+    def surprise(self, material: str) -> NDArray[np.float64]:
+        """Mean square of verified minus predicted statistics over the kriging variance that was stated for it.
+
+        The sums run over all verified proposals and incidence-angle bins. Noise of the runs, where it was measured, is
+        taken off. Proposals that repeat a run, or were predicted without any error (as by a single run), do not count.
+
+        Returns
+        -------
+        ndarray, shape (3,)
+            Of mean, log sd and skewness; 1 where nothing was predicted with an error.
+
+        References
+        ----------
+        Bastos and O'Hagan, "Diagnostics for Gaussian process emulators", Technometrics 51 (2009), section 3: errors of
+        validation runs over their predicted standard deviations.
+        """
+        pairs = [(run.proposals[material], run.scores[material]) for run in self.infill if material in run.proposals]
+        pairs = [(one, score) for one, score in pairs if one.mode in ("exploit", "explore") and np.any(one.errors)]
+        if not pairs:
+            return np.ones(3)
+        noise = self.noise_variance(material)
+        square = sum((np.array(score.statistics) - np.array(one.statistics)) ** 2 for one, score in pairs)
+        square = square - (0.0 if noise is None else len(pairs) * noise)
+        stated = np.sum([np.square(one.errors).sum(axis=0) for one, _ in pairs], axis=0)
+        found = np.maximum(np.asarray(square).sum(axis=0), 0.0) / np.where(stated > 0.0, stated, np.nan)
+        return np.where(np.isfinite(found), found, 1.0)
+
 
 def write_runs(path: str | Path, runs: Iterable[Run]) -> None:
     """Write scored runs as JSON; entries on further passes are omitted if there is only one pass."""

@@ -6,14 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from radcal.calibration.history import History
 from radcal.calibration.law_fit import LawFit
-from radcal.calibration.objectives import Objective, make_objectives
+from radcal.calibration.objectives import make_objectives
 from radcal.config import stages
 from radcal.measurement.target import Targets
-from radcal.radar.laws import seen_rad
+from radcal.radar.laws import Law, seen_rad
 
 __all__ = ["PassLaw", "law_sd_db", "pass_laws"]
 
@@ -42,10 +42,13 @@ class PassLaw:
     sd_all_db: float
 
 
-def law_sd_db(part: Objective, fit: LawFit, incidence_rad: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Standard deviation [dB] of a fitted law at angles [rad], shape (k,), from the Gauss-Newton covariance of X."""
-    law, x = part.material.law, fit.parameters
-    steps = np.diag(_STEP * np.diff(part.material.box, axis=1)[:, 0])
+def law_sd_db(law: Law, bounds: ArrayLike, fit: LawFit, incidence_rad: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Standard deviation [dB] of a fitted law at angles [rad], shape (k,), from the Gauss-Newton covariance of X.
+
+    The looks are integrated out: the covariance of X includes the uncertainty of the looks.
+    """
+    x = fit.parameters
+    steps = np.diag(_STEP * np.diff(np.asarray(bounds, dtype=np.float64), axis=1)[:, 0])
     slopes = np.stack(
         [(law(incidence_rad, x + step) - law(incidence_rad, x - step)) / (2.0 * step.max()) for step in steps], axis=-1
     )
@@ -67,8 +70,8 @@ def pass_laws(case: stages.Archive, targets: Targets, history: History) -> list[
         for number, part in enumerate(objective.passes):
             if part is None:
                 continue
-            seen = seen_rad(part.material.target.incidence_deg)
-            sd = [float("nan")] * 2 if fits is None else [float(law_sd_db(part, fit, seen).max()) for fit in fits]
+            law, box, seen = part.material.law, part.material.box, seen_rad(part.material.target.incidence_deg)
+            sd = [float("nan")] * 2 if fits is None else [float(law_sd_db(law, box, fit, seen).max()) for fit in fits]
             ends = np.degrees([seen[0], seen[-1]])
             found[number][name] = PassLaw(
                 float(ends[0]), float(ends[1]), objective.in_pass(number, score).rms, sd[0], sd[1]

@@ -79,6 +79,9 @@ class Surrogate:
         Data and hyper-parameters.
     objective : Comparison
         Baseline and bounds of the material, and which of its parameters are whole numbers.
+    surprise : ndarray, shape (3,), optional
+        Factors by which squared errors of verified predictions exceeded the kriging variance
+        (:meth:`radcal.calibration.history.History.surprise`).
 
     References
     ----------
@@ -87,8 +90,9 @@ class Surrogate:
     (2004).
     """
 
-    def __init__(self, training: Training, objective: Comparison) -> None:
+    def __init__(self, training: Training, objective: Comparison, surprise: NDArray[np.float64] | None = None) -> None:
         self.training = training
+        self._surprise = np.ones(len(STATISTICS)) if surprise is None else surprise
         self.bounds, self.integer = objective.material.box, objective.material.integer
         self.parameters = training.parameters
         self._baseline = objective.baseline if training.baseline.any() else None
@@ -136,8 +140,10 @@ class Surrogate:
     def error(self, unit: ArrayLike) -> NDArray[np.float64]:
         """Standard error of the predicted statistics, checked against leave-one-out errors, shape (m, d) to (m, 3).
 
-        The kriging variance is multiplied by the mean square of the standardised leave-one-out errors if this mean
-        square exceeds 1. Length scales from few runs are uncertain, and the kriging variance alone may be too small.
+        The kriging variance is multiplied by the larger of two factors if this exceeds 1: the mean square of the
+        standardised leave-one-out errors, and ``surprise``. Length scales from few runs are uncertain, and the kriging
+        variance alone may be too small. Leave-one-out errors are computed with the length scales of all runs; verified
+        predictions were made without the run.
         With a single run, the mean square of its difference from the baseline serves as variance of the process, and
         one width of the bounds as length scale. All errors are 0 if kriging learns (xi, omega, alpha).
 
@@ -151,7 +157,9 @@ class Surrogate:
         if len(self.parameters) == 1:
             apart = ((points - self.unit(self.parameters)) ** 2).sum(axis=1)
             return np.asarray(np.sqrt(self._first * -np.expm1(-apart)[:, None]))
-        return np.asarray(np.sqrt(np.stack([model.excess * model.variance(points) for model in self._models], axis=-1)))
+        variance = np.stack([model.variance(points) for model in self._models], axis=-1)
+        excess = np.maximum([model.excess for model in self._models], self._surprise)
+        return np.asarray(np.sqrt(excess * variance))
 
     def standard_error(self, unit: ArrayLike) -> NDArray[np.float64]:
         """Kriging standard error of the statistics, shape (m, d) to (m, n, 3); 0 if (xi, omega, alpha) are learnt."""

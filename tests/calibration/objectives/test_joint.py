@@ -174,7 +174,7 @@ def test_the_law_is_known_better_from_both_passes(found):
     first = joint.passes[0]
     fits = [first.law(joint.in_pass(0, score_)).fit, joint.law_in(0, score_).fit]
     seen = np.radians([22.0, 38.0, 58.0])
-    alone, both = (law_sd_db(first, fit, seen) for fit in fits)
+    alone, both = (law_sd_db(first.material.law, first.material.box, fit, seen) for fit in fits)
     assert (both < alone).all()
     assert both[2] < 0.8 * alone[2]  # only the second pass has seen 58 degrees
     other = joint.law_in(1, score_)
@@ -199,7 +199,7 @@ def test_what_each_pass_adds(found):
         assert (law.low_deg, law.high_deg) == pytest.approx(ends, abs=0.01)
         assert law.rms == rms[number]
         angles = np.radians(np.linspace(*ends, 400))
-        first, both = (law_sd_db(joint.passes[number], fit, angles).max() for fit in fits)
+        first, both = (law_sd_db(joint.material.law, joint.material.box, fit, angles).max() for fit in fits)
         assert (law.sd_first_db, law.sd_all_db) == pytest.approx((first, both), rel=0.01)
         assert both < first
     assert rms[0] != rms[1]
