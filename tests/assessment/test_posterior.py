@@ -124,7 +124,7 @@ def test_the_table_of_fields_is_interpolated_in_both_directions():
 def test_a_second_sensor_has_other_looks_at_the_same_texture():
     """As texture leaves 2 of 4 looks in the first pass, it leaves fewer than half of 16."""
     bins = made_bins()
-    first, second = (Evidence([bins], Budget(0.0, 0.5, 0.0, 0.0, 0.0), sensor) for sensor in (4.0, 16.0))
+    first, second = (Evidence([bins], [Budget(0.0, 0.5, 0.0, 0.0, 0.0)], sensor) for sensor in (4.0, 16.0))
     same, other = (
         one.difference(np.asarray(bins.baseline(LINE_X))[None], None, unknowns(looks=2.0)) for one in (first, second)
     )
@@ -144,7 +144,7 @@ def test_an_effect_of_a_field_counts_once_in_two_passes():
     measured = bins.compared().statistics
 
     def squares(*levels_db: float) -> float:
-        evidence = Evidence([bins] * len(levels_db), budget, 4.0)
+        evidence = Evidence([bins] * len(levels_db), [budget] * len(levels_db), 4.0)
         simulated = np.concatenate([measured + [level, 0.0, 0.0] for level in levels_db])[None]
         found, _ = evidence.whitened(evidence.difference(simulated, None, at), np.zeros((1, 3)), at)
         return float((found**2).sum())
