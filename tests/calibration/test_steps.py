@@ -26,7 +26,7 @@ from radcal.calibration.surrogate import read_trainings, write_trainings
 from radcal.config import Stop, stages
 from radcal.measurement.target import Targets, read_targets, write_targets
 from radcal.radar.texture import log_speckle_cumulants
-from radcal.storage.layout import same
+from radcal.storage.dataclass_groups import same
 from radcal.storage.runs import Record
 
 

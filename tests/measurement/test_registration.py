@@ -12,7 +12,7 @@ from radcal.measurement import registration as module
 from radcal.measurement.displacement import invert
 from radcal.measurement.model import Measurement
 from radcal.measurement.registration import LEAST_CONTRAST_DB, contrast_db, read_registered, register, write_registered
-from radcal.storage.layout import same
+from radcal.storage.dataclass_groups import same
 
 SHAPE = (200, 230)
 GEFOLKI = RegistrationConfig()

@@ -22,7 +22,7 @@ from radcal.radar.projection import make_geometry
 from radcal.radar.reflectivity import uniform
 from radcal.scene.model import Scene
 from radcal.simulators.builtin import BuiltinSimulator
-from radcal.storage.layout import same
+from radcal.storage.dataclass_groups import same
 
 pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
 

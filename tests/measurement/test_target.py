@@ -19,7 +19,7 @@ from radcal.measurement.pixels import eligible_pixels
 from radcal.measurement.target import Targets, read_targets, write_targets
 from radcal.measurement.target_fit import make_target, sampling_rms
 from radcal.radar.geometry import Geometry
-from radcal.storage.layout import same
+from radcal.storage.dataclass_groups import same
 
 CONFIG = TargetConfig(pixels=500)
 

@@ -17,7 +17,7 @@ from radcal.radar.geometry import Geometry, read_geometry, write_geometry
 from radcal.radar.lines import local_incidence_cosine
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
-from radcal.storage.layout import same
+from radcal.storage.dataclass_groups import same
 
 ALTITUDE = 1000.0
 SIDE = 200.0  # of the tiny scenes [m]

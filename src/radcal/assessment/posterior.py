@@ -34,7 +34,7 @@ from radcal.measurement.levels import Levels
 from radcal.measurement.target import Targets
 from radcal.radar.laws import Law
 from radcal.seeds import derived_seed
-from radcal.storage.layout import About, put, take
+from radcal.storage.dataclass_groups import About, put, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from radcal.calibration.objectives import Comparison
 from radcal.calibration.smt_kriging import train_smt
 from radcal.config import SurrogateConfig
 from radcal.errors import SurrogateError
-from radcal.storage.layout import put, take
+from radcal.storage.dataclass_groups import put, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
 __all__ = ["Surrogate", "Training", "read_trainings", "train_surrogate", "write_trainings"]

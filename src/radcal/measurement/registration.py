@@ -15,7 +15,7 @@ from radcal.measurement.displacement import warp
 from radcal.measurement.gefolki import Flow, Level, find_flow, local_correlation, pyramid, rank_transform
 from radcal.measurement.model import Measurement
 from radcal.measurement.spline_field import Prior
-from radcal.storage.layout import put, take
+from radcal.storage.dataclass_groups import put, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
 __all__ = [

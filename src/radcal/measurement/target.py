@@ -16,7 +16,7 @@ from radcal.measurement.goodness import Goodness
 from radcal.measurement.ground import Ground
 from radcal.measurement.levels import Levels
 from radcal.measurement.one_incidence import LEAST_SPAN_DEG, seen_at_one_incidence
-from radcal.storage.layout import put, take
+from radcal.storage.dataclass_groups import put, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
 __all__ = ["Target", "Targets", "read_targets", "write_targets"]

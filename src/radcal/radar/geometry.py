@@ -20,7 +20,7 @@ from scipy.ndimage import distance_transform_cdt
 from radcal.config import Radar
 from radcal.errors import StoreError
 from radcal.radar import SIMULATOR_VERSION
-from radcal.storage.layout import put, same, take
+from radcal.storage.dataclass_groups import put, same, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
 __all__ = ["Geometry", "Points", "read_geometry", "write_geometry"]

@@ -18,7 +18,7 @@ from radcal.radar.laws import Law, law_for
 from radcal.report.fitted import Fitted
 from radcal.report.held_out_blocks import HeldOutBlocks, LeftOutFields
 from radcal.report.search_front import SearchFront
-from radcal.storage.layout import About, Attribute, Inline, Main, put, table, take
+from radcal.storage.dataclass_groups import About, Attribute, Inline, Main, put, table, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
 __all__ = [

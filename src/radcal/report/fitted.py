@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from radcal.assessment.verdict import all_fit, first_line
-from radcal.storage.layout import About, Attribute
+from radcal.storage.dataclass_groups import About, Attribute
 
 __all__ = ["Fitted", "misfit", "overall"]
 

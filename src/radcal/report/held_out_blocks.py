@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.storage.layout import About
+from radcal.storage.dataclass_groups import About
 
 __all__ = ["HeldOutBlocks", "LeftOutFields"]
 

@@ -12,7 +12,7 @@ from radcal.calibration.history import History
 from radcal.calibration.objectives import make_objectives
 from radcal.config import stages
 from radcal.measurement.target import Targets
-from radcal.storage.layout import About, Attribute
+from radcal.storage.dataclass_groups import About, Attribute
 
 __all__ = ["SearchFront", "search_fronts"]
 

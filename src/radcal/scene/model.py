@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from radcal.errors import SceneError
 from radcal.scene.objects import Objects
-from radcal.storage.layout import put, same, take
+from radcal.storage.dataclass_groups import put, same, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
 __all__ = ["Scene", "read_scene", "write_scene"]

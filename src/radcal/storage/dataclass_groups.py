@@ -120,12 +120,12 @@ def put(group: h5py.Group, value: Any) -> None:
     group : h5py.Group
         Group that has no entries or attributes with the names of the fields.
     value : dataclass instance
-        Dataclass whose fields have types from the table in the docstring of :mod:`radcal.storage.layout`.
+        Dataclass whose fields have types from the table in the docstring of :mod:`radcal.storage.dataclass_groups`.
 
     Raises
     ------
     TypeError
-        A field has a type that is not in the table in the docstring of :mod:`radcal.storage.layout`.
+        A field has a type that is not in the table in the docstring of :mod:`radcal.storage.dataclass_groups`.
     """
     for entry in _entries(type(value)):
         one = getattr(value, entry.name)
