@@ -13,7 +13,7 @@ from scipy import stats
 
 from radcal.assessment.budget import FLATTENING, Budget
 from radcal.assessment.curves import Curves
-from radcal.assessment.evidence import Evidence, Unknowns
+from radcal.assessment.evidence import Evidence, Unknowns, _spread_table
 from radcal.assessment.posterior import (
     Draws,
     posterior_on,
@@ -31,6 +31,8 @@ from radcal.calibration.objectives.joint import Joint
 from radcal.calibration.surrogate import Surrogate, train_surrogate
 from radcal.config import SurrogateConfig, Uncertainty, case_from
 from radcal.errors import ConfigError
+from radcal.measurement.classes import class_of, incidence_edges
+from radcal.measurement.ground import Ground
 from radcal.measurement.levels import Levels
 from radcal.measurement.patches import GRID_DB, Spread
 from radcal.radar.laws import LAWS
@@ -119,6 +121,35 @@ def test_the_table_of_fields_is_interpolated_in_both_directions():
     evidence._spread = 3.0 * GRID_DB[:, None] - 5.0 * GRID_DB[None, :]
     at = replace(unknowns(3), between_db=np.array([0.0, 1.23, 5.9]), within_db=np.array([0.7, 0.31, 0.0]))
     np.testing.assert_allclose(evidence._of_fields(at), [-3.5, 3.69 - 1.55, 17.7], atol=0.02)
+
+
+def test_fields_at_other_angles_are_told_apart_by_what_they_share_of_each_bin():
+    """Against the restricted likelihood of all pixels, with a free level of each bin, by dense algebra."""
+    rng = np.random.default_rng(4)
+    patch = np.repeat([1, 2, 3], [90, 60, 50])
+    incidence = np.clip(rng.normal(30.0 + 3.0 * patch, 5.0), 15.0, 60.0)
+    block = rng.integers(4, size=patch.size)
+    values = -0.4 * incidence + np.array([0.0, -6.0, -2.5, 1.0])[patch] + rng.normal(size=patch.size)
+    ground = Ground(values, incidence, patch, block)
+    table, of_pixel = _spread_table([ground]), ground.cells.of_pixel
+    edges = incidence_edges(incidence, "auto")
+    bins = (class_of(incidence, edges)[:, None] == np.arange(len(edges) - 1)).astype(np.float64)
+    noise = np.diag((ground.sampling * ground.cells.count)[of_pixel])
+    in_field, in_cell = (np.equal.outer(one, one) for one in (patch, of_pixel))
+
+    def dense(between, within):
+        covariance = noise + between**2 * in_field + within**2 * in_cell
+        inverse = np.linalg.inv(covariance)
+        known = bins.T @ inverse @ bins
+        left = values - bins @ np.linalg.solve(known, bins.T @ inverse @ values)
+        return -0.5 * (np.linalg.slogdet(covariance)[1] + np.linalg.slogdet(known)[1] + left @ inverse @ left)
+
+    places = [(0, 0), (0, 30), (12, 20), (25, 28), (33, 8), (38, 22)]
+    wanted = np.array([dense(GRID_DB[k], GRID_DB[j]) for k, j in places])
+    found = np.array([table[place] for place in places])
+    np.testing.assert_allclose(found - found[-1], wanted - wanted[-1], atol=0.01)
+    # sum over cells alone, whose shares of the bins go with their fields, would leave it open
+    assert table[0].max() < -10.0
 
 
 def test_a_second_sensor_has_other_looks_at_the_same_texture():

@@ -233,18 +233,24 @@ def _spread_table(grounds: Sequence[Ground]) -> Doubles:
     all bins contain equal shares of the fields (``docs/uncertainty.md`` gives the loss if they do not). Cells of
     several passes in one field share the effect of this field.
     """
-    slopes = []
+    slopes, inside = [], []
     for ground in grounds:
         edges = incidence_edges(ground.incidence_deg, "auto")
         member = class_of(ground.incidence_deg, edges)
-        slopes.append(ground.cells.mean((member[:, None] == np.arange(len(edges) - 1)).astype(np.float64)))
+        columns = np.column_stack([member[:, None] == np.arange(len(edges) - 1), ground.values_db]).astype(np.float64)
+        means = ground.cells.mean(columns)
+        slopes.append(means[:, :-1])
+        # differences between the bins inside one cell, which no effect of a field or of a cell changes
+        left = columns - means[ground.cells.of_pixel]
+        inside.append(left.T @ (left / (ground.sampling * ground.cells.count)[ground.cells.of_pixel, None]))
     of_bins = block_diag(*slopes)
     data = Residuals(
         np.concatenate([ground.cells.mean(ground.values_db) for ground in grounds]),
         np.concatenate([ground.sampling for ground in grounds]),
         np.concatenate([ground.cells.patch for ground in grounds]),
         of_bins,
-        _KNOWN * np.eye(of_bins.shape[1]),
+        _KNOWN * np.eye(of_bins.shape[1]) + block_diag(*(one[:-1, :-1] for one in inside)),
+        np.concatenate([one[:-1, -1] for one in inside]),
     )
     table = spread_log_likelihood(data)
     return np.asarray(table - table.max())

@@ -169,7 +169,9 @@ class Residuals:
     slopes : ndarray, shape (cells, d)
         Derivatives of the law's cell means with respect to the law's parameters.
     information : ndarray, shape (d, d)
-        Inverse covariance matrix of the law's parameters from other knowledge than the cells, such as a prior.
+        Inverse covariance matrix of the law's parameters from other knowledge than the cell means, such as a prior.
+    expected : ndarray, shape (d,), optional
+        ``information`` times the change of the parameters that this other knowledge expects; 0 if missing.
     """
 
     residual_db: NDArray[np.float64]
@@ -177,6 +179,7 @@ class Residuals:
     patch: NDArray[np.int64]
     slopes: NDArray[np.float64]
     information: NDArray[np.float64]
+    expected: NDArray[np.float64] | None = None
 
 
 def spread_log_likelihood(data: Residuals) -> NDArray[np.float64]:
@@ -198,7 +201,7 @@ def spread_log_likelihood(data: Residuals) -> NDArray[np.float64]:
             "tpi,pj->tij", between / shared * pulled, pulled
         )
         known = product[:, :-1, :-1] + data.information
-        cross = product[:, :-1, -1]
+        cross = product[:, :-1, -1] + (0.0 if data.expected is None else data.expected)
         quadratic = product[:, -1, -1] - np.einsum("ti,ti->t", cross, np.linalg.solve(known, cross[..., None])[..., 0])
         determinants = np.log(variance).sum() + np.log(shared).sum(axis=(1, 2)) + np.linalg.slogdet(known)[1]
         table[:, k] = -0.5 * (determinants + quadratic)
