@@ -246,8 +246,8 @@ def check_fit(
 
 
 def _sums(residuals: Doubles, n: int) -> Doubles:
-    """Sums of squares of all residuals, and of those of the n means, shape (..., m) to (..., 2)."""
-    # whitening by Cholesky's factor leaves the first statistic, the means, to themselves
+    """Sum of squares of all m residuals, and sum of squares of the residuals of the n means, shape (..., 2)."""
+    # whitening by the Cholesky factor computes the residuals of the means, which come first, from the means alone
     return np.stack([(residuals**2).sum(axis=-1), (residuals[..., :n] ** 2).sum(axis=-1)], axis=-1)
 
 

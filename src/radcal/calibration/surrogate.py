@@ -80,7 +80,7 @@ class Surrogate:
     objective : Comparison
         Baseline and bounds of the material, and which of its parameters are whole numbers.
     surprise : ndarray, shape (3,), optional
-        Factors by which squared errors of verified predictions exceeded the kriging variance
+        Ratio of the squared errors of verified predictions to the kriging variance, for each statistic
         (:meth:`radcal.calibration.history.History.surprise`).
 
     References

@@ -75,7 +75,7 @@ class Bins(Objective):
 
     @property
     def of_fields(self) -> BinMisfit | None:
-        """The same where it is minimised; None where fields are no part of what is."""
+        """Attribute :attr:`moments`, if the minimised misfit includes effects of fields; otherwise None."""
         return self.moments if self.misfit.of_fields else None
 
     @property
