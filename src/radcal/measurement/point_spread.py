@@ -233,7 +233,7 @@ def point_spread_note(found: PointSpread, looks: Looks | None, radar: Radar, sou
     limits = [
         f"radar.{way}_spacing_m of {getattr(radar, f'{way}_spacing_m'):g} allows {possible[way]:g} at the finest"
         for way, width in ways.items()
-        if possible[way] > 1.01 * width  # else it is rounded
+        if possible[way] > 1.01 * width  # smaller differences come from rounding
     ]
     limited = f" ({' and '.join(limits)})" * bool(limits)
     if all(abs(possible[way] / getattr(radar, f"{way}_resolution_m") - 1.0) <= _SHAPE for way in ways):
