@@ -136,7 +136,7 @@ def patches_seen(image: NDArray[np.bool_], scene: NDArray[np.bool_], ground: NDA
     Returns
     -------
     ndarray of int64, shape (rows, columns)
-        Number of the patch, from 1; 0 for pixels of other materials, and for pixels with another material in the middle.
+        Number of the patch, from 1; 0 for pixels of other materials, or with another material in the middle.
     """
     known = np.isfinite(ground[0]) & image
     if not known.any():

@@ -236,7 +236,7 @@ def apply(
 def where_seen(
     archive: Archive, rows: Sequence[tuple[int, Prediction]]
 ) -> tuple[list[tuple[int, Prediction]], list[str]]:
-    """Predictions at incidences where the level of a material is known, and sentences on the bins left out.
+    """Predictions without those at incidences where a level is not known, and sentences on the bins left out.
 
     The level of a material that was seen at one incidence is known only within 1 degree of the incidence seen.
 

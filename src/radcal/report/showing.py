@@ -160,7 +160,7 @@ def _finished(summary: Mapping[str, Any]) -> list[str]:
 
 
 def _unknown(material: Mapping[str, Any]) -> str:
-    """End of the sentence on a law: no curve in dB, or no known sigma0 because the law does not fit; else a full stop."""
+    """End of the sentence on a law: no curve in dB, or no known sigma0 for lack of fit; else a full stop."""
     if material.get("sigma0_curve") is None:
         return "; nothing is known of a curve in dB."
     return "; sigma0 is known nowhere." if material["fits"] is False else "."
