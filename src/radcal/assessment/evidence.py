@@ -122,9 +122,10 @@ class _Pass:
         return shifted_cumulants(levels_db, self._few * PER_DEG, self._mean_deg * PER_DEG, slope, spread, _HERMITE)
 
     def difference(self, simulated: Doubles, levels_db: Doubles | None, unknowns: Unknowns) -> Doubles:
-        """Expected minus measured statistics, shape (m, n, 3), where ``simulated`` gives the expected ones at m points.
+        """Expected minus measured statistics of n bins at m points, shape (m, n, 3).
 
-        The errors of incidence and resolutions are applied with the curves ``levels_db``, shape (m, 361).
+        The expected statistics are the simulated statistics, corrected for looks, effects of fields, and the errors of
+        incidence and resolutions. The curves ``levels_db`` have the shape (m, 361).
         """
         cumulants = to_cumulants(simulated)
         found = cumulants
@@ -146,8 +147,8 @@ class Evidence:
     The likelihood is normal in the means, log standard deviations and skewnesses of all bins. The covariance is the sum
     of three parts: the covariance of :class:`radcal.calibration.misfit.BinMisfit`, in which passes share the effects of
     their fields (:func:`radcal.calibration.shared_fields.together`); the variances of the level and the noise floor of
-    each pass; and the variance of the surrogate. The covariance depends on the unknowns, so that its
-    determinant is part of the likelihood.
+    each pass; and the variance of the surrogate. The covariance depends on the unknowns, so that the
+    determinant of the covariance is part of the likelihood.
 
     Parameters
     ----------
@@ -186,7 +187,7 @@ class Evidence:
         return np.concatenate([one.baseline(levels_db) for one in self.passes], axis=1)
 
     def difference(self, simulated: Doubles, levels_db: Doubles | None, unknowns: Unknowns) -> Doubles:
-        """Expected minus measured means, then log sds, then skewnesses, (m, 3 n), from simulated ones, (m, n, 3)."""
+        """Expected minus measured statistics at m points, shape (m, 3 n): means, then log sds, then skewnesses."""
         each = zip(self.passes, np.split(simulated, self._ends[:-1], axis=1), strict=True)
         found = np.concatenate([one.difference(own, levels_db, unknowns) for one, own in each], axis=1)
         return np.ascontiguousarray(np.swapaxes(found, 1, 2)).reshape(len(found), -1)

@@ -282,7 +282,7 @@ def _worst(moments: BinMisfit, residuals: Doubles) -> tuple[tuple[float, float, 
 def _limits(
     comparison: Comparison, score: Score, found: Linearised, names: tuple[str, ...]
 ) -> tuple[str, tuple[str, ...]]:
-    """Limit that the looks reach, and names of parameters at bounds, if the pixels ask for values beyond them."""
+    """Limit of the looks, and parameters at bounds, if the fit to the pixels would improve beyond the limit or bound."""
     box, asked = comparison.material.box, found.asked()
     if not asked.size:
         return "", ()

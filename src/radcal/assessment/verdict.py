@@ -46,7 +46,7 @@ class Known:
 
     @property
     def remarks(self) -> list[str]:
-        """Remarks on the linear covariance, and on the error of level if it causes more than half of the variance."""
+        """Remarks on the linear covariance, and on the error of level if it is the larger part of the band."""
         said = ["linear covariance: the sampler has not converged"] * self.linear
         widths = [self.half_width_db, *(0.5 * (level.p95_db - level.p05_db) for level in self.levels)]
         width = max((one for one in widths if one is not None), default=0.0)

@@ -165,7 +165,7 @@ class BinMisfit(Misfit):
         """Covariance of the bins' means, log sds and skewnesses by speckle alone, shape (3 n, 3 n).
 
         The orthogonal polynomials of order 1, 2 and 3 of two pixels have the pixels' correlation, its square and its
-        cube as correlations. These relations are exact for normal values, and accurate to some percent for log-gamma.
+        cube as correlations. The three correlations are exact for normal values, and within some percent for log-gamma.
         """
         whole = np.einsum("iak,jbk,kij->aibj", self._order, self._order, self.classes.pairs)
         return np.asarray(whole.reshape(3 * self.classes.size, -1))

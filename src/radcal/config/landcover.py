@@ -196,9 +196,11 @@ LANDCOVERS: Mapping[str, Mapping[int, Cover]] = {
 def landcover_remark(codes: Collection[int]) -> str:
     """Remark on the land-cover maps that contain all codes of a raster; empty if there is no such map.
 
-    The remark says that the raster contains the codes of a certain map under three conditions. This map is the only one
-    that contains all codes of the raster. The codes are not simply the numbers from 1 to n. There are more than five
-    codes, or one code above 9 occurs in no other map.
+    The remark says that the raster has the codes of a certain map if
+
+    - the map is the only one that contains all codes of the raster;
+    - the codes are not simply the numbers from 1 to n; and
+    - the raster has more than five codes, or has one code above 9 that occurs in no other map.
 
     Parameters
     ----------
