@@ -282,7 +282,7 @@ def _worst(moments: BinMisfit, residuals: Doubles) -> tuple[tuple[float, float, 
 def _limits(
     comparison: Comparison, score: Score, found: Linearised, names: tuple[str, ...]
 ) -> tuple[str, tuple[str, ...]]:
-    """Limit of the looks, and parameters at bounds, if the fit to the pixels would improve beyond the limit or bound."""
+    """Limit of the looks and parameters at bounds, if a fit beyond limit or bound would be better."""
     box, asked = comparison.material.box, found.asked()
     if not asked.size:
         return "", ()

@@ -23,7 +23,7 @@ _WIDE = 300.0  # ratio of the ends of an axis; from this ratio on, only powers o
 
 
 def front(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
-    """Figure of the front, the runs and the chosen run: one panel for the first and each other objective."""
+    """Figure of the front and the runs; each panel compares the first objective with another objective."""
     found = case.materials[name].front
     if found is None:
         return None

@@ -124,7 +124,7 @@ class NewCase:
                 self._read_preset()
 
     def _read_preset(self) -> None:
-        """Take the names of codes from the configured land-cover preset, or note the presets that have all codes."""
+        """Take the names of codes from the given land-cover map, or note the maps that contain all codes."""
         preset = self._values.get("scene.landcover")
         if preset is None:
             if not self._slant and (said := landcover_remark(self._counts)):
