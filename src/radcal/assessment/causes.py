@@ -151,7 +151,7 @@ def area_slope(law: GroundLaw, area_db: NDArray[np.float64]) -> tuple[float, flo
     power, cells = float(area @ area), ground.cells
     by_field = np.bincount(np.unique(ground.patch, return_inverse=True)[1], area)
     by_cell = np.bincount(cells.of_pixel, area)
-    # a cell's mean has the variance of a pixel over the number of its independent pixels
+    # variance of a pixel as it enters the sums over cells: variance of the cell's mean, times its number of pixels
     of_pixel = cells.sampling_variance(away, ground.independent) * cells.count
     variance = (
         law.spread.between**2 * (by_field @ by_field)

@@ -1,4 +1,4 @@
-"""What the bins of all passes say of a law: log likelihood of many X, looks and errors at once."""
+"""Log likelihood of the statistics of the bins of all passes, for many X, looks and errors at once."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Unknowns:
 
 
 class _Pass:
-    """What is expected of the bins of one material in one pass.
+    """Expected statistics of the bins of one material in one pass, and variances of their errors.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ class _Pass:
 
     @property
     def of_level(self) -> Doubles:
-        """Covariance of the means by the errors of the level and of the noise floor, shape (n, n) [dB^2]."""
+        """Covariance of the means of n bins by errors of the image level and the noise floor, shape (n, n) [dB^2]."""
         material = self.part.material
         power_db = self.compared.statistics[:, 0] - log_speckle_cumulants(material.looks)[0]
         of_noise = self.budget.noise_errors_db(power_db, material.target.noise_db)
@@ -100,7 +100,7 @@ class _Pass:
 
     @property
     def of_sample(self) -> Doubles:
-        """Variances of mean, log sd and skewness of a normal sample, shape (n, 3), for values of normalised images."""
+        """Variances of mean, log sd and skewness of normal samples, shape (n, 3); used for normalised images."""
         return np.asarray(self.part.scale**2 / self.compared.classes.effective[:, None])
 
     def baseline(self, levels_db: Doubles) -> Doubles:
@@ -122,7 +122,11 @@ class _Pass:
         return shifted_cumulants(levels_db, self._few * PER_DEG, self._mean_deg * PER_DEG, slope, spread, _HERMITE)
 
     def difference(self, simulated: Doubles, levels_db: Doubles | None, unknowns: Unknowns) -> Doubles:
-        """Expected minus measured statistics of simulated ones, shape (m, n, 3)."""
+        """Expected minus measured statistics of n bins at m points, shape (m, n, 3).
+
+        The expected statistics are the simulated statistics, corrected for looks, effects of fields, and the errors of
+        incidence and resolutions. The curves ``levels_db`` have the shape (m, 361).
+        """
         cumulants = to_cumulants(simulated)
         found = cumulants
         if self.decibels:
@@ -141,10 +145,10 @@ class Evidence:
     """Likelihood of the incidence-angle bins of one material in all passes.
 
     The likelihood is normal in the means, log standard deviations and skewnesses of all bins. The covariance is the sum
-    of the covariance of :class:`radcal.calibration.misfit.BinMisfit`, for passes that share their fields
-    (:func:`radcal.calibration.shared_fields.together`), of the variances of each pass's level and noise floor, and of
-    the variance of the surrogate. The covariance depends on the unknowns, so that its determinant is part of the
-    likelihood.
+    of three parts: the covariance of :class:`radcal.calibration.misfit.BinMisfit`, in which passes share the effects of
+    their fields (:func:`radcal.calibration.shared_fields.together`); the variances of the level and the noise floor of
+    each pass; and the variance of the surrogate. The covariance depends on the unknowns, so that the
+    determinant of the covariance is part of the likelihood.
 
     Parameters
     ----------
@@ -175,15 +179,15 @@ class Evidence:
 
     @property
     def has_baseline(self) -> bool:
-        """Whether every pass has a baseline."""
+        """Whether the objective of every pass has a baseline."""
         return all(one.has_baseline for one in self.passes)
 
     def baseline(self, levels_db: Doubles) -> Doubles:
-        """Statistics that law, speckle and noise have, from curves (m, 361) to (m, n, 3)."""
+        """Statistics of n bins by law, speckle and noise alone, shape (m, n, 3), from m curves, shape (m, 361)."""
         return np.concatenate([one.baseline(levels_db) for one in self.passes], axis=1)
 
     def difference(self, simulated: Doubles, levels_db: Doubles | None, unknowns: Unknowns) -> Doubles:
-        """Expected minus measured statistics, all means, log sds and skewnesses: (m, n, 3) to (m, 3 n)."""
+        """Expected minus measured statistics at m points, shape (m, 3 n): means, then log sds, then skewnesses."""
         each = zip(self.passes, np.split(simulated, self._ends[:-1], axis=1), strict=True)
         found = np.concatenate([one.difference(own, levels_db, unknowns) for one, own in each], axis=1)
         return np.ascontiguousarray(np.swapaxes(found, 1, 2)).reshape(len(found), -1)

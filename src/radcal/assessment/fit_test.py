@@ -246,8 +246,8 @@ def check_fit(
 
 
 def _sums(residuals: Doubles, n: int) -> Doubles:
-    """Sums of squares of all residuals, and of those of the n means, shape (..., m) to (..., 2)."""
-    # whitening by Cholesky's factor leaves the first statistic, the means, to themselves
+    """Sum of squares of all m residuals, and sum of squares of the residuals of the n means, shape (..., 2)."""
+    # whitening by the Cholesky factor computes the residuals of the means, which come first, from the means alone
     return np.stack([(residuals**2).sum(axis=-1), (residuals[..., :n] ** 2).sum(axis=-1)], axis=-1)
 
 
@@ -282,7 +282,7 @@ def _worst(moments: BinMisfit, residuals: Doubles) -> tuple[tuple[float, float, 
 def _limits(
     comparison: Comparison, score: Score, found: Linearised, names: tuple[str, ...]
 ) -> tuple[str, tuple[str, ...]]:
-    """Limit that the looks reach, and names of parameters at bounds, if the pixels ask for values beyond them."""
+    """Limit of the looks and parameters at bounds, if a fit beyond limit or bound would be better."""
     box, asked = comparison.material.box, found.asked()
     if not asked.size:
         return "", ()

@@ -55,14 +55,14 @@ class Band:
 
 @dataclass(frozen=True)
 class Level:
-    """Sigma0 of a material at the one incidence at which a pass sees it.
+    """Sigma0 of a material at the middle of the incidence of one pass, with its 90 % interval.
 
     Attributes
     ----------
     incidence_deg : float
-        Middle of the 5 and 95 % quantiles of the local incidence [deg].
+        Middle between the 5 and 95 % quantiles of the local incidence [deg].
     median_db, p05_db, p95_db : float
-        Quantiles of sigma0 there [dB].
+        Median, 5 % and 95 % quantile of sigma0 at ``incidence_deg`` [dB].
     """
 
     incidence_deg: float
@@ -75,7 +75,7 @@ class Level:
 
 
 def level_words(levels: Sequence[Level]) -> str:
-    """Levels in words, with their incidence where there are several; empty without any."""
+    """Text with the levels, and with their incidences if there are several levels; empty if there is no level."""
     several = len(levels) > 1
     return ", ".join(f"{level}{f' at {level.incidence_deg:.1f} degrees' * several}" for level in levels)
 

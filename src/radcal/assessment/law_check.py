@@ -147,7 +147,7 @@ def _with_posterior(
         return check
     known = posterior.known_between_deg is not None
     others = [said for said in check.sentences if f"{name}: the law is not identified" not in said]
-    # of a material seen at one incidence, the verdict tells the level
+    # the verdict already gives the level of a material that is seen at one incidence
     doubt = [] if known or level_only else [f"{name}: {posterior.sentence(case.uncertainty.known_db)}"]
     linear = [] if posterior.sampled else [f"{name}: {posterior.sentences[0]}"]
     return replace(check, identified=known, sentences=[*doubt, *linear, *others])

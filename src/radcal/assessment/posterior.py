@@ -71,7 +71,7 @@ class Curve:
     median_db: Annotated[Doubles, About("median of sigma0", "dB", "a")]
     p05_db: Annotated[Doubles, About("5 % quantile of sigma0", "dB", "a")]
     p95_db: Annotated[Doubles, About("95 % quantile of sigma0", "dB", "a")]
-    prior_half_width_db: Annotated[Doubles, About("half-width of the 90 % band that priors alone leave", "dB", "a")]
+    prior_half_width_db: Annotated[Doubles, About("half-width of the 90 % band of the priors alone", "dB", "a")]
 
 
 @dataclass(frozen=True)
@@ -92,10 +92,10 @@ class Posterior:
     """Posterior of one material's law with d parameters: quantiles, curve of sigma0, modes and kept draws."""
 
     sampled: Annotated[
-        bool, About("quantiles by the sampler; false: by the linear (Gauss-Newton) covariance, for lack of convergence")
+        bool, About("sampler has converged; if false, the quantiles are those of the linear (Gauss-Newton) covariance")
     ]
-    ess: Annotated[float, About("smallest effective sample size of an unknown")]
-    r_hat: Annotated[float, About("largest split R-hat of an unknown")]
+    ess: Annotated[float, About("smallest effective sample size among the unknowns")]
+    r_hat: Annotated[float, About("largest split R-hat among the unknowns")]
     steps: Annotated[int, About("steps of each walker of the sampler")]
     parameters_p05: Annotated[Doubles, About("5 % quantile of each parameter", shape="d")]
     parameters_p50: Annotated[Doubles, About("median of each parameter", shape="d")]
@@ -105,25 +105,33 @@ class Posterior:
     within_db: Annotated[Doubles, About("5, 50 and 95 % quantile of the standard deviation within fields", "dB", "3")]
     seen_deg: Annotated[Doubles, About("5 and 95 % quantile of the local incidence of each pass", "deg", "passes, 2")]
     combinations: Annotated[
-        Doubles, About("combinations of X in standard deviations of the prior, the best known first", shape="d, d")
+        Doubles,
+        About(
+            "combinations of X, in standard deviations of the prior, one per row; the best known first", shape="d, d"
+        ),
     ]
     combinations_left: Annotated[
-        Doubles, About("standard deviation of each combination over the one by the prior alone", shape="d")
+        Doubles, About("ratio of the posterior to the prior standard deviation of each combination", shape="d")
     ]
-    mode_share: Annotated[Doubles, About("share of the sample of each mode, a distinct group of curves", shape="g")]
-    mode_parameters: Annotated[Doubles, About("X in the middle of each mode", shape="g, d")]
-    sentences: Annotated[tuple[str, ...], About("remarks on sampler, modes and combinations")]
-    curve: Annotated[Curve | None, About("sigma0; absent for a law without a curve and for normalised images")] = None
+    mode_share: Annotated[
+        Doubles, About("share of the draws that lie in each mode (distinct group of curves)", shape="g")
+    ]
+    mode_parameters: Annotated[Doubles, About("X of the curve nearest to the median curve of each mode", shape="g, d")]
+    sentences: Annotated[tuple[str, ...], About("remarks on sampler, modes and combinations of X")]
+    curve: Annotated[Curve | None, About("curve of sigma0; absent for normalised images and laws without a curve")] = (
+        None
+    )
     known_between_deg: Annotated[
-        tuple[float, ...] | None, About("incidence between which sigma0 is known; absent where nowhere", "deg")
+        tuple[float, ...] | None,
+        About("ends of the interval in which sigma0 is known; absent if it is known at no angle", "deg"),
     ] = None
     known_half_width_db: Annotated[
-        float | None, About("largest half-width of the 90 % band between these angles; absent where nowhere", "dB")
+        float | None, About("largest half-width of the 90 % band in `known_between_deg`; absent if there is none", "dB")
     ] = None
     draws: Annotated[KeptDraws | None, About("draws from the posterior, for predictions")] = None
 
     def levels(self) -> tuple[Level, ...]:
-        """Sigma0 in the middle of the incidence of each pass, once for equal angles; none of a law without a curve."""
+        """Sigma0 at the middle incidence of each pass, without repeated angles; empty for a law without a curve."""
         if self.curve is None:
             return ()
         seen, curve = dict.fromkeys(np.round(self.seen_deg.mean(axis=1), 1).tolist()), self.curve
@@ -193,7 +201,7 @@ def posterior_on(
     surrogate : Surrogate
         Surrogate that predicts the statistics of the bins at any X.
     levels : sequence of Levels
-        Level of the measured image of each pass.
+        Level normalisation of the measured image in each pass.
     config : Uncertainty
         Configuration of uncertainty budget and sampler.
     seed : int

@@ -124,8 +124,8 @@ def leave_fields_out(found: GroundLaw, constant: Constant) -> FieldCheck:
 def half_width_db(found: GroundLaw) -> float:
     """Largest half-width of the linear (Gauss-Newton) 90 % band of sigma0 over the 5-95 % of the incidence [dB].
 
-    The band is that of the law at the true incidence (``docs/uncertainty.md``), and not that of the mean of dB values,
-    on which the looks act as well. The level of the image, which law and constant share, is not part of it.
+    The band describes the law at the true incidence (``docs/uncertainty.md``). The band of the mean of dB values would
+    also depend on the looks. The error of the image level is not part of the band, because law and constant share it.
     """
     method = found.method
     sd = law_sd_db(method.law, method.bounds, found.fit, seen_rad(found.ground.incidence_deg))

@@ -49,7 +49,7 @@ class Model:
     surrogate : Surrogate
         Surrogate that predicts the statistics of the bins at any X.
     levels : sequence of Levels
-        Level of the measured image of each pass, whose error is the pass's own.
+        Level normalisation of the measured image in each pass; the errors of level of the passes are independent.
     config : Uncertainty
         Configuration of the uncertainty budget.
     """

@@ -30,11 +30,11 @@ class Known:
     linear : bool
         Whether the band is that of the linear covariance, because the sampler has not converged.
     levels : tuple of Level
-        Sigma0 at the incidence of each pass, for a material that is seen at one incidence.
+        Sigma0 at the incidence of each pass, for a material that is seen at one incidence; otherwise empty.
     level_error_db : float
-        Half-width of the 90 % band that the error of the measured image's level alone leaves [dB].
+        Half-width of a 90 % band that contains only the error of the measured image's level [dB].
     level_key : str
-        What sets this error.
+        Configuration key, or cause, of the error of the level.
     """
 
     between_deg: tuple[float, ...] | None
@@ -46,7 +46,7 @@ class Known:
 
     @property
     def remarks(self) -> list[str]:
-        """Words on how the band was found, and on the error of the level where it is the largest part of the band."""
+        """Remarks on the linear covariance, and on the error of level if it is the larger part of the band."""
         said = ["linear covariance: the sampler has not converged"] * self.linear
         widths = [self.half_width_db, *(0.5 * (level.p95_db - level.p05_db) for level in self.levels)]
         width = max((one for one in widths if one is not None), default=0.0)

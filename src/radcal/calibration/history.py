@@ -32,16 +32,16 @@ Kind = Literal["reference", "reused", "design", "infill"]
 
 @dataclass(frozen=True)
 class Front:
-    """Front of NSGA-II's last population, where it minimises several objectives: none of its points beats another.
+    """Front of NSGA-II's last population for several objectives; of two points, each is better in one objective.
 
     Attributes
     ----------
     parameters : list of list of float
-        X of f points, shape (f, d), the least sum of objectives first.
+        X of f points, shape (f, d), in ascending order of the sum of the objectives.
     looks : list of float
-        Their effective numbers of looks.
+        Effective number of looks of each point.
     objectives : list of list of float
-        Their objectives as the surrogate predicts them, shape (f, p).
+        The p objectives that the surrogate predicts at each point, shape (f, p).
     """
 
     parameters: list[list[float]] = field(default_factory=list)
@@ -260,15 +260,16 @@ class History:
         return np.array(list(seen)), np.array(list(seen.values()))
 
     def surprise(self, material: str) -> NDArray[np.float64]:
-        """Mean square of verified minus predicted statistics over the kriging variance that was stated for it.
+        """Ratio of the mean squared error of verified predictions to the predicted kriging variance.
 
-        The sums run over all verified proposals and incidence-angle bins. Noise of the runs, where it was measured, is
-        taken off. Proposals that repeat a run, or were predicted without any error (as by a single run), do not count.
+        Squared errors and variances are summed over all verified proposals and incidence-angle bins. The variance of
+        the noise of the runs, if it was measured, is subtracted from the squared errors. Proposals that repeat a run,
+        or whose predicted errors are all 0 (as after a single run), do not count.
 
         Returns
         -------
         ndarray, shape (3,)
-            Of mean, log sd and skewness; 1 where nothing was predicted with an error.
+            Ratio for mean, log sd and skewness; 1 for a statistic without predicted errors.
 
         References
         ----------

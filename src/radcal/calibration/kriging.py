@@ -13,8 +13,9 @@ from radcal.errors import SurrogateError
 __all__ = ["JITTER", "Kriging", "train"]
 
 _LOG_SD = 1.0  # log standard deviation of the prior of a length scale; its median is 1, the width of the box
-# of the length scales, in widths of the box: the first of each group, and the one of the highest posterior besides, as
-# outputs that vary fast or hardly at all have a maximum to which no search from 0.3 or 3 comes
+# starts of the searches for the length scales, in widths of the box: the first start of each group and, if it is
+# another one, the start of the group with the highest posterior density; outputs that vary fast or hardly at all have
+# a maximum that no search from 0.3 or 3 reaches
 _STARTS = ((1.0,), (0.3, 0.1, 0.03), (3.0, 10.0))
 _SCALES = (0.02, 50.0)
 JITTER = 1e-10  # nugget without noise

@@ -87,7 +87,7 @@ class BinMisfit(Misfit):
     true_deg : ndarray, shape (n, k), optional
         Angles with the distribution of the true local incidence in each bin [deg].
     patches : ndarray of int, shape (patches,), optional
-        Label of each field, by which it is known in other passes.
+        Label of each field, which is the same in all passes.
     """
 
     classes: Classes
@@ -165,7 +165,7 @@ class BinMisfit(Misfit):
         """Covariance of the bins' means, log sds and skewnesses by speckle alone, shape (3 n, 3 n).
 
         The orthogonal polynomials of order 1, 2 and 3 of two pixels have the pixels' correlation, its square and its
-        cube as correlations. These relations are exact for normal values, and accurate to some percent for log-gamma.
+        cube as correlations. The three correlations are exact for normal values, and within some percent for log-gamma.
         """
         whole = np.einsum("iak,jbk,kij->aibj", self._order, self._order, self.classes.pairs)
         return np.asarray(whole.reshape(3 * self.classes.size, -1))
@@ -192,11 +192,11 @@ class BinMisfit(Misfit):
         return np.asarray(np.linalg.inv(self._root))
 
     def whitened(self, differences: Doubles) -> Doubles:
-        """Residuals from expected minus measured mean [dB], log sd and skewness, (..., n, 3) to (..., 3 n)."""
+        """Residuals, (..., 3 n), from expected minus measured mean [dB], log sd and skewness of n bins, (..., n, 3)."""
         return np.swapaxes(differences, -1, -2).reshape(*differences.shape[:-2], -1) @ self._whitening.T
 
     def differences(self, residuals: Doubles) -> Doubles:
-        """The inverse of :meth:`whitened`, (..., 3 n) to (..., n, 3)."""
+        """Expected minus measured statistics, (..., n, 3), from residuals, (..., 3 n): inverse of :meth:`whitened`."""
         return np.swapaxes((residuals @ self._root.T).reshape(*residuals.shape[:-1], 3, -1), -1, -2)
 
     def replicates(self, count: int, rng: np.random.Generator) -> Doubles:

@@ -18,16 +18,16 @@ __all__ = ["Population", "nsga2"]
 
 @dataclass(frozen=True)
 class Population:
-    """Last population of a search, the least sum of objectives first.
+    """Last population of a search, in ascending order of the sum of the objectives.
 
     Attributes
     ----------
     points : ndarray, shape (population, d)
         Points of the unit box.
     objectives : ndarray, shape (population, m)
-        Their objectives.
+        Objectives of each point.
     front : ndarray of int, shape (f,)
-        Places of the points on the front: no other point is better in one objective and as good in the others.
+        Indices of the points on the front: no other point is better in one objective and as good in the others.
     """
 
     points: NDArray[np.float64]
@@ -97,6 +97,6 @@ def nsga2(objective: Any, dimension: int, config: Optimiser, seed: int, objectiv
         best = {id(solution) for solution in platypus.nondominated(population)}
         values = np.array([solution.objectives[:] for solution in population], dtype=np.float64)
         front = np.flatnonzero([id(solution) in best for solution in population])
-        _, first = np.unique(values[front], axis=0, return_index=True)  # a population holds copies of its points
+        _, first = np.unique(values[front], axis=0, return_index=True)  # a population may contain a point several times
         points = np.array([solution.variables[:] for solution in population], dtype=np.float64)
         return Population(points, values, front[np.sort(first)])

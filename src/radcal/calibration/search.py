@@ -292,7 +292,7 @@ class Search:
         return self.objective.parts(self._at(points, 0.0))
 
     def _front(self, population: Population) -> Front:
-        """Front of several objectives that NSGA-II has found."""
+        """Front of a population for several objectives, with X in its own units."""
         x, looks = self.split(self.snapped(population.points[population.front]))
         return Front(x.tolist(), looks.tolist(), population.objectives[population.front].tolist())
 

@@ -1,4 +1,4 @@
-"""Bins of several passes over the same fields: the effect of a field is one in all of them."""
+"""Misfit of the bins of several passes over the same fields: a field has the same effect in all passes."""
 
 from __future__ import annotations
 
@@ -19,19 +19,20 @@ Doubles = NDArray[np.float64]
 def together(misfits: Sequence[BinMisfit]) -> BinMisfit:
     """Misfit of the bins of all passes, one pass after the other.
 
-    Fields of the same label are the same field: their effect on the level, the looks that their texture has and the
-    shape of texture are common to all passes. Parts of fields (cells) lie elsewhere in each image, so that their
-    effects belong to one pass; so does the sampling.
+    Fields with the same label are one field. The effect of a field on the level, its texture, and the shape of the
+    texture are the same in all passes. Parts of fields (cells) lie at different places in each image. The effects of
+    cells and the sampling errors are therefore independent in different passes.
 
     Parameters
     ----------
     misfits : sequence of BinMisfit
-        Of each pass, with the same standard deviations between and within fields.
+        Misfit of each pass; the standard deviations between and within fields are the same in all passes.
 
     Returns
     -------
     BinMisfit
-        For covariances and replicates; a single misfit itself. It has no angles, so that it expects nothing of a law.
+        Misfit with the covariance and the replicates of all passes; with one pass, the misfit of this pass. The misfit
+        of several passes has no incidence angles, so that it cannot shift expected statistics.
     """
     first = misfits[0]
     if len(misfits) == 1:
@@ -64,27 +65,27 @@ def together(misfits: Sequence[BinMisfit]) -> BinMisfit:
 
 
 class SharedFields:
-    """Residuals of several passes together, from those of each by itself.
+    """Residuals of several passes with shared fields, from the residuals of each pass alone.
 
     Parameters
     ----------
     misfits : sequence of BinMisfit
-        Of each pass, with the same standard deviations between and within fields.
+        Misfit of each pass; the standard deviations between and within fields are the same in all passes.
 
     Attributes
     ----------
     joined : BinMisfit
-        Of all passes.
+        Misfit of the bins of all passes (:func:`together`).
     """
 
     def __init__(self, misfits: Sequence[BinMisfit]) -> None:
         self._misfits, self.joined = misfits, together(misfits)
 
     def residuals(self, each: Sequence[Doubles]) -> Doubles:
-        """Residuals of each pass, shapes (..., 3 n_k), to those of all, (..., 3 n): means, log sds, skewnesses.
+        """Residuals of all passes, shape (..., 3 n), from the residuals of each pass k, shape (..., 3 n_k).
 
-        Their sum of squares is the smaller, the more of the differences an effect of the fields explains in all passes
-        alike, and the larger where passes differ on the same field.
+        The order is: all means, all log sds, all skewnesses. Differences that one effect of a field explains in all
+        passes make the sum of squared residuals smaller. Differences between passes on one field make the sum larger.
         """
         if len(each) == 1:
             return each[0]

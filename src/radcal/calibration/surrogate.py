@@ -80,7 +80,7 @@ class Surrogate:
     objective : Comparison
         Baseline and bounds of the material, and which of its parameters are whole numbers.
     surprise : ndarray, shape (3,), optional
-        Factors by which squared errors of verified predictions exceeded the kriging variance
+        Ratio of the squared errors of verified predictions to the kriging variance, for each statistic
         (:meth:`radcal.calibration.history.History.surprise`).
 
     References
@@ -142,8 +142,8 @@ class Surrogate:
 
         The kriging variance is multiplied by the larger of two factors if this exceeds 1: the mean square of the
         standardised leave-one-out errors, and ``surprise``. Length scales from few runs are uncertain, and the kriging
-        variance alone may be too small. Leave-one-out errors are computed with the length scales of all runs; verified
-        predictions were made without the run.
+        variance alone may be too small. Leave-one-out errors are computed with length scales that all runs determine. A
+        verified prediction was made before the run that verifies it.
         With a single run, the mean square of its difference from the baseline serves as variance of the process, and
         one width of the bounds as length scale. All errors are 0 if kriging learns (xi, omega, alpha).
 

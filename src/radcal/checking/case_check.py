@@ -115,7 +115,7 @@ def check_case(
     results : path
         Folder that contains the results folders of all cases.
     say : callable
-        Function that is called with a line before each part that may take long.
+        Function that shows a line of text; it is called before each part of the check that may take long.
 
     Returns
     -------
@@ -146,7 +146,7 @@ class _Problems(list[str]):
 
 
 def _checked(case: Case, loaded: Loaded, results: str | Path, say: Say) -> CaseCheck:
-    """What further checks of a case find, after those of its keys."""
+    """Result of all checks of a case, once the keys have been checked."""
     problems = _Problems(loaded)
     missing = missing_inputs(case)
     problems.add(missing)

@@ -39,12 +39,12 @@ def scene_problems(scene: SceneConfig, materials: Collection[str] | None = None)
 
 
 def image_problems(config: FileMeasurement, radar: Radar, on_map: bool = True) -> list[str]:
-    """One sentence for each problem that a measured image has by itself, without the scene that it shows.
+    """One sentence for each problem of a measured image that can be found without the scene.
 
     Parameters
     ----------
     config, radar, on_map
-        As for :func:`radcal.measurement.sources.check_image`.
+        Arguments of :func:`radcal.measurement.sources.check_image`.
     """
     from radcal.measurement.sources import check_image
 

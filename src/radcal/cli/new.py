@@ -63,7 +63,7 @@ def _at_terminal() -> bool:
 
 
 def _is_open(entry: Entry, new: NewCase) -> bool:
-    """Whether a key is to be asked for: undecided, or a choice that has a default or decides other keys."""
+    """Whether to ask for a key: it has no value yet, or it is a choice with a default, or it decides other keys."""
     if entry.key == "scene.landcover":
         return new.offered != ""
     if entry.key == "radar.sensor":
@@ -72,11 +72,11 @@ def _is_open(entry: Entry, new: NewCase) -> bool:
 
 
 def _asked(entry: Entry, remark: str) -> dict[str, Any]:
-    """Answer at the terminal; an empty one leaves the key undecided."""
+    """Answer at the terminal, by key; an empty answer leaves the key undecided."""
     question = f"{entry.text} ({remark})" if remark else entry.text
     while text := typer.prompt(question, default="", show_default=False).strip():
         try:
-            # commas stand between materials, and between the parameters of a law
+            # commas separate materials, and also the parameters of one law
             parts = re.split(r",(?=[^,]*=)" if "=" in text else ",", text)
             return {entry.key: [part.strip() for part in parts] if entry.several else entry.kind(text)}
         except ValueError:

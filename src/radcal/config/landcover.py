@@ -45,9 +45,9 @@ _WORDS = {
     "flatland": "bare soil sands? barren rocks? beach(es)? desert snow ice roads? runways? airports?",
     "sea state 3": "water sea ocean lakes? rivers? lagoons?",
 }
-_APART_DB = 3.0  # of the starting levels of two materials, so that the start image shows where they meet
-_FEW = 5  # codes, which any map may have
-_UNKNOWN_DB = -15.0  # where neither name nor map says anything
+_APART_DB = 3.0  # smallest difference of two starting levels, so that the start image shows where the materials meet
+_FEW = 5  # number of codes; any map may have so few
+_UNKNOWN_DB = -15.0  # gamma if neither the name nor the map shows the terrain
 
 
 @dataclass(frozen=True)
@@ -194,10 +194,13 @@ LANDCOVERS: Mapping[str, Mapping[int, Cover]] = {
 
 
 def landcover_remark(codes: Collection[int]) -> str:
-    """Remark on the land-cover maps that have all codes of a raster; empty without such maps.
+    """Remark on the land-cover maps that contain all codes of a raster; empty if there is no such map.
 
-    A map is named as the raster's own only where the codes speak for it: it is the only one that has them all, they are
-    not a mere count from 1, and they are more than five, or one of them is above 9 and in no other map.
+    The remark says that the raster has the codes of a certain map if
+
+    - the map is the only one that contains all codes of the raster;
+    - the codes are not simply the numbers from 1 to n; and
+    - the raster has more than five codes, or has one code above 9 that occurs in no other map.
 
     Parameters
     ----------

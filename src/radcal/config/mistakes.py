@@ -122,7 +122,7 @@ def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any]
 
 
 def _wrong(key: WrongKey) -> str:
-    """Key that is wrong; an unknown one makes nothing else in its section wrong."""
+    """Full name of a wrong key; an unknown key gives its own name, because the rest of its section is right."""
     return f"{key.key}.{key.place[-1]}".lstrip(".") if key.text.startswith("unknown key") else key.key
 
 

@@ -201,19 +201,19 @@ class Radar(Section):
         return math.sin(math.radians(self.centre_incidence_deg))
 
     def possible_resolution_m(self, way: str, wanted_m: float) -> float:
-        """Resolution nearest to a wanted one [m] that the pixel spacing allows, with three digits.
+        """Resolution nearest to a wanted resolution that the pixel spacing allows [m], rounded to three digits.
 
         Parameters
         ----------
         way : str
-            range or azimuth.
+            ``range`` or ``azimuth``.
         wanted_m : float
             Wanted resolution [m].
         """
         spacing = getattr(self, f"{way}_spacing_m")
         finest = WIDTH_FACTOR * spacing
         rounded = float(f"{min(max(wanted_m, finest), _COARSEST * spacing):.3g}")
-        # upwards, where rounding would make it too fine
+        # rounded up if rounding to the nearest number would give a finer resolution than the spacing allows
         return rounded if rounded >= finest else float(f"{1.005 * finest:.3g}")
 
     @field_validator("nesz_db", mode="after")

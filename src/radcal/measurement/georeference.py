@@ -29,7 +29,7 @@ __all__ = [
     "values_at_ground",
 ]
 
-_FAR_OFF = 5.0  # times the image's pixels, or their fraction
+_FAR_OFF = 5.0  # largest ratio of pixel spacing to pixel size, or of pixel size to pixel spacing
 
 
 @dataclass(frozen=True)
@@ -76,10 +76,10 @@ def is_georeferenced(path: Path, folders: Sequence[Path] = ()) -> bool:
 
 
 def check_spacing(path: Path, radar: Radar, folders: Sequence[Path] = ()) -> None:
-    """Refuse pixel spacings that are far off the pixels of a georeferenced image.
+    """Refuse pixel spacings that are much larger or smaller than the pixels of a georeferenced image.
 
-    Of an image whose pixels are far larger, each would be taken many times as if it were independent; of one with far
-    smaller pixels, most would not be used.
+    If the pixels of the image were much larger than the spacings, each pixel would be used many times, as if its copies
+    were independent. If the pixels of the image were much smaller, most pixels would not be used.
 
     Parameters
     ----------
@@ -88,12 +88,12 @@ def check_spacing(path: Path, radar: Radar, folders: Sequence[Path] = ()) -> Non
     radar : Radar
         Pixel spacings.
     folders : sequence of path
-        Folders in which the sources of a VRT may lie, besides its own.
+        Folders that may contain the source files of a VRT, besides the folder of the VRT.
 
     Raises
     ------
     MeasurementError
-        A spacing on the ground is more than five times, or less than a fifth of, the mean side of the image's pixels.
+        A spacing on the ground is more than five times the mean side of the image's pixels, or less than a fifth of it.
     """
     with open_raster(path, folders) as raster:
         crs = crs_of(raster)

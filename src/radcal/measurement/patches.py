@@ -1,9 +1,9 @@
 """Random effects of the fields (patches) of one material: between-field and within-field variance, and predictions.
 
-A *patch* is a connected area of one material in the scene (a field, a pond), the same in all passes. A *cell* is the
-area of a patch that lies in one block of the image. The mean level of a cell is the sum of four terms: the level of the
-law, the random effect of the patch (standard deviation ``between``), the random effect of the cell (standard deviation
-``within``), and the sampling error of a mean over finitely many independent pixels.
+A *patch* is a connected area of one material in the scene (a field, a pond); all passes show the same patches. A
+*cell* is the area of a patch that lies in one block of the image. The mean level of a cell is the sum of four terms:
+the level of the law, the random effect of the patch (standard deviation ``between``), the random effect of the cell
+(standard deviation ``within``), and the sampling error of a mean over finitely many independent pixels.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class Spread:
 
 
 def pooled(spread: Sequence[Spread]) -> Spread:
-    """Spread of one material from those found in several passes: root mean squares."""
+    """Spread of one material over several passes: root mean squares of the standard deviations of the passes."""
     each = np.array([[one.between, one.within] for one in spread])
     return Spread(*(float(value) for value in np.sqrt(np.mean(each**2, axis=0))))
 
@@ -121,7 +121,7 @@ def label_patches(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def patches_seen(image: NDArray[np.bool_], scene: NDArray[np.bool_], ground: NDArray[np.float32]) -> NDArray[np.int64]:
-    """Patch of the scene that each pixel of one material shows.
+    """Number of the patch of the scene in which each pixel of one material lies.
 
     Parameters
     ----------
@@ -130,13 +130,13 @@ def patches_seen(image: NDArray[np.bool_], scene: NDArray[np.bool_], ground: NDA
     scene : ndarray of bool, shape (y, x)
         Cells of the material.
     ground : ndarray of float32, shape (2, rows, columns)
-        Row and column in the scene that each pixel shows (:class:`radcal.radar.geometry.Geometry`); NaN in a scene in
-        slant range, whose cells are the pixels.
+        Row and column in the scene of the middle of each pixel (:class:`radcal.radar.geometry.Geometry`). NaN for a
+        scene in slant range: the patches are then the connected areas of ``image``.
 
     Returns
     -------
     ndarray of int64, shape (rows, columns)
-        Number of the patch from 1; 0 of other pixels, and of pixels whose middle lies on other ground.
+        Number of the patch, from 1; 0 for pixels of other materials, or with another material in the middle.
     """
     known = np.isfinite(ground[0]) & image
     if not known.any():

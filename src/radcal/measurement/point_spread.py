@@ -195,11 +195,12 @@ def is_filtered(found: PointSpread | None, looks: Looks | None, radar: Radar) ->
 def point_spread_note(found: PointSpread, looks: Looks | None, radar: Radar, source: str) -> str | None:
     """Sentence about a point spread that differs from the configured resolutions; None if there is no difference.
 
-    If ``radar.looks`` has been set to the number of looks after filtering, only the correlation shows the filter.
-    If the image does not have more looks than configured, the sentence calls the image smoothed in two cases. In the
-    first case, the area of the point spread exceeds 2.25 times the configured area. In the second case, the area of the
-    point spread exceeds 1.5 times the configured area, the correlation area exceeds 3 times the configured one, and the
-    number of looks is not reduced, as texture would reduce it.
+    If ``radar.looks`` has been set to the number of looks after filtering, only the correlation shows the filter. If
+    the image does not have more looks than configured, the sentence calls the image smoothed in two cases:
+
+    - The area of the point spread exceeds 2.25 times the area of the configured resolution cell.
+    - The area of the point spread exceeds 1.5 times the area of the configured resolution cell, the correlation area
+      exceeds 3 times the configured correlation area, and the number of looks is not reduced, as texture would do.
 
     Parameters
     ----------
@@ -233,7 +234,7 @@ def point_spread_note(found: PointSpread, looks: Looks | None, radar: Radar, sou
     limits = [
         f"radar.{way}_spacing_m of {getattr(radar, f'{way}_spacing_m'):g} allows {possible[way]:g} at the finest"
         for way, width in ways.items()
-        if possible[way] > 1.01 * width  # else it is rounded
+        if possible[way] > 1.01 * width  # smaller differences come from rounding
     ]
     limited = f" ({' and '.join(limits)})" * bool(limits)
     if all(abs(possible[way] / getattr(radar, f"{way}_resolution_m") - 1.0) <= _SHAPE for way in ways):

@@ -93,7 +93,7 @@ def make_measurement(
 
 
 def check_image(config: FileMeasurement, radar: Radar, on_map: bool = True) -> list[RadcalError]:
-    """What is wrong with the file of a measured image, as far as it shows without the scene.
+    """Errors in the file of a measured image that can be found without the scene.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def check_image(config: FileMeasurement, radar: Radar, on_map: bool = True) -> l
     radar : Radar
         Pass.
     on_map : bool
-        Whether the scene is on the map, so that a georeferenced image is laid on it.
+        Whether the scene has map coordinates; the pixel spacings are then checked with a georeferenced image.
 
     Returns
     -------
@@ -141,14 +141,14 @@ def check_image(config: FileMeasurement, radar: Radar, on_map: bool = True) -> l
 
 
 def _whichever_band(path: Path, config: FileMeasurement, folders: Sequence[Path]) -> list[RadcalError]:
-    """Error that an image has in each of its bands where the configured one does not exist, such as a wrong scale."""
+    """Error, such as a wrong scale, that all bands have, if the configured band does not exist; otherwise empty."""
     if not is_raster(path) or _is_large(path, folders):
         return []
     found: list[RadcalError] = []
     try:
         with open_raster(path, folders) as raster:
             bands = raster.indexes
-    except Exception:  # as above
+    except Exception:  # the libraries' exceptions for damaged files have no common base class
         return []
     for band in bands if config.band not in (None, *bands) else ():
         try:

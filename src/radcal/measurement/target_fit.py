@@ -108,7 +108,7 @@ def make_target(
     validation : Validation, optional
         Blocks to hold out; none if missing.
     scene : Scene, optional
-        The scene, whose connected areas are the material's fields; without it, those of the image are.
+        Scene whose connected areas are the material's fields; by default, connected areas of the image are the fields.
 
     Raises
     ------
@@ -201,7 +201,7 @@ def make_targets(
     partly : bool
         Whether materials with too few pixels are left out, as long as one has enough; for further passes.
     scene : Scene, optional
-        The scene, whose connected areas are the materials' fields; without it, those of the image are.
+        Scene whose connected areas are the materials' fields; by default, connected areas of the image are the fields.
 
     Raises
     ------

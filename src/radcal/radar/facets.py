@@ -178,7 +178,7 @@ def order_facets(
                 across += weight[i] * place[1, i]
                 if i > first and material[i] != material[i - 1]:
                     count += 1
-            if total == 0.0:  # slivers whose areas vanish in single precision: the plain mean
+            if total == 0.0:  # the areas of slivers may be 0 in single precision: mean without weights
                 for i in range(first, ground_last):
                     angles += angle[i]
                     down += place[0, i]

@@ -166,7 +166,8 @@ def advice_on(
     Returns
     -------
     list of Advised
-        Passes in the order of :func:`common_ratio`, the smallest first; the materials of a pass together.
+        One item for each pass and material. Passes are in ascending order of :func:`common_ratio`; the items of one
+        pass are adjacent.
     """
     geometries = [make_geometry(scene, radar) for radar in passes]
     own = [(one.radar, make_geometry(scene, one.radar)) for one in case.passes]
@@ -189,18 +190,20 @@ def advice_on(
 
 
 def common_ratio(rows: Sequence[Advised]) -> float:
-    """Half-widths after one pass over those now, as geometric mean over the materials: a factor counts alike for each.
+    """Ratio of the half-width after one pass to the half-width now: geometric mean over the materials.
+
+    The geometric mean gives the ratios of wide and narrow bands the same weight.
 
     Parameters
     ----------
     rows : sequence of Advised
-        One pass, by material.
+        Rows of one pass, one for each material.
     """
     return float(np.exp(np.mean([np.log(row.after_db / row.now_db) for row in rows])))
 
 
 def _passes(rows: Sequence[Advised]) -> Iterator[list[Advised]]:
-    """Rows of each pass."""
+    """Lists of rows, one list for each pass."""
     for _, each in itertools.groupby(rows, key=lambda row: id(row.radar)):
         yield list(each)
 

@@ -236,7 +236,9 @@ def apply(
 def where_seen(
     archive: Archive, rows: Sequence[tuple[int, Prediction]]
 ) -> tuple[list[tuple[int, Prediction]], list[str]]:
-    """Predictions without those for which a material's level would have to be an angular law, and sentences on these.
+    """Predictions without those at incidences where a level is not known, and sentences on the bins left out.
+
+    The level of a material that was seen at one incidence is known only within 1 degree of the incidence seen.
 
     Parameters
     ----------
@@ -248,9 +250,9 @@ def where_seen(
     Returns
     -------
     rows : list of (int, Prediction)
-        Of a material that was seen at one incidence only those within 1 degree of it.
+        Predictions that are kept: all bins, except those of a material seen at one incidence that are too far from it.
     left_out : list of str
-        One sentence for each such material with further bins.
+        One sentence for each material with bins that are left out.
     """
     kept, count = list[tuple[int, Prediction]](), dict[str, int]()
     for number, one in rows:

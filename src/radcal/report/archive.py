@@ -113,7 +113,7 @@ class Check:
 
 @dataclass(frozen=True)
 class Fidelity:
-    """Predictions of the surrogate for each infill run, and the results of this run; NaN if not predicted."""
+    """Predictions of the surrogate for each infill run, and results of the run; NaN without a prediction."""
 
     predicted_cost: Annotated[Doubles, About("cost that the surrogate predicted", shape="m")]
     verified_cost: Annotated[Doubles, About("cost of the run", shape="m")]

@@ -40,7 +40,7 @@ def fidelity(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     canvas = new_canvas(6.2, 6.2)
     upper, lower = canvas.subplots(2, 1, sharex=True)
     runs = np.flatnonzero(case.runs.kind == "infill")
-    # the scale of the figure of each run's misfit; the cost of bins is half of their squared residuals
+    # same unit as in the figure of the misfits of all runs; the cost of bins is half the sum of squared residuals
     bins = material.cost is not None
     what = "squared residuals, priors included" if bins else f"densities, rms [1/{case.levels.unit}]"
     predicted, verified = ((2.0 if bins else 1.0) * cost for cost in (found.predicted_cost, found.verified_cost))

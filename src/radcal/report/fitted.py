@@ -36,8 +36,8 @@ class Fitted:
     ]
     bounds: Annotated[tuple[str, ...], Attribute(), About("parameters at a bound beyond which the pixels ask for them")]
     distance: Annotated[float, About("ratio of the best run's density rms to `rms_sampling`")]
-    fits: Annotated[bool | None, About("law fits; absent where it cannot be tested")] = None
-    level_only: Annotated[bool, About("seen at one incidence, so that the level can be known, but not the law")] = False
+    fits: Annotated[bool | None, About("whether the law fits; absent if the fit cannot be tested")] = None
+    level_only: Annotated[bool, About("material is seen at one incidence: only its level can be known")] = False
 
 
 def misfit(fitted: Fitted) -> dict[str, Any]:

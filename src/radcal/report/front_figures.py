@@ -1,4 +1,4 @@
-"""Figure of the front of a search that minimises several objectives side by side."""
+"""Figure of the front of a search with several objectives."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 __all__ = ["front"]
 
-_LEAST = 1e-12  # sums of squares below this are drawn at it
-_LEAST_REACH = 0.12  # decades on either side of the middle
-_WIDE = 300.0  # ratio of an axis' ends from which on only powers of ten are labelled
+_LEAST = 1e-12  # smaller sums of squares are drawn at this value
+_LEAST_REACH = 0.12  # smallest half-length of an axis [decades]
+_WIDE = 300.0  # ratio of the ends of an axis; from this ratio on, only powers of ten are labelled
 
 
 def front(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
-    """Figure of the first objective against each of the others: the front, the verified runs and the chosen one."""
+    """Figure of the front and the runs; each panel compares the first objective with another objective."""
     found = case.materials[name].front
     if found is None:
         return None
@@ -48,7 +48,7 @@ def front(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
 
 
 def _panel(axes: Axes, case: Archive, name: str, other: int) -> NDArray[np.bool_]:
-    """Draw two of the objectives against each other; which runs lie outside of the axes, shape (n,)."""
+    """Draw the first objective against the objective ``other``; return a mask of the runs outside the axes, (n,)."""
     from matplotlib.ticker import LogLocator, NullLocator
 
     material = case.materials[name]
@@ -79,7 +79,7 @@ def _panel(axes: Axes, case: Archive, name: str, other: int) -> NDArray[np.bool_
 
 
 def _limits(values: Array) -> tuple[float, float]:
-    """Ends of a logarithmic axis about the front and the chosen run: runs that lie far away are left out."""
+    """Ends of a logarithmic axis around ``values``, which do not include runs far from the front."""
     log = np.log10(values)
     middle, reach = 0.5 * (log.min() + log.max()), max(_LEAST_REACH, 0.9 * float(np.ptp(log)))
     return float(10.0 ** (middle - reach)), float(10.0 ** (middle + reach))

@@ -22,7 +22,7 @@ from radcal.storage.files import atomic
 __all__ = ["write_report"]
 
 _AT_BOUND = 1e-3  # share of the interval between bounds within which a value is at its bound
-_AGREE = 1.4  # times the error of sampling, up to which two densities are taken for equal
+_AGREE = 1.4  # largest ratio of rms to sampling error at which two densities count as equal
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _MINUS = "\N{MINUS SIGN}"
 _TIMES = "\N{NARROW NO-BREAK SPACE}\N{MULTIPLICATION SIGN}\N{NARROW NO-BREAK SPACE}"

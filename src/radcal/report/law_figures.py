@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 __all__ = ["cost", "law"]
 
 _GRAZING_DB = -60.0
-_LAST_DEG = 85.0  # of bands and curves
-_CONTEXT_DEG = 5.0  # least margin of the axis about the angles seen
+_LAST_DEG = 85.0  # largest incidence at which bands and curves are drawn
+_CONTEXT_DEG = 5.0  # smallest margin of the angle axis on each side of the incidence seen
 
 
 def _runs(axes: Axes, case: Archive, material: MaterialResult, shown: Array) -> None:
@@ -209,7 +209,7 @@ def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
 
 
 def _view(low_deg: float, high_deg: float) -> tuple[float, float]:
-    """Ends of the axis of the angles: those seen, and on both sides as much again, at least 5 degrees [deg]."""
+    """Ends of the angle axis [deg]; each margin is as wide as the incidence interval seen, at least 5 degrees."""
     margin = max(_CONTEXT_DEG, high_deg - low_deg)
     return max(0.0, np.floor(low_deg - margin)), min(_LAST_DEG, np.ceil(high_deg + margin))
 
@@ -241,7 +241,7 @@ def _curves(axes: Axes, material: MaterialResult, seen: Array, angles: Array) ->
 
 
 def _band(axes: Axes, material: MaterialResult, angles: Array) -> None:
-    """Draw the 90 % band of sigma0, pale, and again darker where it is known."""
+    """Draw the 90 % band of sigma0 in a pale colour, and in a darker colour where sigma0 is known."""
     posterior = material.posterior
     if posterior is None or posterior.curve is None:
         return
@@ -258,7 +258,7 @@ def _truth(
 ) -> float:
     """Draw the calibrated minus the true law, and return their largest difference over the image's angles [dB].
 
-    ``drawn`` are all angles of the axis, which get a thin line, and those seen, which get a thick one [deg].
+    ``drawn`` contains all angles of the axis, drawn as a thin line, and the angles seen, drawn as a thick line [deg].
     """
     curve, found = material.parameters.curve(), material.parameters.values[material.best]
     difference = curve.largest_difference_db(found, hidden, incidence_deg)

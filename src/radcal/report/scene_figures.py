@@ -109,7 +109,7 @@ def _plans(
     cmap, norm = colours
     flat = [canvas.add_subplot(2, 2, k) for k in (1, 2, 3)]
     shade = _light().hillshade(elevation, dx=cell_m, dy=cell_m)
-    # shades of relief run from 0 to 1; without limits, the one grey of level ground would be drawn black
+    # shades of relief lie between 0 and 1; without these limits, the single shade of level ground would be black
     flat[0].imshow(shade, cmap="gray", origin="lower", extent=sides, vmin=0.0, vmax=1.0)
     flat[0].set_title(f"shaded relief, light from {directions.light}")
     flat[1].imshow(material, cmap=cmap, norm=norm, origin="lower", extent=sides, interpolation="nearest")

@@ -1,4 +1,4 @@
-"""Front of a search that minimises several objectives side by side: its part of the archive."""
+"""Part of the archive that contains the front of a search with several objectives."""
 
 from __future__ import annotations
 
@@ -21,19 +21,23 @@ Doubles = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class SearchFront:
-    """Front of NSGA-II, f points of p objectives, in the last iteration that searched for a material."""
+    """Front of NSGA-II in the last search for a material: f points with p objectives, and the objectives of n runs."""
 
     objectives: Annotated[
-        tuple[str, ...], Attribute(), About("sums of squared residuals that are minimised side by side")
+        tuple[str, ...],
+        Attribute(),
+        About("names of the sums of squared residuals that NSGA-II minimises as objectives"),
     ]
     parameters: Annotated[Doubles, About("X of the points of the front", shape="f, d")]
-    looks: Annotated[Doubles, About("effective number of looks of these points", shape="f")]
-    predicted: Annotated[Doubles, About("their objectives as predicted by the last surrogate", shape="f, p")]
+    looks: Annotated[Doubles, About("effective number of looks of each point of the front", shape="f")]
+    predicted: Annotated[
+        Doubles, About("objectives of the points of the front, predicted by the last surrogate", shape="f, p")
+    ]
     verified: Annotated[Doubles, About("objectives of each run; NaN for a run with another law", shape="n, p")]
 
 
 def search_fronts(case: stages.Archive, targets: Targets, history: History) -> dict[str, SearchFront]:
-    """Front of the last search of each material, without the materials whose search has a single objective.
+    """Front of the last search of each material; materials whose search has a single objective are left out.
 
     Parameters
     ----------

@@ -28,7 +28,7 @@ _STEPS = {
 }
 _FILES = {"report.html": "report", "export": "exports", "summary.json": "summary", "runs.csv": "table of runs"}
 
-_SAID = " INFO radcal: "  # before a line of progress in the log of a job
+_SAID = " INFO radcal: "  # text that precedes a line of progress in a job's log file
 _RECENT_LOGS = 20
 _AGAIN = "type the command that began the case again (radcal run with its YAML file): finished runs are kept"
 
@@ -98,7 +98,7 @@ def show(folder: str | Path) -> list[str]:
 
 
 def _running(folder: Path) -> list[str]:
-    """Lines on the command that works on a case at this moment, and on where it stands; none without one."""
+    """Lines on the command that is working on a case, and on its progress; empty if no command is working on it."""
     found = holder(folder)
     if found is None:
         return []
@@ -112,7 +112,7 @@ def _running(folder: Path) -> list[str]:
         lines.append(f"jobs that wrote a log last: {names} ({ago} ago).")
     said = [line for path in recent for line in path.read_text("utf-8", "replace").splitlines() if _SAID in line]
     if said:
-        # each line begins with its time
+        # each line begins with its time, so that the largest is the latest
         lines.append(f"last progress: {max(said).partition(_SAID)[2].strip()}")
     return lines
 
@@ -160,7 +160,7 @@ def _finished(summary: Mapping[str, Any]) -> list[str]:
 
 
 def _unknown(material: Mapping[str, Any]) -> str:
-    """End of a sentence on a law of which nothing is known; the verdict says where others are known."""
+    """End of the sentence on a law: no curve in dB, or no known sigma0 for lack of fit; else a full stop."""
     if material.get("sigma0_curve") is None:
         return "; nothing is known of a curve in dB."
     return "; sigma0 is known nowhere." if material["fits"] is False else "."

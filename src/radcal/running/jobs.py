@@ -132,7 +132,7 @@ def elapsed() -> str:
 
 
 def clock(seconds: float) -> str:
-    """A time [s] as minutes and seconds."""
+    """Text that gives a time [s] in minutes and seconds."""
     return f"{int(seconds) // 60}:{int(seconds) % 60:02d}"
 
 

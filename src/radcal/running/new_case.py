@@ -56,7 +56,7 @@ class NewCase:
     undecided : list of str
         Keys without a value, whose lines are marked.
     offered : str
-        Remark on the land-cover maps that have all codes; empty without such, and where one is named.
+        Remark on the land-cover maps that contain all codes; empty if there is none, or if the case names a map.
     materials : list of str
         Names of the materials in the land cover.
 
@@ -124,7 +124,7 @@ class NewCase:
                 self._read_preset()
 
     def _read_preset(self) -> None:
-        """Take the names of codes from the configured land-cover preset, or note the presets that have all codes."""
+        """Take the names of codes from the given land-cover map, or note the maps that contain all codes."""
         preset = self._values.get("scene.landcover")
         if preset is None:
             if not self._slant and (said := landcover_remark(self._counts)):
@@ -208,7 +208,7 @@ class NewCase:
         incidence_deg = 90.0 - (_DEPRESSION_DEG if depression_deg is None else depression_deg)
         sensor = SENSORS.get(self._values.get("radar.sensor", ""))
         known = {} if sensor is None else sensor.values_at(incidence_deg)
-        # pixels too large for the sensor's resolution are those of a resampled image: the sensor's spacing stays
+        # an image whose pixels are too large for the sensor's resolution was resampled: the sensor's spacing stays
         pixels = {"range": east * math.sin(math.radians(incidence_deg)), "azimuth": north}
         if any(
             f"{way}_spacing_m" in known and size * WIDTH_FACTOR > known.get(f"{way}_resolution_m", math.inf)
@@ -272,7 +272,7 @@ class NewCase:
         ]
 
     def decided_by_sensors(self) -> list[str]:
-        """Undecided keys that a sensor can decide; none where a sensor is given."""
+        """Undecided keys that a sensor may give; empty if the case already names a sensor."""
         known = {f"radar.{key}" for sensor in SENSORS.values() for key in sensor.values}
         return [] if "radar.sensor" in self._values else [key for key in self.undecided if key in known]
 
@@ -280,7 +280,7 @@ class NewCase:
         return {key.removeprefix("radar."): x for key, x in self._values.items() if key.startswith("radar.")}
 
     def _material_lines(self) -> list[str]:
-        """Lines of section materials; the laws of those to calibrate are the hidden ones of a synthetic image."""
+        """Lines of section ``materials``; a synthetic image gets hidden laws of the materials to calibrate."""
         made = material_lines(
             self._names,
             self._counts,

@@ -16,10 +16,10 @@ from radcal.errors import ConfigError
 
 __all__ = ["Fixed", "MaterialLines", "Raw", "fixed_laws", "material_lines", "scalar"]
 
-# bounds for real surfaces in dB; those of the law are for levels above 0 dB
-_X1, _INSIDE_DB = (-40.0, 0.0), 2.0  # bounds of X1, and least distance of a start from them
+# bounds of X1 for real surfaces [dB], because the default bounds of the law are for levels above 0 dB
+_X1, _INSIDE_DB = (-40.0, 0.0), 2.0  # bounds of X1, and smallest distance of a start from the bounds
 _BOUNDS = f"[[{_X1[0]:g}, {_X1[1]:g}], [0, 20], [0, 25], [0, 12]]"
-_HIDDEN = "[-24, 10, 14, 5]"  # inside of these bounds
+_HIDDEN = "[-24, 10, 14, 5]"  # X inside the bounds
 _CONSTANT = "constant_gamma"
 _NUMBER = re.compile(r"[-+]?\d+(\.\d*)?([eE][-+]?\d+)?")
 _PLAIN = re.compile(r"[A-Za-z./~$][A-Za-z0-9_./${}-]*")
@@ -27,13 +27,13 @@ _NOT_TEXT = ("y", "n", "yes", "no", "on", "off", "true", "false", "null", "~")
 
 
 class Raw(str):
-    """Text that is YAML already."""
+    """Text in YAML, which is written without change."""
 
     __slots__ = ()
 
 
 def scalar(value: object) -> str:
-    """A value in YAML."""
+    """Text of a value in YAML."""
     if isinstance(value, Raw):
         return value
     if isinstance(value, str):
@@ -52,7 +52,7 @@ class Fixed:
 
 @dataclass(frozen=True)
 class MaterialLines:
-    """Lines of section ``materials``.
+    """Content of section ``materials`` in a new case file.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class MaterialLines:
     hidden : str
         Laws of the materials to calibrate in a synthetic image, in YAML.
     undecided : list of str
-        Keys without a value, once for each.
+        Keys without a value; a key that lacks several values is repeated.
     """
 
     lines: list[str]
@@ -75,7 +75,7 @@ def fixed_laws(words: Iterable[str]) -> dict[str, Fixed]:
     Raises
     ------
     ConfigError
-        A word has another form, there is no such law, or it takes other parameters.
+        A word has another form, the law does not exist, or the law has another number or range of parameters.
     """
     found = {}
     for word in words:
@@ -101,18 +101,18 @@ def material_lines(
     fixed: Mapping[str, Fixed],
     landcover: str | None,
 ) -> MaterialLines:
-    """Lines of the materials: those to calibrate with bounds and start, the others with their laws.
+    """Lines of all materials: bounds and start for the materials to calibrate, and laws for the other materials.
 
     Parameters
     ----------
     names, counts : mapping
         Name and number of pixels of each code of the land cover.
     calibrated : iterable of str
-        Materials to calibrate; without any, all that have no given law.
+        Materials to calibrate; if empty, all materials without a law in ``fixed``.
     fixed : mapping
         Given laws by material.
     landcover : str or None
-        Land-cover map whose starting laws the others have.
+        Land-cover map that gives the laws of materials that are neither calibrated nor in ``fixed``.
 
     Raises
     ------
@@ -154,7 +154,7 @@ def material_lines(
 
 
 def _fixed_lines(fixed: Fixed | None) -> list[str]:
-    """Law of a material that is not calibrated, or the mark of one that is to be decided."""
+    """Lines with the law of a material that is not calibrated; without a law, lines with the mark of an open value."""
     level = FILL_IN if fixed is None else ", ".join(f"{x:.10g}" for x in fixed.parameters)
     law = _CONSTANT if fixed is None else fixed.law
     about = "gamma [dB]" if law == _CONSTANT else "of this law (docs/laws.md)"

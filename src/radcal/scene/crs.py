@@ -331,14 +331,14 @@ def geoid_m(datum: str, longitude_deg: float, latitude_deg: float) -> float | No
 
 
 def pixel_size_m(raster: Any, plane: CRS) -> tuple[float, float]:
-    """Ground size of the middle pixel of an open raster [m], along its rows and its columns.
+    """Size on the ground of the middle pixel of an open raster [m]: width along a row, and height along a column.
 
     Parameters
     ----------
     raster : rasterio.DatasetReader
         Raster with a transform.
     plane : pyproj.CRS
-        Its horizontal CRS; in a geographic one, lengths are geodesics of WGS84 (:class:`pyproj.Geod`).
+        Horizontal CRS of the raster. With a geographic CRS, the lengths are geodesics of WGS84 (:class:`pyproj.Geod`).
     """
     from pyproj import Geod
 

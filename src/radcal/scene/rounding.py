@@ -40,8 +40,8 @@ def height_step_m(heights_m: NDArray[np.float64]) -> float:
     if gaps.size == 0:
         return 0.0
     span = float(distinct[-1] - distinct[0])
-    single = float(gaps[gaps < 1.5 * gaps.min()].mean())  # of heights in single precision, whose errors cancel
-    step = span / round(span / single)  # more digits than a single difference has
+    single = float(gaps[gaps < 1.5 * gaps.min()].mean())  # a mean, in which errors of single precision cancel
+    step = span / round(span / single)  # the span of all heights gives more digits than one difference
     if step < _FINEST_M or not _multiples(known - distinct[0], step):
         return 0.0
     curved = (np.diff(heights_m, 2, axis=0), np.diff(heights_m, 2, axis=1))

@@ -28,11 +28,11 @@ class Holder:
     Attributes
     ----------
     process : int
-        Its process on ``host``.
+        Number of the command's process on ``host``.
     host : str
-        Name of its machine.
+        Name of the machine on which the command runs.
     since : float
-        Time at which it began [s since 1970].
+        Time at which the command began [s since 1970].
     """
 
     process: int
@@ -41,17 +41,17 @@ class Holder:
 
 
 def holder(folder: str | Path) -> Holder | None:
-    """Command that has locked a case's results folder; None without one.
+    """Command that has locked a case's results folder; None if the folder is not locked.
 
     Parameters
     ----------
     folder : path
-        ``results/<case>``, of which nothing is changed.
+        ``results/<case>``; the function changes no file in it.
     """
     path = Path(folder) / ".lock"
     with contextlib.suppress(OSError, ValueError), path.open(encoding="ascii") as file:
         process, _, host = file.read().strip().partition(" ")
-        # of a process that has ended, only jobs may be left, which hold the lock a moment longer
+        # after the command's process has ended, its jobs may hold the lock for a moment
         if host == socket.gethostname() and not alive(int(process)):
             return None
         try:

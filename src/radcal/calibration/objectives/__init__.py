@@ -47,7 +47,7 @@ def make_objectives(case: stages.Scores | stages.Archive, targets: Targets) -> M
 
 
 def _of_common_spread(targets: Targets) -> list[Targets]:
-    """Targets of all passes; the fields of a material, which are the same, have one spread in all of them."""
+    """Targets of all passes, with one spread of fields for each material: all passes show the same fields."""
 
     def common(name: str, target: Target) -> Target:
         if target.classes is None:

@@ -75,7 +75,7 @@ class Bins(Objective):
 
     @property
     def of_fields(self) -> BinMisfit | None:
-        """The same where it is minimised; None where fields are no part of what is."""
+        """Attribute :attr:`moments`, if the minimised misfit includes effects of fields; otherwise None."""
         return self.moments if self.misfit.of_fields else None
 
     @property
@@ -196,7 +196,7 @@ class Likelihood(Bins):
     part_names = ("pixels of small incidence, priors", "pixels of large incidence")
 
     def parts(self, points: Points) -> Doubles:
-        """Squares of the bins of small incidence with the priors, and of those of large incidence, shape (m, 2)."""
+        """Sums of squared residuals: bins of small incidence with priors, and bins of large incidence, shape (m, 2)."""
         n = self.bins.classes.size
         weak = self._prior(self.material.box.mean(axis=1), self.material.looks).size
         squares = self.residuals(points) ** 2

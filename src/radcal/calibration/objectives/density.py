@@ -78,7 +78,7 @@ class Density(Objective):
 
     @cached_property
     def of_fields(self) -> BinMisfit:
-        """Misfit of one bin."""
+        """Misfit of one bin that contains all pixels."""
         return BinMisfit.of(self.material.target.ground, self._classes.compared(1), self._method, _ALONE)
 
     def compared(self) -> Compared:

@@ -21,9 +21,9 @@ class Joint(Comparison):
     """Comparison of one material's runs with its targets in several passes.
 
     Law and texture are shared: all passes have the same X, and looks that follow from the same texture
-    (:func:`radcal.radar.texture.equal_texture`). The effects of the fields that several passes show are shared, too
-    (:mod:`radcal.calibration.shared_fields`). The bins of all passes are stacked, in the order of the passes; the
-    priors enter once, with the first pass.
+    (:func:`radcal.radar.texture.equal_texture`). A field that lies in several passes has the same effect in all of them
+    (:mod:`radcal.calibration.shared_fields`). The statistics of the bins are stacked in the order of the passes. The
+    priors enter only once, with the first pass.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class Joint(Comparison):
         fields = [part.of_fields for part in self._parts]
         shown = [one for one in fields if one is not None]
         self._fields = SharedFields(shown) if len(shown) == len(fields) else None
-        # the residuals of a density are not those of its evidence
+        # an objective without bins minimises other residuals than those of its evidence, so that fields are not shared
         self._minimised = self._fields if first.misfit is not None else None
 
     def _back(self, part: Objective, looks: float) -> float:
@@ -80,7 +80,7 @@ class Joint(Comparison):
         return np.concatenate([part.scale for part in self._parts])
 
     def residuals(self, points: Points) -> Doubles:
-        """Residuals of all passes, shape (m, k), then those of the priors."""
+        """Residuals of the statistics of all passes, followed by the residuals of the priors, shape (m, k)."""
         found = [part.residuals(at) for part, at in self._split(points)]
         if self._minimised is None:
             return np.concatenate(found, axis=1)
@@ -90,7 +90,7 @@ class Joint(Comparison):
         return np.concatenate([self._minimised.residuals(data), *rest], axis=1)
 
     def parts(self, points: Points) -> Doubles:
-        """Sum of squares of each pass by itself, shape (m, passes)."""
+        """Sum of squared residuals of each pass, computed from this pass alone, shape (m, passes)."""
         return np.stack([(part.residuals(at) ** 2).sum(axis=1) for part, at in self._split(points)], axis=-1)
 
     def refinements(self) -> Sequence[Callable[[Points], Doubles]]:

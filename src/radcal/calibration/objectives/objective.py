@@ -198,7 +198,7 @@ class Comparison(ABC):
     passes : sequence of Objective or None
         Objective of each pass, None for a pass in which the material has too few pixels.
     part_names : sequence of str
-        Names of the sums of squares that NSGA-II minimises side by side.
+        Names of the sums of squared residuals that are NSGA-II's objectives.
     """
 
     material: Material
@@ -221,11 +221,11 @@ class Comparison(ABC):
         """Residuals at m points, shape (m, k); the search minimises the sum of their squares."""
 
     def parts(self, points: Points) -> Doubles:
-        """Sums of squares that NSGA-II minimises side by side, shape (m, p), one for each of ``part_names``."""
+        """Sums of squared residuals that are NSGA-II's objectives, shape (m, p), one for each of ``part_names``."""
         return np.asarray((self.residuals(points) ** 2).sum(axis=1, keepdims=True))
 
     def parts_of(self, score: Score) -> Doubles:
-        """The same sums of a run, shape (p,)."""
+        """Sums of squared residuals of a run, shape (p,), one for each of ``part_names``."""
         statistics, x = np.asarray(score.statistics)[None], np.asarray(score.parameters)[None]
         return np.asarray(self.parts(Points(statistics, x, np.array([score.looks])))[0])
 
@@ -314,7 +314,7 @@ class Objective(Comparison):
 
     @property
     def of_fields(self) -> BinMisfit | None:
-        """Misfit that has made :meth:`evidence`, where fields are part of it; otherwise None."""
+        """Misfit that gives the residuals of :meth:`evidence`, if it includes effects of fields; otherwise None."""
         return None
 
     def moment_residuals(self, score: Score) -> Residuals:
