@@ -217,6 +217,11 @@ def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene:
         notes.append(check_looks(looks, radar.looks, scale, path.name, is_filtered(spread, looks, radar)))
     elif config.scale == "complex" and radar.looks != 1:
         notes.append(f"{path.name}: complex pixels have a single look, radar.looks is {radar.looks}.")
+    else:
+        notes.append(
+            f"radar.looks and the scale of {path.name} could not be checked by the speckle: the areas of single "
+            "materials are too small."
+        )
     if spread is not None and (note := point_spread_note(spread, looks, radar, path.name)) is not None:
         notes.append(note)
     product = None if is_safe_name(config.path) else named_product(config.path)
