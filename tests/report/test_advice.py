@@ -92,6 +92,7 @@ def test_passes_of_an_orbit_are_offered_by_incidence():
     assert said.endswith("differs by 18.0 deg.")
 
 
+@pytest.mark.slow
 def test_passes_far_from_the_known_angle_narrow_a_slope_most():
     one, (kept, curves) = case(), draws()
     passes = candidates(one, [30.0, 45.0])
