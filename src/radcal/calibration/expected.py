@@ -71,7 +71,7 @@ class LawForward:
     noise_db: float = -np.inf
 
     def __call__(self, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Mean [dB], variance [dB^2] and third central moment [dB^3] of each bin, shape (n, 3)."""
+        """Mean [dB], variance [dB^2] and third central moment [dB^3] of each incidence-angle bin, shape (n, 3)."""
         return law_cumulants(self.law, parameters, self.nodes_deg, self.noise_db) + log_speckle_cumulants(self.looks)
 
 

@@ -99,7 +99,7 @@ _Values = Sequence[tuple[Mapping[str, NDArray[np.float32]], tuple[float, float]]
 
 
 def _statistics(name: str, objective: Comparison, targets: Targets, draws: Sequence[_Values]) -> NDArray[np.float64]:
-    """Statistics of a material, averaged over the draws of speckle, shape (n, 3): rows of all passes."""
+    """Mean, log sd and skewness of each bin, averaged over the draws of speckle, for the bins of all passes, (n, 3)."""
     found = []
     for one, target, values in zip(objective.passes, targets.passes, draws, strict=True):
         if one is not None:

@@ -355,7 +355,7 @@ def table(kind: type) -> str:
 
 
 def _rows(kind: type, path: str, absent: bool = False) -> Iterator[tuple[str, str, str, str, str]]:
-    """Rows of the table, one per field below a path: group or dataset, attribute, type, unit and description."""
+    """Rows of the table that describes the layout of a file: one for each dataclass field stored below an HDF5 path."""
     for entry in _entries(kind):
         if entry.main:  # the table already has a line for the field whose type is this dataclass
             continue

@@ -36,7 +36,7 @@ class IndexedRun:
 
     @classmethod
     def of(cls, record: Record, parameters: Parameters, difference_db: float | None = None) -> IndexedRun:
-        """Entry of the run to which a record belongs."""
+        """Index entry of the run to which a stored record belongs."""
         return cls(record.key, parameters, difference_db, tuple(draw.key for draw in record.draws))
 
 
