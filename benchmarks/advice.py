@@ -1,12 +1,13 @@
-"""Advice on a further pass, followed: how often the advised pass is the one that narrows the band most.
+"""Test of ``radcal advise``: how often the advised pass is the one that narrows the 90 % band of sigma0 most.
 
     python benchmarks/advice.py [--quick] [--truths 10]
 
-Hidden laws of the default case's dyke, uniform in its bounds, are measured at 45 degrees of depression to the right
-with independent speckle, without other mismatches, and calibrated. The advice of ``radcal advise`` then compares three
-further passes: 30 and 60 degrees to the right, and 45 degrees to the left. Each of the three is measured, too, and
-calibrated together with the first pass. The advice was right where the advised pass has the smallest mean half-width of
-the 90 % band of sigma0, over the incidence that the material has in any of the four passes.
+The hidden laws are drawn uniformly in the bounds of the default case's dyke. Each law is measured in a first pass with
+a depression of 45 degrees to the right, with independent speckle and no other mismatch, and is calibrated. ``radcal
+advise`` then compares three further passes, with depressions of 30 and 60 degrees to the right, and of 45 degrees to
+the left. Each further pass is also measured, and calibrated together with the first pass. The advice is right if the
+advised pass leaves the smallest half-width of the 90 % band of sigma0, averaged over the incidence that the material
+has in any of the four passes.
 """
 
 from __future__ import annotations
@@ -18,29 +19,21 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from passes import calibrated_passes
 from threadpoolctl import threadpool_limits
 
 from radcal.assessment.budget import Budget
 from radcal.assessment.curves import GRID_DEG
 from radcal.assessment.posterior import KeptDraws, posterior_of
 from radcal.assessment.preposterior import half_widths_now
-from radcal.calibration.bin_target import bin_targets
-from radcal.calibration.loop import calibrate
 from radcal.config import Case, case_from, stages
 from radcal.measurement.levels import Levels
-from radcal.measurement.registration import register
-from radcal.measurement.sources import make_measurement
-from radcal.measurement.target import Targets
-from radcal.measurement.target_fit import make_targets
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
 from radcal.report.advice import advice_on
 from radcal.scene.model import Scene
 from radcal.scene.sources import make_scene
 from radcal.seeds import derived_rng
-from radcal.simulators.builtin import BuiltinSimulator
-from radcal.simulators.runner import Runner
-from radcal.storage.runs import RunStore
 
 FIRST = {"depression_deg": 45.0, "look_side": "right"}
 FURTHER = (
@@ -113,22 +106,8 @@ def followed(truth: list[float], number: int, scene: Scene, geometries: dict[str
 
 def calibrated(case: Case, scene: Scene, geometries: list[Geometry], folder: Path) -> tuple[KeptDraws, np.ndarray]:
     """Draws from the posterior after a calibration, and their curves [dB]."""
-    runners: list[Runner] = []
-    targets: list[Targets] = []
-    for one, geometry in zip(case.passes, geometries, strict=True):
-        simulator = BuiltinSimulator(geometry, one.radar, one.laws)
-        settings, stage = stages.Simulation.of(one), stages.Target.of(one)
-        runners.append(Runner(RunStore(folder), simulator, geometry, scene.identity, settings))
-        measurement = make_measurement(stages.Measurement.of(one), geometry, simulator, scene)
-        start = simulator.run({name: m.start_parameters for name, m in one.materials.items()}, 1)
-        registered = register(start, measurement, one.registration)
-        made = make_targets(stage, geometry, registered, start)
-        targets.append(bin_targets(stage, made, geometry, registered, scene.slope_error_deg))
-    first, *others = targets
-    together = Targets(first, first.levels, first.looks, others)
-    runners[0].further = tuple(runners[1:])
-    history, _ = calibrate(case, runners[0], together)
-    draws = posterior_of(stages.Posterior.of(case), together, history, NAME).draws
+    targets, history, _ = calibrated_passes(case, scene, geometries, folder)
+    draws = posterior_of(stages.Posterior.of(case), targets, history, NAME).draws
     assert draws is not None
     return draws, draws.curves_db(case.laws[NAME])
 

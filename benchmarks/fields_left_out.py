@@ -1,14 +1,16 @@
-"""Recommended predictor of whole fields that were left out, on a measured image, against the fairest constant.
+"""Errors of the recommended predictor and of a constant on left-out whole fields of a measured image.
 
     python benchmarks/fields_left_out.py [--quick] [--polarisations hh,hv] [--seed 0]
 
-The fields (connected areas) of each material of the AIRSAR image under RADCAL_DATA are drawn into two halves, four
-times; laws and constants are found from one half and predict the other, both ways. Compared are means of cells (the
-part of a field in 10 rows, 20 pixels or more) at angles between the 5 % and 95 % of those calibrated on. The constant
-is the generalised least squares mean with random effects of fields and cells, its variances estimated over all
-materials together, as the law's are. Which predictor is recommended is decided on the fields calibrated on alone. The
-laws are fitted to the measured pixels with the model of law and speckle, without a simulator. Ratios are geometric
-means over materials and folds.
+The fields (connected areas) of each material of the AIRSAR image under RADCAL_DATA are divided at random into two
+halves, four times. Law and constant are fitted to each half and predict the other half. The predictions are compared
+with measured means of cells, which are parts of fields in 10 rows with 20 pixels or more. The cells have angles between
+the 5 % and 95 % quantiles of the angles of the calibrated half. The constant is the generalised least squares mean with
+random effects of fields and cells. The variances of the random effects are estimated from all materials together, for
+the constant as for the law.
+
+The recommendation of law or constant uses the calibrated half alone. The laws are fitted to the measured pixels with
+the model of law and speckle, without a simulator. Ratios of errors are geometric means over materials and folds.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
-"""Calibration of random targets by the workflow: hidden X uniform in the bounds, measurement with independent speckle.
+"""Calibration by the workflow for hidden X drawn uniformly in the bounds, measured with independent speckle.
 
     python benchmarks/independent_speckle.py [--quick] [--jobs 2]
 
-The images need no registration. Each case must end within the tolerance or as unreachable; for unreachable targets a
+The images need no registration. Each case must end within the tolerance or as unreachable. For unreachable targets, a
 dense search on the simulator itself (Sobol sample, then least squares from the best points) looks for a smaller rms.
 
-The cases are in results/speckle_* of this project; finished ones are not run again.
+The results of the cases are kept in results/speckle_* of this project; finished cases are not run again.
 """
 
 from __future__ import annotations

@@ -1,10 +1,11 @@
-"""Error of the law found and number of runs: the published dyke with several measurements.
+"""Error of the law found, and number of runs, for the published dyke with several measured images.
 
     python benchmarks/law_difference.py [--quick] [--objectives density,classes] [--design 2,2]
 
-Each measurement is made from the default hidden law with its own speckle and noise, and needs no registration. The
-table gives the largest difference [dB] of the two laws over the incidence seen (5-95 %), which a matched density does
-not bound, whether the law is reported as identified, and the number of design and infill runs.
+Each measured image is made from the same hidden law with speckle and noise of its own, and needs no registration. The
+table gives the largest difference [dB] between hidden and found law over the incidence seen (5-95 %). A matched density
+does not limit the difference of the laws. The table also tells whether the law is reported as identified, and gives the
+number of design and infill runs.
 """
 
 from __future__ import annotations

@@ -1,12 +1,11 @@
-"""Effect of target.normalisation on the law found, with an error of the level and wrong laws of other materials.
+"""Effect of ``target.normalisation`` on the law found if the level, or the laws of other materials, are wrong.
 
     python benchmarks/levels.py [--quick]
 
-The published dyke (config/dyke_published.yaml) without registration.
-First the measurement is raised by 3 dB, which must not change the shape of the
-law found (the law minus its mean over the incidence seen, 5-95 %). Then the laws of the six other materials are wrong
-by 3 dB (standard deviation, independent errors), and the largest difference in shape between the law found and the
-hidden one is reported.
+The case is the published dyke (config/dyke_published.yaml) without registration. The first table is for a measured
+image whose level is raised by 3 dB. The raised level must not change the shape of the law found, which is the law minus
+its mean over the incidence seen (5-95 %). In the second table, the laws of the six other materials have independent
+errors with a standard deviation of 3 dB; the table gives the largest difference in shape between found and hidden law.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
-"""Error of the law over the incidence of two passes, at 45 and 30 degrees of depression: one pass, and both together.
+"""Error of the law over the incidence of two passes, after calibration on one pass, or on both together.
 
     python benchmarks/passes.py [--quick] [--truths 10]
 
-Each hidden law is uniform in the bounds of the published dyke (config/dyke_published.yaml),
-and the measured images have independent speckle and no
-misregistration (``benchmarks/registration.py`` measures its correction). Errors are the largest differences of the laws
-over the incidence of the material's pixels [dB].
+The passes have depression angles of 45 and 30 degrees; the single pass is that at 45 degrees. Each hidden law is drawn
+uniformly in the bounds of the published dyke (config/dyke_published.yaml). The measured images have independent speckle
+and no misregistration (``benchmarks/registration.py`` tests registration). The error of a law is the largest difference
+[dB] between found and hidden law over the incidence of the material's pixels.
 """
 
 from __future__ import annotations
@@ -20,7 +20,9 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from radcal.calibration.bin_target import bin_targets
+from radcal.calibration.history import History
 from radcal.calibration.loop import calibrate
+from radcal.calibration.stopping import Decision
 from radcal.config import Case, load, stages
 from radcal.config.yaml_file import read_case_file
 from radcal.measurement.registration import register
@@ -87,27 +89,32 @@ def case_of(truth: list[float], number: int, depressions: tuple[float, ...]) -> 
     )
 
 
+def calibrated_passes(
+    case: Case, scene: Scene, geometries: list[Geometry], folder: Path
+) -> tuple[Targets, History, Decision]:
+    """Calibration of a case of one or several passes, with their runs in a folder."""
+    runners: list[Runner] = []
+    targets: list[Targets] = []
+    for one, geometry in zip(case.passes, geometries, strict=False):
+        simulator = BuiltinSimulator(geometry, one.radar, one.laws)
+        settings, stage = stages.Simulation.of(one), stages.Target.of(one)
+        runners.append(Runner(RunStore(folder), simulator, geometry, scene.identity, settings))
+        measurement = make_measurement(stages.Measurement.of(one), geometry, simulator, scene)
+        start = simulator.run({name: m.start_parameters for name, m in one.materials.items()}, 1)
+        registered = register(start, measurement, one.registration)
+        made = make_targets(stage, geometry, registered, start, scene=scene)
+        targets.append(bin_targets(stage, made, geometry, registered, scene.slope_error_deg))
+    first, *others = targets
+    together = Targets(first, first.levels, first.looks, others)
+    runners[0].further = tuple(runners[1:])
+    return together, *calibrate(case, runners[0], together)
+
+
 def calibrated(case: Case, scene: Scene, geometries: list[Geometry], truth: np.ndarray) -> dict[str, Any]:
     """Runs, end, and error of the law over the incidence of each pass [dB]."""
     with tempfile.TemporaryDirectory() as folder:
-        runners: list[Runner] = []
-        targets: list[Targets] = []
-        for one, geometry in zip(case.passes, geometries, strict=False):
-            simulator = BuiltinSimulator(geometry, one.radar, one.laws)
-            settings, stage = stages.Simulation.of(one), stages.Target.of(one)
-            runners.append(Runner(RunStore(Path(folder)), simulator, geometry, scene.identity, settings))
-            measurement = make_measurement(stages.Measurement.of(one), geometry, simulator, scene)
-            start = simulator.run({name: m.start_parameters for name, m in one.materials.items()}, 1)
-            registered = register(start, measurement, one.registration)
-            made = make_targets(stage, geometry, registered, start)
-            targets.append(bin_targets(stage, made, geometry, registered, scene.slope_error_deg))
-        first, *others = targets
-        together = Targets(first, first.levels, first.looks, others)
-        runners[0].further = tuple(runners[1:])
-        history, decision = calibrate(case, runners[0], together)
-        incidence = [
-            geometry.incidence_deg.ravel()[geometry.pixels("dyke")].astype(np.float64) for geometry in geometries
-        ]
+        _, history, decision = calibrated_passes(case, scene, geometries, Path(folder))
+    incidence = [geometry.incidence_deg.ravel()[geometry.pixels("dyke")].astype(np.float64) for geometry in geometries]
     x = history.best("dyke").scores["dyke"].parameters
     law = case.laws["dyke"]
     return {

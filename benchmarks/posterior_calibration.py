@@ -1,14 +1,16 @@
-"""Calibration of the posterior by simulation: truths from the prior, and how often the 90 % band holds them.
+"""Test of the posterior by simulation: how often its 90 % band holds true laws that are drawn from the prior.
 
     python benchmarks/posterior_calibration.py [--quick] [--truths 60] [--looks 4.0] [--out FILE]
 
-X, looks, variances between and within fields, level, error of the incidence and of the resolutions are drawn from the
-configured prior; ``--looks`` fixes the looks. 1,000 pixels lie in one to eight fields on relief (incidence 20 to 50
-degrees with a standard deviation of 4 to 9), with cells of their own and independent speckle. The simulator is law and
-speckle (no images), and its single run has no error, so that the result tests likelihood, priors and sampler.
+Each truth is a draw from the configured prior: X, looks, variances between and within fields, level, and errors of the
+incidence and of the resolutions. Option ``--looks`` fixes the looks. For each truth, 1,000 pixels with independent
+speckle lie in one to eight fields, each of several cells. Their mean incidence is 20 to 50 degrees, with a standard
+deviation of 4 to 9 degrees. Law and speckle take the place of the simulator, so that the benchmark tests likelihood,
+priors and sampler, and no surrogate.
 
-Coverage of the 90 % band at whole degrees called known, pooled, and ranks of the true sigma0 among the draws at the
-mean incidence and at the 5 and 95 % quantile of the incidence seen; their uniformity by a chi-squared test.
+The last line printed gives the share of all whole degrees called known at which the band holds the true sigma0. The
+last line also gives the rank of the true sigma0 among the draws, at the mean incidence and at the 5 and 95 % quantiles
+of the incidence seen, with a chi-squared test that the ranks are uniform.
 
 Reference: Talts et al., "Validating Bayesian inference algorithms with simulation-based calibration" (2018),
 arXiv:1804.06788.
@@ -112,7 +114,7 @@ def model_of(ground: Ground, config: Uncertainty) -> Model:
         x, objective.baseline(x[0])[None], np.ones((3, 4)), np.full(3, 1e-10), np.ones(3, dtype=np.bool_),
         np.full(3, np.nan), ("trained",) * 3,
     )  # fmt: skip
-    return Model(objective, Surrogate(training, objective), Levels(), config)
+    return Model(objective, Surrogate(training, objective), [Levels()], config)
 
 
 def judged(seed: int, config: Uncertainty, looks: float | None) -> dict[str, Any]:

@@ -1,18 +1,20 @@
-"""Registration of two real images of independent speckle by radcal, scikit-image and the programs of GeFolki's authors.
+"""Registration of two real images with independent speckle by radcal, scikit-image and GeFolki's own programs.
 
     RADCAL_DATA=... [GEFOLKI=...] python benchmarks/registration.py [--quick] [--tune] [--methods ours,ilk_32]
 
-Flevoland HH is the fixed image; HV, warped by a known smooth field, is the moving one. The field is white noise after a
-Gaussian filter of sigma s, whose autocorrelation exp(-d^2 / (4 s^2)) falls to 1/e at 2 s,
-scaled to a largest length of 2 to 6 pixels, and no displacement at all (length 0). Crops of
-512 x 512 at random places; the error is the mean end-point error without a margin of 40 pixels, and the median over 8
-draws of each length. The constants of ``radcal.measurement.gefolki`` were chosen on draws of even seeds
-(``--tune``); results are of odd seeds.
+The fixed image is Flevoland in HH; the moving image is Flevoland in HV, warped by a known smooth displacement field.
+The displacement field is white noise, smoothed by a Gaussian filter of sigma s. The autocorrelation of the field,
+exp(-d^2 / (4 s^2)), falls to 1/e at the correlation length 2 s. The largest displacement is 2 to 6 pixels, or none
+(correlation length 0). The images are crops of 512 x 512 pixels at random places. The error of a draw is the mean
+end-point error without the outer 40 pixels; the table gives the median over 8 draws of each correlation length. The
+constants of ``radcal.measurement.gefolki`` were chosen on draws of even seeds (``--tune``); the results are for odd
+seeds.
 
-scikit-image's methods receive the images in dB and, where that improves them, the rank transforms that radcal uses.
-``GEFOLKI`` names the folder ``python`` of the authors' own programs
-(github.com/aplyer/gefolki, GPL 3, not shipped): E-Folki with the settings of their demonstration. ``stated`` is the
-standard error given by radcal, divided by the actual error, both as root mean squares.
+scikit-image's methods receive the images in dB; its ILK method is also tried with the rank transforms that radcal uses.
+The environment variable ``GEFOLKI`` names the folder ``python`` of the programs by GeFolki's authors
+(github.com/aplyer/gefolki, GPL 3, not shipped). The program E-Folki is run with the settings of the authors'
+demonstration. Column ``stated`` of the table is the ratio of the standard error given by radcal to the actual error,
+both as root mean squares.
 """
 
 from __future__ import annotations

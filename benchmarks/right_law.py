@@ -1,15 +1,16 @@
-"""Error of the law found: against hidden laws, and on held-out ground of a measured image.
+"""Error of fitted laws: compared with a hidden law, and in predictions of held-out ground of a measured image.
 
     python benchmarks/right_law.py [--quick] [--part synthetic|flevoland] [--objectives classes,density,likelihood]
 
-synthetic: 1,000 pixels of the default case's law with independent speckle; the simulator is the law and the
-cumulants of log-gamma speckle, without images, so that the result depends on the objective and not on a surrogate.
-Largest difference [dB] of hidden and found law over the incidence seen (5-95 %), median and 90 % of the seeds;
-then with an error of 4 degrees of the mapped incidence, with and without ``incidence_error_deg``.
+Part ``synthetic`` has 1,000 pixels of the published dyke's hidden law with independent speckle. The law and the
+cumulants of log-gamma speckle take the place of the simulator, so that the result depends on the objective and not on a
+surrogate. The table gives the largest difference [dB] between hidden and found law over the incidence seen (5-95 %):
+its median, 90 % quantile and maximum over the seeds. Further lines give the error of the law if the mapped incidence
+has an error of 4 degrees, which is, or is not, configured as ``incidence_error_deg``.
 
-flevoland: the fourteen surface materials of the AIRSAR image under RADCAL_DATA, with rows in blocks of 20: even blocks
-are calibrated on and means of 10 rows of the odd ones predicted, and the reverse. Ratios are geometric means over the
-28 cases.
+Part ``flevoland`` has the fourteen surface materials of the AIRSAR image under RADCAL_DATA, divided into blocks of 20
+rows. Laws calibrated on the even blocks predict means over 10 rows of the odd blocks, and the reverse. Ratios of errors
+are geometric means over 28 cases: fourteen materials, calibrated on even and on odd blocks.
 """
 
 from __future__ import annotations

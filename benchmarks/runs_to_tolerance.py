@@ -2,8 +2,8 @@
 
     python benchmarks/runs_to_tolerance.py [--quick] [--methods radcal]
 
-Each target is the density theta(X*) of the simulator at a hidden X*, uniform in the bounds, so that at least one X
-reaches it. The result is the number of design and infill runs until rms < 1e-5 per dB.
+Each target is the density of the simulator's pixels at a hidden X*, which is drawn uniformly in the bounds, so that the
+target can be reached. The result is the number of design and infill runs until the density rms is below 1e-5 per dB.
 """
 
 from __future__ import annotations

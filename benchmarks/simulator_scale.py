@@ -1,13 +1,18 @@
-"""Time of the built-in simulator for images of up to 56 km2, beside a pair of Fourier transforms of the same size.
+"""Time of the built-in simulator for images of up to 56 km2, compared with two Fourier transforms of the image.
 
     python benchmarks/simulator_scale.py [--quick]
 
-A hilly scene of 1 m cells with 24 materials in fields and 3,358 objects in a square kilometre (188,914 on 56 km2:
-trees and buildings with a footprint, a fifth of them points), seen from the side. The times are those of one complete
-run, from laws to image in dB, at the default number of looks; of the next run, in which one material, a tenth of the
-scene, has another law; of a forward and inverse complex64 transform of the image's size (scipy.fft, 2 workers) in the
-same process; of the geometry; and of its file, which is written once for a case and read by every job. The exponent is
-that of a run's time against area.
+The scene is hilly, with cells of 1 m, 24 materials in fields, and 3,358 objects per square kilometre (188,914 on 56
+km2). Four fifths of the objects are trees and buildings with a footprint; the others are points. The times are those
+of:
+
+- one complete run, from laws to image in dB, at the default number of looks;
+- the next run, in which one material, which covers a tenth of the scene, has another law;
+- a forward and an inverse complex64 transform of the image's size (scipy.fft, 2 workers) in the same process;
+- the computation of the geometry;
+- writing the geometry's file, once for a case, and reading it, in every job.
+
+The result ``area_exponent`` is the exponent of a power law for the time of a complete run as a function of the area.
 """
 
 from __future__ import annotations

@@ -1,15 +1,15 @@
-"""The skew-normal fit compared with scipy's, on random samples of every skewness and size.
+"""Comparison of radcal's skew-normal fit with scipy's, on random samples of all skewnesses and many sizes.
 
     python benchmarks/skewnormal_fit.py [--quick] [--critical]
 
-Samples of n = 50 to 5,000 (log-uniform), skewness over the whole range (the density parameters
-of each uniform in it). A failure is an exception, a number that is not finite, or a mean
-log-likelihood below that of ``scipy.stats.skewnorm.fit`` by more than 1e-6. scipy's fit is
-started from its own default. Times are medians at n = 1,000.
+The samples have n = 50 to 5,000 values (log-uniform). Mean, standard deviation and skewness of the densities are drawn
+uniformly, the skewness over nearly its whole range. A failure is a result that is not finite, or a mean log-likelihood
+that is more than 1e-6 below that of ``scipy.stats.skewnorm.fit``, started from its own default. Times are medians for
+1,000 values.
 
 The second table gives the share of samples whose 95 % intervals (``skewnormal.intervals``) hold the true parameters.
-``--critical`` instead simulates and prints the critical values that these intervals use, of the likelihood ratio of the
-true skewness (about 10 minutes): see ``_RATIOS`` in ``skewnormal.profile``.
+With ``--critical``, the program instead simulates, in about 10 minutes, the critical values of the likelihood ratio of
+the true skewness. The 95 % intervals use these critical values, which are ``_RATIOS`` in ``skewnormal.profile``.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Hidden laws and mismatches of the twins of ``benchmarks/twins.py``: keys of a synthetic measurement."""
+"""Hidden laws and mismatches of the synthetic measured images (twins) of ``benchmarks/twins.py``."""
 
 from __future__ import annotations
 

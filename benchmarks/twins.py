@@ -1,15 +1,15 @@
-"""Calibration of twins, measured images made by other settings than the simulator's, whose hidden law is known.
+"""Calibration of twins: synthetic measured images with a known hidden law and settings unlike the simulator's.
 
     python benchmarks/twins.py [--quick] [--seeds 20] [--first-seed 0] [--factors none,relief] [--jobs 2] [--out FILE]
 
 A twin is the default case with a hidden law drawn for each seed, uniformly in the bounds of the calibrated material.
-Its measured image is made by settings that the simulator does not know (``docs/twins.md``), written to a GeoTIFF and
-read as any measured file. Factors are applied one at a time (``--seeds`` twins each), not at all (``none``, twice as
-many) or all together (``all``, three times as many). The image covers a part of the scene, so that a twin takes
-seconds.
+The measured image of a twin is made with settings that the simulator does not know (``docs/twins.md``), is written to a
+GeoTIFF and is read as any measured file. Each mismatch with the simulator is a factor. The twins have a single factor
+(``--seeds`` twins for each), no factor (``none``, twice as many twins) or all factors (``all``, three times as many).
+The image covers a part of the scene, so that a twin takes seconds.
 
-Each finished twin is one line of the file ``--out`` and is not made again; after a change of radcal, give another
-file. The last line printed is one JSON object.
+Each finished twin is one line of the file ``--out`` and is not made again. After a change of radcal, name another file
+with ``--out``. The last line printed is one JSON object.
 """
 
 from __future__ import annotations

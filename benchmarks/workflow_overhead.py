@@ -1,13 +1,13 @@
-"""Overhead of the workflow: planning, time per run, memory, and gain by a second core.
+"""Overhead of the workflow: time of planning, time per run, memory, and speedup by a second core.
 
     python benchmarks/workflow_overhead.py [--quick]
 
-Three tables, all of the design of a small case (96 x 80 pixels):
+The benchmark prints three tables, all for the design of a small case (96 x 80 pixels):
 
-1. planning: a dry run of designs of growing size, four runs a job; peak memory of Snakemake's process
-2. runs of radcal's own simulator, some milliseconds each, a hundred runs a job
-3. an external program that sleeps 60 s (6 s with ``--quick``): a design of 8 on one core and on two;
-   time per run beyond the sleep, for the whole command
+1. time of planning (dry runs) for designs of growing size with four runs per job, and peak memory of Snakemake
+2. time and memory for runs of radcal's own simulator, which take some milliseconds each, with a hundred runs per job
+3. time of a design of 8 runs of an external program that sleeps 60 s (6 s with ``--quick``), on one core and on two
+   cores, and time per run beyond the sleep
 
 The last line is one JSON object.
 """

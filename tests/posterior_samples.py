@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from calibration_samples import make_material, make_target
 
 from radcal.assessment.unknowns import Model
+from radcal.calibration.objectives import Comparison
 from radcal.calibration.objectives.bins import Bins
 from radcal.calibration.surrogate import Surrogate, Training
 from radcal.config import Uncertainty
@@ -57,7 +59,7 @@ def made_bins(
     return Bins(make_material(target, box, law, looks=4.0))
 
 
-def made_model(objective: Bins, **budget: Any) -> Model:
+def made_model(objective: Comparison, levels: Sequence[Levels] = (Levels(),), **budget: Any) -> Model:
     """Model on a surrogate of one run without a difference from the baseline."""
     assert objective.baseline is not None
     x = objective.material.box.mean(axis=1)
@@ -70,4 +72,4 @@ def made_model(objective: Bins, **budget: Any) -> Model:
         q2=np.full(3, np.nan),
         status=("trained",) * 3,
     )
-    return Model(objective, Surrogate(training, objective), Levels(), Uncertainty(**{**EXACT, **budget}))
+    return Model(objective, Surrogate(training, objective), levels, Uncertainty(**{**EXACT, **budget}))

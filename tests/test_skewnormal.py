@@ -300,7 +300,7 @@ def test_the_half_normal_limit_is_fitted_where_the_likelihood_grows_up_to_it(sig
     np.testing.assert_allclose(skewnormal.centred(found.dp), found.cp)
 
 
-@pytest.mark.statistics
+@pytest.mark.slow
 @pytest.mark.parametrize("skewness", [-0.7, 0.0, 0.4])
 def test_covariance_covers_the_truth_as_often_as_it_says(skewness: float) -> None:
     truth = np.array([-12.0, 3.0, skewness])
@@ -502,7 +502,7 @@ def test_intervals_move_with_shift_scale_and_reflection(
     np.testing.assert_allclose(found, expected, atol=1e-3)
 
 
-@pytest.mark.statistics
+@pytest.mark.slow
 @pytest.mark.parametrize(("n", "skewness"), [(60, 0.3), (100, -0.9), (1000, 0.5)])
 def test_intervals_hold_the_truth_as_often_as_they_say(n: int, skewness: float) -> None:
     truth, rng, draws = np.array([-12.0, 3.0, skewness]), np.random.default_rng(12), 80

@@ -1,7 +1,7 @@
 """Exceptions whose message is written for the user.
 
-Every message is one sentence that names the file or key, the value found, the expected value and the remedy. Every
-other exception is a bug in radcal.
+Every message is one sentence that names the file or key, the value found, the expected value and the remedy. An
+exception of any other class is a bug in radcal.
 """
 
 from __future__ import annotations

@@ -12,7 +12,8 @@ from calibration_samples import make_run, make_target
 from radcal.assessment.conclusion import _believed, _known, conclude
 from radcal.assessment.fit_test import FitTest
 from radcal.calibration.history import History
-from radcal.config import Stop, case_from
+from radcal.config import Stop, Uncertainty, case_from
+from radcal.measurement.levels import Levels
 from radcal.measurement.target import Targets
 from radcal.radar.geometry import Geometry
 from radcal.radar.texture import log_speckle_cumulants
@@ -135,8 +136,12 @@ def test_a_law_that_does_not_fit_is_known_nowhere(fits, known):
     after = _believed(before, test)
     assert after.known_between_deg == known
     assert (after.known_half_width_db is None) is (known is None)
-    said = _known(after)
+    said = _known(after, Levels(), Uncertainty())
     assert said is not None
     assert (said.between_deg, said.linear) == (known, False)
-    assert _known(replace(after, sampled=False)).linear
-    assert _known(replace(after, curve=None)) is None
+    assert (said.levels, said.level_error_db) == ((), pytest.approx(1.645 * 0.33, rel=1e-3))
+    assert _known(replace(after, sampled=False), Levels(), Uncertainty()).linear
+    assert _known(replace(after, curve=None), Levels(), Uncertainty()) is None
+    removed = _known(after, Levels("offset", 0.4, 0.7), Uncertainty(), level_only=True)
+    assert (removed.level_key, removed.level_error_db) == ("the removed offset", pytest.approx(1.645 * 0.7, rel=1e-3))
+    assert removed.levels == after.levels()

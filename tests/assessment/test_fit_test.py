@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from calibration_samples import make_material, make_score, make_target
 from scipy import stats
+from scipy.special import polygamma
 
-from radcal.assessment.fit_test import LEVEL, Linearised, _p, _Pass, _worst, check_fit, linearised
+from radcal.assessment import fit_test
+from radcal.assessment.fit_test import LEVEL, Linearised, _all_passes, _p, _worst, check_fit, linearised
 from radcal.calibration.expected import LawForward
 from radcal.calibration.grounds import fit_grounds
 from radcal.calibration.history import PassScore
@@ -221,19 +224,19 @@ def test_lower_bounds_hold_back_downwards():
 
 def test_the_worst_bin_is_worst_in_units_of_what_matters(right):
     """A spread that is 30 % off matters more than a mean that is 0.6 dB off."""
-    objective, score = right
+    objective, _ = right
     n = objective.moments.classes.size
     for mean, spread, worst in ((0.6, 1.3, 1), (1.3, 1.3, 0)):
         away = np.zeros((n, 3))
         away[0, 0], away[1, 1] = mean, np.log(spread)
-        passes = [_Pass(objective.moments, objective.moment_residuals(score), LOOKS)]
         residuals = np.linalg.solve(np.linalg.cholesky(objective.moments.covariance), away.T.ravel())
-        (angle, difference, ratio), matters = _worst(passes, residuals)
+        (angle, difference, ratio), matters = _worst(objective.moments, residuals)
         assert angle == pytest.approx(objective.moments.classes.nodes_deg[worst].mean())
         assert (difference, ratio) == pytest.approx((mean, 1.0) if worst == 0 else (0.0, spread), abs=1e-9)
         assert matters
     away[0, 0], away[1, 1] = 0.49, np.log(1.14)
-    assert not _worst(passes, np.linalg.solve(np.linalg.cholesky(objective.moments.covariance), away.T.ravel()))[1]
+    residuals = np.linalg.solve(np.linalg.cholesky(objective.moments.covariance), away.T.ravel())
+    assert not _worst(objective.moments, residuals)[1]
 
 
 def test_data_ask_in_standard_errors():
@@ -267,13 +270,19 @@ def test_a_law_without_a_curve_is_tested_by_what_its_best_run_shows(right):
 
 def test_passes_are_tested_together(right):
     objective, score = right
-    statistics = np.concatenate([np.array(score.statistics)] * 2)
-    both = Joint([objective, OBJECTIVES["classes"](replace(objective.material, priors=False))])
+    statistics = np.concatenate([np.array(score.statistics)] * 2).tolist()
+    material = replace(objective.material, priors=False)
+    others = replace(material, target=replace(material.target, patch=material.target.patch + 1000))
     alone = result_of(objective, score)
     second = PassScore(score.dp, score.rms)
-    twice = result_of(both, replace(score, statistics=statistics.tolist(), further=[second]))
-    assert twice.residual_sum == pytest.approx(2.0 * alone.residual_sum)
+    both = replace(score, statistics=statistics, further=[second])
+    same, twice = (result_of(Joint([objective, OBJECTIVES["classes"](one)]), both) for one in (material, others))
+    # but for the shape of texture, which is one in both passes
+    assert twice.residual_sum == pytest.approx(2.0 * alone.residual_sum, rel=0.005)
     assert twice.expected > 2.0 * alone.expected
+    # equal differences of the same fields are explained by one effect
+    assert same.residual_sum < 0.97 * twice.residual_sum
+    assert same.expected == pytest.approx(twice.expected, rel=0.05)
 
 
 def test_linearised_steps_are_taken_in_units_of_the_intervals():
@@ -288,3 +297,49 @@ def test_linearised_steps_are_taken_in_units_of_the_intervals():
     np.testing.assert_allclose(found.jacobian, slope * width, rtol=1e-6)
     assert isinstance(found, Linearised)
     assert found.expected == pytest.approx(1.0)
+
+
+def test_x_is_drawn_from_its_prior_with_its_correlations():
+    rng = np.random.default_rng(5)
+    jacobian, information = rng.normal(size=(5, 2)), np.array([[4.0, 3.0], [3.0, 9.0]])
+    covariance = np.linalg.inv(jacobian.T @ jacobian + information)
+    found = Linearised(np.zeros(5), jacobian, covariance, information)
+    left = np.eye(5) - found.hat
+    wanted = left @ jacobian @ np.linalg.inv(information) @ jacobian.T @ left
+    drawn = found.refitted(np.zeros((40_000, 5)), rng)
+    np.testing.assert_allclose(np.cov(drawn.T), wanted, atol=0.03 * np.abs(wanted).max())
+
+
+def test_equal_sums_share_the_rank_of_the_last():
+    """Three first sums are the largest, and rank third; the second sums of the others rank first to third."""
+    replicates = np.array([[9.0, 1.0], [9.0, 2.0], [1.0, 8.0], [2.0, 7.0], [3.0, 6.0]])
+    assert _p(replicates, np.array([9.0, 0.0])) == 1.0
+
+
+def test_many_searched_values_without_a_curve_leave_little(right):
+    """Of 24 residuals, 11 values take more than 3: the same sum is less likely."""
+    objective, score = right
+    away = replace(score, statistics=(np.array(score.statistics) + [0.12, 0.0, 0.0]).tolist())
+    p = {}
+    for count in (2, 10):
+        law = external_law([f"a{k}" for k in range(count)])
+        outside = OBJECTIVES["classes"](make_material(objective.material.target, np.tile([0.0, 1.0], (count, 1)), law))
+        p[count] = result_of(outside, replace(away, parameters=[0.5] * count)).p
+    assert 0.05 < p[2] < 0.95
+    assert p[10] < 0.5 * p[2]
+
+
+def test_the_looks_of_a_further_pass_are_those_of_the_same_texture(monkeypatch):
+    """In dB the variances of speckle and texture add: trigamma functions of looks, and of the order of texture."""
+    monkeypatch.setattr(fit_test, "SharedFields", lambda _: SimpleNamespace(joined=None, residuals=np.concatenate))
+    passes = [
+        SimpleNamespace(
+            moments="bins", material=SimpleNamespace(looks=sensor), moment_residuals=lambda _: lambda _, looks: [looks]
+        )
+        for sensor in (4.0, 9.0)
+    ]
+    comparison = SimpleNamespace(passes=passes, material=passes[0].material, in_pass=lambda _, score: score)
+    _, of_looks = _all_passes(comparison, None)
+    first, second = of_looks(TRUTH, 2.5)
+    assert first == pytest.approx(2.5)
+    assert polygamma(1, second) == pytest.approx(polygamma(1, 9.0) + polygamma(1, 2.5) - polygamma(1, 4.0), rel=1e-3)

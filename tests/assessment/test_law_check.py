@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from calibration_samples import make_target
 
-from radcal.assessment import law_check
-from radcal.assessment.constant import constants
+from radcal.assessment import law_check, validation
+from radcal.assessment.constant import Constant, constants
 from radcal.assessment.law_check import _held_sentences, _levels_asked, _start_db, check_laws, texture_note
-from radcal.assessment.validation import CrossValidation, HeldOut, cross_validate
+from radcal.assessment.validation import CrossValidation, HeldOut, _against, cross_validate
 from radcal.calibration.expected import LawForward
 from radcal.calibration.history import History, Run, Score
 from radcal.calibration.moments import from_cumulants, from_dp
@@ -84,6 +84,7 @@ def right():
     return check_laws(*made())["area"]
 
 
+@pytest.mark.slow
 def test_a_right_law_in_classes_is_identified_and_predicts(right):
     check = right
     assert check.identified is True
@@ -104,6 +105,7 @@ def test_a_flat_law_is_no_better_than_a_constant():
     assert any("area: the law is not identified" in sentence for sentence in check.sentences)
 
 
+@pytest.mark.slow
 def test_one_density_does_not_identify_the_law():
     case, targets, history = made(objective="density", sd_deg=1.5)
     check = check_laws(case, targets, history)["area"]
@@ -117,6 +119,7 @@ def test_one_density_does_not_identify_the_law():
     assert centred(history.runs[0].scores["area"].dp)[0] == pytest.approx(targets["area"].values_db.mean(), abs=0.1)
 
 
+@pytest.mark.slow
 def test_a_wrong_law_of_one_density_is_found_out_by_its_own_ground():
     """A slope that the ground does not have: blocks of it are told from one another by nothing."""
     flat = np.array([20.0, 0.0, 0.0, 1.0])
@@ -132,6 +135,7 @@ def test_a_wrong_law_of_one_density_is_found_out_by_its_own_ground():
     assert check_laws(*made(objective="density", kept=tuple(range(10)), validation=None))["area"].identified is True
 
 
+@pytest.mark.slow
 def test_both_halves_predict_each_other():
     case, targets, history = made(kept=tuple(range(10)), validation={"rows": 20, "means": 10, "keep": "both"})
     held = check_laws(case, targets, history)["area"].held
@@ -149,6 +153,7 @@ def test_a_material_without_held_out_pixels_is_named():
     assert any("area: validation checks nothing: no held-out block" in line for line in check.sentences)
 
 
+@pytest.mark.slow
 def test_an_error_of_the_incidence_is_not_put_down_to_the_law(right):
     case, targets, history = made()
     told = replace(targets["area"].classes, incidence_error_deg=4.0)
@@ -191,10 +196,11 @@ def test_texture_is_said(right):
     found = right
     said = texture_note({"area": replace(found, looks=2.5), "other": replace(found, looks=4.2)})
     assert "has 4 looks" in said
-    assert "(area 2.50)" in said
+    assert "found fewer effective ones (area 2.50), with a prior about 0.9 of the sensor's, so that above that" in said
     assert texture_note({"area": replace(found, looks=4.0)}) == ""
 
 
+@pytest.mark.slow
 def test_whole_fields_are_predicted_from_the_others():
     """All ground is calibrated on; each fold of fields is predicted without any effect of them."""
     case, targets, history = made(kept=tuple(range(10)), validation={"rows": 20, "means": 10, "keep": "fields"})
@@ -213,6 +219,7 @@ def test_whole_fields_are_predicted_from_the_others():
     assert check.recommended == "law"
 
 
+@pytest.mark.slow
 def test_cross_validation_is_silent_where_folds_hold_all_angles_alike():
     """Blocks dealt in the order of the incidence: a right law and a constant predict their means alike."""
     case, targets, history = made(kept=tuple(range(10)), validation=None, objective="density")
@@ -234,6 +241,33 @@ def test_cross_validation_is_silent_where_folds_hold_all_angles_alike():
     assert CrossValidation(0.5, 0.4, told.power).no_better
 
 
+def test_blocks_are_dealt_to_five_folds_in_turn(monkeypatch):
+    """One field of ten equal blocks: each is predicted by the mean of the others but the one five further."""
+    case, targets, history = made()
+    law = make_objectives(case, targets)["area"].law(history.runs[0].scores["area"])
+    block, rng = np.repeat(np.arange(10), 60), np.random.default_rng(4)
+    values = rng.normal(0.0, 3.0, 10)[block] + rng.normal(size=600)
+    ground = Ground(values, rng.uniform(30.0, 50.0, 600), np.ones(600, dtype=np.int64), block)
+    law = replace(law, ground=ground, classes=make_classes(values, ground.incidence_deg, 4))
+    asked = []
+    monkeypatch.setattr(validation, "power", lambda *values: asked.append(values) or 1.0)
+    found = cross_validate(law, Constant(ground, Spread(100.0, 1.0)), block)
+    mean = values.reshape(10, 60).mean(axis=1)
+    errors = [mean[k] - np.delete(mean, [k, (k + 5) % 10]).mean() for k in range(10)]
+    assert found.rmse_constant_patch_db == pytest.approx(np.sqrt(np.mean(np.square(errors))), rel=1e-3)
+    # the variance of a block's error is that of the better predictor, none of it shared
+    ((_, _, common, own),) = asked
+    assert not common.any()
+    np.testing.assert_allclose(own, min(found.rmse_law_patch_db, found.rmse_constant_patch_db) ** 2)
+
+
+def test_expected_levels_lie_a_standard_deviation_on_both_sides():
+    """Without speckle: a half of the pixels at -3 dB, a half at 3 dB, and a sample that is even from -6 to 6 dB."""
+    distance, excess = _against(np.linspace(-6.0, 6.0, 10_001), np.zeros(500), 1e5, 3.0)
+    assert distance == pytest.approx(0.25, abs=0.01)
+    assert excess == pytest.approx(3.0 - 5.88, abs=0.1)
+
+
 def test_what_held_out_ground_says():
     """Worse than a constant is said beyond the standard error, and a band that is too narrow of each material."""
     case, targets, history = made()
@@ -248,6 +282,8 @@ def test_what_held_out_ground_says():
     assert _held_sentences(case, "area", replace(held, n_blocks=22, coverage_90=17 / 22)) == []
     (narrow,) = _held_sentences(case, "area", replace(held, n_blocks=22, coverage_90=15 / 22))
     assert "68 % of 22 held-out means lie inside" in narrow
+    # all of 100 are more than expected, and no band too narrow
+    assert _held_sentences(case, "area", replace(held, n_blocks=100, coverage_90=1.0)) == []
 
 
 def test_the_level_asked_is_the_laws_where_bins_hold_what_is_expected():

@@ -13,16 +13,26 @@ from scipy import stats
 
 from radcal.assessment.budget import FLATTENING, Budget
 from radcal.assessment.curves import Curves
-from radcal.assessment.evidence import Evidence, Unknowns
-from radcal.assessment.posterior import posterior_on, read_posterior, sigma0_db, write_posterior
-from radcal.assessment.sampling import sample
+from radcal.assessment.evidence import Evidence, Unknowns, _spread_table
+from radcal.assessment.posterior import (
+    Draws,
+    posterior_on,
+    read_posterior,
+    sigma0_db,
+    summarised,
+    write_posterior,
+)
+from radcal.assessment.sampling import Sample, sample
 from radcal.assessment.unknowns import Model
 from radcal.calibration.misfit import BinMisfit
 from radcal.calibration.moments import to_cumulants
 from radcal.calibration.objectives.density import Density
+from radcal.calibration.objectives.joint import Joint
 from radcal.calibration.surrogate import Surrogate, train_surrogate
 from radcal.config import SurrogateConfig, Uncertainty, case_from
 from radcal.errors import ConfigError
+from radcal.measurement.classes import class_of, incidence_edges
+from radcal.measurement.ground import Ground
 from radcal.measurement.levels import Levels
 from radcal.measurement.patches import GRID_DB, Spread
 from radcal.radar.laws import LAWS
@@ -69,7 +79,7 @@ def test_error_of_the_noise_floor_widens_the_band_of_dark_ground():
 def test_residuals_are_those_of_the_objective():
     bins = made_bins(LAWS["mangia"], MANGIA_BOX, MANGIA_X, error_deg=3.0)
     model = made_model(bins)
-    evidence = model.evidence[0]
+    evidence = model.evidence
     x = np.array([[-20.0, 10.0, 5.0, 6.0]])
     levels = model.curves(x)
     simulated = evidence.baseline(levels)
@@ -82,8 +92,22 @@ def test_residuals_are_those_of_the_objective():
     assert np.abs(wanted).max() > 1.0
 
 
+def test_an_error_of_the_incidence_spreads_a_straight_law_by_the_share_that_is_true():
+    """True angles are drawn towards the mean of the mapped ones, and scatter by the root of this share of the error."""
+    bins = made_bins(error_deg=4.0)
+    model = made_model(bins)
+    shift = model.evidence.passes[0]._shift(model.curves(LINE_X[None]), unknowns())[0]
+    variance, mean = np.var(bins.ground.incidence_deg), np.mean(bins.ground.incidence_deg)
+    share = (variance - 16.0) / variance
+    assert 0.5 < share < 0.8
+    nodes = model.evidence.passes[0]._few
+    wanted = 0.25**2 * ((share**2 - 1.0) * nodes.var(axis=1) + 16.0 * share)
+    np.testing.assert_allclose(shift[:, 1], wanted, rtol=0.03)
+    np.testing.assert_allclose(shift[:, 0], -0.25 * (share - 1.0) * (nodes.mean(axis=1) - mean), atol=0.01)
+
+
 def test_the_log_determinant_counts():
-    evidence = made_model(made_bins(), field_db=1.0).evidence[0]
+    evidence = made_model(made_bins(), field_db=1.0).evidence
     zero = np.zeros((1, evidence.size, 3))
     simulated = zero + evidence.compared.statistics
     found = [evidence.log_likelihood(simulated, np.full((1, 3), error), None, unknowns()) for error in (0.0, 5.0)]
@@ -93,16 +117,45 @@ def test_the_log_determinant_counts():
 
 def test_the_table_of_fields_is_interpolated_in_both_directions():
     """A plane is met everywhere, with other slopes in both directions."""
-    evidence = made_model(made_bins()).evidence[0]
+    evidence = made_model(made_bins()).evidence
     evidence._spread = 3.0 * GRID_DB[:, None] - 5.0 * GRID_DB[None, :]
     at = replace(unknowns(3), between_db=np.array([0.0, 1.23, 5.9]), within_db=np.array([0.7, 0.31, 0.0]))
     np.testing.assert_allclose(evidence._of_fields(at), [-3.5, 3.69 - 1.55, 17.7], atol=0.02)
 
 
+def test_fields_at_other_angles_are_told_apart_by_what_they_share_of_each_bin():
+    """Against the restricted likelihood of all pixels, with a free level of each bin, by dense algebra."""
+    rng = np.random.default_rng(4)
+    patch = np.repeat([1, 2, 3], [90, 60, 50])
+    incidence = np.clip(rng.normal(30.0 + 3.0 * patch, 5.0), 15.0, 60.0)
+    block = rng.integers(4, size=patch.size)
+    values = -0.4 * incidence + np.array([0.0, -6.0, -2.5, 1.0])[patch] + rng.normal(size=patch.size)
+    ground = Ground(values, incidence, patch, block)
+    table, of_pixel = _spread_table([ground]), ground.cells.of_pixel
+    edges = incidence_edges(incidence, "auto")
+    bins = (class_of(incidence, edges)[:, None] == np.arange(len(edges) - 1)).astype(np.float64)
+    noise = np.diag((ground.sampling * ground.cells.count)[of_pixel])
+    in_field, in_cell = (np.equal.outer(one, one) for one in (patch, of_pixel))
+
+    def dense(between, within):
+        covariance = noise + between**2 * in_field + within**2 * in_cell
+        inverse = np.linalg.inv(covariance)
+        known = bins.T @ inverse @ bins
+        left = values - bins @ np.linalg.solve(known, bins.T @ inverse @ values)
+        return -0.5 * (np.linalg.slogdet(covariance)[1] + np.linalg.slogdet(known)[1] + left @ inverse @ left)
+
+    places = [(0, 0), (0, 30), (12, 20), (25, 28), (33, 8), (38, 22)]
+    wanted = np.array([dense(GRID_DB[k], GRID_DB[j]) for k, j in places])
+    found = np.array([table[place] for place in places])
+    np.testing.assert_allclose(found - found[-1], wanted - wanted[-1], atol=0.01)
+    # sum over cells alone, whose shares of the bins go with their fields, would leave it open
+    assert table[0].max() < -10.0
+
+
 def test_a_second_sensor_has_other_looks_at_the_same_texture():
     """As texture leaves 2 of 4 looks in the first pass, it leaves fewer than half of 16."""
     bins = made_bins()
-    first, second = (Evidence(bins, Budget(0.0, 0.5, 0.0, 0.0, 0.0), sensor) for sensor in (4.0, 16.0))
+    first, second = (Evidence([bins], [Budget(0.0, 0.5, 0.0, 0.0, 0.0)], sensor) for sensor in (4.0, 16.0))
     same, other = (
         one.difference(np.asarray(bins.baseline(LINE_X))[None], None, unknowns(looks=2.0)) for one in (first, second)
     )
@@ -114,6 +167,23 @@ def test_a_second_sensor_has_other_looks_at_the_same_texture():
         wanted = moved + speckle - first.compared.statistics[:, 0]
         np.testing.assert_allclose(found[0, :n], wanted, atol=2e-3)
     assert equal_texture(16.0, 2.0, 4.0) < 1.9
+
+
+def test_an_effect_of_a_field_counts_once_in_two_passes():
+    """A level that is off by 1 dB in both passes is one effect of the field, of 1.5 dB; opposed levels are none."""
+    bins, budget, at = made_bins(fields=1), Budget(0.0, 0.5, 0.0, 0.0, 0.0), unknowns(between_db=1.5)
+    measured = bins.compared().statistics
+
+    def squares(*levels_db: float) -> float:
+        evidence = Evidence([bins] * len(levels_db), [budget] * len(levels_db), 4.0)
+        simulated = np.concatenate([measured + [level, 0.0, 0.0] for level in levels_db])[None]
+        found, _ = evidence.whitened(evidence.difference(simulated, None, at), np.zeros((1, 3)), at)
+        return float((found**2).sum())
+
+    single = squares(1.0) - squares(0.0)
+    assert single == pytest.approx(1.0 / 1.5**2, rel=0.15)
+    assert squares(1.0, 1.0) - squares(0.0, 0.0) == pytest.approx(single, rel=0.05)
+    assert squares(1.0, -1.0) - squares(0.0, 0.0) > 20.0 * single
 
 
 def test_points_of_the_prior_have_its_laws():
@@ -140,7 +210,7 @@ def test_linear_draws_of_a_parameter_that_nothing_tells_fill_its_bounds():
     """The covariance of a uniform law, 1/12, for one that the pixels are silent of; steps go to the inside."""
     bins = made_bins()
     model = made_model(bins)
-    for centre in (0.5, 0.999):
+    for centre in (0.5, 1e-5, 1.0 - 1e-5):
         asked = []
         model._whitened = lambda points, _, asked=asked: asked.append(points) or 50.0 * points[:, :1]
         at = np.array([0.5, centre, 0.0, 0.0, 0.0, 0.0])
@@ -160,6 +230,18 @@ def test_the_level_adds_in_quadrature():
     alone, level = (linear_sd_db(made_model(bins, level_db=sd), LINE_X, 40.0) for sd in (0.0, 0.6))
     assert alone == pytest.approx(0.06, rel=0.25)
     assert np.sqrt(level**2 - alone**2) == pytest.approx(0.6, rel=0.1)
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_each_pass_has_the_error_of_its_own_offset(first: int):
+    """Weights by the inverse variances of both offsets, whichever pass comes first."""
+    errors_db = [0.2, 0.8]
+    order = [first, 1 - first]
+    levels = [Levels("offset", 1.0, errors_db[k]) for k in order]
+    model = made_model(Joint([made_bins(seed=1 + k) for k in order]), levels)
+    alone = 0.06**2 / 2.0  # of the sampling, as in a single pass without any error of the level
+    wanted = np.sqrt(1.0 / (0.2**-2 + 0.8**-2) + alone)
+    assert linear_sd_db(model, LINE_X, 40.0) == pytest.approx(wanted, rel=0.1)
 
 
 def test_the_resolutions_flatten_and_steepen():
@@ -197,7 +279,7 @@ def test_a_removed_offset_has_its_own_error():
     assert Budget.of(config, Levels("offset", 1.2, 0.25)).level_db == 0.25
 
 
-@pytest.mark.statistics
+@pytest.mark.slow
 def test_the_linear_band_covers_hidden_laws():
     """Fifty lines with speckle of their own and a level that is off."""
     rng = np.random.default_rng(11)
@@ -216,7 +298,34 @@ def test_the_linear_band_covers_hidden_laws():
     assert 0.80 <= np.mean(held) <= 0.98
 
 
-@pytest.mark.statistics
+@pytest.mark.slow
+def test_slopes_up_and_down_that_one_density_hardly_tells_apart_have_their_exact_shares():
+    """Two separate modes, against the integral over a grid of X and looks; skewed incidence makes them unequal."""
+    rng = np.random.default_rng(5)
+    angle = np.clip(40.0 + 24.0 * (rng.gamma(16.0, 1.0 / 16.0, 900) - 1.0), 21.0, 59.0)
+    values = LINE(np.radians(angle), [2.0, -34.0]) + 10.0 * np.log10(np.random.default_rng(1).gamma(4.0, 0.25, 900))
+    model = made_model(Density(make_material(make_target(values, angle), [[-40.0, 10.0]] * 2, LINE)))
+    start = np.random.default_rng(2).standard_normal((128, model.dimension))
+    found = sample(model.log_prior, lambda z: model.log_likelihood(model.points(z)), start, 2000, 2)
+    drawn = model.points(found.draws)
+    middle, half, share = np.meshgrid(
+        np.linspace(-3.0, 4.0, 71) + values.mean(), np.linspace(-24.0, 24.0, 97), np.linspace(0.02, 0.98, 13)
+    )
+    grid = np.repeat(model.points(np.zeros((1, model.dimension))), middle.size, axis=0)
+    grid[:, :2] = model.surrogate.unit(np.stack([(middle + half).ravel(), (middle - half).ravel()], axis=-1))
+    grid[:, 2] = model._log_looks[0] + np.ptp(model._log_looks) * share.ravel()
+    grid = grid[((grid[:, :2] > 0.0) & (grid[:, :2] < 1.0)).all(axis=1)]
+    log = model.log_likelihood(grid) + model._log_weight(grid)
+    weight, falls = np.exp(log - log.max()), grid[:, 0] > grid[:, 1]
+    exact = weight[falls].sum() / weight.sum()
+    assert exact == pytest.approx(0.72, abs=0.03)
+    assert found.converged
+    assert (drawn[:, 0] > drawn[:, 1]).mean() == pytest.approx(exact, abs=0.04)
+    # modes that touch would be no test of separate ones
+    assert np.mean(np.abs(drawn[:, 0] - drawn[:, 1]) < 0.1) < 0.01
+
+
+@pytest.mark.slow
 def test_rejection_draws_the_prior_that_the_sampler_sees():
     bins = made_bins(LAWS["mangia"], MANGIA_BOX, MANGIA_X, free_looks=True)
     bins.bins = replace(bins.bins, priors=True)
@@ -245,7 +354,7 @@ def of_density():
     x = np.array([[-30.0, 20.0, 10.0, 5.0], [-20.0, 5.0, 20.0, 9.0]])
     statistics = np.stack([objective.baseline(one) + 0.02 for one in x])
     surrogate = Surrogate(train_surrogate(objective, x, statistics, SurrogateConfig()), objective)
-    return lambda seed: posterior_on(objective, surrogate, Levels(), BRIEF, seed, x[0])
+    return lambda seed: posterior_on(objective, surrogate, [Levels()], BRIEF, seed, x[0])
 
 
 @pytest.fixture(scope="module")
@@ -253,6 +362,7 @@ def found_of_density(of_density):
     return of_density(4)
 
 
+@pytest.mark.slow
 def test_without_convergence_the_linear_covariance_is_taken_and_said(found_of_density):
     found = found_of_density
     assert not found.sampled
@@ -264,6 +374,7 @@ def test_without_convergence_the_linear_covariance_is_taken_and_said(found_of_de
     assert found.curve.incidence_deg == pytest.approx(np.arange(86.0))
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_posterior(of_density, found_of_density, tmp_path: Path):
     first, again, other = found_of_density, of_density(4), of_density(5)
     assert (first.parameters_p50 == again.parameters_p50).all()
@@ -278,6 +389,23 @@ def test_the_same_seed_gives_the_same_posterior(of_density, found_of_density, tm
     assert read.sentences == first.sentences
 
 
+def test_a_law_is_known_where_its_band_is_narrow_as_widely_as_it_is_at_worst():
+    """A line through levels with errors of 0.2 dB at 20 degrees and 1.2 dB at 60."""
+    model, rng = made_model(made_bins()), np.random.default_rng(6)
+    points, prior = np.zeros((20_000, model.dimension)), np.zeros((2000, model.dimension))
+    points[:, :2] = model.surrogate.unit(LINE_X + [0.2, 1.2] * rng.standard_normal((20_000, 2)))
+    prior[:, :2] = rng.random((2000, 2))
+    drawn = Draws(points, prior, Sample(points, 1000.0, 1.0, 100, True, points[0]))
+    found = summarised(model, drawn, 0.6)
+    angle = np.linspace(20.0, 60.0, 4001)
+    half = 1.6449 * np.hypot(0.2 * (60.0 - angle), 1.2 * (angle - 20.0)) / 40.0
+    first, last = model.seen_deg[0][0], angle[half <= 0.6].max()
+    assert found.known_between_deg == pytest.approx((first, last), abs=0.4)
+    assert found.known_half_width_db == pytest.approx(np.interp(found.known_between_deg[1], angle, half), rel=0.03)
+    assert np.interp(first, angle, half) < 0.55
+
+
+@pytest.mark.slow
 def test_without_a_curve_only_parameters_have_intervals():
     rng = np.random.default_rng(3)
     values = rng.normal(-8.0, 2.0, 400)
@@ -285,7 +413,7 @@ def test_without_a_curve_only_parameters_have_intervals():
     x = np.array([[0.1, -1.0], [0.8, 1.0], [0.4, 0.3], [0.9, -1.5]])
     statistics = np.stack([[[-14.0 + 9.0 * a, 0.6 + 0.1 * b, -0.3]] for a, b in x])
     surrogate = Surrogate(train_surrogate(objective, x, statistics, SurrogateConfig()), objective)
-    found = posterior_on(objective, surrogate, Levels(), Uncertainty(walkers=40, steps=200), 2)
+    found = posterior_on(objective, surrogate, [Levels()], Uncertainty(walkers=40, steps=200), 2)
     assert found.sampled
     assert found.curve is None
     assert found.known_between_deg is None

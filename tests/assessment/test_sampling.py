@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy import stats
 
-from radcal.assessment.sampling import sample, split_r_hat
+from radcal.assessment.sampling import _judged, _mixture_move, sample, split_r_hat
 
 MEAN = np.array([0.3, -2.0, 5.0])
 COVARIANCE = np.array([[0.04, 0.03, 0.0], [0.03, 0.25, -0.2], [0.0, -0.2, 4.0]])
@@ -25,7 +26,7 @@ def start(seed: int = 3) -> np.ndarray:
     return np.random.default_rng(seed).standard_normal((64, 3)) * PRIOR_SD
 
 
-@pytest.mark.statistics
+@pytest.mark.slow
 def test_a_normal_posterior_is_the_one_in_closed_form():
     found = sample(log_prior, log_likelihood, start(), 4000, 5)
     precision = np.linalg.inv(COVARIANCE) + np.diag(PRIOR_SD**-2.0)
@@ -43,12 +44,13 @@ def test_a_normal_posterior_is_the_one_in_closed_form():
     assert found.best == pytest.approx(mean, abs=(0.5 * sd).max())
 
 
-@pytest.mark.statistics
+@pytest.mark.slow
 def test_the_prior_alone_is_sampled_without_a_likelihood():
     alone = sample(log_prior, None, start(), 4000, 5)
     assert alone.draws.std(axis=0) / PRIOR_SD == pytest.approx(1.0, abs=5.0 / np.sqrt(2.0 * alone.ess))
 
 
+@pytest.mark.slow
 def test_a_seed_gives_the_same_draws_and_another_gives_others():
     again, other = (sample(log_prior, log_likelihood, start(), 60, seed) for seed in (5, 6))
     twice = sample(log_prior, log_likelihood, start(), 60, 5)
@@ -60,7 +62,7 @@ def test_too_few_steps_have_not_converged():
     assert not sample(log_prior, log_likelihood, start(), 10, 5).converged
 
 
-@pytest.mark.statistics
+@pytest.mark.slow
 def test_two_modes_keep_their_shares():
     def log_two(points):
         return np.logaddexp(
@@ -82,3 +84,40 @@ def test_r_hat_tells_groups_of_walkers_that_differ():
     assert split_r_hat(apart)[1] > 1.1
     assert split_r_hat(apart)[0] < 1.01
     assert split_r_hat(drifting)[0] > 1.1
+
+
+def autoregressive(steps, walkers, rho, seed=1):
+    """Stationary chains of unit variance, whose autocorrelation time is (1 + rho) / (1 - rho)."""
+    rng = np.random.default_rng(seed)
+    chain = rng.standard_normal((steps, walkers, 2))
+    for k in range(1, steps):
+        chain[k] = rho * chain[k - 1] + np.sqrt(1.0 - rho**2) * chain[k]
+    return chain
+
+
+def test_a_chain_is_judged_by_its_autocorrelation_time():
+    chain = autoregressive(4000, 16, 0.8)
+    density = -0.5 * (chain**2).sum(axis=-1)
+    found = _judged(chain, density)
+    # of all steps without the first eighth
+    assert found.ess == pytest.approx(3500 * 16 / 9.0, rel=0.15)
+    assert found.converged
+    assert np.abs(found.best).max() == np.abs(chain.reshape(-1, 2)[density.argmax()]).max()
+    # about six times 99 steps, 15 times are asked for, of walkers enough
+    slow = _judged(autoregressive(600, 128, 0.98), np.zeros((600, 128)))
+    assert slow.ess > 800.0
+    assert slow.r_hat < 1.05
+    assert not slow.converged
+    # groups of walkers that differ
+    apart = autoregressive(4000, 16, 0.5)
+    apart[:, ::8] += 1.0
+    assert not _judged(apart, density).converged
+
+
+def test_the_mixture_tells_its_own_density():
+    """Importance weights p / q of two normal densities p have the same mean over draws from q."""
+    move = _mixture_move(np.random.default_rng(2).standard_normal((3000, 2)), 5)
+    drawn, log_ratio = move.get_proposal(np.zeros((20_000, 2)), None, np.random.RandomState(3))
+    weights = [np.mean(stats.norm(0.0, sd).pdf(drawn).prod(axis=1) * np.exp(log_ratio)) for sd in (0.4, 0.8, 1.1)]
+    np.testing.assert_allclose(weights, weights[1], rtol=0.06)
+    assert drawn.std() > 1.05

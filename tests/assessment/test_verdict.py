@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from radcal.assessment.conclusion import without_angles
 from radcal.assessment.fit_test import FitTest
+from radcal.assessment.known import Level
 from radcal.assessment.verdict import Known, all_fit, first_line, verdict
 
 
@@ -71,6 +74,15 @@ def test_the_largest_misfit_is_said_and_an_unknown_cause(changes, said):
 
 def test_one_incidence_is_a_level_only():
     assert verdict("water", fit_of(), level_only=True) == "water: level only, seen at one incidence."
+    level = Known(None, None, levels=(Level(38.9, -18.24, -19.34, -17.08),), level_error_db=0.54)
+    assert verdict("water", fit_of(None), known=level, level_only=True) == (
+        "water: level only, seen at one incidence: -18.2 dB (90 %: -19.3 to -17.1)."
+    )
+    narrow = replace(level, levels=(Level(38.9, -18.24, -18.89, -17.54),))
+    assert verdict("water", fit_of(None), known=narrow, level_only=True) == (
+        "water: level only, seen at one incidence: -18.2 dB (90 %: -18.9 to -17.5), +-0.5 dB of it by "
+        "uncertainty.level_db alone."
+    )
     # a level that is off shows at one incidence, too; what differs from bin to bin there is no misfit of a law
     off = without_angles(fit_of(False, mean_db=-3.0))
     assert off.fits is False
@@ -128,3 +140,12 @@ def test_a_band_without_convergence_and_a_level_are_said():
     assert (
         first_line(said, {"dyke": True, "water": True}, True) == "Of 2 materials 1 fits, 1 known by level only (water)."
     )
+    # a level that is off is not known
+    said["water"] = verdict("water", fit_of(False, mean_db=-3.0), level_only=True)
+    assert first_line(said, {"dyke": True, "water": False}, True) == ("Of 2 materials 1 fits, 1 does not fit (water).")
+
+
+@pytest.mark.parametrize(("half", "said"), [(0.7, " (+-0.5 dB of it by the removed offset alone)"), (0.8, "")])
+def test_the_error_of_the_level_is_said_where_it_is_most_of_the_band(half, said):
+    known = Known((10.2, 24.9), half, level_error_db=0.54, level_key="the removed offset")
+    assert f"known to +-{half} dB between 10 and 25 degrees{said}; outside" in verdict("a", fit_of(), known=known)

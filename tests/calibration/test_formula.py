@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from posterior_samples import BRIEF
 
 from radcal.assessment.posterior import posterior_of
 from radcal.calibration.bin_target import bin_targets
+from radcal.calibration.history import History
 from radcal.calibration.loop import calibrate
 from radcal.config import case_from, stages
 from radcal.measurement.registration import register
@@ -62,6 +64,7 @@ def calibrated(parts, tmp_path):
     return of
 
 
+@pytest.mark.slow
 def test_the_same_density_gives_the_same_x(calibrated):
     keys = {"objective": "density", "stop": {"rms": 1e-5, "max_runs": 8}}
     (_, _, _, built_in, ended), (_, _, _, formula, end) = (calibrated(law, **keys) for law in ({}, MANGIA))
@@ -74,6 +77,7 @@ def test_the_same_density_gives_the_same_x(calibrated):
         assert one.key != other.key
 
 
+@pytest.mark.slow
 def test_in_bins_the_law_and_its_band_are_found(calibrated):
     case, _, targets, history, decision = calibrated(MANGIA, objective="classes", stop={"max_runs": 12})
     assert decision.converged
@@ -87,6 +91,17 @@ def test_in_bins_the_law_and_its_band_are_found(calibrated):
     curves = found.draws.curves_db(case.laws["field"])[:, 4 * 21 : 4 * 44]
     assert np.median(curves.std(axis=0)) < 1.5
     assert found.draws.looks.shape == curves.shape[:1] == (400,)
+    # had the surrogate stated a millionth of its errors for what it predicted, the verified ones would widen the band
+    bold = [
+        replace(run, proposals={name: replace(one, errors=(1e-6 * np.array(one.errors)).tolist())})
+        for run in history.infill
+        for name, one in run.proposals.items()
+    ]
+    doubted = History([*(run for run in history.runs if run.kind != "infill"), *bold])
+    wide = posterior_of(stages.Posterior.of(case.model_copy(update={"uncertainty": BRIEF})), targets, doubted, "field")
+    middle = slice(25, 41)
+    widths = [(one.curve.p95_db - one.curve.p05_db)[middle].mean() for one in (found, wide)]
+    assert widths[1] > 1.4 * widths[0]
 
 
 def test_a_changed_formula_or_order_of_names_is_another_run(parts, tmp_path):

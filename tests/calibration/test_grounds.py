@@ -56,7 +56,7 @@ def test_law_and_looks_are_found(misfit):
     assert found["field"].identified > 20.0
 
 
-@pytest.mark.statistics
+@pytest.mark.slow
 @pytest.mark.parametrize("looks", [4.0, 2.5])
 def test_the_prior_hardly_moves_the_looks_of_a_single_field(looks):
     """Its bins tell the spread of a field, and not of how many looks other fields are."""
@@ -107,7 +107,7 @@ def test_an_error_of_the_incidence_is_undone_where_it_is_known():
     assert slope["with"] == pytest.approx(wanted, rel=0.1)
 
 
-@pytest.mark.statistics
+@pytest.mark.slow
 def test_bands_hold_and_patches_help():
     held = []
     for seed in range(4):
@@ -133,6 +133,7 @@ def test_an_unseen_patch_widens_the_band():
     np.testing.assert_allclose(unknown.predicted_db, unknown.law_db)
 
 
+@pytest.mark.slow
 def test_ground_without_slope_is_announced():
     flat = np.array([-18.0, 0.0, 0.0, 5.0])
     ground = fields(np.random.default_rng(4), x=flat, between=0.3, rows=60, columns=48)
@@ -242,6 +243,9 @@ def test_the_density_predicted_is_that_of_the_pixels():
     assert held.tail_constant_db > 0.5
     assert held.rmse_start_db == pytest.approx(3.0, abs=0.2)
     assert np.isnan(held_out(found, constant(found), far).ks_start)
+    # cells that scatter by 4 dB: a half of the pixels is expected 4 dB higher
+    wide = held_out(replace(found, spread=Spread(found.spread.between, 4.0)), constant(found), far)
+    assert wide.tail_law_db - held.tail_law_db == pytest.approx(3.5, abs=0.6)
 
 
 def test_the_covariance_is_that_of_repeated_fits():

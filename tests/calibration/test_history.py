@@ -56,6 +56,34 @@ def test_failures_count_proposals_since_the_best():
     assert History(runs).failures("dyke") == 1
 
 
+def test_surprise_is_the_mean_square_of_errors_over_the_variance_that_was_stated():
+    """Pooled over runs and bins by the ratio of sums; repeated runs, and predictions without an error, do not count."""
+
+    def verified(index, cost, errors, mode="exploit", predicted=((0.5, 0.3, 0.2), (0.9, 2.0, 3.4))):
+        proposal = Proposal([0.0], mode, statistics=[list(row) for row in predicted], errors=errors)
+        return run("infill", index, [0.1 * index], cost, proposal)
+
+    stated = [[[0.1, 0.2, 0.3]] * 2, [[0.4, 0.1, 0.6]] * 2]
+    runs = [*RUNS[:3], verified(0, 0.1, stated[0]), verified(1, 0.7, stated[1], "explore")]
+    # verified statistics are (cost, index, 0.2) and (1, 2, 3)
+    squares = np.array([0.4**2 + 0.2**2 + 2 * 0.1**2, 0.3**2 + 0.7**2, 2 * 0.4**2])
+    variances = 2.0 * np.array([0.1**2 + 0.4**2, 0.2**2 + 0.1**2, 0.3**2 + 0.6**2])
+    np.testing.assert_allclose(History(runs).surprise("dyke"), squares / variances)
+    silent = [
+        verified(2, 9.0, [[0.0] * 3] * 2),
+        verified(3, 9.0, [], predicted=()),
+        verified(4, 9.0, stated[0], "ended"),
+    ]
+    np.testing.assert_allclose(History([*runs, *silent]).surprise("dyke"), squares / variances)
+    np.testing.assert_array_equal(History([*RUNS[:3], *silent]).surprise("dyke"), 1.0)
+    # noise of the runs is no error of the surrogate
+    noise = {"dyke": [[0.02, 0.1, 0.05], [0.01, 0.2, 0.03]]}
+    noisy = History([*runs, replace(RUNS[0], repeat_variance=noise)]).surprise("dyke")
+    left = squares - 2.0 * np.sum(noise["dyke"], axis=0)
+    np.testing.assert_allclose(noisy, np.maximum(left, 0.0) / variances)
+    assert left[2] > 0.0 > left[1]
+
+
 def test_training_holds_each_point_once():
     """With the statistics of its latest run: its neighbours' laws are then nearest to their own."""
     x, statistics = History(RUNS).training("dyke")

@@ -211,7 +211,7 @@ def test_excess_is_the_mean_square_of_standardised_leave_one_out_errors():
     assert Kriging(*example(15), [0.2, 0.2], nugget).excess == 1.0
 
 
-@pytest.mark.parametrize(("seed", "n"), [(39, 10), (50, 14)])
+@pytest.mark.parametrize(("seed", "n"), [(39, 10), (50, 14), (10, 10)])
 def test_of_several_maxima_the_largest_posterior_is_taken(seed, n):
     """Waves with noise: all of it noise of a slow process, or all of it a fast process."""
     rng = np.random.default_rng(seed)
@@ -226,3 +226,12 @@ def test_of_several_maxima_the_largest_posterior_is_taken(seed, n):
     minima = inner[(inner < every[:-2]) & (inner < every[2:])]
     assert len(minima) > 1
     assert minima.max() > minima.min() + 5.0
+
+
+def test_a_line_with_a_little_noise_has_the_longest_of_its_scales():
+    """Maxima of the posterior at 0.6, 2.7 and 8.9 widths of the box."""
+    rng = np.random.default_rng(2003)
+    x = rng.random((6, 1))
+    line = x + 1e-3 * rng.normal(size=(6, 1))
+    (scale,), _ = train(x, np.concatenate([line, line**2, np.cos(line)], axis=1))
+    assert scale == pytest.approx(8.94, rel=0.02)

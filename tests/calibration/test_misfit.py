@@ -13,7 +13,7 @@ from radcal.calibration.expected import LawForward
 from radcal.calibration.misfit import SKEWNESS_SHAPE, BinMisfit, LikelihoodMisfit, Method, true_angles
 from radcal.calibration.moments import from_cumulants, sampling_covariance
 from radcal.measurement.classes import make_classes
-from radcal.measurement.correlation import Correlation, estimate_correlation
+from radcal.measurement.correlation import Correlation, estimate_correlation, independent_pairs
 from radcal.measurement.ground import Ground
 from radcal.measurement.patches import Spread
 from radcal.radar.laws import LAWS
@@ -84,6 +84,21 @@ def test_the_likelihood_is_the_pixels_own():
     cost = [-0.5 * (objective.residuals(np.array([[at]]), looks) ** 2).sum() for at, looks in places]
     wanted = [direct(at, looks) for at, looks in places]
     np.testing.assert_allclose(np.array(cost) - cost[0], np.array(wanted) - wanted[0], rtol=0.05)
+
+
+def test_residuals_of_small_and_large_bins_are_of_their_own_counts():
+    """Deviance at the truth in each of two bins: about one for each 0.5 dB that holds some pixels."""
+    rng = np.random.default_rng(21)
+    incidence = np.repeat([30.0, 50.0], [500, 2500])
+    values = speckled(rng, incidence, 3.0)
+    classes = replace(make_classes(values, incidence, 2), member=(incidence > 40.0).astype(np.int64))
+    classes = replace(classes, count=np.array([500, 2500]), pairs=independent_pairs(classes.member, 2))
+    objective = LikelihoodMisfit(classes, values)
+    each = (objective.residuals(LAW(np.radians([[30.0], [50.0]]), X), 3.0) ** 2).reshape(2, -1)
+    for k, part in enumerate(each):
+        filled = np.histogram(values[classes.member == k], objective._bins)[0] >= 5
+        assert filled.sum() > 20
+        assert part[filled].mean() == pytest.approx(1.0, abs=3.0 * np.sqrt(2.0 / filled.sum()))
 
 
 def test_the_covariance_is_sampling_fields_and_the_shape_of_texture():

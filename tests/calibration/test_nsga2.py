@@ -17,8 +17,10 @@ def bowl(u):
 
 def test_it_finds_the_minimum_of_a_bowl():
     found = nsga2(bowl, 3, Optimiser(population=20, evaluations=2000), seed=1)
-    np.testing.assert_allclose(found[0], CENTRE, atol=0.02)
-    assert found.shape == (20, 3)
+    np.testing.assert_allclose(found.points[0], CENTRE, atol=0.02)
+    assert found.points.shape == (20, 3)
+    np.testing.assert_array_equal(found.objectives[:, 0], bowl(found.points))
+    assert 0 in found.front
 
 
 def test_several_objectives_give_a_front():
@@ -29,13 +31,19 @@ def test_several_objectives_give_a_front():
         return ((u[:, None] - ends) ** 2).sum(axis=-1)
 
     found = nsga2(distances, 2, Optimiser(population=20, evaluations=1000), seed=1, objectives=2)
-    sums = distances(found).sum(axis=1)
+    sums = distances(found.points).sum(axis=1)
     assert sums[0] == sums.min()
+    # by definition: no point is better in one objective and as good in the other
+    both = found.objectives
+    beaten = ((both[:, None] >= both).all(axis=-1) & (both[:, None] > both).any(axis=-1)).any(axis=1)
+    assert len(found.front) > 10
+    assert set(found.front) <= set(np.flatnonzero(~beaten))
     # the front reaches from one end to the other, and no further
-    along = (found - ends[0]) @ (ends[1] - ends[0]) / ((ends[1] - ends[0]) ** 2).sum()
+    points = found.points
+    along = (points - ends[0]) @ (ends[1] - ends[0]) / ((ends[1] - ends[0]) ** 2).sum()
     assert along.min() < 0.15
     assert along.max() > 0.85
-    assert np.abs(found - ends[0] - along[:, None] * (ends[1] - ends[0])).max() < 0.1
+    assert np.abs(points - ends[0] - along[:, None] * (ends[1] - ends[0])).max() < 0.1
 
 
 def test_it_evaluates_in_batches_and_leaves_the_global_generator_alone():
@@ -48,13 +56,13 @@ def test_it_evaluates_in_batches_and_leaves_the_global_generator_alone():
     random.seed(7)
     expected = [random.random() for _ in range(3)]
     random.seed(7)
-    first = nsga2(objective, 2, QUICK, seed=5)
+    first = nsga2(objective, 2, QUICK, seed=5).points
     assert [random.random() for _ in range(3)] == expected
     # a generation in one call each; offspring equal to a parent are not evaluated again
     assert len(sizes) <= 2 * 200 / 20
     assert min(sizes) > 1
-    np.testing.assert_array_equal(first, nsga2(objective, 2, QUICK, seed=5))
-    assert not np.array_equal(first, nsga2(objective, 2, QUICK, seed=6))
+    np.testing.assert_array_equal(first, nsga2(objective, 2, QUICK, seed=5).points)
+    assert not np.array_equal(first, nsga2(objective, 2, QUICK, seed=6).points)
 
 
 def test_an_objective_that_draws_random_numbers_does_not_move_platypus():
@@ -62,4 +70,5 @@ def test_an_objective_that_draws_random_numbers_does_not_move_platypus():
         random.random()  # as some libraries do when they are imported
         return bowl(u)
 
-    np.testing.assert_array_equal(nsga2(drawing, 2, QUICK, seed=5), nsga2(bowl, 2, QUICK, seed=5))
+    first, second = (nsga2(of, 2, QUICK, seed=5).points for of in (drawing, bowl))
+    np.testing.assert_array_equal(first, second)

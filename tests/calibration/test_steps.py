@@ -26,7 +26,7 @@ from radcal.calibration.surrogate import read_trainings, write_trainings
 from radcal.config import Stop, stages
 from radcal.measurement.target import Targets, read_targets, write_targets
 from radcal.radar.texture import log_speckle_cumulants
-from radcal.storage.layout import same
+from radcal.storage.dataclass_groups import same
 from radcal.storage.runs import Record
 
 
@@ -57,6 +57,7 @@ def test_without_a_design_the_reference_run_trains(parts, runner):
     assert history.infill[0].scores["field"].cost < 0.2 * history.runs[0].scores["field"].cost
 
 
+@pytest.mark.slow
 def test_steps_from_files_in_two_processes_are_those_from_memory_in_one(parts, calibrated, made, runner, tmp_path):
     case, *_, targets = parts
     history, _ = calibrated

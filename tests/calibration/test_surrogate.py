@@ -106,6 +106,11 @@ def test_errors_of_runs_that_leave_one_out_finds_larger_are_larger():
     ratio = found.error(new) / found.standard_error(new)[:, 0]
     np.testing.assert_allclose(ratio**2, np.tile([model.excess for model in each], (2, 1)))
     assert ratio.min() > 1.05
+    # and those of verified predictions, where they are larger; those that were good make nothing better known
+    surprise = np.array([4.0 * each[0].excess, 0.1, 9.0 * each[2].excess])
+    told = Surrogate(found.training, objective(), surprise)
+    np.testing.assert_allclose(told.error(new) / found.error(new), [[2.0, 1.0, 3.0]] * 2)
+    np.testing.assert_array_equal(told.standard_error(new), found.standard_error(new))
 
 
 def test_a_right_baseline_is_kept_and_helps():

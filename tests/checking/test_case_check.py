@@ -272,13 +272,16 @@ MIXES: tuple[tuple[dict[str, str], tuple[str, ...]], ...] = (
     (  # what only the files show, beside values
         {
             "dem.tif": "image.tif", "vertical_datum: EGM2008": "vertical_datum: EGM2007", "band: 1": "band: 5",
+            "scale: db": "scale: power", "azimuth_spacing_m: 20": "azimuth_spacing_m: 2",
             "looks: 4": "looks: 0.5", "altitude_m: 4000": "altitude_m: high", "tree_cover: {}":
             "tree_cover: {calibrate: true, bounds: [[0, -40], [3, 3], [0, 25]]}, water: {}", "VV}": "VV, seed: 3}",
             "cropland: {calibrate: true}": "cropland: {calibrate: true}, shrubs: {parameters: [-15, 5, 3, 2]}",
         },
         (
             "scene.elevation: image.tif has 2 bands, expected one", "scene.vertical_datum is 'EGM2007'",
-            "measurement.band is 5, image.tif has 2", "radar.looks is 0.5", "radar.altitude_m is 'high'",
+            "measurement.band is 5, image.tif has 2", "values of image.tif are negative, which power cannot be",
+            "radar.azimuth_spacing_m is 2, the pixels of image.tif are 20 x 20 m: expected about 20, at most 5 times",
+            "radar.looks is 0.5", "radar.altitude_m is 'high'",
             "materials.tree_cover: bounds has 3 intervals", "bounds of X1 are [0, -40]", "bounds of X2 are [3, 3]",
             "materials.water: a material that is not calibrated needs parameters", "unknown key radar.seed",
             "materials.water: not in the scene, which has", "materials.shrubs: not in the scene, which has",
@@ -311,7 +314,10 @@ def test_mistakes_of_keys_hide_none_of_files(
     on_the_map(tmp_path)
     text = ON_THE_MAP
     Path("mine.yaml").write_text(text)
-    assert check_case(["mine.yaml"]).problems == []
+    right = check_case(["mine.yaml"])
+    assert right.problems == []
+    north = "warning: radar.heading_deg is not given, so that the track heads to the grid's north."
+    assert north in right.outlook
     for old, new in changes.items():
         assert text.count(old) == 1, old
         text = text.replace(old, new)
@@ -343,7 +349,15 @@ def test_a_section_that_is_left_out_has_its_files_looked_at(tmp_path: Path, monk
 
 def test_what_a_right_case_will_meet_is_told_before_any_run(tmp_path: Path) -> None:
     path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
-    time, rough, level = check_case([path], results=tmp_path / "results").outlook
+    said = list[str]()
+    time, error, rough, level = check_case([path], results=tmp_path / "results", say=said.append).outlook
+    # a line before each part that takes minutes on large scenes
+    assert said == ["scene ...", "geometry: scene of 60 x 50 cells ...", "measured image, for 60 x 50 pixels ..."]
+    # 1.645 times 0.33 dB
+    assert error.startswith(
+        "the image's level counts as right to 0.33 dB (uncertainty.level_db, one standard error): no"
+    )
+    assert error.endswith("narrower than +-0.54 dB")
     assert time == "time: not known before the first run, which radcal run CASE reference makes"
     assert rough.startswith("levels, rough (the image is not registered")
     # power of mean 1 is 0 dB; of four looks the mean of the logarithm lies 0.56 dB below. Each term of the law at its

@@ -26,7 +26,7 @@ pytestmark = [
 ]
 needs_data = pytest.mark.skipif(not os.environ.get("RADCAL_DATA"), reason="RADCAL_DATA is not set")
 REMAINING = """--vertical-datum EGM2008 --radiometry sigma0_ref --frequency 5.405 --altitude 693000 --depression 51
-    --look-side right --range-resolution 13 --azimuth-resolution 22 --looks 4 --nesz -22""".split()  # noqa: SIM905
+    --heading 190.5 --look-side right --range-resolution 13 --azimuth-resolution 22 --looks 4 --nesz -22""".split()  # noqa: SIM905
 
 
 def new(*arguments: str, answers: str | None = None) -> Result:
@@ -80,11 +80,13 @@ def test_what_the_files_say_is_read_and_the_rest_is_marked(files: list[str]) -> 
     assert starts == [[-20.86, 6.05, 0, 4], [-17.86, 6.05, 0, 4]]
     assert "# gamma -12 dB of no known kind, moved apart from another material: the image at the start needs" in text
     assert json.loads(Path("mine_names.json").read_text()) == {"2": "code_2", "7": "code_7"}
+    # what the level's error adds to every band is to be decided, too, and has a default
+    assert data["uncertainty"] == {"level_db": 0.33}
     marked = {f"{s}.{key}" for s in ("scene", "measurement", "radar") for key, x in data[s].items() if x == "FILL_IN"}
     assert marked == {
         "scene.vertical_datum", "measurement.scale", "measurement.radiometry", "radar.radiometry", "radar.altitude_m",
-        "radar.look_side", "radar.frequency_ghz", "radar.range_resolution_m", "radar.azimuth_resolution_m",
-        "radar.looks", "radar.nesz_db",
+        "radar.look_side", "radar.heading_deg", "radar.frequency_ghz", "radar.range_resolution_m",
+        "radar.azimuth_resolution_m", "radar.looks", "radar.nesz_db",
     }  # fmt: skip
     checked = CliRunner().invoke(app, ["check", "mine.yaml"])
     assert checked.exit_code == 1
@@ -99,6 +101,8 @@ def test_what_the_files_say_is_read_and_the_rest_is_marked(files: list[str]) -> 
         "Then: radcal run mine.yaml reference, and radcal run mine.yaml",
     ]
     assert "--vertical-datum" in done.stdout
+    # altitude, side, frequency, both resolutions and looks
+    assert "\n--sensor decides up to 6 of them: sentinel1_iw_grdh, terrasarx_stripmap, " in done.stdout
     run = CliRunner().invoke(app, ["run", "mine.yaml"])
     assert run.exit_code == 1
     assert "mine.yaml: scene.vertical_datum is FILL_IN (line 9), expected its value, for exam" in run.stderr
@@ -113,7 +117,12 @@ def test_nothing_is_overwritten_and_wrong_answers_are_told(files: list[str]) -> 
         (["mine", *files], "mine_names.json: exists, and radcal new overwrites nothing: give it with --names"),
         (["mine", "--elevation", "gone.tif"], "scene.elevation: the file gone.tif does not exist"),
         (["mine", *files, "--material", "grass"], "there is no material 'grass' in the land cover (known: code_2, c"),
-        (["mine", *files, "--fixed", "code_2=low"], "--fixed code_2=low: expected NAME=DB such as water=-17"),
+        (["mine", *files, "--fixed", "code_2=low"], "--fixed code_2=low: expected NAME=DB such as water=-17, or NAME"),
+        (
+            ["mine", *files, "--fixed", "code_2=magia:1,2"],
+            "--fixed code_2=magia:1,2: law is 'magia', expected one of",
+        ),
+        (["mine", *files, "--fixed", "code_2=mangia:1,2"], "code_2=mangia:1,2: parameters has 2 numbers, law 'mangia'"),
         (["mine", "--landcover", "dem.tif"], "scene.materials: dem.tif holds float32, expected whole material ids"),
     ):
         done = new(*arguments)
@@ -128,12 +137,15 @@ def test_questions_at_a_terminal_are_those_that_the_files_leave_open(
 ) -> None:
     monkeypatch.setattr("radcal.cli.new._at_terminal", lambda: True)
     Path("names.json").write_text('{"2": "water", "7": "crops"}')
-    # names, datum, band, which tells the polarisation, scale, radiometry, frequency (after a slip), altitude,
-    # depression, from which the spacing follows, side, resolutions, looks, noise, material, level of the other one
-    answers = "names.json\nEGM2008\n1\npower\ngamma0\nten\n9.6\n5000\n45\nleft\n\n30\n4\n-25\ncrops\nwater=-17\n"
+    # no land-cover map, names, datum, band, which tells the polarisation, scale, no sensor, radiometry, frequency
+    # (after a slip), altitude, depression, from which the spacing follows, heading, side, resolutions, looks, noise,
+    # material, level of the other one
+    scene = "\nnames.json\nEGM2008\n1\npower\n"
+    answers = f"{scene}\ngamma0\nten\n9.6\n5000\n45\n12\nleft\n\n30\n4\n-25\ncrops\nwater=-17\n"
     done = new("mine", *files, answers=answers)
     assert done.exit_code == 0, done.output
     data = yaml.safe_load(Path("mine.yaml").read_text())
+    assert data["radar"]["heading_deg"] == 12
     assert "'ten' is not a number." in done.stderr
     assert data["scene"]["names"] == "names.json"
     assert data["radar"]["radiometry"] == data["measurement"]["radiometry"] == "gamma0"
@@ -147,6 +159,16 @@ def test_questions_at_a_terminal_are_those_that_the_files_leave_open(
     assert data["materials"]["water"] == {"law": "constant_gamma", "parameters": [-17]}
     assert data["materials"]["crops"]["calibrate"] is True
     assert not Path("mine_names.json").exists()
+    # a sensor at the terminal leaves less to be asked: radiometry, incidence, heading, noise
+    assert "corine has these codes, too, which other maps may have: --landcover-preset only if" in done.output
+    answers = f"{scene}sentinel1_iw_grdh\ngamma0\n39\n190.5\n-25\ncrops\nwater=mangia:-28,8,14,8\n"
+    done = new("orbit", *files, answers=answers)
+    assert "FILL_IN" not in Path("orbit.yaml").read_text(), done.output
+    orbit = load(["orbit.yaml"])
+    assert (orbit.radar.sensor, orbit.radar.incidence_deg, orbit.radar.heading_deg) == ("sentinel1_iw_grdh", 39, 190.5)
+    assert (orbit.materials["water"].law, orbit.materials["water"].parameters) == ("mangia", [-28, 8, 14, 8])
+    # pixels of 20 m are too large for its resolution, so that its own spacing stays
+    assert orbit.radar.azimuth_spacing_m == 10
 
 
 def test_a_case_with_a_synthetic_image_can_be_run_at_once(files: list[str]) -> None:
@@ -197,8 +219,13 @@ def test_a_sensor_leaves_open_what_it_does_not_give(files: list[str]) -> None:
     assert done.exit_code == 0, done.output
     radar = yaml.safe_load(Path("mine.yaml").read_text())["radar"]
     assert {key for key, value in radar.items() if value == "FILL_IN"} == {"heading_deg", "nesz_db", "radiometry"}
-    # pixels of 20 m on the ground are 20 m times the sine of 40 degrees in slant range
-    assert (radar["incidence_deg"], radar["range_spacing_m"]) == (40, 12.86)
+    assert radar["incidence_deg"] == 40
+    # pixels of 20 m are too large for the sensor's resolution; those of 15 m are 15 m times the sine of 40 degrees
+    assert not {"range_spacing_m", "azimuth_spacing_m"} & radar.keys()
+    write(Path("fine.tif"), [np.ones((30, 40), np.float32)], ("VV",), 15.0)
+    new("fine", *files[:4], "--image", "fine.tif", "--sensor", "sentinel1_iw_grdh", "--incidence", "40")
+    radar = yaml.safe_load(Path("fine.yaml").read_text())["radar"]
+    assert (radar["range_spacing_m"], radar["azimuth_spacing_m"]) == (9.642, 15)
     whole = ["--heading", "190.5", "--nesz", "-22", "--radiometry", "sigma0_ref", "--incidence", "40"]
     done = new("own", *files[:4], "--image", "synthetic", "--sensor", "sentinel1_iw_grdh", "--vertical-datum", "local",
                *whole, "--polarisation", "VV")  # fmt: skip
@@ -213,7 +240,9 @@ def test_known_land_cover_names_the_codes(files: list[str], tmp_path: Path) -> N
     cover[:, :13] = 80
     scene = ["--elevation", "dem.tif", "--landcover", write(tmp_path / "known.tif", [cover])]
     done = new("offered", *scene, "--image", "synthetic", "--vertical-datum", "local")
-    assert "the codes are also those of esa_worldcover (--landcover-preset)" in Path("offered.yaml").read_text()
+    assert (
+        "the codes are those of esa_worldcover (--landcover-preset esa_worldcover)" in Path("offered.yaml").read_text()
+    )
     preset = ["--landcover-preset", "esa_worldcover", "--vertical-datum", "local", "--image", "synthetic"]
     done = new("mine", *scene, *preset, "--material", "cropland")
     assert done.exit_code == 0, done.output

@@ -35,6 +35,20 @@ def clone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.fixture
+def started(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
+    """Commands that were to take the place of this process, in a command of one case."""
+    commands: list[list[str]] = []
+
+    def execv(_: str, words: list[str]) -> NoReturn:
+        commands.append(words)
+        raise SystemExit(0)
+
+    monkeypatch.setattr("radcal.cli.run.os.execv", execv)
+    monkeypatch.setenv("RADCAL_RESULTS", "")  # put back after the test
+    return commands
+
+
 def run(*arguments: str) -> Result:
     return CliRunner().invoke(app, ["run", *arguments])
 
@@ -66,10 +80,13 @@ BAD_FILES = {
 
 
 @pytest.mark.parametrize("name", BAD_FILES)
-def test_what_snakemake_would_answer_with_a_traceback_ends_in_a_sentence(clone: Path, name: str) -> None:
+def test_what_snakemake_would_answer_with_a_traceback_ends_in_a_sentence(
+    clone: Path, name: str, started: list[list[str]]
+) -> None:
     content, said = BAD_FILES[name]
     (clone / name).write_bytes(content)
     assert refused(name).startswith(said)
+    assert started == []
 
 
 @pytest.mark.parametrize(
@@ -93,28 +110,37 @@ def test_what_snakemake_would_answer_with_a_traceback_ends_in_a_sentence(clone: 
         (["mine.yaml", "--", "-n", "--configfile=b.yaml"], "--configfile=b.yaml after -- would replace the case"),
     ],
 )
-def test_wrong_commands_end_in_a_sentence(clone: Path, arguments: list[str], said: str) -> None:
+def test_wrong_commands_end_in_a_sentence(
+    clone: Path, arguments: list[str], said: str, started: list[list[str]]
+) -> None:
     assert refused(*arguments).startswith(said)
-
-
-@pytest.fixture
-def started(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
-    """Commands that were to take the place of this process, in a command of one case."""
-    commands: list[list[str]] = []
-
-    def execv(_: str, words: list[str]) -> NoReturn:
-        commands.append(words)
-        raise SystemExit(0)
-
-    monkeypatch.setattr("radcal.cli.run.os.execv", execv)
-    monkeypatch.setenv("RADCAL_RESULTS", "")  # put back after the test
-    return commands
+    assert started == []
 
 
 def test_a_clones_own_workflow_is_run_in_its_folder(clone: Path, started: list[list[str]]) -> None:
     run("mine.yaml")
     assert not {"--snakefile", "--workflow-profile"} & set(started[0])
     assert os.environ["RADCAL_RESULTS"] == "results"
+
+
+def test_rules_and_files_are_targets(clone: Path, started: list[list[str]]) -> None:
+    run("mine.yaml", "design", "results/mine/scene.h5")
+    assert parse_args(started[0][4:])[1].targets == ["design", "results/mine/scene.h5"]
+
+
+def test_two_files_of_one_case_are_refused(clone: Path, started: list[list[str]]) -> None:
+    (clone / "copy.yaml").write_text("case: mine\n")
+    said = "copy.yaml: case is 'mine', which mine.yaml is called, too, expected another."
+    assert refused("mine.yaml", "copy.yaml") == said
+
+
+def test_a_profile_of_the_current_folder_is_taken_before_radcals(
+    clone: Path, started: list[list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (clone / "elsewhere/profiles/slurm").mkdir(parents=True)
+    monkeypatch.chdir(clone / "elsewhere")
+    run("../mine.yaml", "--", "--profile", "profiles/slurm")
+    assert started[0][-2:] == ["--profile", "profiles/slurm"]
 
 
 @pytest.mark.parametrize("folder", ["elsewhere", "others"])
@@ -248,6 +274,7 @@ def test_all_cores_are_used_unless_somebody_says_where_jobs_run(clone: Path) -> 
     assert parsed().cores >= 1
     assert parsed(cores="3").cores == 3
     assert parsed(further="--jobs 50").cores is None
+    assert parsed(further="--jobs=50").cores is None
     assert parsed(further="--cores=5").cores == 5
 
 

@@ -72,6 +72,10 @@ def test_what_the_incidence_explains_is_no_correlation():
     residual = effective_sample_size(image, inside, inside, incidence.astype(np.float32))
     assert without < 0.3 * alone
     assert residual == pytest.approx(alone, rel=0.05)
+    # nor what a bent law explains
+    bent = (noise - 0.05 * (incidence - 35.0) ** 2).astype(np.float32)
+    assert effective_sample_size(bent, inside, inside) < 0.3 * alone
+    assert effective_sample_size(bent, inside, inside, incidence.astype(np.float32)) > 0.85 * alone
     # correlated pixels stay correlated
     smooth = uniform_filter(rng.normal(size=SHAPE), (3, 5), mode="wrap") - 0.3 * incidence
     found = effective_sample_size(smooth.astype(np.float32), inside, inside, incidence.astype(np.float32))
@@ -111,6 +115,31 @@ def test_pairs_are_those_of_all_pixels_two_by_two():
     np.testing.assert_allclose(
         Correlation(np.eye(13)[6][:, None] * np.eye(13)[6], width).pairs(pixels, group, 3), independent_pairs(group, 3)
     )
+
+
+def test_groups_of_very_different_size_keep_their_own_variances():
+    """5,000 independent pixels and 30: the small eigenvalue is right, and no sign of lags that are no correlation."""
+    group = np.repeat([0, 1], [5000, 30])
+    alone = Correlation(np.eye(13)[6][:, None] * np.eye(13)[6], 503)
+    np.testing.assert_allclose(alone.pairs(np.arange(5030), group, 2), independent_pairs(group, 2), atol=1e-12)
+
+
+def exact_moving_average(shape, seed):
+    """Values whose circular autocorrelation is that of means over 3 x 5 pixels to the last digit, without noise."""
+    white = np.fft.fft2(np.random.default_rng(seed).normal(size=shape))
+    box = np.zeros(shape)
+    box[:3, :5] = 1.0
+    return np.fft.ifft2(white / np.abs(white) * np.fft.fft2(box)).real.astype(np.float32)
+
+
+@pytest.mark.parametrize(("side", "corner"), [(101, True), (59, False)])
+def test_lags_count_from_two_of_bartletts_standard_errors_on(side, corner):
+    """The outermost lag of the triangles is 1/3 times 1/5; the squares of all add up to 19/9 times 17/5."""
+    error = np.sqrt(19.0 / 9.0 * 3.4) / side
+    assert (2.0 * error < 1.0 / 15.0) == corner
+    lags = estimate_correlation(exact_moving_average((side, side), 6), np.arange(side**2)).lags
+    assert (lags[[4, 4, 8, 8], [2, 10, 2, 10]] > 0.0).tolist() == [corner] * 4
+    assert (lags[4:9, 3:10] > 0.0).all()
 
 
 def test_matrices_are_positive_definite_where_lags_are_not():

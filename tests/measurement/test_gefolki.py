@@ -62,6 +62,7 @@ def test_a_smooth_field_is_found_under_independent_speckle(length):
     assert error(gefolki(fixed, moving), field) < 0.35 < 0.5 * error(np.zeros_like(field), field)
 
 
+@pytest.mark.slow
 def test_the_field_is_as_smooth_as_the_images_say():
     priors = {}
     for sigma, most in ((25.0, 0.75), (90.0, 0.3)):

@@ -23,7 +23,7 @@ def test_distances_are_those_of_scipy(sign):
     assert ad == pytest.approx(values.size * integral.sum(), rel=1e-6)
 
 
-@pytest.mark.statistics
+@pytest.mark.slow
 def test_p_values_of_fitted_samples_are_uniform():
     rng = np.random.default_rng(2)
     p = []

@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 
 from radcal.measurement import patches
-from radcal.measurement.patches import Residuals, Spread, label_patches, make_cells, patch_effects, spreads
+from radcal.measurement.patches import (
+    Residuals,
+    Spread,
+    label_patches,
+    make_cells,
+    patch_effects,
+    patches_seen,
+    pooled,
+    spreads,
+)
 
 
 def covariance(patch, sampling, spread):
@@ -109,3 +118,28 @@ def test_without_information_the_spread_is_the_priors():
     expected = np.sqrt(2.0 / np.pi) * np.average(s, weights=np.exp(-0.5 * s**2))
     assert found.between == pytest.approx(expected, rel=0.02)
     assert found.within == pytest.approx(expected, rel=0.02)
+
+
+def test_two_passes_number_a_field_alike():
+    """Two fields of the scene; a shadow cuts the second one in the images, which are seen from opposite sides."""
+    scene = np.zeros((4, 9), dtype=np.bool_)
+    scene[1:, 0:3] = scene[:3, 5:9] = True
+    image = np.array([[1, 1, 0, 1, 0, 1]], dtype=np.bool_)
+    row = np.full((1, 6), 1.4)
+    ground = np.stack([row, [[0.6, 1.8, 3.5, 5.4, 6.5, 7.6]]]).astype(np.float32)
+    assert label_patches(image).tolist() == [[1, 1, 0, 2, 0, 3]]
+    first = patches_seen(image, scene, ground)
+    second = patches_seen(image[:, ::-1], scene, ground[..., ::-1])
+    upper, lower = label_patches(scene)[[0, 3], [8, 0]]
+    assert first.tolist() == [[lower, lower, 0, upper, 0, upper]]
+    np.testing.assert_array_equal(second, first[:, ::-1])
+    # the middle of a pixel on other ground belongs to no field; in slant range the pixels are the cells
+    off = ground.copy()
+    off[1, 0, 3] = 3.6
+    assert patches_seen(image, scene, off).tolist() == [[lower, lower, 0, 0, 0, upper]]
+    assert patches_seen(image, image, np.full_like(ground, np.nan)).tolist() == [[1, 1, 0, 2, 0, 3]]
+
+
+def test_the_spread_of_several_passes_is_their_root_mean_square():
+    found = pooled([Spread(0.3, 1.0), Spread(0.4, 0.0), Spread(1.2, 0.0)])
+    assert (found.between, found.within) == pytest.approx((1.3 / np.sqrt(3.0), 1.0 / np.sqrt(3.0)))

@@ -279,6 +279,7 @@ def test_numbers_that_lie_in_another_file_are_not_read(tmp_path):
         read(tmp_path / "a.h5")
 
 
+@pytest.mark.slow
 def test_what_inflates_beyond_its_size_ends_in_a_sentence(tmp_path, monkeypatch):
     """A deflate stream of 600 MB in a chunk of 4,800 bytes."""
     monkeypatch.setattr("radcal.reading.intake._SPARE_BYTES", 300 << 20)

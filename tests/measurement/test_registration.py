@@ -12,7 +12,7 @@ from radcal.measurement import registration as module
 from radcal.measurement.displacement import invert
 from radcal.measurement.model import Measurement
 from radcal.measurement.registration import LEAST_CONTRAST_DB, contrast_db, read_registered, register, write_registered
-from radcal.storage.layout import same
+from radcal.storage.dataclass_groups import same
 
 SHAPE = (200, 230)
 GEFOLKI = RegistrationConfig()
@@ -67,7 +67,7 @@ def test_a_displaced_image_is_brought_back(registered):
     assert np.isin(moved[np.isfinite(moved)], registered.unregistered_db).all()
 
 
-@pytest.mark.statistics
+@pytest.mark.slow
 def test_the_uncertainty_is_that_of_the_error():
     errors, said = [], []
     for seed in range(4):
@@ -128,6 +128,7 @@ def test_none_takes_the_image_as_it_lies():
     assert not found.uncertainty_px.any()
 
 
+@pytest.mark.slow
 def test_ilk_is_an_alternative_with_a_wider_uncertainty(registered):
     found = register(FIXED, measured(field(4.0)), RegistrationConfig(method="ilk"))
     assert found.applied

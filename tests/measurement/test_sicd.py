@@ -437,6 +437,8 @@ def test_notes_of_a_measurement(measure, geometry):
     assert measure({}, pixels).notes == (
         f"a.nitf: {total} pixels, 1 without data, 5 zero, 0 negative: NaN in the image.",
         level,
+        "radar.looks and the scale of a.nitf could not be checked by the speckle: the areas of single materials are "
+        "too small.",
     )
     assert measure({"looks": 4}).notes[2:] == ("a.nitf: complex pixels have a single look, radar.looks is 4.",)
 
@@ -466,7 +468,7 @@ def test_another_pass_is_refused(measure, section, keys, words):
     ],
 )
 def test_what_cannot_be_compared_is_told(measure, section, keys, words):
-    assert words in measure(section, **keys).notes[2]
+    assert any(words in note for note in measure(section, **keys).notes[2:])
 
 
 @pytest.mark.parametrize(
@@ -506,4 +508,4 @@ def test_radiometry_of_relative_levels_is_configured(measure):
 
 @pytest.mark.parametrize(("band", "frequency_ghz"), [("x-band", (9.4, 9.8)), ("P", (0.4, 0.47)), ("UHF", (0.4, 0.47))])
 def test_the_same_band(measure, band, frequency_ghz):
-    assert len(measure({"band": band}, frequency_ghz=frequency_ghz).notes) == 2
+    assert len(measure({"band": band}, frequency_ghz=frequency_ghz).notes) == 3

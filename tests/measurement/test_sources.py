@@ -22,7 +22,7 @@ from radcal.radar.projection import make_geometry
 from radcal.radar.reflectivity import uniform
 from radcal.scene.model import Scene
 from radcal.simulators.builtin import BuiltinSimulator
-from radcal.storage.layout import same
+from radcal.storage.dataclass_groups import same
 
 pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
 
@@ -104,12 +104,16 @@ def test_notes_tell_what_is_unusable(read: Read, image_db: np.ndarray) -> None:
     power = 10 ** (image_db / 10)
     power[0, :6] = [0.0, 0.0, np.nan, -1e-9, np.nan, np.nan]
     counts = f"measured.tif: {power.size:,} pixels, 3 without data, 2 zero, 1 negative: NaN in the image."
-    assert read(power, "power").notes == (counts,)
+    unchecked = (
+        "radar.looks and the scale of measured.tif could not be checked by the speckle: the areas of single materials "
+        "are too small."
+    )
+    assert read(power, "power").notes == (counts, unchecked)
     amplitude = np.sqrt(10 ** (image_db / 10)).astype(np.complex64)
     assert read(amplitude, "complex").notes[1:] == (
         "measured.tif: complex pixels have a single look, radar.looks is 4.",
     )
-    assert len(read(amplitude, "complex", radar={"looks": 1, "radiometry": "sigma0_local"}).notes) == 1
+    assert read(amplitude, "complex", radar={"looks": 1, "radiometry": "sigma0_local"}).notes[1:] == (unchecked,)
 
 
 def test_image_of_another_size(read: Read, geometry: Geometry) -> None:

@@ -58,6 +58,7 @@ def run(package: Path) -> tuple[int, int]:
     return int(result), int(hits)
 
 
+@pytest.mark.slow
 def test_a_changed_callee_in_another_file_is_compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """numba itself looks at the caller's file only."""
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)

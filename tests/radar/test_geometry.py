@@ -12,11 +12,12 @@ import pytest
 
 from radcal.config import Radar
 from radcal.errors import ConfigError, SceneError
+from radcal.radar.facets import order_facets
 from radcal.radar.geometry import Geometry, read_geometry, write_geometry
 from radcal.radar.lines import local_incidence_cosine
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
-from radcal.storage.layout import same
+from radcal.storage.dataclass_groups import same
 
 ALTITUDE = 1000.0
 SIDE = 200.0  # of the tiny scenes [m]
@@ -484,3 +485,18 @@ def test_what_is_immaterial_of_a_pass_makes_no_other_file(tmp_path: Path, geomet
     for other, immaterial in ((quiet, []), (radar.model_copy(update={"altitude_m": 999.0}), ["nesz_db"])):
         with pytest.raises(ConfigError, match="finished calibration of another geometry"):
             write_geometry(path, geometry, other, immaterial)
+
+
+def test_slivers_without_an_area_have_their_mean_incidence():
+    """Two pixels of two facets each: by their areas, and of areas that vanish."""
+    start, material = np.array([0, 2, 4], dtype=np.int32), np.array([1, 1, 1, 2], dtype=np.uint8)
+    angle = np.array([10_000, 40_000, 10_000, 20_000], dtype=np.uint16)
+    weight = np.array([3.0, 1.0, 0.0, 0.0], dtype=np.float32)
+    place = np.array([[0.0, 4.0, 2.0, 3.0], [8.0, 4.0, 6.0, 1.0]], dtype=np.float32)
+    one = np.ones(1, dtype=np.float32)
+    cells, pure = np.empty(2, dtype=np.uint16), np.zeros(2, dtype=np.uint8)
+    mean_deg, ground = np.full(2, np.nan, dtype=np.float32), np.full((2, 2), np.nan, dtype=np.float32)
+    order_facets(1, start, 2, material, angle, weight, place, one, one, 256, cells, pure, mean_deg, ground)
+    np.testing.assert_allclose(mean_deg, np.array([17_500, 15_000]) * 90.0 / 65535.0, rtol=1e-5)
+    np.testing.assert_allclose(ground, [[1.0, 2.5], [7.0, 3.5]])
+    assert (cells.tolist(), pure.tolist()) == ([1, 2], [1, 0])

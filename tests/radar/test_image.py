@@ -339,6 +339,7 @@ def test_results_do_not_depend_on_the_number_of_threads(scene: Scene, monkeypatc
         np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.slow
 def test_another_process_does_not_compile_again() -> None:
     """What this process has compiled is on disk: jobs of a workflow load it."""
     program = (

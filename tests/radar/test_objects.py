@@ -259,7 +259,7 @@ def test_point_over_clutter_adds_in_amplitude(flat: Scene) -> None:
 
 def test_points_do_not_depend_on_tiles() -> None:
     """Each point against the transform of its band, over the borders of tiles and of the image."""
-    shape, n = (300, 290), 300
+    shape, n = (300, 290), 120
     rng = np.random.default_rng(2)
     order = np.sort(rng.uniform(-5, 305, n))
     points = Points(order, rng.uniform(-5, 295, n), rng.random(n).astype(np.float32), np.arange(n, dtype=np.uint32))

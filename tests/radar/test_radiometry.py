@@ -14,6 +14,7 @@ ANGLES = np.array([20.0, 35.0, 52.0])
 @pytest.mark.parametrize(
     ("radiometry", "expected"),
     [("beta0", [2.9238044, 1.7434468, 1.2690182]), ("gamma0", [1.0641778, 1.2207746, 1.6242692]),
+     ("gamma0_rtc", [1.0641778, 1.2207746, 1.6242692]),
      ("sigma0_ref", [1.0, 1.0, 1.0]), ("sigma0_local", [1.0, 1.0, 1.0])],
 )  # fmt: skip
 def test_radiometries_of_unit_sigma0(radiometry: str, expected: list[float]) -> None:

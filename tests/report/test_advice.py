@@ -15,7 +15,17 @@ from radcal.assessment.curves import GRID_DEG
 from radcal.assessment.posterior import Curve, KeptDraws, Posterior
 from radcal.config import case_from
 from radcal.errors import ConfigError, StoreError
-from radcal.report.advice import Advised, _opposite, _sentences, _table, advice_on, advise, candidates
+from radcal.report.advice import (
+    Advised,
+    _opposite,
+    _rows,
+    _sentences,
+    _table,
+    advice_on,
+    advise,
+    candidates,
+    common_ratio,
+)
 from radcal.report.archive import write_archive
 from radcal.scene.model import Scene, write_scene
 
@@ -82,6 +92,7 @@ def test_passes_of_an_orbit_are_offered_by_incidence():
     assert said.endswith("differs by 18.0 deg.")
 
 
+@pytest.mark.slow
 def test_passes_far_from_the_known_angle_narrow_a_slope_most():
     one, (kept, curves) = case(), draws()
     passes = candidates(one, [30.0, 45.0])
@@ -142,6 +153,25 @@ def test_lines():
     said = list(_sentences([row("left", 1.25), row("right", 1.31)]))
     assert said[1] == "slope: as good within 5 %, which the draws do not tell apart: 45 deg right."
     assert next(_sentences([row("left", 1.85)])).startswith("slope: no pass of the table is expected to narrow")
+
+
+def test_the_pass_that_is_best_for_all_materials_is_named():
+    """Factors of 0.75 and 0.25 are worth more than of 0.5 and 1, although the bands are wider in the mean."""
+    left, right = row("left", 2.0, 4.0), row("right", 3.0, 4.0)
+    narrow = [replace(one, material="flat", now_db=0.4, after_db=x) for one, x in ((left, 0.4), (right, 0.1))]
+    passes = [[right, narrow[1]], [left, narrow[0]]]
+    assert [common_ratio(each) for each in passes] == pytest.approx([np.sqrt(0.75 * 0.25), np.sqrt(0.5)])
+    rows = [one for each in passes for one in each]
+    lines = list(_table(rows))
+    assert [line.split("  ")[0] for line in lines[1:]] == ["45 deg right"] * 3 + ["45 deg left"] * 3
+    assert lines[3].split("  ")[1] == "all materials"
+    assert lines[3].endswith("times 0.43")
+    assert list(_rows(rows))[2][2] == "all materials"
+    assert list(_rows(rows))[2][7] == pytest.approx(np.sqrt(0.1875))
+    assert list(_sentences(rows))[-2] == (
+        "all materials: a pass of 45 deg right is expected to narrow the bands most, to 0.43 times their half-widths "
+        "(geometric mean over the materials)."
+    )
 
 
 def test_from_a_results_folder(made, tmp_path):

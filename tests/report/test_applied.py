@@ -7,6 +7,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from archives import changed_material
+from archives import posterior as calibrated_posterior
 
 from radcal.assessment.curves import GRID_DEG
 from radcal.assessment.posterior import KeptDraws
@@ -14,10 +16,10 @@ from radcal.assessment.preposterior import Sight
 from radcal.config import RegistrationConfig, load_forward, load_measured
 from radcal.errors import ConfigError, StoreError
 from radcal.measurement.model import Measurement
-from radcal.measurement.registration import Registered, write_registered
+from radcal.measurement.registration import Registered, registered_as, write_registered
 from radcal.radar.laws import LAWS, law_for
 from radcal.radar.texture import log_speckle_cumulants
-from radcal.report.applied import _conclusion, _table, apply, predictions, registered_as, with_laws
+from radcal.report.applied import _conclusion, _table, apply, predictions, where_seen, with_laws
 from radcal.report.applied_figures import Prediction, draw_predictions
 
 LAW = law_for("tabulated", angles_deg=(20.0, 60.0))
@@ -178,7 +180,34 @@ def test_an_image_lies_where_its_own_case_has_registered_it(tmp_path) -> None:
     assert (found.verdict, by) == (verdict, f"as in {tmp_path}, onto the image at its start")
     # another image, another method, and no results of the other case
     none = RegistrationConfig(method="none")
-    for place, values in ((path, image + 1), (path, image), (tmp_path / "gone.h5", image)):
+    (tmp_path / "broken.h5").write_bytes(b"not HDF5")
+    for place, values, why in (
+        (path, image, f", not as in {tmp_path}, whose registration.method was gefolki"),
+        (tmp_path / "gone.h5", image, ""),
+        (tmp_path / "broken.h5", image, f", because the registration of its case cannot be used: {tmp_path}/broken.h5"),
+    ):
         found, by = registered_as(place, image, Measurement(values, "a.tif"), none)
         assert np.array_equal(found.measurement.image_db, values, equal_nan=True)
-        assert (found.applied, by) == (False, "onto the predicted image")
+        assert not found.applied
+        assert by.startswith(f"onto the predicted image{why}")
+        assert why or by == "onto the predicted image"
+    write_registered(path, replace(own, method="none"))
+    _, by = registered_as(path, image, Measurement(image + 1, "a.tif"), none)
+    assert by == f"onto the predicted image, not as in {tmp_path}, which has registered another image"
+
+
+def test_a_level_is_predicted_where_it_is_known_alone(made) -> None:
+    seen = calibrated_posterior(seen_deg=np.array([[38.9, 39.1]]))
+    fitted = replace(made.archive.materials["dyke"].fitted, level_only=True)
+    archive = changed_material(made.archive, "dyke", posterior=seen, fitted=fitted)
+    bins = [
+        (1, Prediction("dyke", (x - 0.5, x + 0.5), x, 90, "not seen", -9.0, -10.0, -8.0)) for x in (37.5, 40.0, 45.0)
+    ]
+    kept, (said,) = where_seen(archive, bins)
+    assert [one.incidence_deg for _, one in kept] == [40.0]
+    assert said == (
+        "dyke: 2 bins left out, more than 1 degree from the one incidence at which the calibration has seen it: its "
+        "level is known there alone."
+    )
+    law = changed_material(archive, "dyke", fitted=replace(fitted, level_only=False))
+    assert where_seen(law, bins) == (bins, [])

@@ -9,8 +9,8 @@ import h5py
 import numpy as np
 
 from radcal.report.archive import Archive, Images, read_archive
+from radcal.storage.dataclass_groups import table
 from radcal.storage.inspection import SCHEMAS
-from radcal.storage.layout import table
 
 # of any dataset: description, unit, and what HDF5 needs for dimension scales
 GENERAL = ("description", "unit", "CLASS", "NAME", "REFERENCE_LIST", "DIMENSION_LIST", "DIMENSION_LABELS")

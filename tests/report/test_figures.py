@@ -11,7 +11,7 @@ import h5py
 import matplotlib as mpl
 import numpy as np
 import pytest
-from archives import changed_check, changed_material, held_out_blocks
+from archives import changed_check, changed_material, held_out_blocks, posterior
 from matplotlib.text import Text
 from scipy import stats
 
@@ -19,10 +19,12 @@ from radcal import skewnormal
 from radcal.report import drawing, map_figures, scene_figures
 from radcal.report import figures as module
 from radcal.report.archive import Fidelity, Images
-from radcal.report.fidelity_figures import differences
+from radcal.report.fidelity_figures import differences, fidelity
 from radcal.report.figures import write_figures
+from radcal.report.front_figures import front
 from radcal.report.held_out_figures import held_out
 from radcal.report.law_figures import cost, law
+from radcal.report.search_front import SearchFront
 from radcal.scene.objects import Objects
 
 HIDDEN = [6.1, 14.2, 21.5, 3.3]
@@ -64,6 +66,7 @@ def drawn(canvas):
     return outside
 
 
+@pytest.mark.slow
 def test_every_figure_as_png_and_pdf(figures):
     names = [figure.name for figure in figures]
     kinds = ("densities", "law", "cost", "fidelity", "histogram", "quality")
@@ -84,6 +87,7 @@ def test_every_figure_as_png_and_pdf(figures):
     assert {figure.material for figure in figures} == {None, "dyke", "stem beans"}
 
 
+@pytest.mark.slow
 def test_captions_say_what_is_seen(figures):
     captions = {figure.name: figure.caption for figure in figures}
     assert "4 of the 4 runs of the design, drawn at random (seed 4)" in captions["histogram_dyke"]
@@ -113,10 +117,12 @@ def test_registration_is_shown_where_the_image_was_moved(build_archive, tmp_path
     assert "the longest arrow stands for 2.1 pixels" in figures["registration"].caption
 
 
+@pytest.mark.slow
 def test_global_settings_are_left_alone(figures):
     assert mpl.rcParams["axes.spines.top"] == mpl.rcParamsDefault["axes.spines.top"]
 
 
+@pytest.mark.slow
 def test_edges_of_one_material(build_archive, tmp_path):
     made = build_archive(
         tmp_path,
@@ -174,6 +180,7 @@ def test_the_best_run_is_never_one_of_another_law(build_archive, tmp_path, other
         assert material.best == (references + 3 if name in others else 0)
 
 
+@pytest.mark.slow
 def test_same_archive_gives_same_bytes(made, figures, tmp_path):
     case = made.archive
     with mpl.rc_context(module.STYLE):
@@ -185,6 +192,7 @@ def test_same_archive_gives_same_bytes(made, figures, tmp_path):
             assert canvas.get_layout_engine() is None
 
 
+@pytest.mark.slow
 def test_many_materials(build_archive, tmp_path):
     made = build_archive(
         tmp_path,
@@ -317,17 +325,18 @@ def test_the_misfit_of_classes_is_drawn_beside_the_densities(made):
     costs = np.linspace(400.0, 8.0, len(made.history.runs))
     classes = dict.fromkeys(("class_deg", "class_db", "class_error_db"), np.array([25.0, 35.0]))
     case = changed_check(replace(made.archive, objective="classes"), "dyke", **classes)
-    case = changed_material(case, "dyke", cost=costs)
+    fitted = replace(case.materials["dyke"].fitted, residual_sum=18.2, expected=4.4)
+    case = changed_material(case, "dyke", cost=costs, fitted=fitted)
     with mpl.rc_context(drawing.STYLE):
         canvas, caption, _ = cost(case, "dyke")
         assert drawn(canvas) == []
     upper, lower = canvas.axes
     best = [next(line for line in axes.lines if line.get_label() == "best so far") for axes in (upper, lower)]
     np.testing.assert_allclose(best[0].get_ydata(), 2.0 * costs)
-    # two classes of three numbers each
-    assert "For a right law it is about 6," in caption
+    # two classes of three numbers each, of which the verdict's test tells what is expected
+    assert "18 for the best run, where 4 are expected of a right law (dotted), 6 values less what the fit" in caption
     assert not any("tolerance" in str(line.get_label()) for line in lower.lines)
-    assert [line.get_ydata()[0] for line in upper.lines if line.get_label() == "a right law"] == [6]
+    assert [line.get_ydata()[0] for line in upper.lines if "right law" in str(line.get_label())] == [4.4]
 
 
 def test_densities_of_a_histogram_are_those_of_design_runs(made):
@@ -364,6 +373,32 @@ def test_a_surrogate_is_judged_by_verified_minus_predicted():
     error = np.array([[[0.5, 0.1, 2.0]], [[0.0, 0.0, 0.0]]])
     found = differences(Fidelity(np.zeros(2), np.zeros(2), one, error, one + 1.0, np.zeros((2, 3))))
     np.testing.assert_allclose(found, [[[2.0, 10.0, 0.5]], [[np.nan] * 3]])
+
+
+def test_the_front_is_drawn_with_the_runs_and_the_chosen_one(made):
+    """Of three objectives, the first against each of the others; a run of another law has no place."""
+    case = made.archive
+    assert front(case, "dyke") is None
+    count = case.runs.kind.size
+    verified = np.geomspace(900.0, 9.0, 3 * count).reshape(count, 3)
+    verified[0] = np.nan
+    predicted = np.array([[4.0, 9.0, 20.0], [2.0, 30.0, 10.0], [8.0, 5.0, 5.0]])
+    names = ("pass 1", "pass 2", "pass 4")
+    found = SearchFront(names, np.ones((3, 4)), np.full(3, 2.5), predicted, verified)
+    case = changed_material(case, "dyke", front=found, best=count - 1)
+    with mpl.rc_context(drawing.STYLE):
+        canvas, caption, _ = front(case, "dyke")
+        assert drawn(canvas) == []
+    assert "of which 4 lie outside of the axes" in caption
+    for axes, other in zip(canvas.axes, (1, 2), strict=True):
+        (line,) = axes.lines
+        np.testing.assert_array_equal(line.get_xydata(), predicted[[1, 0, 2]][:, [0, other]])
+        dots = {one.get_label(): one.get_offsets().data for one in axes.collections}
+        np.testing.assert_array_equal(dots["chosen run"], verified[-1:, [0, other]])
+        np.testing.assert_array_equal(dots["infill"], verified[case.runs.kind == "infill"][:, [0, other]])
+        assert "reference (start)" not in dots
+        assert axes.get_ylabel() == f"squared residuals: {names[other]}"
+    assert f"the sums {verified[-1, 0]:.2g} (pass 1), {verified[-1, 1]:.2g} (pass 2)" in caption
 
 
 def test_the_truth_is_subtracted_from_the_law_found(made):
@@ -406,6 +441,9 @@ def test_a_scene_of_one_height_is_drawn(made):
         canvas, caption, _ = scene_figures.scene(replace(made.archive, scene=view))
         assert drawn(canvas) == []
     assert "heights from 120 to 120 m" in caption
+    # light from 40 degrees above: the sine of it as grey, on a scale from black to white
+    relief = canvas.axes[0].images[0]
+    np.testing.assert_allclose(relief.norm(relief.get_array()), np.sin(np.radians(40.0)))
 
 
 def test_one_incidence_has_the_middle_of_a_scale_and_a_title_of_its_own(made):
@@ -415,3 +453,39 @@ def test_one_incidence_has_the_middle_of_a_scale_and_a_title_of_its_own(made):
     for angles, title in ((seen, "seen at one incidence, a level and no law"), (10 * (seen - 36), "no truth to")):
         one = changed_material(made.archive, "dyke", incidence_deg=angles, hidden=None)
         assert title in law(one, "dyke")[0].axes[0].get_title().replace("\n", " ")
+
+
+@pytest.mark.parametrize(
+    ("angles", "view"),
+    [((38.9, 39.1), (33.0, 45.0)), ((22.0, 45.0), (0.0, 68.0)), ((29.4, 60.0), (0.0, 85.0))],
+)
+def test_the_axis_of_a_law_is_about_the_angles_seen_and_all_curves_end_with_it(made, angles, view):
+    n = made.archive.materials["dyke"].incidence_deg.size
+    # 5 and 95 % quantiles at these angles
+    seen = np.interp(np.linspace(0.0, 1.0, n), [0.05, 0.95], angles).astype(np.float32)
+    case = changed_material(made.archive, "dyke", incidence_deg=seen, posterior=posterior())
+    canvas, *_ = law(case, "dyke")
+    upper = canvas.axes[0]
+    assert upper.get_xlim() == view
+    assert canvas.axes[-1].get_xlim() == view
+    band = upper.collections[0].get_paths()[0].vertices[:, 0]
+    lines = [line.get_xdata() for line in upper.lines if line.get_linewidth() == 1.0]
+    assert lines
+    for one in [band, *lines]:
+        assert (one.min(), one.max()) == view
+
+
+def test_predicted_and_verified_misfit_have_the_scale_of_the_figure_of_the_runs(made):
+    values = np.array([[[0.1, 0.2, 0.3]], [[0.3, 0.1, 0.2]]])
+    found = Fidelity(np.array([9.0, 7.5]), np.array([8.0, 7.0]), values, values + 1.0, values, np.zeros((2, 3)))
+    bins = changed_material(made.archive, "dyke", fidelity=found, cost=np.linspace(9.0, 7.0, len(made.history.runs)))
+    with mpl.rc_context(drawing.STYLE):
+        canvas, caption, _ = fidelity(bins, "dyke")
+        assert drawn(canvas) == []
+        density, words, _ = fidelity(changed_material(made.archive, "dyke", fidelity=found), "dyke")
+    upper, other = canvas.axes[0], density.axes[0]
+    assert upper.get_ylabel() == "squared residuals,\npriors included"
+    assert caption.startswith("Above: squared residuals, priors included, as the surrogate predicted it")
+    np.testing.assert_allclose([line.get_ydata() for line in upper.lines], [[18.0, 15.0], [16.0, 14.0]])
+    np.testing.assert_allclose([line.get_ydata() for line in other.lines], [[9.0, 7.5], [8.0, 7.0]])
+    assert words.startswith("Above: densities, rms [1/dB], as")

@@ -210,6 +210,25 @@ def test_tables(page):
     assert "numpy" in text
 
 
+def test_what_does_not_apply_is_not_said(made, tmp_path):
+    """Of a material seen at one incidence no slope is doubted; equal densities alone have equal fresh numbers."""
+    bins = changed_check(replace(made.archive, objective="classes"), "dyke")
+    text = render(tmp_path / "report.html", bins)[1].text
+    assert "set validation" in text
+    assert "the law found is right cannot be checked from this image" in text
+    # dyke's densities agree, those of stem beans do not
+    assert "so fresh numbers of dyke should come out near that." in text
+    assert "Where rms is far above" in text
+    for name in bins.materials:
+        fitted = replace(bins.materials[name].fitted, level_only=True)
+        bins = changed_material(bins, name, fitted=fitted, rms=np.full(made.archive.runs.kind.size, 1.0))
+    text = render(tmp_path / "report.html", bins)[1].text
+    assert "set validation" not in text
+    assert "dyke and stem beans are seen at one incidence: the level there is what the image tells of them" in text
+    assert "should come out near that" not in text
+    assert "cannot be checked from this image" not in text
+
+
 @pytest.mark.parametrize(
     ("attributes", "words"),
     [

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from archives import changed_material, posterior
 
+from radcal.assessment.known import level_words
 from radcal.assessment.law_check import check_laws
 from radcal.config import stages
 from radcal.report.archive import read_archive, write_archive
@@ -54,8 +56,28 @@ def test_the_words_tell_width_and_angles():
     narrow = posterior(known_between_deg=(12.0, 20.0), known_half_width_db=1.2)
     assert "known to +-1.2 dB (90 %) between 12 and 20" in narrow.sentence(1.5)
     nowhere = posterior(known_between_deg=None, known_half_width_db=None)
-    one = "it is seen at one incidence, from which no law can be known."
-    assert nowhere.sentence(1.5, level_only=True) == f"sigma0 is called known nowhere over the incidence seen: {one}"
+    # levels in the middle of the incidence of each pass
+    once = replace(nowhere, seen_deg=np.array([[30.0, 31.0], [30.1, 30.92]]))
+    assert once.sentence(1.5, level_only=True) == (
+        "seen at one incidence, from which no law can be known; its level is -10.1 dB (90 %: -11.4 to -8.7)."
+    )
+    twice = replace(nowhere, seen_deg=np.array([[30.0, 31.0], [40.0, 40.4]]))
+    assert level_words(twice.levels()) == (
+        "-10.1 dB (90 %: -11.4 to -8.7) at 30.5 degrees, -12.0 dB (90 %: -13.4 to -10.4) at 40.2 degrees"
+    )
+    assert replace(nowhere, curve=None).levels() == ()
+
+
+def test_the_summary_holds_the_level_of_a_material_seen_at_one_incidence(made):
+    seen = posterior(known_between_deg=None, seen_deg=np.array([[30.0, 31.0]]))
+    fitted = replace(made.archive.materials["dyke"].fitted, level_only=True)
+    found = summarise(changed_material(made.archive, "dyke", posterior=seen, fitted=fitted))["materials"]["dyke"]
+    assert found["level_only"] is True
+    assert found["levels"] == [
+        pytest.approx({"incidence_deg": 30.5, "median_db": -10.1, "p05_db": -11.405, "p95_db": -8.69})
+    ]
+    other = summarise(changed_material(made.archive, "dyke", posterior=seen))["materials"]["dyke"]
+    assert (other["level_only"], other["levels"]) == (False, None)
 
 
 def test_the_figure_shows_the_band_and_where_it_is_known(made):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import time
 
 import pytest
 from typer.testing import CliRunner
@@ -11,6 +13,7 @@ from radcal.cli import app
 from radcal.errors import StoreError
 from radcal.report.showing import results_folder, show
 from radcal.report.summary import summarise
+from radcal.storage.lock import CaseLock
 from radcal.storage.records import write_json
 
 FILES = ("scene.h5", "reference.json", "scores.json", "final.json", "calibration.h5", "export.json", "report.json")
@@ -45,12 +48,21 @@ def test_a_finished_case(folder, made):
     ]
 
 
-def test_where_sigma0_is_known(folder):
+@pytest.mark.parametrize(
+    ("found", "said"),
+    [
+        ({"sigma0_curve": {}, "fits": True, "verdict": "dyke fits"}, "."),
+        ({"sigma0_curve": {}, "fits": None, "verdict": "dyke: level only, seen at one incidence: -9.0 dB"}, "."),
+        ({"sigma0_curve": {}, "fits": False, "verdict": "dyke: does not fit"}, "; sigma0 is known nowhere."),
+        ({"sigma0_curve": None, "fits": True, "verdict": "dyke fits"}, "; nothing is known of a curve in dB."),
+    ],
+)
+def test_a_law_of_which_nothing_is_known(folder, found, said):
     data = json.loads((folder / "summary.json").read_text())
-    posterior = {"known_half_width_db": 1.5}
-    data["materials"]["dyke"] |= {"known_between_deg": [19.5, 21.25], "sigma0_curve": {}, "posterior": posterior}
+    x = data["materials"]["dyke"]["parameters"]["X4"]
+    data["materials"]["dyke"] |= found
     (folder / "summary.json").write_text(json.dumps(data))
-    assert show(folder)[1].endswith("sigma0 is known to +-1.5 dB (90 %) from 19.5 to 21.25 degrees.")
+    assert show(folder)[1].endswith(f"X4 {x:.4g}{said}")
 
 
 def test_an_unfinished_case_says_what_is_missing(folder):
@@ -71,6 +83,26 @@ def test_an_unfinished_case_says_what_is_missing(folder):
     failed = show(folder)
     assert failed[-2] == "the last command failed: registration: a.tif has nothing in common."
     assert failed[-1] == f"Once the cause is removed, {again}"
+
+
+def test_a_command_at_work_is_told_with_where_it_stands(folder):
+    (folder / "summary.json").unlink()
+    logs = {"reference.log": "09:00:00,1 INFO radcal: reference run: 3.0 s", "measure/train_1.log": "a warning"}
+    assert not any("running" in line for line in show(folder))
+    lock = CaseLock(folder)
+    lock.acquire()
+    for name, text in logs.items():
+        (folder / "logs" / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / "logs" / name).write_text(f"{text}\n")
+    later = time.time() + 1.0
+    os.utime(folder / "logs/measure/train_1.log", (later, later))
+    lines = show(folder)
+    assert lines[-3].startswith(f"running now: process {os.getpid()}, for ")
+    assert lines[-2].startswith("jobs that wrote a log last: measure/train_1, reference (")
+    assert lines[-1] == "last progress: reference run: 3.0 s"
+    assert not any("To continue" in line for line in lines)
+    lock.release()
+    assert "To continue" in show(folder)[-1]
 
 
 def test_a_case_is_found_by_name_folder_or_file(folder, tmp_path):

@@ -143,6 +143,7 @@ def test_the_end_says_how_to_go_on(build_case, capsys):
     assert "stopped by Ctrl-C. 2 finished runs are kept in results/dyke/runs; " in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_folder_of_another_user_is_a_sentence(tmp_path):
     code = (
         "from radcal.config import case_from; from radcal.running.session import Session\n"

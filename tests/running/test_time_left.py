@@ -66,5 +66,11 @@ def test_an_iterations_time_is_measured_in_this_command_alone(tmp_path: Path, mo
     monkeypatch.setenv(STARTED, "49_960")
     assert iteration_seconds(files, now=50_160.0) == 50.0
     assert iteration_seconds(files[:1], now=50_000.0) is None
+    # of seven iterations the last five: 50, 70, 90, 110 and 130 s
+    for number, ended in enumerate((50_160, 50_230, 50_320, 50_430), start=4):
+        files.append(tmp_path / str(number))
+        files[-1].touch()
+        os.utime(files[-1], (ended, ended))
+    assert iteration_seconds(files, now=50_560.0) == 90.0
     monkeypatch.delenv(STARTED)
     assert iteration_seconds(files, now=50_160.0) is None

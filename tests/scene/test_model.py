@@ -12,7 +12,7 @@ import pytest
 from radcal.errors import ConfigError
 from radcal.scene.model import Scene, read_scene, write_scene
 from radcal.scene.objects import Objects
-from radcal.storage.layout import same
+from radcal.storage.dataclass_groups import same
 
 OBJECTS = Objects(
     x_m=np.array([1.5, 2.5]),

@@ -15,7 +15,7 @@ def relief(sigma_px: float = 6.0) -> np.ndarray:
     return 412.3 + 9.0 * smooth / smooth.std()
 
 
-@pytest.mark.parametrize("step", [0.1, 0.5, 1.0, 3.0])
+@pytest.mark.parametrize("step", [0.02, 0.1, 0.5, 1.0, 3.0])
 @pytest.mark.parametrize("dtype", ["float32", "float64"])
 def test_step_of_rounded_heights(step: float, dtype: str) -> None:
     heights = (np.round(relief() / step) * step).astype(dtype).astype(float)
@@ -33,6 +33,18 @@ def test_heights_that_are_not_rounded_have_no_step() -> None:
     east, north = np.meshgrid(np.arange(30.0), np.arange(20.0))
     for plane in (0 * east, 3.0 + 2.0 * east, 5.0 + 2.0 * east - 1.0 * north, np.full((4, 5), np.nan)):
         assert height_step_m(plane) == 0.0
+
+
+def test_step_of_mountains_in_single_precision() -> None:
+    """Of 6,000 steps of 0.1 m, each known to 0.12 mm."""
+    heights = (np.round((1500.0 + 15.0 * (relief() - 412.3)) / 0.1) * 0.1).astype(np.float32).astype(float)
+    assert np.ptp(heights) > 600.0
+    assert height_step_m(heights) == pytest.approx(0.1, rel=1e-5)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_ridge_or_a_valley_of_one_step_is_no_plane(sign: float) -> None:
+    assert height_step_m(sign * np.tile([0.0, 2.0, 4.0, 4.0], (3, 1))) == 2.0
 
 
 @pytest.mark.parametrize("step", [0.5, 2.0])

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from radcal.storage import lock
-from radcal.storage.lock import CaseLock, claimed
+from radcal.storage.lock import CaseLock, claimed, holder
 
 
 @pytest.fixture(autouse=True)
@@ -107,3 +107,21 @@ def test_a_lock_says_whose_it_is(tmp_path: Path) -> None:
     again = CaseLock(tmp_path)
     again.acquire()
     again.release()
+
+
+def test_the_holder_of_a_folder_is_the_command_that_works_on_it(tmp_path: Path) -> None:
+    assert holder(tmp_path) is None
+    mine = CaseLock(tmp_path)
+    mine.acquire()
+    found = holder(tmp_path)
+    assert found is not None
+    assert (found.process, found.host) == (os.getpid(), socket.gethostname())
+    assert found.since == (tmp_path / ".lock").stat().st_mtime
+    mine.release()
+    assert holder(tmp_path) is None
+    # jobs of a command that has ended may hold its lock, which is no command at work
+    with (tmp_path / ".lock").open("r+") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        file.write(f"{2**22 + 1} {socket.gethostname()}")
+        file.flush()
+        assert holder(tmp_path) is None

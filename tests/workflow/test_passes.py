@@ -76,6 +76,12 @@ def test_a_pass_added_later_reuses_all_runs_and_a_kill_loses_none(project, monke
         assert 0.0 < law["sd_all_db"] < law["sd_first_db"]
         assert law["difference_db"] < 4.0 * law["sd_all_db"]
     assert "What each pass adds" in (project.out() / "report.html").read_text()
+    assert (project.out() / "figures/front_field.png").exists()
+    with h5py.File(project.out() / "calibration.h5") as file:
+        front = file["materials/field/front"]
+        assert front.attrs["objectives"].tolist() == ["pass 1", "pass 2"]
+        assert front["verified"].shape == (len(file["runs/key"]), 2)
+        assert len(front["predicted"]) > 1
     exported = radcal.open(project.out())
     assert {"calibrated_pass2", "difference_pass2", "incidence_pass2", "mask_pass2"} <= set(exported.images)
     fresh = read_index(project.out() / "final.json")[3].key

@@ -8,7 +8,7 @@ CHUNKS = range(-(-CASE.design_size // CASE.design.chunk))
 EARLIER = f"{OUT.parent}/{CASE.design.reuse}/runs"
 
 
-# Runs of an earlier case, before the reference run, which may be among them.
+# Runs copied from an earlier case. This rule comes before the reference run, which may be one of the copied runs.
 rule reuse:
     input:
         every_pass(SIMULATOR),

@@ -5,7 +5,7 @@ from radcal.calibration.stopping import decide
 
 
 def verified(wildcards):
-    """Files of the verified iterations until the search ends; a missing file raises, so that Snakemake makes it."""
+    """Files of the verified iterations until the search ends; an exception makes Snakemake make a missing file."""
     files = [checkpoints.scores.get().output.scores]
     k = 0
     while not decide(

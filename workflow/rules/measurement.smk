@@ -28,8 +28,8 @@ rule measurement:
         "../scripts/measurement.py"
 
 
-# The measured image is moved onto the image of the reference run, because the latter's materials and slopes lie where
-# the scene has them.
+# The measured image is moved onto the image of the reference run, in which materials and slopes lie where the scene has
+# them.
 rule registration:
     input:
         reference=f"{OUT}/{{at}}reference.json",

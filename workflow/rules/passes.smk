@@ -1,5 +1,6 @@
-# The passes of a case. The files of the first lie in the case's folder, those of pass p from 2 on in passes/<p>/, so that
-# a pass added later leaves the files of the others as they are. Rules of a single pass have the wildcard "at".
+# The passes of a case. The files of the first pass lie in the case's folder, and the files of pass 2 and later passes p
+# in passes/<p>/, so that a pass added later does not change the files of earlier passes. Rules of a single pass have
+# the wildcard "at".
 
 from snakemake.io import strip_wildcard_constraints
 
@@ -15,7 +16,7 @@ wildcard_constraints:
 
 
 def every_pass(files, at=PASSES):
-    """Files of a rule in all passes, or in those that are named."""
+    """Files of a rule in all passes, or in the passes named by ``at``."""
     names = [files] if isinstance(files, str) else files
     # Snakemake has written the constraint of the wildcard into the outputs of rules
     plain = [strip_wildcard_constraints(name) for name in names]

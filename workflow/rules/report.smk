@@ -28,7 +28,7 @@ rule final_runs:
         "../scripts/final_runs.py"
 
 
-# How well the law of one material is known. Sampling takes less than a minute, on the surrogate of all runs.
+# Posterior distribution of one material's law. Sampling on the surrogate of all runs takes less than a minute.
 rule posterior:
     input:
         target=every_pass(rules.target.output.target),

@@ -2,8 +2,8 @@
 
 from radcal.radar import SIMULATOR_VERSION
 
-# The heading of the track turns the scene's grid. A track to the north has no such parameter, so that the jobs of
-# earlier cases stay as they were.
+# The heading of the track turns the scene's grid. For a track to the north, this parameter of the rule is left out, so
+# that jobs of earlier cases do not run again.
 HEADING = {"heading_deg": CASE.radar.heading_deg} if CASE.radar.heading_deg else {}
 
 

@@ -10,7 +10,7 @@ from radcal.radar.geometry import read_geometry
 from radcal.report.archive import write_archive
 from radcal.report.results import gather
 from radcal.report.run_table import write_table
-from radcal.running.jobs import logged
+from radcal.running.jobs import logged, progress
 from radcal.scene.model import read_scene
 from radcal.storage.listing import write_listing
 from radcal.storage.records import read_json
@@ -26,6 +26,7 @@ with logged(snakemake.log[0], snakemake.params.case):
     images = [read_registered(path) for path in snakemake.input.registered]
     posteriors = dict(zip(case.calibrated, map(read_posterior, snakemake.input.posterior), strict=True))
     scene = read_scene(snakemake.input.scene)
+    progress("archive: the laws found are tested against the pixels ...")
     found = conclude(case, stop, history, targets, geometry, runs, final[:2], posteriors)
     archive = gather(
         case=case, stop=stop, history=history, scene=scene, geometry=geometry, registered=images[0], targets=targets,

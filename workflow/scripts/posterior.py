@@ -1,4 +1,4 @@
-"""Sample what is known of one material's law."""
+"""Sample the posterior distribution of one material's law."""
 
 from radcal.assessment.posterior import posterior_of, write_posterior
 from radcal.calibration.history import read_runs

@@ -1,4 +1,4 @@
-"""Propose the next parameters of every material that has not ended."""
+"""Propose the next parameters of every material whose search has not ended."""
 
 from radcal.calibration.history import read_runs, write_proposals
 from radcal.calibration.objectives import make_objectives

@@ -8,6 +8,7 @@ from radcal.storage.listing import write_listing
 
 with logged(snakemake.log[0]):
     archive = read_archive(snakemake.input.archive)
+    progress(f"report: figures of {len(archive.materials)} calibrated materials are drawn ...")
     figures = write_figures(archive, snakemake.output.figures)
     write_report(snakemake.output.page, archive, figures)
     pictures = [path for figure in figures for path in (figure.png, figure.pdf)]

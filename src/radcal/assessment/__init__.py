@@ -1,1 +1,1 @@
-"""Assessment of a calibration: fit, uncertainty of the laws, and what they predict."""
+"""Assessment of a calibration: fit of the laws, their uncertainty, and their predictions of other ground."""

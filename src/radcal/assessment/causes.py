@@ -1,4 +1,4 @@
-"""Likely cause of a law that does not fit, where one can be shown."""
+"""Likely cause of the misfit of a law, if the data show one."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from radcal.radar.texture import log_speckle_cumulants
 __all__ = ["UNKNOWN", "area_slope", "likely_cause"]
 
 UNKNOWN = "cause unknown"
-_FILTERED = 1.5  # times the sensor's looks: those of homogeneous areas in a filtered image
-_LEAST_AREA_DB = 0.3  # spread of the area factor at one incidence, below which it shows nothing
-_ERRORS, _ALIKE = 4.0, 0.35  # standard errors, and distance from one, of the slope against the area factor
-_MOST_OF_VARIANCE = 0.9  # of the mapped incidence, that its error may be
+_FILTERED = 1.5  # least ratio of the image's looks to the sensor's looks in a speckle-filtered image
+_LEAST_AREA_DB = 0.3  # least standard deviation of the area factor at equal incidence that shows a cause
+_ERRORS, _ALIKE = 4.0, 0.35  # limits of the area slope: least size in standard errors, largest distance from 1
+_MOST_OF_VARIANCE = 0.9  # largest share of the variance of the mapped incidence that its error may have
 _FEW_LOOKS, _LIKELY_DEG = 0.8, 6.0
 
 
@@ -33,7 +33,7 @@ def likely_cause(
     geometry: Geometry,
     image_looks: float,
 ) -> str:
-    """Words on why a law does not fit.
+    """Text that names the likely cause of the misfit of a law, or says that the cause is unknown.
 
     Parameters
     ----------
@@ -42,13 +42,13 @@ def likely_cause(
     law : GroundLaw
         Law found, on the ground of the target.
     test : FitTest
-        That says it does not fit.
+        Result of the test of the fit, which the law has failed.
     target : Target
         Measured pixels.
     geometry : Geometry
-        Of the pass.
+        Geometry of the pass.
     image_looks : float
-        Looks of the image's homogeneous areas; NaN where not known.
+        Number of looks of the image's homogeneous areas; NaN if it is not known.
     """
     causes: list[Callable[[], str]] = [
         lambda: _noise(law, test, target.noise_db),
@@ -62,7 +62,7 @@ def likely_cause(
 
 
 def _noise(law: GroundLaw, test: FitTest, noise_db: float) -> str:
-    """Level of the worst bin below the noise that the simulator adds, however dark the law."""
+    """Text that names noise as cause, if the worst bin's measured level lies below the simulated noise; else empty."""
     k = int(np.abs(law.classes.nodes_deg.mean(axis=1) - test.worst_deg).argmin())
     measured = float(law.classes.cumulants[k, 0] - log_speckle_cumulants(law.fit.looks)[0])
     if test.worst_mean_db > 0.0 and measured < noise_db:
@@ -74,7 +74,7 @@ def _noise(law: GroundLaw, test: FitTest, noise_db: float) -> str:
 
 
 def _reach(law_name: str, law: GroundLaw, test: FitTest) -> str:
-    """Bounds that cannot reach the level of the worst bin."""
+    """Text that names the bounds of X as cause, if no law inside them reaches the worst bin's level; else empty."""
     classes = law.classes
     k = int(np.abs(classes.nodes_deg.mean(axis=1) - test.worst_deg).argmin())
     level, there = law.method.law, classes.nodes_deg[k]
@@ -86,14 +86,14 @@ def _reach(law_name: str, law: GroundLaw, test: FitTest) -> str:
 
 
 def _held_back(test: FitTest) -> str:
-    """Parameters that their bounds hold back."""
+    """Text that names the parameters held back by their bounds as cause; empty if there are none."""
     if len(test.bounds) == 1:
         return f"{test.bounds[0]} is held back by its bound"
     return f"{' and '.join(test.bounds)} are held back by their bounds" if test.bounds else ""
 
 
 def _looks(law: GroundLaw, test: FitTest, image_looks: float) -> str:
-    """Looks at a limit, and those of the image."""
+    """Text on an image with too many looks for the sensor, or on effective looks at a limit; else empty."""
     sensor = law.method.looks
     if image_looks > _FILTERED * sensor:
         return f"the image has {image_looks:.1f} looks, radar.looks is {sensor:g}: speckle-filtered?"
@@ -105,7 +105,7 @@ def _looks(law: GroundLaw, test: FitTest, image_looks: float) -> str:
 
 
 def _radiometry(law: GroundLaw, target: Target, geometry: Geometry) -> str:
-    """Residuals that go with the area factor, which another radiometry has or has not."""
+    """Text that names a wrong radiometry as cause, if residuals are proportional to the area factor; else empty."""
     rows = target.pixels // geometry.shape[1]
     local, flat = np.radians(target.incidence_deg.astype(np.float64)), np.radians(geometry.flat_incidence_deg[rows])
     area_db = 10.0 * np.log10(np.sin(flat) / np.maximum(np.sin(local), 0.02))
@@ -116,17 +116,24 @@ def _radiometry(law: GroundLaw, target: Target, geometry: Geometry) -> str:
 
 
 def area_slope(law: GroundLaw, area_db: NDArray[np.float64]) -> tuple[float, float]:
-    """Slope of the residuals against the area factor at equal incidence, and its standard error.
+    """Slope of the residuals against the area factor at equal incidence, and standard error of the slope.
 
-    Law and area factor both depend on the incidence, so that only the part of the area factor counts that a polynomial
-    of third degree in the incidence, apart in each bin, does not explain.
+    Law and area factor both depend on the incidence. In each bin, a polynomial of third degree in the incidence is
+    therefore fitted to the residuals and to the area factor, and subtracted. The standard error follows from the
+    covariance of the fit: effects of fields and of their parts, and sampling inside these parts. If the area factor is
+    equal within each field, the slope is therefore no better known than the number of fields allows.
 
     Parameters
     ----------
     law : GroundLaw
         Law found.
     area_db : ndarray, shape (pixels,)
-        Area of the ground in each pixel over that of level ground [dB].
+        Ratio of the area of the ground in each pixel to the area of level ground [dB].
+
+    References
+    ----------
+    Cameron and Miller, "A practitioner's guide to cluster-robust inference", Journal of Human Resources 50 (2015),
+    section 2: variance of a least squares slope whose errors have random effects of groups.
     """
     ground, member = law.ground, law.classes.member
     residual = ground.values_db - law.levels_db(ground.incidence_deg)
@@ -141,16 +148,25 @@ def area_slope(law: GroundLaw, area_db: NDArray[np.float64]) -> tuple[float, flo
     away, area = left
     if np.std(area) < _LEAST_AREA_DB:
         return 0.0, np.inf
-    power = float(area @ area)
-    return float(area @ away / power), float(np.std(away) / np.sqrt(power * ground.independent))
+    power, cells = float(area @ area), ground.cells
+    by_field = np.bincount(np.unique(ground.patch, return_inverse=True)[1], area)
+    by_cell = np.bincount(cells.of_pixel, area)
+    # variance of a pixel as it enters the sums over cells: variance of the cell's mean, times its number of pixels
+    of_pixel = cells.sampling_variance(away, ground.independent) * cells.count
+    variance = (
+        law.spread.between**2 * (by_field @ by_field)
+        + law.spread.within**2 * (by_cell @ by_cell)
+        + of_pixel @ np.bincount(cells.of_pixel, area**2)
+    )
+    return float(area @ away / power), float(np.sqrt(variance) / power)
 
 
 def _incidence(law: GroundLaw) -> str:
-    """Error of the incidence that would make the looks found so few."""
+    """Text on the error of the local incidence that would explain why the effective looks are few; else empty."""
     if law.fit.looks > _FEW_LOOKS * law.method.looks:
         return ""
     error, _ = error_behind(law.method.law, law.fit, law.ground.incidence_deg, law.method.looks)
-    # incidence that would be hardly more than its error, as of a material seen at one incidence, explains nothing
+    # an error as large as the spread of the mapped incidence explains nothing (material seen at one incidence)
     if not 0.0 < error <= _LIKELY_DEG or error**2 > _MOST_OF_VARIANCE * float(np.var(law.ground.incidence_deg)):
         return ""
     return f"an error of the local incidence of {error:.1f} degrees would spread the pixels so, as would texture"

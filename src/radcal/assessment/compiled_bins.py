@@ -1,4 +1,4 @@
-"""Compiled parts of the bins' likelihood: cumulants over many angles of many curves, and whitened differences."""
+"""Compiled functions for the likelihood of incidence-angle bins: cumulants of many curves, whitened differences."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _PER_NEPER = 10.0 / np.log(10.0)
 
 @njit()
 def _at(curve: Doubles, place: float) -> float:
-    """Level at a place on the grid, between whose angles a curve is straight."""
+    """Level of a curve at a place on the grid of angles, interpolated linearly between two angles."""
     below = min(max(int(place), 0), curve.size - 2)
     share = place - below
     return float(curve[below] * (1.0 - share) + curve[below + 1] * share)
@@ -38,16 +38,16 @@ def _cumulants(levels: Doubles, out: Doubles) -> None:
 
 @njit()
 def cumulants_at(curves: Doubles, places: Doubles, noise: float) -> Doubles:
-    """Cumulants of the levels of a bin, with noise added.
+    """Cumulants of the levels of each curve over the angles of each bin, with the power of the noise added.
 
     Parameters
     ----------
     curves : ndarray, shape (m, g)
-        Levels on the grid [dB].
+        Levels of m curves on the grid of angles [dB].
     places : ndarray, shape (n, k)
-        Places on the grid, in steps of the grid, that stand for each of n bins.
+        Places on the grid of angles, in steps of the grid, that represent each of n bins.
     noise : float
-        Level of the noise [dB], -inf for none.
+        Level of the noise [dB]; -inf for no noise.
 
     Returns
     -------
@@ -72,27 +72,28 @@ def cumulants_at(curves: Doubles, places: Doubles, noise: float) -> Doubles:
 def shifted_cumulants(
     curves: Doubles, places: Doubles, centre: float, slopes: Doubles, spreads: Doubles, offsets: Doubles
 ) -> Doubles:
-    """Change of the cumulants of a bin by errors of its places.
+    """Change of the cumulants of each bin by errors of the angles that represent the bin.
 
-    A place p becomes the places centre + slope (p - centre) + spread offset, for each of the offsets, inside the grid.
+    Each place p on the grid of angles is replaced by several places, one for each offset:
+    centre + slope * (p - centre) + spread * offset, limited to the grid.
 
     Parameters
     ----------
     curves : ndarray, shape (m, g)
-        Levels on the grid [dB].
+        Levels of m curves on the grid of angles [dB].
     places : ndarray, shape (n, k)
-        Places on the grid, in steps of the grid, that stand for each of n bins.
+        Places on the grid of angles, in steps of the grid, that represent each of n bins.
     centre : float
-        Place that a slope leaves where it is.
+        Place about which the slopes stretch the other places, in steps of the grid.
     slopes, spreads : ndarray, shape (m, n)
-        By curve and bin; the spreads in steps of the grid.
+        Factors of the distances from the centre, and spreads in steps of the grid, of each curve and bin.
     offsets : ndarray, shape (h,)
-        Of equal weight.
+        Offsets in units of the spread, all of equal weight.
 
     Returns
     -------
     ndarray, shape (m, n, 3)
-        Mean [dB], variance [dB^2] and third central moment [dB^3] afterwards minus those before.
+        Change of mean [dB], variance [dB^2] and third central moment [dB^3].
     """
     found = np.empty((len(curves), len(places), 3))
     before, after = np.empty(places.shape[1]), np.empty(places.shape[1] * offsets.size)
@@ -123,30 +124,32 @@ def whitened(
     log_sds: Doubles,
     error: Doubles,
 ) -> tuple[Doubles, Doubles]:
-    """Differences in standard deviations, by the Cholesky factors of their covariances, and log-determinants.
+    """Differences whitened by the Cholesky factors of their covariances, and log-determinants of these factors.
 
-    The covariance is ``base``, plus ``between * patches + within * cells`` for the means, plus that of the log sds by
-    products of both variances, plus the squared errors.
+    The covariance is the sum of four terms: ``base``; ``between * patches + within * cells`` for the means;
+    ``log_sds``, multiplied by products of the variances ``between`` and ``within``, for the log standard deviations;
+    and the squared errors on the diagonal.
 
     Parameters
     ----------
     difference : ndarray, shape (m, 3 n)
-        All means, log sds and skewnesses.
+        Differences of the means [dB], then of the log standard deviations, then of the skewnesses, of n bins.
     base : ndarray, shape (3 n, 3 n)
-        Covariance.
+        Part of the covariance that all m points share.
     between, within : ndarray, shape (m,)
-        Variances between and within fields.
+        Variances between and within fields [dB^2].
     patches, cells : ndarray, shape (n, n)
-        Covariance of the means for variances of 1.
+        Covariances of the means by the effects of fields and of cells, for effects with a variance of 1 dB^2.
     log_sds : ndarray, shape (2, 2, n, n)
-        Covariance of the log sds for variances of 1, by product of the variances between and within.
+        Covariances of the log standard deviations for a product of two variances of 1 dB^4. The first two axes select
+        the factors of the product: the variance between or within fields.
     error : ndarray, shape (m, 3)
         Standard errors of mean, log sd and skewness of each bin.
 
     Returns
     -------
     ndarray, shape (m, 3 n)
-        NaN where a covariance is not positive definite.
+        Whitened differences; NaN where a covariance is not positive definite.
     ndarray, shape (m,)
         Logarithm of the determinant of the Cholesky factor.
     """

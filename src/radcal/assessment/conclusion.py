@@ -1,4 +1,4 @@
-"""Conclusion of a calibration: decision, checks of the laws, densities of the final runs, remarks."""
+"""Conclusion of a calibration: decision on its end, checks of the laws, densities of the final runs, remarks."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.assessment.budget import NORMAL_90, Budget
 from radcal.assessment.causes import likely_cause
 from radcal.assessment.fit_test import FitTest, check_fit
 from radcal.assessment.law_check import LawCheck, check_laws, texture_note
@@ -21,8 +22,9 @@ from radcal.calibration.objectives import Comparison, make_objectives
 from radcal.calibration.scoring import with_texture
 from radcal.calibration.steps import not_fresh, repeatability
 from radcal.calibration.stopping import Decision, decide
-from radcal.config import Stop, stages
+from radcal.config import Stop, Uncertainty, stages
 from radcal.errors import StoreError
+from radcal.measurement.levels import Levels
 from radcal.measurement.target import Targets
 from radcal.radar.geometry import Geometry
 from radcal.seeds import derived_rng
@@ -35,16 +37,18 @@ Pixels = Mapping[str, NDArray[np.float32]]
 
 @dataclass(frozen=True)
 class MaterialPixels:
-    """Pixels of a target in reference run and final runs, with texture where it is known.
+    """Simulated pixels of one material's target in the reference run and the two final runs, textured.
 
     Attributes
     ----------
     start, calibrated, fresh : ndarray, shape (n,)
-        In the reference run, the calibrated run, and the same with another seed, at their levels [dB or IQR].
+        Pixels of three runs, after normalisation of the level: the reference run, the final run with common random
+        numbers, and the final run with fresh ones [dB; interquartile ranges for ``normalisation: image``].
     calibrated_dp, fresh_dp : ndarray, shape (3,)
-        Densities of all visible pixels in the final runs: xi, omega [dB or IQR], alpha.
+        Skew-normal densities (xi, omega, alpha) of all visible pixels in the two final runs; xi and omega have the
+        unit of the pixels.
     differ : bool
-        Whether another seed gave other pixels.
+        Whether the pixels of the two final runs, of different seeds, differ.
     """
 
     start: NDArray[Any]
@@ -57,30 +61,30 @@ class MaterialPixels:
 
 @dataclass(frozen=True)
 class Conclusion:
-    """What a calibration has shown.
+    """Results of a calibration: decision on its end, laws, pixels of the final runs, remarks and verdicts.
 
     Attributes
     ----------
     decision : Decision
-        Whether it ended, and why.
+        Whether the search has ended, and why.
     checks : mapping
-        Trust in each material's law.
+        Check of each calibrated material's law.
     materials : mapping
         Pixels and densities of each calibrated material.
     reference_db, calibrated_db : ndarray of float32, shape (rows, columns), or None
-        Image of the reference run, and of the calibrated laws with another seed [dB].
+        Image of the reference run, and image of the final run with fresh random numbers [dB].
     simulator : mapping
         Identity of the simulator.
     new_runs : int
-        Final runs that were not simulated before.
+        Number of final runs that the search had not simulated already.
     notes : list of str
-        Remarks on simulator and texture.
+        Remarks on the simulator's random numbers and on texture.
     fits : mapping
         Test of the fit of each calibrated material's law.
     posteriors : mapping
-        Posterior of each law; known nowhere where the law does not fit.
+        Posterior of each law; if the law does not fit, its posterior calls sigma0 known at no angle.
     verdicts : mapping
-        Sentence on each.
+        Verdict on each calibrated material, as a sentence.
     """
 
     decision: Decision
@@ -106,29 +110,29 @@ def conclude(
     final: Sequence[Record],
     posteriors: Mapping[str, Posterior] | None = None,
 ) -> Conclusion:
-    """Decide, check the laws, and score the final runs.
+    """Conclude a calibration: decide if the search has ended, check the laws, and score the final runs.
 
     Parameters
     ----------
     case, stop : stages.Archive, Stop
-        Configuration.
+        Configuration of the case, and stop criteria.
     history : History
-        Reference, design and verified proposals.
+        Scored runs: reference run, design and verified proposals.
     targets : Targets
-        By calibrated material.
+        Target of each calibrated material.
     geometry : Geometry
-        Where the pixels of each material lie.
+        Geometry of the pass, which holds the pixels of each material.
     runs : path
         Folder of the run store.
     final : sequence of two Record
-        The calibrated laws with common and with fresh random numbers.
+        Final runs of the calibrated laws: with the common random numbers, and with fresh ones.
     posteriors : mapping, optional
-        Posterior by material.
+        Posterior of each material's law.
 
     Raises
     ------
     StoreError
-        The reference run's record is gone.
+        If the record of the reference run is missing or holds no image.
     """
     store, key = RunStore(runs), history.runs[0].key
     reference = store.get(key, list(targets), image=True)
@@ -166,7 +170,7 @@ def conclude(
                 name,
                 fits[name],
                 _cause(case, name, targets, objectives[name], history, geometry, fits[name]),
-                _known(believed.get(name)),
+                _known(believed.get(name), targets.levels, case.uncertainty, targets.level_only(name)),
                 level_only=targets.level_only(name),
                 between_db=checks[name].between_db,
             )
@@ -176,21 +180,29 @@ def conclude(
 
 
 def _believed(posterior: Posterior, fit: FitTest) -> Posterior:
-    """Posterior that calls sigma0 known nowhere where the law does not fit: a wrong form is not in its budget."""
+    """Posterior that calls sigma0 known at no angle if the law does not fit (its budget covers no wrong form)."""
     return replace(posterior, known_between_deg=None, known_half_width_db=None) if fit.fits is False else posterior
 
 
-def _known(posterior: Posterior | None) -> Known | None:
-    """Where sigma0 is known; None without a posterior of a curve."""
+def _known(posterior: Posterior | None, levels: Levels, config: Uncertainty, level_only: bool = False) -> Known | None:
+    """Interval of incidence in which sigma0 is known; None without a posterior, or for a law without a curve."""
     if posterior is None or posterior.curve is None:
         return None
-    return Known(posterior.known_between_deg, posterior.known_half_width_db, linear=not posterior.sampled)
+    removed = levels.normalisation == "offset" and np.isfinite(levels.offset_error_db)
+    return Known(
+        posterior.known_between_deg,
+        posterior.known_half_width_db,
+        linear=not posterior.sampled,
+        levels=posterior.levels() if level_only else (),
+        level_error_db=NORMAL_90 * Budget.of(config, levels).level_db,
+        level_key="the removed offset" if removed else "uncertainty.level_db",
+    )
 
 
 def _fit(
     case: stages.Archive, name: str, targets: Targets, objective: Comparison, history: History, pixels: MaterialPixels
 ) -> FitTest:
-    """Test of the fit of one material's best run."""
+    """Test whether the law of one material's best run fits the target."""
     score, target = history.best(name).scores[name], targets[name]
     found = check_fit(
         objective,
@@ -203,7 +215,7 @@ def _fit(
 
 
 def without_angles(test: FitTest) -> FitTest:
-    """Test of a material that is seen at one incidence, whose law cannot be tested: its level alone can be wrong."""
+    """Test of a material seen at one incidence: a law fails only if the mean is off by more than 0.5 dB."""
     return replace(test, fits=False if test.fits is False and abs(test.mean_db) > OFF_DB else None)
 
 
@@ -216,8 +228,8 @@ def _cause(
     geometry: Geometry,
     fit: FitTest,
 ) -> str:
-    """Likely cause of a law that does not fit; empty where it fits."""
-    # with several passes the misfit may be another pass's than the law and pixels that are looked at here
+    """Likely cause of a misfit; empty for a law that fits, for a law without a curve, and with several passes."""
+    # with several passes the misfit may lie in another pass than the first, whose law and pixels are examined here
     if fit.fits is not False or not case.laws[name].has_curve or targets.further:
         return ""
     law = objective.law_in(0, history.best(name).scores[name])
@@ -227,7 +239,7 @@ def _cause(
 def _textured(
     record: Record, objectives: Mapping[str, Comparison], looks: Mapping[str, float], seed: int, fresh: bool = False
 ) -> Pixels:
-    """A run's pixels with the texture of each material."""
+    """Pixels of a run, with the texture of each material multiplied onto them."""
     return {
         **record.pixels_db,
         **{
@@ -238,7 +250,7 @@ def _textured(
 
 
 def _picture(record: Record, pixels_db: Pixels, geometry: Geometry) -> NDArray[np.float32] | None:
-    """A run's whole image with these pixels of some materials in it."""
+    """Whole image of a run in which the pixels of some materials are replaced by ``pixels_db``."""
     if record.image_db is None or not pixels_db:
         return record.image_db
     image = record.image_db.copy()
@@ -248,7 +260,7 @@ def _picture(record: Record, pixels_db: Pixels, geometry: Geometry) -> NDArray[n
 
 
 def _materials(targets: Targets, each_db: Sequence[Pixels], final: Sequence[Record]) -> dict[str, MaterialPixels]:
-    """Pixels at their levels, in the reference run and both final runs, and the densities of the latter."""
+    """Pixels of each material in the reference run and both final runs, and densities of the final runs."""
     levels = targets.levels
     mappings = [levels.simulated(pixels_db) for pixels_db in each_db]
     scores = [targets.score(pixels_db) for pixels_db in each_db[1:]]

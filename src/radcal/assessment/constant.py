@@ -1,4 +1,4 @@
-"""Constant level of a material: the fairest rival of a law, with the same random effects of fields and cells."""
+"""Constant level of a material, with which its law is compared; both have random effects of fields and cells."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from radcal.measurement.patches import Effects, Residuals, Spread, gls_mean, pat
 
 __all__ = ["Constant", "constants"]
 
-_UNKNOWN = 1e-9  # information on the level before any pixel [1/dB^2]
+_UNKNOWN = 1e-9  # prior information on the level [1/dB^2]: practically none
 
 
 @dataclass(frozen=True)
 class Constant:
-    """Constant fitted to a material's cells by generalised least squares.
+    """Constant level fitted to the means of a material's cells by generalised least squares.
 
     Attributes
     ----------
     ground : Ground
-        Pixels that it is fitted to.
+        Pixels to which the constant is fitted.
     spread : Spread
-        Between-field and within-field standard deviation about it [dB].
+        Between-field and within-field standard deviation about the constant [dB].
     """
 
     ground: Ground
@@ -38,24 +38,24 @@ class Constant:
 
     @property
     def level_db(self) -> float:
-        """Level [dB]."""
+        """Constant level of the material [dB]."""
         return self._cells[0]
 
     @property
     def variance(self) -> float:
-        """Variance of the level [dB^2]."""
+        """Variance of the error of the constant level [dB^2]."""
         return self._cells[1]
 
     @cached_property
     def effects(self) -> Effects:
-        """Effects of the fields seen."""
+        """Random effects of the fields to which the constant is fitted."""
         cells = self.ground.cells
         residual = cells.mean(self.ground.values_db) - self.level_db
         return patch_effects(residual, self.ground.sampling, cells.patch, self.spread)
 
 
 def constants(grounds: Mapping[str, Ground]) -> dict[str, Constant]:
-    """Constants of several materials, whose variances between and within fields are estimated together."""
+    """Constant levels of several materials, with variances between and within fields estimated together."""
     residuals = []
     for ground in grounds.values():
         cells = ground.cells

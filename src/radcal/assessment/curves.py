@@ -1,4 +1,4 @@
-"""Curves of a law for many X at once, on a fixed grid of local incidence."""
+"""Curves of sigma0 of one law for many X at once, on a fixed grid of local incidence."""
 
 from __future__ import annotations
 
@@ -12,24 +12,25 @@ __all__ = ["GRID_DEG", "PER_DEG", "Curves"]
 Doubles = NDArray[np.float64]
 
 PER_DEG = 4
-"""Angles of the grid in a degree."""
+"""Number of angles per degree in the grid of local incidence."""
 GRID_DEG = np.linspace(0.0, 90.0, 90 * PER_DEG + 1)
-"""Local incidence of the grid [deg]; between two angles a curve is taken as straight."""
+"""Angles of the grid of local incidence [deg]; between two angles, curves are interpolated linearly."""
 
 _RAD = np.radians(GRID_DEG)
 
 
 class Curves:
-    """Curves of one law.
+    """Curves of sigma0 of one backscatter law, for many X at once.
 
-    A law whose formula takes arrays in place of numbers is evaluated at all X in one call, any other one by one.
+    If the formula of the law accepts arrays in place of numbers, all X are evaluated in one call. A
+    formula of single numbers is called once for each X.
 
     Parameters
     ----------
     law : Law
-        With a curve.
+        Backscatter law with a curve.
     example : ndarray, shape (2, d)
-        Two X, at which the single call is compared with two calls.
+        Two X, with which it is tried whether a single call gives the result of two calls.
     """
 
     def __init__(self, law: Law, example: Doubles) -> None:
@@ -38,7 +39,7 @@ class Curves:
             self._together = bool(
                 np.allclose(self._at_once(example, _RAD), self._one_by_one(example, _RAD), rtol=1e-12, atol=0.0)
             )
-        except (TypeError, ValueError):  # a formula of single numbers
+        except (TypeError, ValueError):  # the formula accepts single numbers only
             self._together = False
 
     def _at_once(self, parameters: Doubles, phi_rad: Doubles) -> Doubles:
@@ -48,12 +49,12 @@ class Curves:
         return np.stack([self.law(phi_rad, x) for x in parameters])
 
     def __call__(self, parameters: Doubles, phi_rad: Doubles = _RAD) -> Doubles:
-        """Sigma0 [dB] on the grid, shape (m, d) to (m, 361), or at k other angles [rad], to (m, k)."""
+        """Sigma0 [dB] for m vectors X, shape (m, d), on the grid, shape (m, 361), or at k angles [rad], (m, k)."""
         return (self._at_once if self._together else self._one_by_one)(parameters, phi_rad)
 
     @staticmethod
     def at(levels_db: Doubles, angles_deg: Doubles) -> Doubles:
-        """Levels at other angles [deg]: (m, 361) and (m, ...) or (1, ...) to (m, ...)."""
+        """Levels at angles [deg], shape (m, ...) or (1, ...), interpolated from curves on the grid, shape (m, 361)."""
         m = len(levels_db)
         place = np.broadcast_to(angles_deg, (m, *angles_deg.shape[1:])).reshape(m, -1) * PER_DEG
         below = np.clip(place.astype(np.intp), 0, GRID_DEG.size - 2)

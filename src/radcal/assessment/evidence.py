@@ -1,18 +1,22 @@
-"""What the bins of one pass say of a law: log likelihood of many X, looks and errors at once."""
+"""Log likelihood of the statistics of the bins of all passes, for many X, looks and errors at once."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from radcal.assessment.budget import Budget
 from radcal.assessment.compiled_bins import cumulants_at, shifted_cumulants, whitened
 from radcal.assessment.curves import PER_DEG
+from radcal.calibration.incidence_error import LEAST_SHARE
 from radcal.calibration.misfit import BinMisfit
 from radcal.calibration.moments import from_cumulants, to_cumulants
 from radcal.calibration.objectives.objective import Objective
+from radcal.calibration.shared_fields import together
 from radcal.measurement.classes import class_of, incidence_edges
 from radcal.measurement.ground import Ground
 from radcal.measurement.patches import GRID_DB, Residuals, Spread, spread_log_likelihood
@@ -24,14 +28,13 @@ Doubles = NDArray[np.float64]
 
 _EVERY = 3  # of the angles that stand for a bin: enough for the change by an error of the incidence
 _HERMITE = (np.arange(5) - 2.0) / np.sqrt(2.0)  # points of a normal law with its first three moments
-_LEAST_SHARE = 0.1  # as radcal.calibration.incidence_error.attenuation has it
 _LOOKS_TABLE = 200
-_KNOWN = 1e-6  # inverse variance of levels that nothing is known of
+_KNOWN = 1e-6  # prior information on the level of a bin [1/dB^2]: practically none
 
 
 @dataclass(frozen=True)
 class Unknowns:
-    """Unknowns at m points besides X.
+    """Values of the unknowns besides X, at m points of the posterior.
 
     Attributes
     ----------
@@ -40,7 +43,8 @@ class Unknowns:
     between_db, within_db : ndarray, shape (m,)
         Standard deviations between and within fields [dB].
     incidence, point_spread : ndarray, shape (m,)
-        Standard normal deviates of the error of the incidence and of the resolutions.
+        Standard normal deviates: of the logarithm of the standard error of the incidence, and of the relative error of
+        the resolutions.
     """
 
     looks: Doubles
@@ -50,19 +54,15 @@ class Unknowns:
     point_spread: Doubles
 
 
-class Evidence:
-    """Likelihood of the bins of one material in one pass.
-
-    Normal in mean, log sd and skewness of all bins. The covariance is that of
-    :class:`radcal.calibration.misfit.BinMisfit` with the level's variance, which is common to all means, and with the
-    error of the surrogate; its log-determinant counts, because it depends on the unknowns.
+class _Pass:
+    """Expected statistics of the bins of one material in one pass, and variances of their errors.
 
     Parameters
     ----------
     part : Objective
-        Of the pass.
+        Objective of the material in the pass.
     budget : Budget
-        Standard errors.
+        Uncertainty budget: standard errors of level, noise floor, incidence and resolutions.
     sensor : float
         Looks of the sensor in the first pass.
     """
@@ -75,55 +75,58 @@ class Evidence:
         self.decibels = material.decibels
         self.curve = material.law.has_curve and material.decibels
         misfit = BinMisfit.of(compared.ground, compared.classes, compared.method, Spread(0.0, 0.0))
-        self._measured = compared.statistics.T.ravel()
-        n = self.size
-        self._patches = misfit.patch_share @ misfit.patch_share.T
-        self._cells = misfit.cell_share @ misfit.cell_share.T
-        self._log_sds = misfit.log_sds
+        self.misfit = misfit
         self._inside = [1.0 - (share**2).sum(axis=1) for share in (misfit.patch_share, misfit.cell_share)]
-        if self.decibels:
-            self._base = misfit.covariance.copy()
-            self._base[:n, :n] += budget.level_db**2
-            power_db = compared.statistics[:, 0] - log_speckle_cumulants(material.looks)[0]
-            of_noise = budget.noise_errors_db(power_db, material.target.noise_db)
-            self._base[:n, :n] += np.multiply.outer(of_noise, of_noise)
-            self._spread = _spread_table(compared.ground)
-        else:  # values of normalised images: the moments of a normal sample
-            self._base = np.diag((part.scale.T.ravel() ** 2) / np.repeat(compared.classes.effective, 3))
-            self._spread = np.zeros((GRID_DB.size, GRID_DB.size))
         nodes = part.expected.nodes_deg if part.expected is not None else compared.classes.nodes_deg
         self._nodes, self._few = np.ascontiguousarray(nodes), np.ascontiguousarray(nodes[:, _EVERY // 2 :: _EVERY])
         mapped = compared.ground.incidence_deg
         self._mean_deg, self._variance = float(mapped.mean()), max(float(np.var(mapped)), 1e-12)
-        self._stated = np.broadcast_to(np.asarray(compared.method.incidence_error_deg, dtype=np.float64), (n,))
+        self._stated = np.broadcast_to(np.asarray(compared.method.incidence_error_deg, dtype=np.float64), (self.size,))
         self._rms = np.sqrt(np.mean(self._stated**2, keepdims=True))
-        if compared.ground.error_deg is not None:  # pixels have errors of their own
+        if compared.ground.error_deg is not None:  # each pixel has a standard error of its own
             square, classes = compared.ground.error_deg**2, compared.classes
-            self._stated = np.sqrt(np.bincount(classes.member, square, n) / classes.count)
+            self._stated = np.sqrt(np.bincount(classes.member, square, self.size) / classes.count)
             self._rms = np.sqrt(np.mean(square, keepdims=True))
         self._looks = _looks_table(sensor, material.looks)
         self.has_baseline = part.expected is not None
 
+    @property
+    def of_level(self) -> Doubles:
+        """Covariance of the means of n bins by errors of the image level and the noise floor, shape (n, n) [dB^2]."""
+        material = self.part.material
+        power_db = self.compared.statistics[:, 0] - log_speckle_cumulants(material.looks)[0]
+        of_noise = self.budget.noise_errors_db(power_db, material.target.noise_db)
+        return np.asarray(self.budget.level_db**2 + np.multiply.outer(of_noise, of_noise))
+
+    @property
+    def of_sample(self) -> Doubles:
+        """Variances of mean, log sd and skewness of normal samples, shape (n, 3); used for normalised images."""
+        return np.asarray(self.part.scale**2 / self.compared.classes.effective[:, None])
+
     def baseline(self, levels_db: Doubles) -> Doubles:
-        """Statistics that law, speckle and noise have, from curves (m, 361) to (m, n, 3)."""
+        """Statistics of n bins by law, speckle and noise alone, shape (m, n, 3), from m curves, shape (m, 361)."""
         expected = self.part.expected
         assert expected is not None  # noqa: S101
         cumulants = cumulants_at(levels_db, self._nodes * PER_DEG, float(expected.noise_db))
         return from_cumulants(cumulants + log_speckle_cumulants(expected.looks))
 
     def _shift(self, levels_db: Doubles, unknowns: Unknowns) -> Doubles:
-        """Change of the cumulants by the errors of incidence and resolution, shape (m, n, 3)."""
+        """Change of the cumulants of n bins by errors of the incidence and of the resolutions, shape (m, n, 3)."""
         error = self.budget.incidence_error_deg(self._stated, unknowns.incidence)
-        # as radcal.calibration.incidence_error.attenuation has it
+        # same formula as in radcal.calibration.incidence_error.attenuation
         rms = self.budget.incidence_error_deg(self._rms, unknowns.incidence)
-        of_true = np.maximum(self._variance - rms**2, _LEAST_SHARE * self._variance)
-        share = np.maximum(of_true / (of_true + error**2), _LEAST_SHARE)
+        of_true = np.maximum(self._variance - rms**2, LEAST_SHARE * self._variance)
+        share = np.maximum(of_true / (of_true + error**2), LEAST_SHARE)
         slope = share * self.budget.steepening(unknowns.point_spread)[:, None]
         spread = error * np.sqrt(share) * PER_DEG
         return shifted_cumulants(levels_db, self._few * PER_DEG, self._mean_deg * PER_DEG, slope, spread, _HERMITE)
 
     def difference(self, simulated: Doubles, levels_db: Doubles | None, unknowns: Unknowns) -> Doubles:
-        """Expected minus measured statistics, all means, log sds and skewnesses: (m, n, 3) to (m, 3 n)."""
+        """Expected minus measured statistics of n bins at m points, shape (m, n, 3).
+
+        The expected statistics are the simulated statistics, corrected for looks, effects of fields, and the errors of
+        incidence and resolutions. The curves ``levels_db`` have the shape (m, 361).
+        """
         cumulants = to_cumulants(simulated)
         found = cumulants
         if self.decibels:
@@ -135,19 +138,71 @@ class Evidence:
             fields = np.multiply.outer(unknowns.between_db**2, self._inside[0])
             fields = fields + np.multiply.outer(unknowns.within_db**2, self._inside[1])
             found[..., 1] = np.maximum(found[..., 1] + fields, 1e-3 * cumulants[..., 1])
-        return np.asarray(np.swapaxes(from_cumulants(found), 1, 2).reshape(len(found), -1) - self._measured)
+        return np.asarray(from_cumulants(found) - self.compared.statistics)
+
+
+class Evidence:
+    """Likelihood of the incidence-angle bins of one material in all passes.
+
+    The likelihood is normal in the means, log standard deviations and skewnesses of all bins. The covariance is the sum
+    of three parts: the covariance of :class:`radcal.calibration.misfit.BinMisfit`, in which passes share the effects of
+    their fields (:func:`radcal.calibration.shared_fields.together`); the variances of the level and the noise floor of
+    each pass; and the variance of the surrogate. The covariance depends on the unknowns, so that the
+    determinant of the covariance is part of the likelihood.
+
+    Parameters
+    ----------
+    parts : sequence of Objective
+        Objective of each pass.
+    budgets : sequence of Budget
+        Uncertainty budget of each pass.
+    sensor : float
+        Looks of the sensor in the first pass.
+    """
+
+    def __init__(self, parts: Sequence[Objective], budgets: Sequence[Budget], sensor: float) -> None:
+        self.passes = [_Pass(part, budget, sensor) for part, budget in zip(parts, budgets, strict=True)]
+        self.compared, self.decibels = self.passes[0].compared, self.passes[0].decibels
+        self._ends = np.cumsum([one.size for one in self.passes])
+        n = self.size = int(self._ends[-1])
+        misfit = together([one.misfit for one in self.passes])
+        self._patches = misfit.patch_share @ misfit.patch_share.T
+        self._cells = misfit.cell_share @ misfit.cell_share.T
+        self._log_sds = misfit.log_sds
+        if self.decibels:
+            self._base = misfit.covariance.copy()
+            self._base[:n, :n] += block_diag(*(one.of_level for one in self.passes))
+            self._spread = _spread_table([one.compared.ground for one in self.passes])
+        else:
+            self._base = np.diag(np.concatenate([one.of_sample for one in self.passes]).T.ravel())
+            self._spread = np.zeros((GRID_DB.size, GRID_DB.size))
+
+    @property
+    def has_baseline(self) -> bool:
+        """Whether the objective of every pass has a baseline."""
+        return all(one.has_baseline for one in self.passes)
+
+    def baseline(self, levels_db: Doubles) -> Doubles:
+        """Statistics of n bins by law, speckle and noise alone, shape (m, n, 3), from m curves, shape (m, 361)."""
+        return np.concatenate([one.baseline(levels_db) for one in self.passes], axis=1)
+
+    def difference(self, simulated: Doubles, levels_db: Doubles | None, unknowns: Unknowns) -> Doubles:
+        """Expected minus measured statistics at m points, shape (m, 3 n): means, then log sds, then skewnesses."""
+        each = zip(self.passes, np.split(simulated, self._ends[:-1], axis=1), strict=True)
+        found = np.concatenate([one.difference(own, levels_db, unknowns) for one, own in each], axis=1)
+        return np.ascontiguousarray(np.swapaxes(found, 1, 2)).reshape(len(found), -1)
 
     def whitened(self, difference: Doubles, error: Doubles, unknowns: Unknowns) -> tuple[Doubles, Doubles]:
-        """Differences in standard deviations, and the logarithm of their covariance's determinant, halved.
+        """Differences whitened by their covariance, and half the logarithm of the determinant of this covariance.
 
         Parameters
         ----------
         difference : ndarray, shape (m, 3 n)
-            As :meth:`difference` returns it.
+            Expected minus measured statistics, as :meth:`difference` returns them.
         error : ndarray, shape (m, 3)
-            Standard errors of the surrogate.
+            Standard errors of the mean, log standard deviation and skewness that the surrogate predicts.
         unknowns : Unknowns
-            At m points.
+            Unknowns besides X at the m points.
 
         Returns
         -------
@@ -159,12 +214,12 @@ class Evidence:
         return whitened(difference, self._base, between, self._patches, within, self._cells, self._log_sds, error)
 
     def log_likelihood(self, simulated: Doubles, error: Doubles, levels_db: Doubles | None, at: Unknowns) -> Doubles:
-        """Log likelihood of the bins and, of the fields' standard deviations, of the cells inside bins, shape (m,)."""
+        """Log likelihood of the statistics of the bins and of the differences between cells of one bin, shape (m,)."""
         residuals, determinant = self.whitened(self.difference(simulated, levels_db, at), error, at)
         return np.asarray(-0.5 * (residuals**2).sum(axis=1) - determinant + self._of_fields(at))
 
     def _of_fields(self, at: Unknowns) -> Doubles:
-        """Log likelihood of the fields' standard deviations, interpolated in its table."""
+        """Log likelihood of the standard deviations between and within fields, interpolated in a table, shape (m,)."""
         places = [np.interp(tau, GRID_DB, np.arange(GRID_DB.size)) for tau in (at.between_db, at.within_db)]
         first, second = (np.minimum(place.astype(np.intp), GRID_DB.size - 2) for place in places)
         a, b = places[0] - first, places[1] - second
@@ -174,23 +229,38 @@ class Evidence:
         return np.asarray((1.0 - a) * low + a * high)
 
 
-def _spread_table(ground: Ground) -> Doubles:
+def _spread_table(grounds: Sequence[Ground]) -> Doubles:
     """Log likelihood of the fields' standard deviations from cells that share a bin, on the grid of both.
 
-    A free level of each bin takes the place of the law: these contrasts are independent of the means of the bins, which
-    the rest of the likelihood is about, and know of no law that might be wrong.
+    A free level of each bin of each pass takes the place of the law, so that a wrong law does not change the result.
+    The differences between cells are independent of the means of the bins, which enter the rest of the likelihood, if
+    all bins contain equal shares of the fields (``docs/uncertainty.md`` gives the loss if they do not). Cells of
+    several passes in one field share the effect of this field.
     """
-    edges = incidence_edges(ground.incidence_deg, "auto")
-    member, cells = class_of(ground.incidence_deg, edges), ground.cells
-    slopes = cells.mean((member[:, None] == np.arange(len(edges) - 1)).astype(np.float64))
+    slopes, inside = [], []
+    for ground in grounds:
+        edges = incidence_edges(ground.incidence_deg, "auto")
+        member = class_of(ground.incidence_deg, edges)
+        columns = np.column_stack([member[:, None] == np.arange(len(edges) - 1), ground.values_db]).astype(np.float64)
+        means = ground.cells.mean(columns)
+        slopes.append(means[:, :-1])
+        # differences between the bins inside one cell, which no effect of a field or of a cell changes
+        left = columns - means[ground.cells.of_pixel]
+        inside.append(left.T @ (left / (ground.sampling * ground.cells.count)[ground.cells.of_pixel, None]))
+    of_bins = block_diag(*slopes)
     data = Residuals(
-        cells.mean(ground.values_db), ground.sampling, cells.patch, slopes, _KNOWN * np.eye(slopes.shape[1])
+        np.concatenate([ground.cells.mean(ground.values_db) for ground in grounds]),
+        np.concatenate([ground.sampling for ground in grounds]),
+        np.concatenate([ground.cells.patch for ground in grounds]),
+        of_bins,
+        _KNOWN * np.eye(of_bins.shape[1]) + block_diag(*(one[:-1, :-1] for one in inside)),
+        np.concatenate([one[:-1, -1] for one in inside]),
     )
     table = spread_log_likelihood(data)
     return np.asarray(table - table.max())
 
 
 def _looks_table(first: float, here: float) -> tuple[Doubles, Doubles]:
-    """Logarithms of the looks in the first pass and in this one, for interpolation."""
+    """Logarithms of the effective looks of one texture in the first pass and in another pass, for interpolation."""
     log = np.linspace(np.log(0.1), np.log(2.0 * first), _LOOKS_TABLE)
     return log, np.array([np.log(equal_texture(first, float(looks), here)) for looks in np.exp(log)])

@@ -1,9 +1,11 @@
 """Test of the fit of a calibrated law to its measured bins.
 
-The residuals are those of the means, log standard deviations and skewnesses of all incidence-angle bins, whitened,
-without priors. For a law that is right, with X drawn from priors and bounds, they have the covariance I - H, and the
-sum of their squares is m - tr(H) in the mean, where H = J (J'J + Lambda)^-1 J' is the hat matrix of the linearised fit.
-The variances between and within fields are held at the values estimated from the residuals of cells.
+The m residuals are whitened differences between expected and measured means, log standard deviations and skewnesses of
+all incidence-angle bins, without residuals of priors. If the law is right and X is drawn from its priors and bounds,
+the m residuals have the covariance I - H, H being the hat matrix of the linearised fit, and the sum of their squares
+has the expectation m - tr(H). The hat matrix is H = J (J'J + Lambda)^-1 J', with the derivatives J of the residuals
+with respect to X and looks, and the information Lambda of priors and bounds. The variances between and within fields
+are not refitted: they keep the values that were estimated from the residuals of cells.
 """
 
 from __future__ import annotations
@@ -17,50 +19,56 @@ from radcal.calibration.history import Score
 from radcal.calibration.law_fit import LOOKS, Residuals
 from radcal.calibration.misfit import BinMisfit
 from radcal.calibration.objectives import Comparison
+from radcal.calibration.shared_fields import SharedFields
 from radcal.radar.texture import equal_texture
 
 __all__ = ["DOUBTFUL_SPREAD_DB", "FitTest", "Linearised", "check_fit", "linearised"]
 
 REPLICATES = 999
-LEVEL = 0.01  # half of the share of right laws that may be called wrong: replicates are drawn about an estimated law
+LEVEL = 0.01  # p below which a law does not fit; right laws fail up to twice as often: replicates use an estimated law
 MEAN_DB, SPREAD = 0.5, 0.15  # misfit of a bin's mean [dB], and of its standard deviation (relative), that matters
 DOUBTFUL_SPREAD_DB = 3.0  # a larger standard deviation between fields can hide a misfit
-_LIMIT = 1e-3  # log looks, and share of the interval between bounds, within which a value is at its limit
-_PRESSED = 3.0  # standard errors by which the pixels ask for looks, or for X, beyond a limit
-_STEP = 1e-4  # of the interval between bounds, and of log looks
+_LIMIT = 1e-3  # largest distance of a value that ends at a limit, in log looks or in shares of the interval of X
+_PRESSED = 3.0  # least number of standard errors beyond a limit that the pixels ask for, in looks or X
+_STEP = 1e-4  # step of the derivatives, in shares of the intervals of X and of log looks
 
 Doubles = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class FitTest:
-    """Result of the test for one material.
+    """Result of the test of the fit of one material's law.
 
     Attributes
     ----------
     fits : bool or None
-        Whether the law fits; None where one density leaves no degree of freedom.
+        Whether the law fits; None if the law cannot be tested, for example because one density leaves no degree of
+        freedom.
     residual_sum : float
-        Sum of squared residuals of all bins and passes; NaN for one density, as are the other numbers of bins.
+        Sum of squared residuals of all bins and passes; if no bins were compared, NaN, like ``expected``, ``p`` and the
+        three values of the worst bin.
     expected : float
-        Degrees of freedom m - tr(H): mean of that sum for a right law.
+        Degrees of freedom m - tr(H): expectation of the residual sum of a right law.
     p : float
-        Share of parametric replicates of which this sum, or that of the means alone, is as unlikely.
+        p-value: share of parametric replicates whose residual sum, or whose sum over the means alone, is at least as
+        unlikely as that of the law.
     worst_deg : float
-        Mean incidence of the bin with the largest misfit, in units of the misfit that matters [deg].
+        Mean incidence of the worst bin [deg], whose misfit is largest in units of 0.5 dB (mean) or 15 % (standard
+        deviation).
     worst_mean_db, worst_spread : float
-        Simulated minus measured mean [dB], and simulated over measured standard deviation, in that bin.
+        Simulated minus measured mean [dB], and ratio of simulated to measured standard deviation, in the worst bin.
     mean_db : float
         Simulated minus measured mean of all target pixels [dB].
     sd_db, measured_sd_db : float
         Standard deviation of the simulated and of the measured target pixels [dB].
     looks_limit : str
-        Limit at which the effective looks end although the pixels ask for more, or for fewer: ``upper``, ``lower``, or
+        Limit at which the effective looks end although the pixels ask for looks beyond it: ``upper``, ``lower``, or
         empty.
     bounds : tuple of str
-        Parameters at a bound beyond which the pixels ask for them, by more than three standard errors.
+        Names of the parameters that end at a bound although the pixels ask for values more than three standard errors
+        beyond it.
     distance : float
-        Density rms over that of sampling.
+        Ratio of the density rms to the sampling error of the density.
     """
 
     fits: bool | None
@@ -80,18 +88,18 @@ class FitTest:
 
 @dataclass(frozen=True)
 class Linearised:
-    """Linearised fit: residuals at the law found, and what refits leave of disturbed ones.
+    """Fit of a law, linearised at the law found: residuals, derivatives and covariance.
 
     Attributes
     ----------
     residuals : ndarray, shape (m,)
-        Whitened, without priors.
+        Whitened residuals of the data, without priors.
     jacobian : ndarray, shape (m, d)
-        Their derivatives by the d searched values: X and log looks, in units of their intervals.
+        Derivatives of the residuals with respect to d searched values: X and log looks, in units of their intervals.
     covariance : ndarray, shape (d, d)
-        (J'J + Lambda)^-1.
+        Covariance of the searched values, (J'J + Lambda)^-1.
     information : ndarray, shape (d, d)
-        Lambda: what priors and bounds say.
+        Information of priors and bounds on the searched values, Lambda (inverse covariance).
     """
 
     residuals: Doubles
@@ -101,23 +109,23 @@ class Linearised:
 
     @property
     def hat(self) -> Doubles:
-        """Hat matrix H, shape (m, m)."""
+        """Hat matrix H = J (J'J + Lambda)^-1 J' of the linearised fit, shape (m, m)."""
         return np.asarray(self.jacobian @ self.covariance @ self.jacobian.T)
 
     @property
     def expected(self) -> float:
-        """Degrees of freedom m - tr(H)."""
+        """Degrees of freedom of the m residuals after the fit, m - tr(H), H the hat matrix."""
         return float(self.residuals.size - np.trace(self.hat))
 
     def refitted(self, disturbance: Doubles, rng: np.random.Generator) -> Doubles:
-        """Residuals of replicates after a refit, (count, m) to (count, m), with X drawn from its prior."""
+        """Residuals of parametric replicates after a refit, shape (count, m), with X drawn from its prior."""
         left = np.eye(self.residuals.size) - self.hat
         root = np.linalg.inv(np.linalg.cholesky(self.information)) if self.information.size else self.information
         of_x = rng.normal(size=(len(disturbance), len(root))) @ root @ self.jacobian.T
         return np.asarray((disturbance + of_x) @ left)
 
     def asked(self) -> Doubles:
-        """Standard errors by which the data alone ask each searched value to be larger, shape (d,)."""
+        """Number of standard errors by which the data alone would increase each searched value, shape (d,)."""
         pull = -self.jacobian.T @ self.residuals
         return np.asarray(pull * np.sqrt(np.diag(self.covariance)))
 
@@ -130,15 +138,15 @@ def linearised(
     Parameters
     ----------
     residuals : callable
-        (X, looks) to whitened residuals without priors.
+        Function of X and looks that returns whitened residuals without priors.
     parameters, looks : ndarray of shape (k,), float
-        Law found.
+        X and effective looks of the law found.
     box : ndarray, shape (k, 2)
         Bounds of X.
     sensor : float or None
-        Looks of the sensor, where the effective looks are searched.
+        Looks of the sensor; None if the effective looks are fixed.
     information : ndarray, shape (k + 1, k + 1)
-        What priors and bounds say of X and log looks (inverse covariance).
+        Information of priors and bounds on X and log looks (inverse covariance).
     """
     width = np.append(box[:, 1] - box[:, 0], [] if sensor is None else [np.log(LOOKS[1] * sensor / LOOKS[0])])
     middle = np.append(parameters, [] if sensor is None else [np.log(looks)])
@@ -146,7 +154,7 @@ def linearised(
     def at(value: Doubles) -> Doubles:
         return residuals(value[: len(box)], looks if sensor is None else float(np.exp(value[-1])))
 
-    # one step beyond a bound is no law that anybody simulates, but the same smooth function
+    # a step beyond a bound needs no simulation: the formula of the law is smooth there, too
     steps = _STEP * np.diag(width)
     columns = [(at(middle + step) - at(middle - step)) / (2.0 * _STEP) for step in steps]
     jacobian = np.stack(columns, axis=-1)
@@ -155,29 +163,18 @@ def linearised(
     return Linearised(at(middle), jacobian, np.linalg.inv(jacobian.T @ jacobian + known), known)
 
 
-@dataclass(frozen=True)
-class _Pass:
-    """Bins of one pass, residuals by X and the looks there, and looks of its sensor."""
+def _all_passes(comparison: Comparison, score: Score) -> tuple[BinMisfit, Residuals] | None:
+    """Bins of all passes, and their residuals as a function of X and of the looks in the first pass; None without bins.
 
-    moments: BinMisfit
-    residuals: Residuals
-    sensor: float
-
-
-def _passes(comparison: Comparison, score: Score) -> list[_Pass]:
-    """Passes that have bins."""
-    each = [(part, comparison.in_pass(k, score)) for k, part in enumerate(comparison.passes) if part is not None]
-    return [
-        _Pass(part.moments, part.moment_residuals(one), part.material.looks)
-        for part, one in each
-        if part.moments is not None
-    ]
-
-
-def _all_passes(passes: list[_Pass], sensor: float) -> Residuals:
-    """Residuals of all passes by X and the looks in the first; texture is shared."""
-    return lambda x, looks: np.concatenate(
-        [one.residuals(x, equal_texture(sensor, looks, one.sensor)) for one in passes]
+    The passes share texture and fields.
+    """
+    parts = [(k, part) for k, part in enumerate(comparison.passes) if part is not None and part.moments is not None]
+    if not parts:
+        return None
+    shared, sensor = SharedFields([part.moments for _, part in parts if part.moments]), comparison.material.looks
+    each = [(part.material.looks, part.moment_residuals(comparison.in_pass(k, score))) for k, part in parts]
+    return shared.joined, lambda x, looks: shared.residuals(
+        [residuals(x, equal_texture(sensor, looks, there)) for there, residuals in each]
     )
 
 
@@ -191,21 +188,25 @@ def check_fit(
 ) -> FitTest:
     """Test whether the law of a run fits the measured bins of all passes.
 
-    It does not fit where the sum of squared residuals, or that of the means alone, is larger than those of all but 1 %
-    of parametric replicates (the smaller of both shares, and its law among the replicates) and the misfit matters (a
-    bin's mean off by more than 0.5 dB, or its standard deviation by more than 15 %), or where the effective looks end
-    at a limit beyond which the pixels ask for them by more than three standard errors.
+    The law does not fit in either of two cases:
+
+    - The p-value of the law is below 1 %, and the misfit matters: the mean of a bin is off by more than 0.5 dB, or its
+      standard deviation by more than 15 %. The p-value compares two sums of squared residuals with those of parametric
+      replicates: the sum over all statistics, and the sum over the means alone. For the law and for each replicate,
+      the less likely of the two sums counts.
+    - The effective looks end at a limit of the search, and the pixels ask for looks more than three standard errors
+      beyond the limit.
 
     Parameters
     ----------
     comparison : Comparison
         Objective of the material.
     score : Score
-        The best run's.
+        Score of the best run.
     pixels_db : (ndarray, ndarray)
         Simulated and measured target pixels [dB].
     distance : float
-        Density rms over that of sampling.
+        Ratio of the density rms to the sampling error of the density.
     rng : Generator
         Random numbers of the replicates.
     names : tuple of str
@@ -222,37 +223,36 @@ def check_fit(
     of parametric replicates.
     """
     simulated, measured = pixels_db
-    moments = (float(np.mean(simulated) - np.mean(measured)), float(np.std(simulated)), float(np.std(measured)))
-    passes = _passes(comparison, score)
-    if not passes:
-        return FitTest(None, *(float("nan"),) * 6, *moments, "", (), distance)
-    found = _linearised(comparison, score, passes)
-    disturbance = np.concatenate([one.moments.replicates(REPLICATES, rng) for one in passes], axis=1)
-    total = float(found.residuals @ found.residuals)
-    of_means = np.concatenate([np.arange(3 * one.moments.classes.size) < one.moments.classes.size for one in passes])
-    sums = _sums(found.refitted(disturbance, rng), of_means)
+    levels = (float(np.mean(simulated) - np.mean(measured)), float(np.std(simulated)), float(np.std(measured)))
+    bins = _all_passes(comparison, score)
+    if bins is None:
+        return FitTest(None, *(float("nan"),) * 6, *levels, "", (), distance)
+    moments, residuals = bins
+    found = _linearised(comparison, score, residuals)
+    total, n = float(found.residuals @ found.residuals), moments.classes.size
+    sums = _sums(found.refitted(moments.replicates(REPLICATES, rng), rng), n)
     if not comparison.material.law.has_curve:  # all searched values are taken for determined by the pixels
         searched = len(comparison.material.box) + comparison.free_looks
         if searched >= found.residuals.size:  # no degree of freedom is left
-            return FitTest(None, *(float("nan"),) * 6, *moments, "", (), distance)
+            return FitTest(None, *(float("nan"),) * 6, *levels, "", (), distance)
         sums, expected = sums * (1.0 - searched / found.residuals.size), found.expected - searched
     else:
         expected = found.expected
-    p = _p(sums, _sums(found.residuals, of_means))
-    worst, matters = _worst(passes, found.residuals)
+    p = _p(sums, _sums(found.residuals, n))
+    worst, matters = _worst(moments, found.residuals)
     looks_limit, bounds = _limits(comparison, score, found, names)
     fits = not (p < LEVEL and matters) and not looks_limit
-    return FitTest(fits, total, expected, p, *worst, *moments, looks_limit, bounds, distance)
+    return FitTest(fits, total, expected, p, *worst, *levels, looks_limit, bounds, distance)
 
 
-def _sums(residuals: Doubles, of_means: NDArray[np.bool_]) -> Doubles:
-    """Sums of squares of all residuals, and of those of the means, shape (..., m) to (..., 2)."""
-    # whitening by Cholesky's factor leaves the first statistic, the means, to themselves
-    return np.stack([(residuals**2).sum(axis=-1), (residuals[..., of_means] ** 2).sum(axis=-1)], axis=-1)
+def _sums(residuals: Doubles, n: int) -> Doubles:
+    """Sum of squares of all m residuals, and sum of squares of the residuals of the n means, shape (..., 2)."""
+    # whitening by the Cholesky factor computes the residuals of the means, which come first, from the means alone
+    return np.stack([(residuals**2).sum(axis=-1), (residuals[..., :n] ** 2).sum(axis=-1)], axis=-1)
 
 
 def _p(replicates: Doubles, found: Doubles) -> float:
-    """Share of replicates, shape (count, 2), of which one of the two sums is as unlikely as those found, shape (2,)."""
+    """Share of replicates whose sums, shape (count, 2), are at least as unlikely as those found, shape (2,)."""
     every = np.concatenate([found[None], replicates])
     # rank 1 is the largest; equal sums share the rank of the last
     ranks = [len(sums) - np.searchsorted(np.sort(sums), sums, side="left") for sums in every.T]
@@ -260,10 +260,9 @@ def _p(replicates: Doubles, found: Doubles) -> float:
     return float(np.mean(least <= least[0]))
 
 
-def _linearised(comparison: Comparison, score: Score, passes: list[_Pass]) -> Linearised:
+def _linearised(comparison: Comparison, score: Score, residuals: Residuals) -> Linearised:
     """Linearised fit of all passes; without a law's curve the residuals alone."""
     material, x = comparison.material, np.asarray(score.parameters, dtype=np.float64)
-    residuals = _all_passes(passes, material.looks)
     if not material.law.has_curve:
         at, nothing = residuals(x, score.looks), np.empty((0, 0))
         return Linearised(at, np.empty((at.size, 0)), nothing, nothing)
@@ -272,12 +271,9 @@ def _linearised(comparison: Comparison, score: Score, passes: list[_Pass]) -> Li
     return linearised(residuals, x, score.looks, material.box, sensor, information)
 
 
-def _worst(passes: list[_Pass], residuals: Doubles) -> tuple[tuple[float, float, float], bool]:
+def _worst(moments: BinMisfit, residuals: Doubles) -> tuple[tuple[float, float, float], bool]:
     """Incidence [deg], mean difference [dB] and ratio of spreads of the worst bin, and whether its misfit matters."""
-    ends = np.cumsum([3 * one.moments.classes.size for one in passes])[:-1]
-    split = np.split(residuals, ends)
-    difference = np.concatenate([one.moments.differences(own) for one, own in zip(passes, split, strict=True)])
-    middle = np.concatenate([one.moments.classes.nodes_deg.mean(axis=1) for one in passes])
+    difference, middle = moments.differences(residuals), moments.classes.nodes_deg.mean(axis=1)
     size = np.maximum(np.abs(difference[:, 0]) / MEAN_DB, np.abs(difference[:, 1]) / np.log1p(SPREAD))
     k = int(size.argmax())
     return (float(middle[k]), float(difference[k, 0]), float(np.exp(difference[k, 1]))), bool(size[k] > 1.0)
@@ -286,7 +282,7 @@ def _worst(passes: list[_Pass], residuals: Doubles) -> tuple[tuple[float, float,
 def _limits(
     comparison: Comparison, score: Score, found: Linearised, names: tuple[str, ...]
 ) -> tuple[str, tuple[str, ...]]:
-    """Limit of the looks, and parameters at their bounds, where the pixels ask for values beyond."""
+    """Limit of the looks and parameters at bounds, if a fit beyond limit or bound would be better."""
     box, asked = comparison.material.box, found.asked()
     if not asked.size:
         return "", ()

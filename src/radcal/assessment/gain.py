@@ -1,4 +1,4 @@
-"""Comparison of the errors of two predictors, law and constant, with a standard error over fields."""
+"""Comparison of the errors of two predictors, law and constant, with a standard error from the scatter of fields."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from numpy.typing import NDArray
 __all__ = ["POWER", "Gain", "field_gains", "power"]
 
 POWER = 2.0
-"""Power from which a comparison is believed: a right law then looks worse than a constant in 2.3 % of the cases."""
-_LEAST_DB2 = 1e-6  # squared error of a field, which has speckle at least
+"""Least power of a comparison that counts: at this power, a right law looks worse than a constant in 2.3 % of cases."""
+_LEAST_DB2 = 1e-6  # least squared error of a field: speckle always leaves one
 Doubles = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Gain:
-    """Gain of a law over a constant.
+    """Gain in accuracy if the levels of fields are predicted by a law and not by a constant.
 
     Attributes
     ----------
     mean : float
-        Mean over the fields of ln(rms error of the constant / rms error of the law): each field counts in proportion,
-        so that one field far off does not decide. NaN for no field.
+        Mean over the fields of ln(rms error of the constant / rms error of the law); NaN without fields. Because of the
+        logarithm, a single field with large errors does not decide.
     error : float
-        Standard error of the mean, from the scatter of the fields (the jackknife's); infinite for a single field.
+        Jackknife standard error of the mean gain, from the scatter of the fields; infinite for a single field.
     fields : int
         Number of fields.
     """
@@ -36,7 +36,7 @@ class Gain:
 
     @classmethod
     def of(cls, field: NDArray[np.int64], gains: Doubles) -> Gain:
-        """Gain from the gains of fields, shape (k,); several values of the same field are averaged first."""
+        """Mean gain over fields, from k gains and the labels of their fields; gains of one field are averaged first."""
         labels, of = np.unique(field, return_inverse=True)
         if not labels.size:
             return cls(float("nan"), float("inf"), 0)
@@ -46,37 +46,38 @@ class Gain:
 
     @property
     def better(self) -> bool:
-        """Whether the law is better than the constant beyond the standard error."""
+        """Whether the law is better than the constant by more than one standard error."""
         return bool(self.mean > self.error)
 
     @property
     def worse(self) -> bool:
-        """Whether the constant is better than the law beyond the standard error."""
+        """Whether the constant is better than the law by more than one standard error."""
         return bool(-self.mean > self.error)
 
     @property
     def ratio(self) -> float:
-        """Error of the law over that of the constant, geometric mean over the fields."""
+        """Ratio of the rms error of the law to that of the constant, as a geometric mean over the fields."""
         return float(np.exp(-self.mean))
 
 
 def field_gains(
     patch: NDArray[np.int64], law_error_db: Doubles, constant_error_db: Doubles
 ) -> tuple[NDArray[np.int64], Doubles]:
-    """Logarithm of the ratio of rms errors, constant over law, of each field.
+    """Gain of the law in each field: logarithm of the ratio of the constant's rms error to the law's.
 
     Parameters
     ----------
     patch : ndarray of int, shape (cells,)
         Field of each cell.
     law_error_db, constant_error_db : ndarray, shape (cells,)
-        Errors of both predictions [dB].
+        Errors of the means of cells that law and constant predict [dB].
 
     Returns
     -------
     field : ndarray of int, shape (k,)
-        Labels, increasing.
+        Labels of the fields, increasing.
     gain : ndarray, shape (k,)
+        Gain in each field.
     """
     labels, of = np.unique(patch, return_inverse=True)
     count = np.maximum(np.bincount(of, minlength=labels.size), 1)
@@ -88,12 +89,13 @@ def field_gains(
 
 
 def power(patch: NDArray[np.int64], difference_db: Doubles, common: Doubles, own: Doubles) -> float:
-    r"""Power of a comparison: the gain that a right law is expected to show, in standard errors of it.
+    r"""Power of a comparison: expected gain of a right law over a constant, in standard errors of this gain.
 
-    Where two predictions differ by :math:`\delta_c` and the first is right but for errors e, the difference of the
-    squared errors is :math:`\delta_c^2 + 2 \delta_c e_c`. Its sum over the cells is :math:`\sum \delta_c^2`, the
-    variance of the predicted means about the constant, in the mean; its variance is four times that of
-    :math:`\sum \delta_c e_c`. Ground whose folds hold all angles alike has :math:`\delta_c` near 0, and no power.
+    Let the predictions of the mean of cell c by law and constant differ by :math:`\delta_c`, and let the prediction by
+    the law have the error :math:`e_c`. The squared error of the constant then exceeds that of the law by
+    :math:`\delta_c^2 + 2 \delta_c e_c`. Summed over the cells, the difference of the squared errors has the expectation
+    :math:`\sum \delta_c^2` and four times the variance of :math:`\sum \delta_c e_c`. If all cells hold the same angles,
+    law and constant predict the same means, and the comparison has no power.
 
     Parameters
     ----------
@@ -102,7 +104,7 @@ def power(patch: NDArray[np.int64], difference_db: Doubles, common: Doubles, own
     difference_db : ndarray, shape (cells,)
         Difference of the two predictions of each cell [dB].
     common, own : ndarray, shape (cells,)
-        Variance of the error that the cells of a field share, and of each cell's own [dB^2].
+        Variance of the error that the cells of a field share, and variance of the error of each single cell [dB^2].
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""What a sample of laws says: band of sigma0, where it is known, which combinations of X are fixed, and its modes."""
+"""Summary of a sample of laws: band of sigma0, incidence at which it is known, combinations of X, modes."""
 
 from __future__ import annotations
 
@@ -10,25 +10,36 @@ from numpy.typing import NDArray
 
 from radcal.assessment.curves import GRID_DEG
 
-__all__ = ["Band", "Directions", "Modes", "band_of", "directions", "known_between", "modes_of", "why_unknown"]
+__all__ = [
+    "Band",
+    "Directions",
+    "Level",
+    "Modes",
+    "band_of",
+    "directions",
+    "known_between",
+    "level_words",
+    "modes_of",
+    "why_unknown",
+]
 
 Doubles = NDArray[np.float64]
 
 _LEVELS = (0.05, 0.5, 0.95)
 _OF_PRIOR = 0.5
-_APART_DB = 1.0  # of two modes' nearest curves, root mean square over the incidence seen
+_APART_DB = 1.0  # least rms difference, over the incidence seen, of the nearest curves of two modes
 _LEAST_SHARE = 0.05
 _COMPARED = 400  # curves
 
 
 @dataclass(frozen=True)
 class Band:
-    """90 % band of curves at k angles, pointwise.
+    """Pointwise 90 % band of curves of sigma0 at k angles.
 
     Attributes
     ----------
     incidence_deg, median_db, p05_db, p95_db : ndarray, shape (k,)
-        Local incidence [deg], and quantiles of sigma0 [dB].
+        Local incidence [deg]; median, 5 % and 95 % quantile of sigma0 [dB].
     """
 
     incidence_deg: Doubles
@@ -38,27 +49,54 @@ class Band:
 
     @property
     def half_width_db(self) -> Doubles:
-        """Half of the band's width [dB], shape (k,)."""
+        """Half of the width of the 90 % band [dB], shape (k,)."""
         return np.asarray(0.5 * (self.p95_db - self.p05_db))
 
 
 @dataclass(frozen=True)
+class Level:
+    """Sigma0 of a material at the middle of the incidence of one pass, with its 90 % interval.
+
+    Attributes
+    ----------
+    incidence_deg : float
+        Middle between the 5 and 95 % quantiles of the local incidence [deg].
+    median_db, p05_db, p95_db : float
+        Median, 5 % and 95 % quantile of sigma0 at ``incidence_deg`` [dB].
+    """
+
+    incidence_deg: float
+    median_db: float
+    p05_db: float
+    p95_db: float
+
+    def __str__(self) -> str:
+        return f"{self.median_db:.1f} dB (90 %: {self.p05_db:.1f} to {self.p95_db:.1f})"
+
+
+def level_words(levels: Sequence[Level]) -> str:
+    """Text with the levels, and with their incidences if there are several levels; empty if there is no level."""
+    several = len(levels) > 1
+    return ", ".join(f"{level}{f' at {level.incidence_deg:.1f} degrees' * several}" for level in levels)
+
+
+@dataclass(frozen=True)
 class Directions:
-    """Combinations of X, those first that the data fix best.
+    """Linear combinations of X; those that the data fix best come first.
 
     Attributes
     ----------
     weights : ndarray, shape (d, d)
-        Rows: combinations of X, each in standard deviations of its prior; unit length.
+        Weights of the combinations, one row of unit length for each; X is in standard deviations of its prior.
     ratio : ndarray, shape (d,)
-        Standard deviation of each combination over the one that it has by the prior.
+        Ratio of the posterior to the prior standard deviation of each combination.
     """
 
     weights: Doubles
     ratio: Doubles
 
     def sentence(self, names: Sequence[str]) -> str:
-        """Combinations in words."""
+        """Sentence that lists the combinations of X that the pixels fix, and those that they do not fix."""
 
         def said(row: Doubles) -> str:
             # a sign that makes the largest weight positive
@@ -73,20 +111,20 @@ class Directions:
         return f"{each} (each in standard deviations of the prior; in brackets, the standard deviation left)."
 
 
-_SAID = 0.25  # of the largest weight
+_SAID = 0.25  # least weight of a parameter that is named, as a share of the largest weight
 _FIXED = 0.3
 
 
 @dataclass(frozen=True)
 class Modes:
-    """Distinct groups of curves, the largest first.
+    """Modes of a sample of laws: distinct groups of curves, the largest first.
 
     Attributes
     ----------
     share : ndarray, shape (g,)
-        Share of the sample.
+        Share of the sample that is in each group.
     parameters : ndarray, shape (g, d)
-        X whose curve is nearest to the group's median curve.
+        X of the curve in each group that is nearest to the median curve of the group.
     """
 
     share: Doubles
@@ -94,7 +132,7 @@ class Modes:
 
 
 def band_of(curves_db: Doubles, step_deg: float = 1.0, last_deg: float = 85.0) -> Band:
-    """Band of curves on the grid, shape (m, 361), at angles from 0 on."""
+    """90 % band of curves on the grid, shape (m, 361), at angles from 0 to ``last_deg`` in steps of ``step_deg``."""
     every = round(step_deg / (GRID_DEG[1] - GRID_DEG[0]))
     which = np.flatnonzero(last_deg >= GRID_DEG)[::every]
     low, middle, high = np.quantile(curves_db[:, which], _LEVELS, axis=0)
@@ -104,21 +142,21 @@ def band_of(curves_db: Doubles, step_deg: float = 1.0, last_deg: float = 85.0) -
 def known_between(
     band: Band, prior: Band, seen_deg: Sequence[tuple[float, float]], known_db: float
 ) -> tuple[float, float] | None:
-    """Largest interval of the incidence seen in which a law is known.
+    """Largest interval of the incidence seen in which sigma0 is known.
 
     Parameters
     ----------
     band, prior : Band
-        Of the posterior and of the prior, at the same angles.
+        Bands of sigma0 by the posterior and by the prior, at the same angles.
     seen_deg : sequence of (float, float)
         5 and 95 % quantiles of the incidence in each pass [deg].
     known_db : float
-        Largest half-width of the band [dB]; it must also be less than half of the prior's.
+        Largest half-width of the posterior's band [dB]; the prior's band must also be more than twice as wide.
 
     Returns
     -------
     (float, float) or None
-        First and last of adjoining angles of the band [deg]; None where there are fewer than two.
+        First and last angle of the interval [deg]; None if it holds fewer than two angles of the band.
     """
     angle, half = band.incidence_deg, band.half_width_db
     seen = np.any([(angle >= low) & (angle <= high) for low, high in seen_deg], axis=0)
@@ -138,7 +176,7 @@ def why_unknown(
     seen_deg: Sequence[Sequence[float]] | Doubles,
     known_db: float,
 ) -> str:
-    """Reason for which sigma0 is called known nowhere over the incidence seen.
+    """Reason why sigma0 is called known at no angle of the incidence seen.
 
     Parameters
     ----------
@@ -152,8 +190,8 @@ def why_unknown(
     Returns
     -------
     str
-        What keeps it unknown: the width of the band, that of the prior, or both; else that the law does not fit, for
-        nothing else calls a law unknown whose band is narrow enough.
+        Text with the reason: the band of the posterior is too wide, or at least half as wide as the band of the
+        prior, or both. If neither is true, the law does not fit, which is the only other reason.
     """
     inside = [np.linspace(low, high, 21) for low, high in seen_deg]
     angle = np.concatenate(inside)
@@ -172,12 +210,12 @@ def why_unknown(
 
 
 def directions(posterior: Doubles, prior: Doubles) -> Directions:
-    """Combinations of X by how far the data fix them, from samples of posterior and prior, shapes (m, d) and (k, d).
+    """Combinations of X, ordered by how well the data fix them, from draws of posterior, (m, d), and prior, (k, d).
 
     References
     ----------
     Spantini et al., "Optimal low-rank approximations of Bayesian linear inverse problems", SIAM J. Sci. Comput. 37
-    (2015): the generalised eigenvalue problem of both covariances.
+    (2015): the generalised eigenvalue problem of the covariances of posterior and prior.
     """
     from scipy.linalg import eigh
 
@@ -185,22 +223,22 @@ def directions(posterior: Doubles, prior: Doubles) -> Directions:
     before, after = (np.atleast_2d(np.cov(one / scale, rowvar=False)) for one in (prior, posterior))
     before = before + 1e-9 * np.eye(len(before))
     values, vectors = eigh(after, before)
-    # the combination itself, whose variance is the eigenvalue: columns of the inverse transposed are its pattern
+    # an eigenvector holds the weights of a combination, whose variance relative to the prior is the eigenvalue
     weights = (vectors / np.linalg.norm(vectors, axis=0)).T
     return Directions(np.asarray(weights), np.sqrt(np.maximum(values, 0.0)))
 
 
 def modes_of(curves_db: Doubles, parameters: Doubles, seen_deg: Sequence[tuple[float, float]]) -> Modes:
-    """Groups of curves that keep 1 dB apart over the incidence seen, with 5 % of the sample or more.
+    """Groups of curves that differ by 1 dB (rms over the incidence seen) or more, each with at least 5 % of the sample.
 
     Parameters
     ----------
     curves_db : ndarray, shape (m, 361)
         Curves [dB] on the grid.
     parameters : ndarray, shape (m, d)
-        X of each.
+        X of each curve.
     seen_deg : sequence of (float, float)
-        Incidence seen [deg].
+        5 and 95 % quantiles of the incidence in each pass [deg].
 
     References
     ----------

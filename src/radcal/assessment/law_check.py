@@ -1,4 +1,4 @@
-"""How far to trust the laws found: whether they are identified, and whether they predict other ground."""
+"""Checks of the calibrated laws: whether they are identified, and whether they predict ground that was left out."""
 
 from __future__ import annotations
 
@@ -29,40 +29,42 @@ from radcal.radar.texture import log_speckle_cumulants
 __all__ = ["LawCheck", "check_laws", "texture_note"]
 
 _IDENTIFIED = 2.0  # see GroundLaw.identified
-_FOLDS = 5  # of fields
+_FOLDS = 5  # number of folds into which fields are divided
 
 
 @dataclass(frozen=True)
 class LawCheck:
-    """What is known of the law that a material ended with.
+    """Check of the law with which the calibration of a material ended.
 
     Attributes
     ----------
     looks, looks_nominal : float
-        Effective looks of the material and those of the simulated speckle.
+        Effective looks of the material, and looks of the simulated speckle.
     identified : bool or None
-        Whether sigma0 is known somewhere over the incidence seen (:mod:`radcal.assessment.posterior`). Without a
-        posterior: whether the law's change there exceeds its own uncertainty and, where one density of all pixels was
-        matched, whether it predicts blocks of its own ground better than a constant. None for a law without a curve.
+        Whether sigma0 is known at some angles of the incidence seen (:mod:`radcal.assessment.posterior`). Without a
+        posterior: whether the law's change over the incidence seen exceeds its own uncertainty. If only the density of
+        all pixels was matched, a law that predicts blocks of its own ground no better than a constant is not
+        identified, either. None for a law without a curve.
     held : HeldOut or None
-        How well block means of ground that was kept out are predicted.
+        Errors of the predicted means of held-out blocks; None without held-out blocks.
     left_out : FieldCheck or None
-        How well whole fields of the calibrated ground are predicted from the others; None for a law without a curve.
+        Errors of the predictions of whole fields of the calibrated ground from the other fields; None for a law without
+        a curve.
     recommended, recommended_why : str
-        Recommended predictor of other fields, ``law`` or ``constant``, and a clause that says why; empty for a law
-        without a curve.
+        Recommended predictor of other fields, ``law`` or ``constant``, and a text with the reason; both are empty for
+        a law without a curve.
     constant_db : float
-        The constant that the law is compared with: mean of the calibrated ground, by generalised least squares over
-        fields and cells [dB].
+        Constant level with which the law is compared [dB]: generalised least squares mean of the calibrated ground over
+        fields and cells.
     between_db, within_db : float
-        Spread among patches and among their cells [dB]; NaN where nothing asked for it.
+        Standard deviations between and within fields [dB]; NaN if they were not estimated.
     incidence_error_deg : float
-        Standard error of the local incidence that was assumed [deg].
+        Assumed standard error of the local incidence [deg].
     class_deg, class_db, class_error_db : ndarray, shape (n,)
-        Mean incidence of each class [deg]; the level at which the law would have its measured mean there [dB], and
-        the standard error of its mean. Empty for another objective.
+        Mean incidence of each incidence-angle bin [deg], level of the law that would give the measured mean of the bin
+        [dB], and standard error of the measured mean [dB]. Empty for objective ``density``.
     sentences : list of str
-        What a user must know before believing the law.
+        Sentences on reasons to doubt the law.
     """
 
     looks: float
@@ -96,18 +98,18 @@ def check_laws(
     case : stages.Archive
         The configuration.
     targets : Targets
-        By calibrated material.
+        Target of each calibrated material.
     history : History
         All scored runs.
     number : int
-        Number of the pass, from 0; the uncertainty of the law is that of all passes.
+        Number of the pass whose ground is used, from 0; the law's uncertainty follows from all passes.
     posteriors : mapping, optional
-        Posterior by material, which says whether a law is identified: known somewhere.
+        Posterior of each material's law; with it, a law counts as identified if sigma0 is known at some angles.
 
     Returns
     -------
     dict
-        By material.
+        Check of each material's law.
     """
     objectives = make_objectives(case, targets)
     one_angle = {name for name in targets if targets.level_only(name)}
@@ -118,7 +120,7 @@ def check_laws(
     laws = {
         name: objectives[name].law_in(number, score)
         for name, score in scores.items()
-        # values of normalised images are no dB
+        # values of normalised images are not in dB
         if case.laws[name].has_curve and case.target.normalisation != "image"
     }
     binned = any(target.classes is not None for target in targets.values())
@@ -140,31 +142,33 @@ def check_laws(
 def _with_posterior(
     case: stages.Archive, name: str, check: LawCheck, posterior: Posterior | None, level_only: bool
 ) -> LawCheck:
-    """Check of a law whose posterior says whether it is identified."""
+    """Check of a law in which the posterior decides whether the law is identified."""
     if posterior is None or posterior.curve is None or check.identified is None:
         return check
     known = posterior.known_between_deg is not None
     others = [said for said in check.sentences if f"{name}: the law is not identified" not in said]
-    doubt = [] if known else [f"{name}: {posterior.sentence(case.uncertainty.known_db, level_only)}"]
+    # the verdict already gives the level of a material that is seen at one incidence
+    doubt = [] if known or level_only else [f"{name}: {posterior.sentence(case.uncertainty.known_db)}"]
     linear = [] if posterior.sampled else [f"{name}: {posterior.sentences[0]}"]
     return replace(check, identified=known, sentences=[*doubt, *linear, *others])
 
 
 def texture_note(checks: Mapping[str, LawCheck]) -> str:
-    """Say where texture is multiplied onto simulated pixels, or nothing."""
+    """Note that lists the materials whose simulated pixels are multiplied by texture; empty if there are none."""
     found = {name: check for name, check in checks.items() if check.looks < check.looks_nominal}
     if not found:
         return ""
     each = ", ".join(f"{name} {check.looks:.2f}" for name, check in found.items())
     nominal = next(iter(found.values())).looks_nominal
     return (
-        f"The simulated speckle has {nominal:.3g} looks, some pixels spread as those of fewer ({each}): "
-        "for densities and pictures gamma texture is multiplied onto their simulated pixels."
+        f"The simulated speckle has {nominal:.3g} looks, the search found fewer effective ones ({each}), with a prior "
+        "about 0.9 of the sensor's, so that above that they show no texture: for densities and pictures gamma texture "
+        "is multiplied onto these simulated pixels, down to the looks found."
     )
 
 
 def _start_db(case: stages.Archive, name: str, ground: Ground) -> NDArray[np.float64] | None:
-    """Expected mean of dB values of the starting law, at the sensor's looks; None for a law without a curve."""
+    """Expected dB value of each pixel by the starting law, at the sensor's looks; None for a law without a curve."""
     law = case.at_start.laws[name]
     if not law.has_curve:
         return None
@@ -175,7 +179,7 @@ def _start_db(case: stages.Archive, name: str, ground: Ground) -> NDArray[np.flo
 def _held(
     case: stages.Archive, targets: Targets, laws: Mapping[str, GroundLaw], levels: Mapping[str, Constant]
 ) -> dict[str, HeldOut | None]:
-    """Prediction of ground that was kept out; with ``both`` and ``fields``, of each part of it from the others."""
+    """Predictions of held-out ground; with ``keep: both`` or ``keep: fields``, each part is held out in turn."""
     if case.validation is None:
         return {}
     if case.validation.holds_out:
@@ -195,7 +199,7 @@ def _held(
     for k in range(max((int(fold.max()) for fold in folds.values()), default=0) + 1):
         kept = {name: fold != k for name, fold in folds.items() if min((fold != k).sum(), (fold == k).sum()) >= FEWEST}
         rest = {name: laws[name].ground.part(mask) for name, mask in kept.items()}
-        # from scratch, variances too: what the calibration found has seen the ground that is predicted
+        # laws and variances are fitted anew: those of the calibration have seen the ground that is predicted
         again = fit_grounds(rest, {name: laws[name].method for name in rest})
         constant = constants({name: law.ground for name, law in again.items()})
         for name, law in again.items():
@@ -218,7 +222,7 @@ def _check(
     left_out = leave_fields_out(law, constant)
     choice = recommend(law, left_out)
     identified = law.identified >= _IDENTIFIED
-    # three moments of all pixels do not say that level goes with incidence as the law has it: blocks do
+    # three moments of all pixels do not show how the level changes with the incidence; blocks do
     worse = identified and not binned and crossed.no_better
     sentences = _doubts(name, identified, crossed if worse else None, binned) + _held_sentences(case, name, held)
     centre = shown = error = nothing
@@ -252,7 +256,7 @@ def _check(
 
 
 def _doubts(name: str, identified: bool, crossed: CrossValidation | None, binned: bool) -> list[str]:
-    """Sentence on a law that is not identified, by its own uncertainty or by blocks of its own ground."""
+    """Sentence on a law that its own uncertainty, or the blocks of its own ground, show not to be identified."""
     why = "" if binned else f" One density of all pixels cannot tell; objective: {DEFAULT} can tell more."
     if not identified:
         return [
@@ -269,7 +273,7 @@ def _doubts(name: str, identified: bool, crossed: CrossValidation | None, binned
 
 
 def _held_sentences(case: stages.Archive, name: str, held: HeldOut | None) -> list[str]:
-    """Sentences on held-out ground that a constant predicts better, or a band does not hold, or that there is none."""
+    """Sentences on held-out ground: none is there, a constant predicts it better, or the 90 % band is too narrow."""
     if held is None and case.validation is not None:
         return [
             f"{name}: validation checks nothing: no held-out block holds 20 of its pixels "
@@ -294,12 +298,12 @@ def _held_sentences(case: stages.Archive, name: str, held: HeldOut | None) -> li
 
 
 def _levels_asked(law: GroundLaw, score: Score, nominal: float) -> tuple[NDArray[np.float64], ...]:
-    """Mean incidence [deg] of each bin, the law's level [dB] that has the measured mean there, and its error [dB]."""
+    """Mean incidence of each bin [deg], level of the law that gives the measured mean [dB], and standard error [dB]."""
     classes, method = law.classes, law.method
     speckle = log_speckle_cumulants(law.fit.looks)[0] - log_speckle_cumulants(nominal)[0]
     expected = np.asarray(score.statistics)[:, 0] + speckle
     nodes = true_angles(law.ground, classes, method, classes.nodes_deg)
     level, there = (law_cumulants(method.law, law.fit.parameters, at)[:, 0] for at in (classes.nodes_deg, nodes))
-    # an error of the incidence is part of what is expected, and not of the law
+    # an error of the incidence changes the expected mean of a bin, and not the law
     shown = level + classes.cumulants[:, 0] - (expected + there - level)
     return classes.nodes_deg.mean(axis=1), shown, np.sqrt(classes.cumulants[:, 1] / classes.effective)

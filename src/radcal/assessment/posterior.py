@@ -1,4 +1,4 @@
-"""Posterior of a material's law: how well it is known."""
+"""Posterior of a material's law: laws that agree with the pixels, and incidence at which sigma0 is known."""
 
 from __future__ import annotations
 
@@ -13,7 +13,17 @@ from scipy.special import ndtri
 from threadpoolctl import threadpool_limits
 
 from radcal.assessment.curves import GRID_DEG, Curves
-from radcal.assessment.known import Band, Modes, band_of, directions, known_between, modes_of, why_unknown
+from radcal.assessment.known import (
+    Band,
+    Level,
+    Modes,
+    band_of,
+    directions,
+    known_between,
+    level_words,
+    modes_of,
+    why_unknown,
+)
 from radcal.assessment.sampling import Sample, sample
 from radcal.calibration.history import History
 from radcal.calibration.objectives import Comparison, make_objectives
@@ -24,7 +34,7 @@ from radcal.measurement.levels import Levels
 from radcal.measurement.target import Targets
 from radcal.radar.laws import Law
 from radcal.seeds import derived_seed
-from radcal.storage.layout import About, put, take
+from radcal.storage.dataclass_groups import About, put, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
 if TYPE_CHECKING:
@@ -47,7 +57,7 @@ __all__ = [
 Doubles = NDArray[np.float64]
 
 _PRIOR_DRAWS, _FEWEST = 2000, 400
-_KEPT = 400  # draws in the file: the 5 % quantile of as many has a standard error of a tenth of a standard deviation
+_KEPT = 400  # draws in the file; their 5 % quantile has a standard error of a tenth of a standard deviation
 _QUANTILES = [0.05, 0.5, 0.95]
 _FINE_DEG = 0.25
 _MEAN_POWER = np.log(10.0) / 20.0  # dB of mean power per dB^2 of variance of the fields: 0.115
@@ -55,37 +65,37 @@ _MEAN_POWER = np.log(10.0) / 20.0  # dB of mean power per dB^2 of variance of th
 
 @dataclass(frozen=True)
 class Curve:
-    """Sigma0 of the ground, as mean power at each local incidence, with its 90 % band."""
+    """Curve of sigma0, the mean power of the ground at each local incidence, with its 90 % band."""
 
     incidence_deg: Annotated[Doubles, About("local incidence", "deg", "a", scale=True)]
     median_db: Annotated[Doubles, About("median of sigma0", "dB", "a")]
     p05_db: Annotated[Doubles, About("5 % quantile of sigma0", "dB", "a")]
     p95_db: Annotated[Doubles, About("95 % quantile of sigma0", "dB", "a")]
-    prior_half_width_db: Annotated[Doubles, About("half-width of the 90 % band that priors alone leave", "dB", "a")]
+    prior_half_width_db: Annotated[Doubles, About("half-width of the 90 % band of the priors alone", "dB", "a")]
 
 
 @dataclass(frozen=True)
 class KeptDraws:
-    """Some hundred draws from the posterior of a law of d parameters, spread evenly over the sample."""
+    """Up to 400 draws from the posterior of a law with d parameters, taken evenly from the sample."""
 
     parameters: Annotated[Doubles, About("X of each draw", shape="m, d")]
     looks: Annotated[Doubles, About("effective looks of each draw", shape="m")]
     fields_db: Annotated[Doubles, About("standard deviations between and within fields of each draw", "dB", "m, 2")]
 
     def curves_db(self, law: Law) -> Doubles:
-        """Mean power of the ground [dB] on the grid of incidence, shape (m, 361); of a law with a curve."""
+        """Mean power of the ground [dB] by each draw on the grid of incidence, (m, 361); the law must have a curve."""
         return np.asarray(Curves(law, self.parameters[[0, -1]])(self.parameters) + _power_of_fields_db(self.fields_db))
 
 
 @dataclass(frozen=True)
 class Posterior:
-    """What is known of one material's law, of d parameters."""
+    """Posterior of one material's law with d parameters: quantiles, curve of sigma0, modes and kept draws."""
 
     sampled: Annotated[
-        bool, About("quantiles by the sampler; false: by the linear (Gauss-Newton) covariance, for lack of convergence")
+        bool, About("sampler has converged; if false, the quantiles are those of the linear (Gauss-Newton) covariance")
     ]
-    ess: Annotated[float, About("smallest effective sample size of an unknown")]
-    r_hat: Annotated[float, About("largest split R-hat of an unknown")]
+    ess: Annotated[float, About("smallest effective sample size among the unknowns")]
+    r_hat: Annotated[float, About("largest split R-hat among the unknowns")]
     steps: Annotated[int, About("steps of each walker of the sampler")]
     parameters_p05: Annotated[Doubles, About("5 % quantile of each parameter", shape="d")]
     parameters_p50: Annotated[Doubles, About("median of each parameter", shape="d")]
@@ -95,32 +105,51 @@ class Posterior:
     within_db: Annotated[Doubles, About("5, 50 and 95 % quantile of the standard deviation within fields", "dB", "3")]
     seen_deg: Annotated[Doubles, About("5 and 95 % quantile of the local incidence of each pass", "deg", "passes, 2")]
     combinations: Annotated[
-        Doubles, About("combinations of X in standard deviations of the prior, the best known first", shape="d, d")
+        Doubles,
+        About(
+            "combinations of X, in standard deviations of the prior, one per row; the best known first", shape="d, d"
+        ),
     ]
     combinations_left: Annotated[
-        Doubles, About("standard deviation of each combination over the one by the prior alone", shape="d")
+        Doubles, About("ratio of the posterior to the prior standard deviation of each combination", shape="d")
     ]
-    mode_share: Annotated[Doubles, About("share of the sample of each mode, a distinct group of curves", shape="g")]
-    mode_parameters: Annotated[Doubles, About("X in the middle of each mode", shape="g, d")]
-    sentences: Annotated[tuple[str, ...], About("remarks on sampler, modes and combinations")]
-    curve: Annotated[Curve | None, About("sigma0; absent for a law without a curve and for normalised images")] = None
+    mode_share: Annotated[
+        Doubles, About("share of the draws that lie in each mode (distinct group of curves)", shape="g")
+    ]
+    mode_parameters: Annotated[Doubles, About("X of the curve nearest to the median curve of each mode", shape="g, d")]
+    sentences: Annotated[tuple[str, ...], About("remarks on sampler, modes and combinations of X")]
+    curve: Annotated[Curve | None, About("curve of sigma0; absent for normalised images and laws without a curve")] = (
+        None
+    )
     known_between_deg: Annotated[
-        tuple[float, ...] | None, About("incidence between which sigma0 is known; absent where nowhere", "deg")
+        tuple[float, ...] | None,
+        About("ends of the interval in which sigma0 is known; absent if it is known at no angle", "deg"),
     ] = None
     known_half_width_db: Annotated[
-        float | None, About("largest half-width of the 90 % band between these angles; absent where nowhere", "dB")
+        float | None, About("largest half-width of the 90 % band in `known_between_deg`; absent if there is none", "dB")
     ] = None
     draws: Annotated[KeptDraws | None, About("draws from the posterior, for predictions")] = None
 
+    def levels(self) -> tuple[Level, ...]:
+        """Sigma0 at the middle incidence of each pass, without repeated angles; empty for a law without a curve."""
+        if self.curve is None:
+            return ()
+        seen, curve = dict.fromkeys(np.round(self.seen_deg.mean(axis=1), 1).tolist()), self.curve
+        quantiles = (curve.median_db, curve.p05_db, curve.p95_db)
+        return tuple(
+            Level(deg, *(float(np.interp(deg, curve.incidence_deg, values)) for values in quantiles)) for deg in seen
+        )
+
     def sentence(self, known_db: float, level_only: bool = False) -> str:
-        """Where sigma0 is known, in words; ``level_only`` says that the material is seen at one incidence."""
+        """Sentence on where sigma0 is known; ``level_only`` says that the material is seen at one incidence."""
         if self.curve is None:
             return "the law has no curve in dB, so that only its parameters have intervals."
+        if level_only:
+            return f"seen at one incidence, from which no law can be known; its level is {level_words(self.levels())}."
         if self.known_between_deg is None or self.known_half_width_db is None:
-            curve, why = self.curve, "it is seen at one incidence, from which no law can be known"
-            if not level_only:
-                half = 0.5 * (curve.p95_db - curve.p05_db)
-                why = why_unknown(curve.incidence_deg, half, curve.prior_half_width_db, self.seen_deg, known_db)
+            curve = self.curve
+            half = 0.5 * (curve.p95_db - curve.p05_db)
+            why = why_unknown(curve.incidence_deg, half, curve.prior_half_width_db, self.seen_deg, known_db)
             return f"sigma0 is called known nowhere over the incidence seen: {why}."
         low, high = self.known_between_deg
         return (
@@ -130,18 +159,18 @@ class Posterior:
 
 
 def posterior_of(case: stages.Posterior, targets: Targets, history: History, name: str) -> Posterior:
-    """Posterior of a material's law after a calibration; no simulator run.
+    """Posterior of a material's law after a calibration, found without a simulator run.
 
     Parameters
     ----------
     case : stages.Posterior
-        Budget, sampler and everything that trains the surrogate.
+        Configuration of uncertainty budget and sampler, and all that the training of the surrogate needs.
     targets : Targets
-        By calibrated material, of all passes.
+        Target of each calibrated material, in all passes.
     history : History
         All scored runs.
     name : str
-        Material.
+        Name of the material.
 
     Returns
     -------
@@ -149,32 +178,32 @@ def posterior_of(case: stages.Posterior, targets: Targets, history: History, nam
     """
     objective = make_objectives(case, targets)[name]
     training = train_all(history, case, {name: objective})[name]
-    surrogate = Surrogate(training, objective)
+    surrogate = Surrogate(training, objective, history.surprise(name))
     best = history.best(name).scores[name].parameters
     seed = derived_seed(case.seed, "posterior", name)
-    return posterior_on(objective, surrogate, targets.levels, case.uncertainty, seed, best)
+    return posterior_on(objective, surrogate, [one.levels for one in targets.passes], case.uncertainty, seed, best)
 
 
 def posterior_on(
     objective: Comparison,
     surrogate: Surrogate,
-    levels: Levels,
+    levels: Sequence[Levels],
     config: Uncertainty,
     seed: int,
     best: Sequence[float] | Doubles | None = None,
 ) -> Posterior:
-    """Posterior of a law on a surrogate.
+    """Posterior of a material's law, with a trained surrogate in place of the simulator.
 
     Parameters
     ----------
     objective : Comparison
-        Target, law and bounds.
+        Objective of the material, which holds target, law and bounds.
     surrogate : Surrogate
-        Statistics at any X.
-    levels : Levels
-        Level of the measured image.
+        Surrogate that predicts the statistics of the bins at any X.
+    levels : sequence of Levels
+        Level normalisation of the measured image in each pass.
     config : Uncertainty
-        Budget and sampler.
+        Configuration of uncertainty budget and sampler.
     seed : int
         Seed of the sampler.
     best : array_like, shape (d,), optional
@@ -184,7 +213,7 @@ def posterior_on(
     -------
     Posterior
     """
-    from radcal.assessment.unknowns import Model  # with compiled functions, which readers of a posterior do not need
+    from radcal.assessment.unknowns import Model  # late: its compiled functions are not needed to read a posterior
 
     model = Model(objective, surrogate, levels, config)
     return summarised(model, draw(model, config, seed, best), config.known_db)
@@ -192,7 +221,7 @@ def posterior_on(
 
 @dataclass(frozen=True)
 class Draws:
-    """Draws from posterior and prior of a model, shapes (m, dimension) and (k, dimension), and how they were found."""
+    """Draws from posterior and prior of a model, (m, dimension) and (k, dimension), and the result of the sampler."""
 
     posterior: Doubles
     prior: Doubles
@@ -200,20 +229,20 @@ class Draws:
 
 
 def draw(model: Model, config: Uncertainty, seed: int, best: Sequence[float] | Doubles | None = None) -> Draws:
-    """Draws from a model's posterior by the sampler or, without convergence, by its linear covariance.
+    """Draws from a model's posterior by the sampler or, if it does not converge, by the Gauss-Newton covariance.
 
     Parameters
     ----------
     model : Model
-        Log densities.
+        Model with the log densities of prior and likelihood.
     config : Uncertainty
-        Sampler.
+        Configuration of the sampler.
     seed : int
         Seed of the random numbers.
     best : array_like, shape (d,), optional
         X of the best run, from which one walker starts.
     """
-    with threadpool_limits(1):  # a fixed order of the sums
+    with threadpool_limits(1):  # one thread: sums then have a fixed order
         return _drawn(model, config, seed, best)
 
 
@@ -237,10 +266,10 @@ def _drawn(model: Model, config: Uncertainty, seed: int, best: Sequence[float] |
 
 
 def sigma0_db(model: Model, points: Doubles) -> Doubles:
-    """Mean power of the ground [dB] on the grid of incidence, shape (m, dimension) to (m, 361); of a law with a curve.
+    """Mean power of the ground [dB] for m points of a posterior, on the grid of incidence, shape (m, 361).
 
-    Levels of fields scatter in dB about the law, so that their mean power lies above it by ln(10)/20 dB for each dB^2
-    of their variance.
+    The levels of fields scatter in dB about the law. The mean power of fields therefore lies above the law, by
+    ln(10)/20 dB for each dB^2 of their variance. The law must have a curve.
     """
     assert model.curves is not None  # noqa: S101
     fields = model.unknowns(points)
@@ -249,13 +278,13 @@ def sigma0_db(model: Model, points: Doubles) -> Doubles:
 
 
 def _power_of_fields_db(fields_db: Doubles) -> Doubles:
-    """Mean power over the level of the law [dB], from the fields' standard deviations, shape (m, 2) to (m, 1)."""
+    """Excess of the mean power over the law [dB], from the fields' standard deviations, shape (m, 2) to (m, 1)."""
     between, within = fields_db.T
     return np.asarray(_MEAN_POWER * (between**2 + within**2))[:, None]
 
 
 def _kept(model: Model, points: Doubles) -> KeptDraws:
-    """Draws spread evenly over a sample, all of them where it is small."""
+    """Draws taken evenly from a sample of points; all points if the sample is small."""
     some = points[np.unique(np.linspace(0, len(points) - 1, _KEPT).round().astype(np.intp))]
     unknowns = model.unknowns(some)
     fields_db = np.stack([unknowns.between_db, unknowns.within_db], axis=1)
@@ -263,7 +292,7 @@ def _kept(model: Model, points: Doubles) -> KeptDraws:
 
 
 def summarised(model: Model, found: Draws, known_db: float) -> Posterior:
-    """Quantiles of draws, and what follows from them."""
+    """Posterior summarised from draws: quantiles, band of sigma0, incidence at which it is known, modes, sentences."""
     x, before, sampler = model.parameters(found.posterior), model.parameters(found.prior), found.sample
     unknowns = model.unknowns(found.posterior)
     low, middle, high = np.quantile(x, _QUANTILES, axis=0)
@@ -277,7 +306,7 @@ def summarised(model: Model, found: Draws, known_db: float) -> Posterior:
     modes = Modes(np.ones(1), middle[None])
     if model.curves is not None:
         curves = sigma0_db(model, found.posterior)
-        # in steps of a quarter of a degree, of which every fourth is kept
+        # bands in steps of a quarter of a degree, of which every fourth is kept
         fine, prior = band_of(curves, _FINE_DEG), band_of(sigma0_db(model, found.prior), _FINE_DEG)
         known = None if model.level_only else known_between(fine, prior, model.seen_deg, known_db)
         if known is not None:
@@ -286,8 +315,8 @@ def summarised(model: Model, found: Draws, known_db: float) -> Posterior:
         if len(modes.share) > 1:
             each = ", ".join(f"{100.0 * one:.0f} %" for one in modes.share)
             sentences.append(
-                f"{len(modes.share)} distinct laws agree with the pixels ({each} of the sample; walkers seldom change "
-                "from one to another, so that these shares are rough)."
+                f"{len(modes.share)} distinct laws agree with the pixels ({each} of the sample; a further "
+                "law that no walker found would not be seen)."
             )
     axes = directions(x, before)
     sentences.append(axes.sentence(model.names))
@@ -333,6 +362,6 @@ def write_posterior(path: str | Path, posterior: Posterior) -> None:
 
 
 def read_posterior(path: str | Path) -> Posterior:
-    """Read what :func:`write_posterior` wrote; errors: :func:`.read_hdf5`."""
+    """Read a posterior that :func:`write_posterior` wrote; raises the errors of :func:`.read_hdf5`."""
     with read_hdf5(path, "posterior") as file:
         return take(file, Posterior)

@@ -1,4 +1,4 @@
-"""Predictions of cell means by law and constant, each without and with the random effects of fields."""
+"""Predictions of the mean levels of cells by law and by constant, each without and with effects of fields."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ class Prediction:
     Attributes
     ----------
     patch, block, count : ndarray of int, shape (n,)
-        Field (-1 for a block of several), part of a block, and number of pixels.
+        Label of the field (-1 for the mean of a block), number of the part of a block, and number of pixels.
     mean_db, incidence_deg : ndarray, shape (n,)
-        Measured mean, and mean incidence [deg].
+        Measured mean [dB], and mean local incidence [deg].
     law_db, law_patch_db, constant_db, constant_patch_db : ndarray, shape (n,)
-        Predicted by law and constant, and by the same with the effects of the fields that were seen.
+        Means predicted by law and by constant [dB], each without and with the effects of calibrated fields.
     common, own : ndarray, shape (n,)
-        Variance of the prediction error of law and fields [dB^2]: what cells of a field share (effect of the field,
-        error of the law), and each cell's own.
+        Two terms of the variance of the error of the prediction by law and field effects [dB^2]: that of the errors
+        that cells of a field share (effect of the field, error of the law), and that of the error of a single cell.
     slope : ndarray, shape (n, d + 1)
-        Derivatives of the prediction by X and log looks.
+        Derivatives of the prediction by law and field effects with respect to X and log looks.
     effect_variance : ndarray, shape (n,)
         Variance of the field's effect [dB^2].
     """
@@ -53,11 +53,11 @@ class Prediction:
     effect_variance: Doubles
 
     def part(self, mask: NDArray[np.bool_]) -> Prediction:
-        """Some of the cells."""
+        """Predictions restricted to the cells of a mask."""
         return Prediction(**{key: value[mask] for key, value in vars(self).items()})
 
     def in_blocks(self, covariance: Doubles) -> Prediction:
-        """Means of whole blocks; ``covariance`` is that of X and log looks, shape (d + 1, d + 1)."""
+        """Predictions averaged over blocks; ``covariance`` is that of X and log looks, shape (d + 1, d + 1)."""
         block, of = np.unique(self.block, return_inverse=True)
         count = np.bincount(of, self.count).astype(np.int64)
         share = self.count / count[of]
@@ -81,12 +81,12 @@ class Prediction:
 
     @property
     def sd_db(self) -> Doubles:
-        """Standard deviation of the error of law and fields [dB]."""
+        """Standard deviation of the error of the prediction by law and field effects [dB], shape (n,)."""
         return np.asarray(np.sqrt(self.common + self.own))
 
 
 def _known(effects: Effects, patch: NDArray[np.int64], between: float) -> tuple[Doubles, Doubles, NDArray[np.int64]]:
-    """Effect and its variance of each cell's field, and its place among the effects; -1 for a field not seen."""
+    """Effect of each cell's field, variance of this effect, and its place in ``effects`` (-1 for an unknown field)."""
     place = np.minimum(np.searchsorted(effects.patch, patch), effects.patch.size - 1)
     known = effects.patch[place] == patch
     effect = np.where(known, effects.effect_db[place], 0.0)
@@ -94,16 +94,16 @@ def _known(effects: Effects, patch: NDArray[np.int64], between: float) -> tuple[
 
 
 def predict(found: GroundLaw, constant: Constant, ground: Ground) -> Prediction:
-    """Predict the means of the cells of a ground.
+    """Predict the mean levels of the cells of a ground by law and by constant.
 
     Parameters
     ----------
     found : GroundLaw
-        Law of the ground that was kept.
+        Law fitted to the calibrated ground.
     constant : Constant
-        Constant of the same.
+        Constant fitted to the calibrated ground.
     ground : Ground
-        Predicted, with the patches' labels of the other.
+        Ground to predict; its fields have the labels that they have in the calibrated ground.
 
     Returns
     -------
@@ -112,12 +112,12 @@ def predict(found: GroundLaw, constant: Constant, ground: Ground) -> Prediction:
     References
     ----------
     Robinson, "That BLUP is a good thing: the estimation of random effects", Statistical Science 6 (1991):
-    predictions and their variances, that of the fixed effects included.
+    predictions of random effects, and their variances with the errors of the fixed effects.
     """
     cells, spread, effects = ground.cells, found.spread, found.effects
     law = cells.mean(found.levels_db(ground.incidence_deg))
     slope = cells.mean(found.slopes(ground.incidence_deg))
-    # what an error of the law does to the patches' effects, which are taken from residuals of it
+    # an error of the law also changes the effects of the patches, which are found from residuals of the law
     seen = found.ground
     pulled = seen.cells.mean(found.slopes(seen.incidence_deg)) * effects.weight[:, None]
     of = np.searchsorted(effects.patch, seen.cells.patch)

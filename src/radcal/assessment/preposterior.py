@@ -1,4 +1,4 @@
-"""Expected width of a law's band after a further pass, before this pass is measured."""
+"""Expected width of the 90 % band of a law after a further pass, computed before the pass is measured."""
 
 from __future__ import annotations
 
@@ -22,30 +22,31 @@ __all__ = ["Sight", "half_widths_after", "half_widths_now", "sight_of"]
 
 Doubles = NDArray[np.float64]
 
-_FEWEST = 50  # pixels, as for a target
+_FEWEST = 50  # least number of pixels, as for a target
 _QUANTILES = (0.05, 0.95)
 
 
 @dataclass(frozen=True)
 class Sight:
-    """What a pass would see of one material, in n incidence-angle bins.
+    """Pixels of one material that a planned pass would see, in n incidence-angle bins.
 
     Attributes
     ----------
     pixels : ndarray of int, shape (p,)
         Flat indices of the material's usable pixels: without layover, shadow and margin.
     incidence_deg : ndarray, shape (p,)
-        Their local incidence [deg].
+        Local incidence of these pixels [deg].
     edges_deg : ndarray, shape (n + 1,)
         Edges of the bins [deg].
     weights : ndarray, shape (n, 361)
-        Share of each bin's pixels at each angle of the grid.
+        Share of each bin's pixels at each angle of the grid of incidence.
     patches, cells : ndarray, shape (n, n)
-        Correlation of the bins' means by the fields, and by the blocks inside of fields, that they share.
+        Covariances of the bins' means that random effects of variance 1 cause: effects of the fields, and effects of
+        the cells, that the bins share.
     independent : ndarray, shape (n,)
-        Number of independent pixels of each bin.
+        Number of independent pixels in each bin.
     noise_db : ndarray, shape (n,)
-        Noise floor [dB].
+        Mean noise floor in each bin [dB].
     """
 
     pixels: NDArray[np.int64]
@@ -58,7 +59,7 @@ class Sight:
     noise_db: Doubles
 
     def means_db(self, curves_db: Doubles) -> Doubles:
-        """Mean level of each bin with noise [dB], from curves, shape (m, 361) to (m, n)."""
+        """Mean level of each bin with the noise added [dB], shape (m, n), from m curves on the grid, shape (m, 361)."""
         found = np.empty((len(curves_db), len(self.weights)))
         for k, weight in enumerate(self.weights):
             seen = np.flatnonzero(weight)
@@ -69,8 +70,8 @@ class Sight:
     def covariance(self, fields_db: Doubles, looks: float, budget: Budget, level_db: Doubles) -> Doubles:
         """Covariance of the errors of the bins' means [dB^2], shape (n, n), at mean levels ``level_db``, shape (n,).
 
-        The sum of those by speckle, by fields and blocks (``fields_db``: standard deviations between and within
-        fields), by the level of the image and by its noise floor.
+        The covariance is the sum of the contributions of speckle, of fields and their cells (``fields_db``: standard
+        deviations between and within fields), of the image's level, and of its noise floor.
         """
         between, within = fields_db
         speckle = float(log_speckle_cumulants(looks)[1])
@@ -82,18 +83,18 @@ class Sight:
 
 
 def sight_of(name: str, geometry: Geometry, radar: Radar, target: TargetConfig) -> Sight | None:
-    """What a pass would see of a material; None for fewer than 50 usable pixels.
+    """Pixels of a material that a planned pass would see; None for fewer than 50 usable pixels.
 
     Parameters
     ----------
     name : str
-        Material.
+        Name of the material.
     geometry : Geometry
         Geometry of the pass.
     radar : Radar
-        The pass.
+        Radar of the pass, with its resolutions and its noise.
     target : TargetConfig
-        Margin to other materials, and number of pixels of a target.
+        Configuration of the target, with the margin to other materials and the number of pixels.
     """
     hidden = (geometry.layover | geometry.shadow).ravel()
     pixels = geometry.pixels(name, target.margin_px)
@@ -112,7 +113,7 @@ def sight_of(name: str, geometry: Geometry, radar: Radar, target: TargetConfig) 
     cells = make_cells(patch, Blocks.of(None, geometry.shape[0]).parts_of(pixels, geometry.shape[1])).of_pixel
     row = pixels // geometry.shape[1]
     noise = noise_floor_db(radar, geometry.flat_incidence_deg)[row]
-    # as many pixels as resolution cells are independent, and a target takes no more than its number of pixels
+    # each resolution cell counts as one independent pixel, and a target takes no more than its number of pixels
     spacing = radar.range_spacing_m * radar.azimuth_spacing_m
     of_resolution = spacing / (radar.range_resolution_m * radar.azimuth_resolution_m)
     share = min(of_resolution, target.pixels / pixels.size, 1.0)
@@ -129,7 +130,7 @@ def sight_of(name: str, geometry: Geometry, radar: Radar, target: TargetConfig) 
 
 
 def _shared(member: NDArray[np.int64], label: NDArray[np.int64], count: Doubles) -> Doubles:
-    """Sum over labels of the products of two bins' shares of pixels with this label, shape (n, n)."""
+    """Product of two bins' shares of pixels with the same label, summed over all labels, shape (n, n)."""
     _, number = np.unique(label, return_inverse=True)
     shares = np.zeros((count.size, int(number.max()) + 1))
     np.add.at(shares, (member, number), 1.0)
@@ -138,7 +139,7 @@ def _shared(member: NDArray[np.int64], label: NDArray[np.int64], count: Doubles)
 
 
 def half_widths_now(curves_db: Doubles) -> Doubles:
-    """Half-width of the pointwise 90 % band of curves [dB], shape (m, k) to (k,)."""
+    """Half-width of the pointwise 90 % band of m curves at k angles [dB], shape (m, k) to (k,)."""
     low, high = np.quantile(curves_db, _QUANTILES, axis=0)
     return np.asarray(0.5 * (high - low))
 
@@ -148,24 +149,26 @@ def half_widths_after(
 ) -> Doubles:
     """Expected half-width of the 90 % band after further passes [dB], by the linear-Gaussian preposterior covariance.
 
-    The draws' covariance of curve and predicted means of bins gives, with the covariance of the measurement's errors,
-    the covariance of the curve that is left, which does not depend on what will be measured. The half-width now is
-    lowered in the ratio of the standard deviations, so that a skewed band stays as wide as its draws have it.
+    Draws from the posterior give the joint covariance of the curve and of the predicted means of the bins. The
+    covariance of the curve after the further passes follows from the joint covariance and from the covariance of the
+    measurement errors, and does not depend on the values that will be measured. The present half-width follows from
+    quantiles of the draws, because the band may be skewed. The expected half-width is the present one, multiplied by
+    the ratio of the curve's standard deviations after and before the further passes.
 
     Parameters
     ----------
     curves_db : ndarray, shape (m, 361)
         Curves of the draws on the grid of incidence [dB].
     sights : sequence of Sight
-        What the further passes would see.
+        Pixels that each further pass would see.
     fields_db : ndarray, shape (2,)
         Standard deviations between and within fields [dB].
     looks : float
         Effective looks of the material.
     budget : Budget
-        Standard errors of level and noise.
+        Uncertainty budget, with the standard errors of level and noise floor.
     of : ndarray of int, shape (k,)
-        Angles of the grid at which the band is wanted, k of them.
+        Indices of the k angles of the grid at which the half-width is wanted.
 
     Returns
     -------

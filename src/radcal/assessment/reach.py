@@ -1,4 +1,4 @@
-"""Bounds of a law that cannot reach the measured level, found out before any run of the design."""
+"""Check, before any run of the design, that a law can reach the measured level inside the bounds of X."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ __all__ = ["check_reach", "law_range_db", "level_asked_db"]
 
 _SCREENED = 256
 _POLISHED = 2
-_MARGIN_DB = 3.0  # fewer looks lower the mean of dB values by up to that; so do slopes, by their area
+_MARGIN_DB = 3.0  # few effective looks, and the area of slopes, can each lower the mean of dB values by up to 3 dB
 
 
 def law_range_db(law: Law, bounds: ArrayLike, incidence_deg: ArrayLike) -> tuple[float, float]:
-    """Smallest and largest mean of a law over some angles, for X inside its bounds.
+    """Smallest and largest mean level of a law over given angles, for X inside its bounds.
 
     Parameters
     ----------
     law : Law
-        With a curve.
+        Backscatter law with a curve.
     bounds : array_like, shape (d, 2)
-        Box of X.
+        Bounds of X.
     incidence_deg : array_like, shape (n,)
         Local incidence [deg].
 
     Returns
     -------
     (float, float)
-        [dB]
+        Smallest and largest mean level [dB].
     """
     from scipy.optimize import minimize
 
@@ -56,27 +56,27 @@ def law_range_db(law: Law, bounds: ArrayLike, incidence_deg: ArrayLike) -> tuple
 
 
 def level_asked_db(values_db: ArrayLike, looks: float) -> float:
-    """Level [dB] of a law under the mean of measured dB values: that of speckle of so many looks is taken off."""
+    """Level [dB] that a law needs to give the mean of measured dB values: this mean minus the mean of log speckle."""
     return float(np.mean(np.asarray(values_db, dtype=np.float64)) - log_speckle_cumulants(looks)[0])
 
 
 def check_reach(case: stages.Target, targets: Targets) -> None:
-    """Refuse bounds that keep a law more than 3 dB off the measured level, whatever X.
+    """Refuse bounds of X inside which a law stays more than 3 dB away from the measured level.
 
     Parameters
     ----------
     case : stages.Target
-        Laws, bounds and looks.
+        Configuration with laws, bounds and looks.
     targets : Targets
-        By calibrated material.
+        Target of each calibrated material.
 
     Raises
     ------
     ConfigError
-        The bounds of a material cannot reach its measured level.
+        If no X inside the bounds of a material gives its measured level to within 3 dB.
     """
     if case.target.normalisation == "image":
-        return  # values of normalised images are no dB
+        return  # values of normalised images are not in dB
     for name, target in targets.items():
         law = case.laws[name]
         if not law.has_curve:
@@ -84,7 +84,7 @@ def check_reach(case: stages.Target, targets: Targets) -> None:
         incidence = np.quantile(np.asarray(target.incidence_deg, dtype=np.float64), (np.arange(24) + 0.5) / 24)
         low, high = law_range_db(law, case.materials[name].box, incidence)
         asked = level_asked_db(target.values_db, float(case.radar.looks))
-        # of a surface below the noise the image shows the noise: no law is too low for it
+        # the image of a surface below the noise shows the noise, so that no law is too low for it
         too_low = high < asked - _MARGIN_DB and target.noise_db < asked - _MARGIN_DB
         if low > asked + _MARGIN_DB or too_low:
             raise ConfigError(

@@ -1,4 +1,4 @@
-"""Recommended predictor of other ground: the law where it is known and fields bear it out, else a constant."""
+"""Recommended predictor of other fields: the law, if it is known well and predicts fields better, else a constant."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ from radcal.assessment.constant import Constant
 from radcal.assessment.gain import Gain, field_gains, power
 from radcal.assessment.prediction import predict
 from radcal.calibration.grounds import GroundLaw, refit
+from radcal.calibration.passes import law_sd_db
 from radcal.measurement.classes import FEWEST
+from radcal.radar.laws import seen_rad
 
 __all__ = [
     "FieldCheck",
@@ -26,29 +28,28 @@ __all__ = [
 ]
 
 _FOLDS = 10
-_FEW_PIXELS = 20  # in a cell whose mean is compared
-_KNOWN_DB = 1.5  # half-width of a 90 % band within which a law is called known
+_FEW_PIXELS = 20  # least number of pixels in a cell whose mean is compared
+_KNOWN_DB = 1.5  # largest half-width of the 90 % band of a law that is called known
 _BAND = 1.6448536269514722
-_ANGLES = 41
-_TREND = 4.0  # squared: two standard errors
-_MANY = 4  # fields from whose scatter the error of a mean over them is taken alone: three degrees of freedom
+_TREND = 4.0  # least squared coefficient over its variance: two standard errors, squared
+_MANY = 4  # least number of fields whose scatter alone gives a standard error: three degrees of freedom
 _IDENTIFIED = 2.0  # see GroundLaw.identified
-_INSIDE = 0.5  # least share of the law's variance among cells with which means of cells tell of it
+_INSIDE = 0.5  # least share of the law's variance among cells at which means of cells can test the law
 
 
 @dataclass(frozen=True)
 class FieldCheck:
-    """Predictions of whole fields that were left out, none of whose effects is known.
+    """Errors of the predictions of whole fields that were left out of the fit, so that their effects are unknown.
 
     Attributes
     ----------
     rmse_law_db, rmse_constant_db : float
-        Root mean square error of the means of cells, by the law and by the constant of the other fields [dB];
-        NaN where there are fewer than two fields.
+        Root mean square errors of the predicted means of cells, by the law and by the constant of the other fields
+        [dB]; NaN for fewer than two fields.
     gain : Gain
-        Of the law over the constant.
+        Gain of the law over the constant.
     power : float
-        As :func:`radcal.assessment.gain.power` gives it.
+        Power of the comparison of law and constant (:func:`radcal.assessment.gain.power`).
     """
 
     rmse_law_db: float
@@ -59,33 +60,33 @@ class FieldCheck:
 
 @dataclass(frozen=True)
 class Recommendation:
-    """Predictor recommended for other fields, and a clause that says why."""
+    """Predictor recommended for other fields, and a text with the reason."""
 
     predictor: Literal["law", "constant"]
     why: str
 
 
 def fold_of_fields(patch: NDArray[np.int64], folds: int = _FOLDS) -> NDArray[np.int64]:
-    """Fold of each pixel: the fields (labels, in the order of their place in the image) are dealt in turn.
+    """Cross-validation fold of each pixel: the fields, in the order of their labels, are assigned to the folds in turn.
 
     Returns
     -------
     ndarray of int, shape (pixels,)
-        All pixels of a field are in one fold; neighbouring labels are in different ones.
+        Fold of each pixel. All pixels of a field are in one fold; successive labels are in different folds.
     """
     labels, of = np.unique(patch, return_inverse=True)
     return np.asarray(np.arange(labels.size) % max(1, min(folds, labels.size)))[np.ravel(of)]
 
 
 def leave_fields_out(found: GroundLaw, constant: Constant) -> FieldCheck:
-    """Leave out the fields of a tenth (all but one of up to ten fields) in turn, and predict them from the others.
+    """Leave out each tenth of the fields in turn (each field, if there are few), and predict it from the other fields.
 
     Parameters
     ----------
     found : GroundLaw
-        Fitted to all fields; refitted to the others with the variances kept.
+        Law fitted to all fields; each time, it is refitted to the other fields with the same variances.
     constant : Constant
-        Constant of the same ground.
+        Constant fitted to all fields.
 
     Returns
     -------
@@ -121,24 +122,27 @@ def leave_fields_out(found: GroundLaw, constant: Constant) -> FieldCheck:
 
 
 def half_width_db(found: GroundLaw) -> float:
-    """Largest half-width of the linear (Gauss-Newton) 90 % band of the law over the 5-95 % of the incidence [dB]."""
-    low, high = np.quantile(found.ground.incidence_deg, [0.05, 0.95])
-    slope = found.slopes(np.linspace(low, high, _ANGLES))
-    variance = np.einsum("kd,de,ke->k", slope, found.fit.covariance, slope)
-    return float(_BAND * np.sqrt(variance.max()))
+    """Largest half-width of the linear (Gauss-Newton) 90 % band of sigma0 over the 5-95 % of the incidence [dB].
+
+    The band describes the law at the true incidence (``docs/uncertainty.md``). The band of the mean of dB values would
+    also depend on the looks. The error of the image level is not part of the band, because law and constant share it.
+    """
+    method = found.method
+    sd = law_sd_db(method.law, method.bounds, found.fit, seen_rad(found.ground.incidence_deg))
+    return float(_BAND * sd.max())
 
 
 def trend(found: GroundLaw) -> float:
-    r"""Evidence that the level goes with incidence as the law has it, and not as a field's own gradient.
+    """Evidence that the level changes with the incidence as the law says, and not by gradients inside single fields.
 
-    The cell means are regressed on the law with generalised least squares. An effect of a field that varies across
-    it by as much as it does between fields, here :math:`\tau (1, z)`, z the standardised incidence inside of the
-    field, looks like a law where there are few fields.
+    The cell means are regressed on the law with generalised least squares. Each field has a random level and a random
+    gradient in z, the standardised incidence inside the field. Level and gradient both have the standard deviation
+    between fields. If a material has few fields, random gradients inside the fields look like a law.
 
     Returns
     -------
     float
-        Squared coefficient of the law over its variance.
+        Squared regression coefficient of the law, divided by the variance of the coefficient.
 
     References
     ----------
@@ -167,27 +171,34 @@ def trend(found: GroundLaw) -> float:
 
 
 def share_among_cells(found: GroundLaw) -> float:
-    """Share of the variance of the law's levels over the pixels that lies among the means of cells, 0 to 1."""
+    """Ratio (0 to 1) of the variance of the law between the means of cells to its variance over all pixels."""
     cells, level = found.ground.cells, found.levels_db(found.ground.incidence_deg)
     left = level - cells.mean(level)[cells.of_pixel]
     return 1.0 - float(np.var(left)) / max(float(np.var(level)), 1e-12)
 
 
 def recommend(found: GroundLaw, check: FieldCheck) -> Recommendation:
-    """Predictor for other fields of the material, decided on the ground of the law alone.
+    """Recommended predictor for other fields of the material, decided on the calibrated ground alone.
 
-    The law, if the half-width of its 90 % band is at most 1.5 dB over the 5-95 % of the incidence, and if whole
-    fields that were left out are predicted better by the law of the others than by their constant, beyond the standard
-    error. Of up to three fields that error is hardly known: the law must then, in addition (of one field, in place of
-    it), be identified, and explain more than a gradient inside of the fields would. Where all cells hold all angles
-    alike, their means tell nothing of the law, and their pixels tell of it whatever the effects of fields: the law, if
-    it is identified.
+    The constant is recommended if the half-width of the law's 90 % band exceeds 1.5 dB anywhere between 5 and 95 % of
+    the incidence. For a narrower band, the recommendation depends on the fields and cells:
+
+    - If less than half of the law's variance lies between the means of cells, the law is recommended if it is
+      identified. The means of cells then cannot test the law, but the pixels inside the cells can, whatever the effects
+      of fields.
+    - With four or more fields, the law is recommended if whole fields that were left out are predicted better by the
+      law of the other fields than by their constant, beyond the standard error.
+    - With two or three fields, the law must, in addition, be identified and explain more than gradients inside the
+      fields would, because the standard error from so few fields is hardly known.
+    - With one field, the law is recommended if it is identified and explains more than a gradient inside the field
+      would.
 
     Parameters
     ----------
     found : GroundLaw
+        Law fitted to the calibrated ground.
     check : FieldCheck
-        Of the same.
+        Errors of the predictions of left-out fields, as :func:`leave_fields_out` returns them.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Samples of a posterior by an ensemble of walkers, with the tests of their convergence."""
+"""Sampling of a posterior by an ensemble of walkers, with tests of its convergence."""
 
 from __future__ import annotations
 
@@ -14,39 +14,39 @@ __all__ = ["ESS", "R_HAT", "Sample", "sample", "split_r_hat"]
 
 Doubles = NDArray[np.float64]
 LogDensity = Callable[[Doubles], Doubles]
-"""Points, shape (m, d), to log densities, shape (m,)."""
+"""Function from points, shape (m, d), to the logarithms of their densities, shape (m,)."""
 
 ESS, R_HAT = 400.0, 1.05
-_LEAST_TIMES = 15.0  # autocorrelation times; a shorter chain underestimates them
-_GROUPS = 8  # of walkers, for R-hat
-_POWERS = (0.003, 0.01, 0.03, 0.1, 0.3)  # of the likelihood, on the way from prior to posterior
-_WARM_UP = 40  # steps at each
+_LEAST_TIMES = 15.0  # least length of a chain in autocorrelation times, which a shorter chain underestimates
+_GROUPS = 8  # groups of walkers that R-hat compares
+_POWERS = (0.003, 0.01, 0.03, 0.1, 0.3)  # exponents of the likelihood in the stages from prior to posterior
+_WARM_UP = 40  # steps of each stage
 _FITTED = (100, 200, 300)  # steps before each fit of the mixture, of which the first half is dropped
-_COMPONENTS, _WIDENED = 12, 2.0  # of the mixture, and factor of its covariances
-_DROPPED = 0.125  # of the steps after the last fit, at the start
-_CHUNK = 500  # steps between two tests
+_COMPONENTS, _WIDENED = 12, 2.0  # number of components of the mixture, and factor on their covariances
+_DROPPED = 0.125  # share of the steps after the last fit that is dropped at the start
+_CHUNK = 500  # steps between two tests of convergence
 _DRAWS = 4000  # kept
 
 
 @dataclass(frozen=True)
 class Sample:
-    """Sample of a density.
+    """Sample of a probability density, with measures of its convergence.
 
     Attributes
     ----------
     draws : ndarray, shape (k, d)
-        Points, thinned.
+        Points of the sample, thinned.
     ess : float
-        Smallest effective sample size of a coordinate.
+        Smallest effective sample size of all coordinates.
     r_hat : float
-        Largest split R-hat of a coordinate.
+        Largest split R-hat of all coordinates.
     steps : int
-        Steps of each walker.
+        Number of steps of each walker.
     converged : bool
         Whether the effective sample size is 400 or more, R-hat below 1.05 and the kept steps 15 autocorrelation times
         or more.
     best : ndarray, shape (d,)
-        Point of the largest log density.
+        Point with the largest log density.
     """
 
     draws: Doubles
@@ -58,7 +58,7 @@ class Sample:
 
 
 def split_r_hat(chains: Doubles) -> Doubles:
-    """Potential scale reduction of eight groups of walkers, each split in halves, shape (steps, walkers, d) to (d,).
+    """Split R-hat (potential scale reduction) over eight groups of walkers, shape (steps, walkers, d) to (d,).
 
     References
     ----------
@@ -77,20 +77,21 @@ def split_r_hat(chains: Doubles) -> Doubles:
 
 
 def sample(log_prior: LogDensity, log_likelihood: LogDensity | None, start: Doubles, steps: int, seed: int) -> Sample:
-    """Sample prior times likelihood; without a likelihood, the prior alone.
+    """Sample the product of prior and likelihood or, without a likelihood, the prior alone.
 
-    The walkers start dispersed over the prior, and the likelihood's power grows from 0 to 1 in five stages, so that
-    walkers reach every mode that is worth it. Moves are differences of two other walkers (ter Braak 2006), stretches,
-    and points of a normal mixture that is fitted three times to the steps so far: a law's parameters often lie in a
-    thin bent region, in which differences of distant walkers are seldom accepted. The mixture stays the same in the
-    steps that are kept; the first eighth of these is dropped.
+    The walkers start dispersed over the prior. The exponent of the likelihood grows to 1 in stages, so that walkers
+    reach all modes of notable probability. A walker moves by the difference of two other walkers (ter Braak 2006), by a
+    stretch, or to a point of a normal mixture, which is fitted three times to earlier steps. The normal mixture is
+    needed because the parameters of a law often lie in a thin bent region, in which differences of distant walkers are
+    seldom accepted. The sample is taken from the steps after the last fit, without their first eighth. No stage before
+    the last fit is longer than a fifth of ``steps``.
 
     Parameters
     ----------
     log_prior, log_likelihood : callable
-        Log densities; the likelihood is asked only where the prior is positive.
+        Functions that give log densities; the likelihood is evaluated only where the prior density is positive.
     start : ndarray, shape (walkers, d)
-        Points of positive prior.
+        First point of each walker; its prior density must be positive.
     steps : int
         Largest number of steps of each walker.
     seed : int
@@ -117,7 +118,7 @@ def sample(log_prior: LogDensity, log_likelihood: LogDensity | None, start: Doub
             found[inside] += power * log_likelihood(points[inside])
         return np.where(np.isnan(found), -np.inf, found)
 
-    # without DESnookerMove, whose jumps emcee 3.1.6 does not scale as ter Braak and Vrugt (2008): it is biased
+    # DESnookerMove is left out: emcee 3.1.6 does not scale its jumps as ter Braak and Vrugt (2008) do, which is biased
     moves = [(DEMove(), 0.7), (DEMove(gamma0=1.0), 0.1), (StretchMove(), 0.2)]
 
     def sampler(power: float) -> EnsembleSampler:
@@ -127,7 +128,7 @@ def sample(log_prior: LogDensity, log_likelihood: LogDensity | None, start: Doub
     stages = [(power, _WARM_UP) for power in _POWERS if log_likelihood is not None] + [(1.0, n) for n in _FITTED]
     for power, count in stages:
         walk = sampler(power)
-        state = walk.run_mcmc(state, min(count, steps), skip_initial_state_check=True)
+        state = walk.run_mcmc(state, min(count, max(1, steps // 5)), skip_initial_state_check=True)
         state = State(state.coords, random_state=state.random_state)
         if power == 1.0:
             chain = walk.get_chain()
@@ -142,12 +143,12 @@ def sample(log_prior: LogDensity, log_likelihood: LogDensity | None, start: Doub
 
 
 def _mixture_move(points: Doubles, seed: int) -> Any:
-    """Independent proposals by a normal mixture fitted to points, shape (k, d)."""
+    """Move whose proposals are drawn from a normal mixture fitted to points, shape (k, d)."""
     from emcee.moves import RedBlueMove
     from sklearn.mixture import GaussianMixture
 
     class MixtureMove(RedBlueMove):  # type: ignore[misc]
-        """Metropolis-Hastings move to a point that does not depend on where the walker is."""
+        """Metropolis-Hastings move to a point that does not depend on the position of the walker."""
 
         def get_proposal(self, sample: Doubles, complement: Any, random: Any) -> tuple[Doubles, Doubles]:  # noqa: ARG002
             place = random.choice(len(roots), size=len(sample), p=fitted.weights_)
@@ -155,12 +156,12 @@ def _mixture_move(points: Doubles, seed: int) -> Any:
             proposed = fitted.means_[place] + steps
             return proposed, fitted.score_samples(sample) - fitted.score_samples(proposed)
 
-    # k-means++ takes points for the first centres, and unlike k-means sums over no threads
+    # k-means++ takes some of the points as first centres; unlike k-means, it has no sums over threads
     fitted = GaussianMixture(
         _COMPONENTS, random_state=seed % 2**32, init_params="k-means++", reg_covar=1e-4, tol=1e-2, max_iter=50
     )
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # a fit that is not yet at its maximum proposes as well
+        warnings.simplefilter("ignore")  # a mixture that has not converged gives valid proposals, too
         fitted.fit(points[:: max(1, len(points) // _DRAWS)])
     fitted.covariances_ *= _WIDENED
     fitted.precisions_cholesky_ /= np.sqrt(_WIDENED)
@@ -169,11 +170,11 @@ def _mixture_move(points: Doubles, seed: int) -> Any:
 
 
 def _judged(chain: Doubles, log_density: Doubles) -> Sample:
-    """Steps without the first eighth, and whether they have converged."""
+    """Sample from the steps of a chain without their first eighth, and the test of its convergence."""
     from emcee.autocorr import integrated_time
 
     kept = chain[int(_DROPPED * len(chain)) :]
-    # all steps of a coordinate that does not move are one
+    # the autocorrelation time of a coordinate that does not move is set to 1
     moving = np.ptp(kept.reshape(-1, kept.shape[-1]), axis=0) > 0.0
     times = np.ones(kept.shape[-1])
     with np.errstate(invalid="ignore"):  # a walker that does not move has no autocorrelation: the times are then NaN

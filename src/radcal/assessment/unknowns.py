@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, stdtr, stdtrit
@@ -20,41 +22,48 @@ __all__ = ["Model"]
 
 Doubles = NDArray[np.float64]
 
-_CHUNK = 256  # points at a time
-_MOST_FIELD_DB = 6.0  # as in the table of their likelihood
+_CHUNK = 256  # number of points evaluated at a time
+_MOST_FIELD_DB = 6.0  # largest standard deviation of fields: the end of the table of its likelihood
 _STEP = 1e-4
 _BATCH, _ROUNDS = 2000, 60
-_LINEAR, _TRIED, _FEWEST = 4000, 20_000, 400  # draws kept, made, and inside of the bounds
+_LINEAR, _TRIED, _FEWEST = 4000, 20_000, 400  # most draws kept, draws made, fewest draws inside the bounds
 
 
 class Model:
-    """Posterior of one material as a log density.
+    """Posterior of one material's law and of the other unknowns, as a log density.
 
-    A point holds X in the unit box; the logarithm of the effective looks, where they are free; the standard deviations
-    between and within fields, over the scale of their priors; and standard normal deviates of the errors of incidence
-    and resolution. The level and the errors of sampling and surrogate are normal and enter as variances, which is the
-    same as if they were sampled.
+    A point of the posterior is a row of numbers:
+
+    - X, scaled to the unit box;
+    - the logarithm of the effective looks, if they are free;
+    - the standard deviations between and within fields, divided by the scale of their priors;
+    - for a law with a curve, standard normal deviates of the errors of incidence and resolutions.
+
+    The errors of level, sampling and surrogate are normal and enter as variances, which has the same effect as sampling
+    them.
 
     Parameters
     ----------
     objective : Comparison
-        Target, law and bounds.
+        Objective of the material, which holds target, law and bounds.
     surrogate : Surrogate
-        Statistics at any X.
-    levels : Levels
-        Level of the measured image.
+        Surrogate that predicts the statistics of the bins at any X.
+    levels : sequence of Levels
+        Level normalisation of the measured image in each pass; the errors of level of the passes are independent.
     config : Uncertainty
-        Budget.
+        Configuration of the uncertainty budget.
     """
 
-    def __init__(self, objective: Comparison, surrogate: Surrogate, levels: Levels, config: Uncertainty) -> None:
+    def __init__(
+        self, objective: Comparison, surrogate: Surrogate, levels: Sequence[Levels], config: Uncertainty
+    ) -> None:
         material = objective.material
         self.surrogate, self.sensor = surrogate, material.looks
         self.names, self.d = material.law.names, len(material.box)
-        self.budget = Budget.of(config, levels)
-        parts = [part for part in objective.passes if part is not None]
-        self.evidence = [Evidence(part, self.budget, material.looks) for part in parts]
-        first = self.evidence[0].compared
+        pairs = [(part, one) for part, one in zip(objective.passes, levels, strict=True) if part is not None]
+        parts = [part for part, _ in pairs]
+        self.evidence = Evidence(parts, [Budget.of(config, one) for _, one in pairs], material.looks)
+        first = self.evidence.compared
         self.prior, self._looks_prior = first.prior, first.looks_prior and material.decibels
         self._prior_rad = np.radians(self.prior.angles_deg if self.prior is not None else [])
         self.free_looks = first.method.free_looks and material.decibels
@@ -65,25 +74,25 @@ class Model:
         self.curves = None
         if material.law.has_curve and material.decibels:
             self.curves = Curves(material.law, surrogate.scaled(np.array([[0.3], [0.6]]) * np.ones(self.d)))
-        self._scale = self.budget.field_db if material.decibels else 0.0
+        self._scale = config.field_db if material.decibels else 0.0
         most = 0.99 * _MOST_FIELD_DB / max(self._scale, 1e-9)
         self._t_below = min(float(stdtr(FIELD_FREEDOM, most)), 1.0 - 1e-12)
         # one column for each unknown after X
         self.dimension = self.d + self.free_looks + 2 + 2 * (self.curves is not None)
 
     def _columns(self, points: Doubles) -> tuple[Doubles | None, Doubles, Doubles]:
-        """Log looks or None, ratios of the fields' standard deviations (m, 2), and deviates (m, 0 or 2)."""
+        """Columns of points after X: log looks or None, scaled standard deviations of fields, deviates of errors."""
         rest = points[:, self.d :]
         looks = rest[:, 0] if self.free_looks else None
         rest = rest[:, int(self.free_looks) :]
         return looks, rest[:, :2], rest[:, 2:]
 
     def parameters(self, points: Doubles) -> Doubles:
-        """X of points, shape (m, d)."""
+        """X of each point in its own units, shape (m, d)."""
         return self.surrogate.scaled(points[:, : self.d])
 
     def unknowns(self, points: Doubles) -> Unknowns:
-        """Unknowns besides X."""
+        """Unknowns besides X at each point: looks, standard deviations of fields, deviates of errors."""
         looks, fields, deviates = self._columns(points)
         zero = np.zeros(len(points))
         return Unknowns(
@@ -95,9 +104,10 @@ class Model:
         )
 
     def points(self, deviates: Doubles) -> Doubles:
-        """Points at standard normal deviates, shape (m, dimension) to (m, dimension): the prior without the curve's.
+        """Points of the posterior that belong to normal deviates, shape (m, dimension) to (m, dimension).
 
-        The sampler walks over the deviates, because there it finds neither bounds nor heavy tails.
+        Standard normal random deviates give points drawn from the prior without the priors on looks and curve. The
+        sampler walks over the deviates, because they have neither bounds nor heavy tails.
         """
         share = ndtr(deviates)
         looks, fields = self.d, self.d + int(self.free_looks)
@@ -105,17 +115,17 @@ class Model:
         found[:, :looks] = share[:, :looks]
         if self.free_looks:
             found[:, looks] = self._log_looks[0] + np.ptp(self._log_looks) * share[:, looks]
-        # half-t, cut at the end of the table of their likelihood
+        # half-t prior of the standard deviations of fields, cut at the end of the table of their likelihood
         below = 0.5 + (self._t_below - 0.5) * share[:, fields : fields + 2]
         found[:, fields : fields + 2] = stdtrit(FIELD_FREEDOM, below)
         return found
 
     def dispersed(self, count: int, rng: np.random.Generator) -> Doubles:
-        """Points drawn from the prior without that of the curve, shape (count, dimension)."""
+        """Points drawn from the prior without the priors on looks and curve, shape (count, dimension)."""
         return self.points(rng.standard_normal((count, self.dimension)))
 
     def _inside(self, points: Doubles) -> NDArray[np.bool_]:
-        """Whether points are inside of the bounds, shape (m,)."""
+        """Whether each point is inside the bounds of all unknowns, shape (m,)."""
         unit = points[:, : self.d]
         looks, fields, _ = self._columns(points)
         inside = ((unit >= 0.0) & (unit <= 1.0)).all(axis=1) & (fields >= 0.0).all(axis=1)
@@ -124,7 +134,7 @@ class Model:
         return np.asarray(inside & (self._scale * fields < _MOST_FIELD_DB).all(axis=1))
 
     def _log_weight(self, points: Doubles) -> Doubles:
-        """Log density of the priors on looks and curve, at points inside of the bounds, shape (m,)."""
+        """Log density of the priors on looks and curve, at points inside the bounds, shape (m,)."""
         looks, _, _ = self._columns(points)
         found = np.zeros(len(points))
         if looks is not None and self._looks_prior:
@@ -136,13 +146,14 @@ class Model:
         return found
 
     def log_prior(self, deviates: Doubles) -> Doubles:
-        """Log prior density of standard normal deviates, shape (m, dimension) to (m,)."""
+        """Log prior density of points that are given by their deviates, shape (m, dimension) to (m,)."""
         return np.asarray(-0.5 * (deviates**2).sum(axis=1) + self._log_weight(self.points(deviates)))
 
     def from_prior(self, count: int, rng: np.random.Generator) -> Doubles:
-        """Independent draws from the prior, at most ``count``: fewer where hardly a point of the box has a good curve.
+        """Independent draws from the prior: ``count``, or fewer if the priors on looks and curve reject most draws.
 
-        Draws without the priors on looks and curve are kept with the probability that these give them (rejection).
+        Rejection sampling: a draw made without the priors on looks and curve is kept with a probability proportional to
+        the density of these two priors.
         """
         kept: list[Doubles] = []
         for _ in range(_ROUNDS):
@@ -153,51 +164,43 @@ class Model:
         return np.concatenate(kept)[:count]
 
     def _simulated(self, points: Doubles) -> tuple[Doubles, Doubles, Doubles | None]:
-        """Predicted statistics (m, n, 3) of all passes, their errors (m, 3), and curves (m, 361)."""
+        """Predicted statistics of n bins, (m, n, 3), their standard errors, (m, 3), and curves of sigma0, (m, 361)."""
         unit = self.surrogate.snapped(points[:, : self.d])
         levels = self.curves(self.parameters(points)) if self.curves is not None else None
-        baseline = None
-        if levels is not None and all(one.has_baseline for one in self.evidence):
-            baseline = np.concatenate([one.baseline(levels) for one in self.evidence], axis=1)
+        baseline = self.evidence.baseline(levels) if levels is not None and self.evidence.has_baseline else None
         return self.surrogate.predict(unit, baseline), self.surrogate.error(unit), levels
 
     def log_likelihood(self, points: Doubles) -> Doubles:
-        """Log likelihood of all passes, shape (m, dimension) to (m,)."""
+        """Log likelihood of points by the bins of all passes, shape (m, dimension) to (m,)."""
         parts = np.split(points, range(_CHUNK, len(points), _CHUNK))
         return np.concatenate([self._log_likelihood(part) for part in parts])
 
     def _log_likelihood(self, points: Doubles) -> Doubles:
         simulated, error, levels = self._simulated(points)
-        at = self.unknowns(points)
-        ends = np.cumsum([one.size for one in self.evidence])[:-1]
-        each = zip(self.evidence, np.split(simulated, ends, axis=1), strict=True)
-        return np.asarray(sum(one.log_likelihood(found, error, levels, at) for one, found in each))
+        return self.evidence.log_likelihood(simulated, error, levels, self.unknowns(points))
 
     def _whitened(self, points: Doubles, centre: Doubles) -> Doubles:
-        """Residuals of data and priors in standard deviations, the covariance that of one point, shape (m, k)."""
+        """Residuals of data and curve prior, whitened by the covariance at the point ``centre``, shape (m, k)."""
         simulated, _, levels = self._simulated(points)
         same = np.repeat(centre[None], len(points), axis=0)
         _, error, _ = self._simulated(same)
         at, there = self.unknowns(points), self.unknowns(same)
-        ends = np.cumsum([one.size for one in self.evidence])[:-1]
-        columns = []
-        for one, found in zip(self.evidence, np.split(simulated, ends, axis=1), strict=True):
-            columns.append(one.whitened(one.difference(found, levels, at), error, there)[0])
+        columns = [self.evidence.whitened(self.evidence.difference(simulated, levels, at), error, there)[0]]
         if self.prior is not None and self.curves is not None:
             x = self.parameters(points)
             columns.append(self.prior.of_curves(self.curves(x, self._prior_rad), x))
         return np.concatenate(columns, axis=1)
 
     def linear(self, centre: Doubles, rng: np.random.Generator) -> Doubles:
-        """Draws by the Gauss-Newton covariance at a point, shape (k, dimension), inside the bounds.
+        """Draws from a normal law with the Gauss-Newton covariance at a point, shape (k, dimension), inside the bounds.
 
-        The standard deviations between and within fields keep the point's.
+        The standard deviations between and within fields keep their values at the point ``centre``.
         """
         free = np.ones(self.dimension, dtype=np.bool_)
         fields = self.d + int(self.free_looks)
         free[fields : fields + 2] = False
         step = _STEP * np.eye(self.dimension)[free]
-        # differences to the side that lies inside of the bounds
+        # finite differences towards the side that lies inside the bounds
         step *= np.where(centre < 0.5, 1.0, -1.0)
         slopes = (self._whitened(centre + step, centre) - self._whitened(centre[None], centre)) / step.sum(axis=1)[
             :, None
@@ -213,7 +216,7 @@ class Model:
         return draws[inside][:_LINEAR] if inside.sum() >= _FEWEST else self._limited(draws[:_LINEAR])
 
     def _limited(self, points: Doubles) -> Doubles:
-        """Points moved to the bounds of X and looks."""
+        """Points with the values of X and looks that lie outside the bounds moved to the bounds."""
         points[:, : self.d] = np.clip(points[:, : self.d], 0.0, 1.0)
         if self.free_looks:
             points[:, self.d] = np.clip(points[:, self.d], *self._log_looks)

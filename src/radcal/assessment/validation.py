@@ -1,4 +1,4 @@
-"""Ground kept out of the calibration, and how well its mean level is predicted."""
+"""Validation of a law: predictions of ground that is held out of the calibration or of a fit."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from radcal.radar.texture import log_speckle_cumulants
 
 __all__ = ["CrossValidation", "HeldOut", "cross_validate", "held_out"]
 
-_FEWEST = 20  # pixels in a block whose mean is compared
+_FEWEST = 20  # least number of pixels in a block whose mean is compared
 _FOLDS = 5
-_LEVELS = 200  # that stand for the pixels of a predicted density
+_LEVELS = 200  # number of levels that represent the pixels of a predicted density
 _TAIL = 0.99
 _CHANCE = 0.01
 _LEAST_DB = 1e-3
@@ -32,40 +32,41 @@ _BAND = 1.6448536269514722  # standard deviations on each side that hold 90 % of
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Errors of block means [dB] on ground that no law has seen.
+    """Errors of the predicted block means and densities of held-out ground.
 
     Attributes
     ----------
     rmse_law_db, rmse_law_patch_db : float
-        Of the law; of the law with the effects of the patches that were seen.
+        Root mean square errors of the block means predicted by the law, without and with the effects of calibrated
+        fields [dB].
     rmse_constant_db, rmse_constant_patch_db : float
-        Of the constant (generalised least squares over fields and cells) of the calibrated ground; of the constant
-        with its own effects of the patches that were seen.
+        Root mean square errors of the constant, without and with the effects of calibrated fields [dB]. The constant is
+        the generalised least squares mean of the calibrated ground over fields and cells.
     rmse_best_db : float
-        Of the same law fitted to these block means themselves.
+        Root mean square error that a law of the same form leaves if it is fitted to the held-out block means [dB].
     rmse_start_db : float
-        Of the starting law; NaN where it has no curve.
+        Root mean square error of the starting law [dB]; NaN if it has no curve.
     ks_law, ks_constant, ks_start : float
-        Kolmogorov distance of the density of the held-out pixels from that which the law with its looks and
-        patches predicts, from that of the calibrated ground, and from that of the starting law at the sensor's looks.
+        Kolmogorov-Smirnov distances of the held-out pixels from three predicted densities: that of the law with its
+        looks and field effects, that of the calibrated ground, and that of the starting law at the sensor's looks.
     tail_law_db, tail_constant_db, tail_start_db : float
-        How far the 99 % quantile that each predicts lies above the measured one [dB].
+        Predicted minus measured 99 % quantile [dB], predicted by law, calibrated ground, and starting law.
     coverage_90 : float
-        Share of the block means inside of the 90 % band.
+        Share of the held-out block means that lie inside the predicted 90 % band.
     n_blocks, n_fields : int
-        Blocks and fields compared.
+        Number of blocks and number of fields that are compared.
     law_gain, law_gain_error, patch_gain, patch_gain_error : float
-        Gain of the law over the constant and its standard error (:class:`radcal.assessment.gain.Gain`): of both
-        alone, and of both with the effects of fields.
+        Gain of the law over the constant and standard error of the gain (:class:`radcal.assessment.gain.Gain`): for
+        predictions without, and with the effects of calibrated fields.
     block : ndarray of int, shape (n,)
-        Their numbers.
+        Numbers of the compared blocks.
     mean_db, predicted_db, law_db, sd_db : ndarray, shape (n,)
-        Means measured; predicted by law and patches; by the law; standard deviation of the prediction
-        error [dB].
+        Block means: measured, predicted by law and field effects, and predicted by the law alone; and standard
+        deviation of the error of the prediction by law and field effects [dB].
     field : ndarray of int, shape (f,)
-        Labels of the fields.
+        Labels of the compared fields.
     field_law_gain, field_patch_gain : ndarray, shape (f,)
-        Gains of each.
+        Gain of the law in each field, without and with the effects of calibrated fields.
     """
 
     rmse_law_db: float
@@ -98,12 +99,12 @@ class HeldOut:
 
     @property
     def gain(self) -> Gain:
-        """Gain of like against like: law and constant, both with the effects of the fields that were seen."""
+        """Gain of the law over the constant, both with the effects of calibrated fields."""
         return Gain(self.patch_gain, self.patch_gain_error, self.n_fields)
 
     @property
     def held_in_band(self) -> bool:
-        """Whether the 90 % band holds; not if so few block means lie inside by chance in 1 % of the cases only."""
+        """Whether the 90 % band is wide enough: False if so few block means inside have a probability below 1 %."""
         from scipy.stats import binom
 
         inside = round(self.coverage_90 * self.n_blocks)
@@ -111,7 +112,7 @@ class HeldOut:
 
     @classmethod
     def pooled(cls, parts: Sequence[HeldOut]) -> HeldOut | None:
-        """Several grounds as one, each block counting once; None for none."""
+        """Results for several held-out grounds, pooled with equal weight of all blocks; None without grounds."""
         if not parts:
             return None
         n = np.array([part.n_blocks for part in parts], dtype=np.float64)
@@ -141,7 +142,7 @@ class HeldOut:
 
 
 def _gains(field: NDArray[np.int64], law: NDArray[np.float64], patch: NDArray[np.float64]) -> dict[str, float | int]:
-    """Gains over all fields, and their number."""
+    """Mean gains over all fields, standard errors of these gains, and number of fields."""
     alone, both = Gain.of(field, law), Gain.of(field, patch)
     return {
         "n_fields": alone.fields,
@@ -162,7 +163,7 @@ def _against(
     looks: float,
     sd_db: NDArray[np.float64] | float = 0.0,
 ) -> tuple[float, float]:
-    """Kolmogorov distance and excess of the 99 % quantile [dB] of gamma speckle about expected levels."""
+    """Kolmogorov-Smirnov distance, and error of the 99 % quantile [dB], of predicted levels with speckle."""
     from scipy.optimize import brentq
     from scipy.special import gammainc
 
@@ -184,23 +185,23 @@ def _against(
 def held_out(
     found: GroundLaw, constant: Constant, ground: Ground, start_db: NDArray[np.float64] | None = None
 ) -> HeldOut | None:
-    """Predict the block means of ground that was kept out, and its density.
+    """Predict the block means and the density of held-out ground, and measure the errors of the predictions.
 
     Parameters
     ----------
     found : GroundLaw
-        Fitted to the ground that was kept.
+        Law fitted to the calibrated ground.
     constant : Constant
-        Constant of the same.
+        Constant fitted to the calibrated ground.
     ground : Ground
-        Kept out, with the patches' labels of the other.
+        Held-out ground; its fields have the labels that they have in the calibrated ground.
     start_db : ndarray, shape (pixels,), optional
-        Expected mean of dB values of the starting law at its pixels [dB].
+        Expected dB value of each held-out pixel by the starting law [dB].
 
     Returns
     -------
     HeldOut or None
-        None where no block has 20 pixels.
+        Errors of the predictions; None if no block has 20 pixels.
     """
     from scipy.stats import ks_2samp
 
@@ -255,7 +256,7 @@ def held_out(
 
 
 def _best(law: Law, bounds: ArrayLike, incidence_deg: NDArray[np.float64], mean_db: NDArray[np.float64]) -> float:
-    """Root mean square [dB] that the law leaves when fitted to the means themselves."""
+    """Root mean square error [dB] that a law leaves if it is fitted to the held-out block means themselves."""
     phi = np.radians(incidence_deg)
     fit = fit_law(lambda x, _: law(phi, x) - mean_db, bounds, 1.0, free_looks=False)
     return _rms(law(phi, fit.parameters) - mean_db)
@@ -263,15 +264,15 @@ def _best(law: Law, bounds: ArrayLike, incidence_deg: NDArray[np.float64], mean_
 
 @dataclass(frozen=True)
 class CrossValidation:
-    """What the calibrated ground itself says of its law, each fifth of its blocks predicted from the others.
+    """Cross-validation of a law on the calibrated ground: each fifth of the blocks is predicted from the other blocks.
 
     Attributes
     ----------
     rmse_law_patch_db, rmse_constant_patch_db : float
-        Of block means [dB], by law and by constant, both with the effects of the fields that were seen; NaN where
-        there are too few blocks, or too few pixels in them.
+        Root mean square errors of the block means predicted by law and by constant, both with the effects of fields
+        [dB]; NaN if there are too few blocks, or too few pixels in the blocks.
     power : float
-        As :func:`radcal.assessment.gain.power` gives it.
+        Power of the comparison of law and constant (:func:`radcal.assessment.gain.power`).
     """
 
     rmse_law_patch_db: float
@@ -280,11 +281,11 @@ class CrossValidation:
 
     @property
     def no_better(self) -> bool:
-        """Whether the law is seen to be no better than a constant; never without power or with too few blocks."""
+        """Whether the law predicts blocks no better than a constant; False if the comparison has too little power."""
         return self.power >= POWER and self.rmse_law_patch_db >= self.rmse_constant_patch_db
 
     def sentence(self, name: str) -> str:
-        """Say so, or nothing."""
+        """Sentence that says that the law predicts blocks no better than a constant; empty if this is not shown."""
         if not self.no_better:
             return ""
         return (
@@ -295,16 +296,16 @@ class CrossValidation:
 
 
 def cross_validate(found: GroundLaw, constant: Constant, group: NDArray[np.int64]) -> CrossValidation:
-    """Leave out each fifth of the calibrated ground's blocks in turn.
+    """Predict each fifth of the blocks of the calibrated ground from a law fitted to the other blocks.
 
     Parameters
     ----------
     found : GroundLaw
-        Fitted to all of it.
+        Law fitted to all of the calibrated ground.
     constant : Constant
-        Constant of all of it.
+        Constant fitted to all of the calibrated ground.
     group : ndarray of int, shape (pixels,)
-        Block that each pixel is left out with: of several that means are compared in.
+        Number of the group of blocks with which each pixel is left out; means are compared in the blocks of a group.
 
     Returns
     -------
@@ -332,6 +333,7 @@ def cross_validate(found: GroundLaw, constant: Constant, group: NDArray[np.int64
         for key in ("mean_db", "law_patch_db", "constant_patch_db", "block")
     )
     errors = _rms(mean - law), _rms(mean - level)
-    # the errors of the better predictor bound those of the right one; a block's are its own, its fields are known
+    # the errors of the better predictor bound those of the right one; with the effects of fields known, blocks share
+    # no error
     own = np.full(mean.size, max(min(errors), _LEAST_DB) ** 2)
     return CrossValidation(*errors, power(block, law - level, np.zeros(mean.size), own))

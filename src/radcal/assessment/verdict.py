@@ -1,4 +1,4 @@
-"""Verdicts: one sentence on each material, and the first line on all."""
+"""Verdicts of a calibration: one sentence on each material, and a first line on all materials."""
 
 from __future__ import annotations
 
@@ -8,31 +8,52 @@ from dataclasses import dataclass
 import numpy as np
 
 from radcal.assessment.fit_test import DOUBTFUL_SPREAD_DB, FitTest
+from radcal.assessment.known import Level, level_words
 
 __all__ = ["OFF_DB", "Known", "all_fit", "first_line", "verdict"]
 
 _COUNTS = ((True, "fits", "fit"), (False, "does not fit", "do not fit"), (None, "cannot be tested", "cannot be tested"))
-_NAMED = 4  # materials that the first line names
-_SPREAD_RATIO, OFF_DB = 1.15, 0.5  # of all pixels, worth saying before the worst bin
+_NAMED = 4  # largest number of materials that the first line names
+_SPREAD_RATIO, OFF_DB = 1.15, 0.5  # misfits of all pixels (ratio of spreads; mean [dB]) that come before the worst bin
 
 
 @dataclass(frozen=True)
 class Known:
-    """Where sigma0 is known.
+    """Interval of local incidence in which sigma0 is known.
 
     Attributes
     ----------
     between_deg : (float, float) or None
-        Incidence between which it is known [deg]; None if nowhere.
+        Ends of the interval in which sigma0 is known [deg]; None if it is known at no angle.
     half_width_db : float or None
-        Largest half-width of its 90 % band there [dB].
+        Largest half-width of the 90 % band of sigma0 in the interval [dB]; None if it is known at no angle.
     linear : bool
-        Whether the band is that of the linear covariance, for lack of convergence of the sampler.
+        Whether the band is that of the linear covariance, because the sampler has not converged.
+    levels : tuple of Level
+        Sigma0 at the incidence of each pass, for a material that is seen at one incidence; otherwise empty.
+    level_error_db : float
+        Half-width of a 90 % band that contains only the error of the measured image's level [dB].
+    level_key : str
+        Configuration key, or cause, of the error of the level.
     """
 
     between_deg: tuple[float, ...] | None
     half_width_db: float | None
     linear: bool = False
+    levels: tuple[Level, ...] = ()
+    level_error_db: float = 0.0
+    level_key: str = "uncertainty.level_db"
+
+    @property
+    def remarks(self) -> list[str]:
+        """Remarks on the linear covariance, and on the error of level if it is the larger part of the band."""
+        said = ["linear covariance: the sampler has not converged"] * self.linear
+        widths = [self.half_width_db, *(0.5 * (level.p95_db - level.p05_db) for level in self.levels)]
+        width = max((one for one in widths if one is not None), default=0.0)
+        # the errors are independent, so that their squares add
+        if self.level_error_db**2 > 0.5 * width**2 > 0.0:
+            said.append(f"+-{self.level_error_db:.1f} dB of it by {self.level_key} alone")
+        return said
 
 
 def verdict(
@@ -44,18 +65,18 @@ def verdict(
     level_only: bool = False,
     between_db: float = float("nan"),
 ) -> str:
-    """Sentence on one material.
+    """Verdict on one material: a sentence on the fit of its law, and on where sigma0 is known.
 
     Parameters
     ----------
     name : str
-        Material.
+        Name of the material.
     test : FitTest
-        Whether its law fits.
+        Result of the test of the fit of the material's law.
     cause : str
-        Likely cause where it does not.
+        Likely cause of a misfit of the law.
     known : Known, optional
-        Where sigma0 is known; None where nobody has looked.
+        Interval in which sigma0 is known; None without a posterior, or for a law without a curve.
     level_only : bool
         Whether the material is seen at one incidence.
     between_db : float
@@ -67,7 +88,10 @@ def verdict(
             off = f"its simulated mean {_off(test.mean_db)} the measured"
             return f"{name}: level only, seen at one incidence, and does not fit: {off}; {cause or 'cause unknown'}."
         spread = f"; {_spread(test)}" * bool(_spread(test))
-        return f"{name}: level only, seen at one incidence{spread}{wide}."
+        level = (
+            f": {', '.join([level_words(known.levels), *known.remarks])}" if known is not None and known.levels else ""
+        )
+        return f"{name}: level only, seen at one incidence{level}{spread}{wide}."
     if test.fits is None:
         said = f"{name}: one density leaves no degree of freedom to test the law"
         distance = f", and its rms is {test.distance:.1f} times the sampling error"
@@ -78,19 +102,19 @@ def verdict(
 
 
 def _known(known: Known | None) -> str:
-    """Words on where sigma0 is known."""
+    """Part of a verdict that says at which incidence sigma0 is known, and how well."""
     if known is None:
         return ""
-    linear = " (linear covariance: the sampler has not converged)" * known.linear
+    remark = f" ({'; '.join(known.remarks)})" * bool(known.remarks)
     if known.between_deg is None or known.half_width_db is None:
-        return f", but sigma0 is known well enough at no angle{linear}"
+        return f", but sigma0 is known well enough at no angle{remark}"
     low, high = known.between_deg
     where = f"between {low:.0f} and {high:.0f} degrees"
-    return f": sigma0 known to +-{known.half_width_db:.1f} dB {where}{linear}; outside that it is not called known"
+    return f": sigma0 known to +-{known.half_width_db:.1f} dB {where}{remark}; outside that it is not called known"
 
 
 def _misfit(test: FitTest) -> str:
-    """Words on the largest misfit: of the spread of all pixels, of their mean, or of a bin."""
+    """Part of a verdict on the main misfit: in the standard deviation of all pixels, in their mean, or in a bin."""
     if spread := _spread(test):
         return spread
     residuals = f"residuals {test.residual_sum:.0f} of {test.expected:.0f}"
@@ -103,7 +127,7 @@ def _misfit(test: FitTest) -> str:
 
 
 def _spread(test: FitTest) -> str:
-    """Words on a spread of all pixels that is off; empty where it is not."""
+    """Part of a verdict on the standard deviation of all pixels; empty if it differs by 15 % or less."""
     ratio = test.sd_db / max(test.measured_sd_db, 1e-12)
     off = max(ratio, 1.0 / max(ratio, 1e-12)) > _SPREAD_RATIO
     return f"the simulated spread is {test.sd_db:.1f} dB, the measured {test.measured_sd_db:.1f}" if off else ""
@@ -114,27 +138,29 @@ def _off(difference_db: float) -> str:
 
 
 def all_fit(fits: Sequence[bool | None]) -> bool | None:
-    """Whether all laws fit: False if one does not, None if one could not be tested."""
+    """Whether all laws fit: False if any law does not fit, else None if any law could not be tested."""
     return False if False in fits else None if None in fits or not fits else True
 
 
 def first_line(verdicts: Mapping[str, str], fits: Mapping[str, bool | None], converged: bool) -> str:
-    """First line of terminal, summary and report.
+    """First line of terminal output, summary and report: a verdict on all materials.
 
     Parameters
     ----------
     verdicts : mapping
-        Sentence on each material.
+        Verdict on each material, as a sentence.
     fits : mapping
-        Whether its law fits.
+        Whether the law of each material fits.
     converged : bool
-        Whether the search has ended by its criterion.
+        Whether the search has met its stop criterion.
     """
     going = "" if converged else " The search has not met its stop criterion."
     if len(verdicts) == 1:
         return next(iter(verdicts.values())) + going
     said = []
-    level = [name for name, text in verdicts.items() if text.startswith(f"{name}: level only")]
+    level = [
+        name for name, text in verdicts.items() if text.startswith(f"{name}: level only") and fits[name] is not False
+    ]
     for value, one, many in _COUNTS:
         names = [name for name, fit in fits.items() if fit is value and name not in level]
         who = f" ({', '.join(names)})" if value is not True and len(names) <= _NAMED else ""

@@ -1,1 +1,1 @@
-"""The calibration loop: design, surrogate, infill, history, stopping."""
+"""Calibration loop: design of experiments, surrogate, infill runs, history of the runs, and stop criteria."""

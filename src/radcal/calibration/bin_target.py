@@ -1,4 +1,4 @@
-"""Targets by incidence-angle bin: bins of the target's pixels, with the variance between fields."""
+"""Targets by incidence-angle bin: statistics of the pixels in each bin, with the variance between fields."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 __all__ = ["bin_targets"]
 
-_LEVEL_DB = 40.0  # on either side of the mean, for the levels of bins without a law
+_LEVEL_DB = 40.0  # half width of a bin level's bounds about the mean of the pixels, for laws without a curve
 
 
 def bin_targets(
@@ -34,9 +34,9 @@ def bin_targets(
     registered: Registered,
     slope_error_deg: float = 0.0,
 ) -> Targets:
-    """Divide the targets' pixels by incidence, and estimate the variance between fields.
+    """Divide the pixels of all targets into incidence-angle bins, and estimate the variance between fields.
 
-    The variance is estimated from the measured image alone, with laws that no simulator has seen
+    The variance is estimated from the measured image alone, without simulator runs
     (:func:`radcal.calibration.grounds.fit_grounds`), and pooled over the materials.
 
     Parameters
@@ -44,19 +44,19 @@ def bin_targets(
     case : stages.Target
         Laws, objective and settings of the target.
     targets : Targets
-        By calibrated material.
+        Targets of the calibrated materials.
     geometry : Geometry
-        Of the pass.
+        Geometry of the pass, with the local incidence.
     registered : Registered
-        The measured image; the uncertainty of its registration gives the error of the local incidence where
-        ``target.incidence_error_deg`` does not say it.
+        Registered measured image; the uncertainty of its registration gives the error of the local incidence if
+        ``target.incidence_error_deg`` is not configured.
     slope_error_deg : float
-        Standard error of the scene's slopes [deg], the other part of that error.
+        Standard error of the scene's slopes [deg]; it is added in quadrature to the error from the registration.
 
     Returns
     -------
     Targets
-        The same with ``classes``; as they are where the objective uses no bins.
+        Targets with their ``classes``; the given targets if the objective uses no incidence-angle bins.
     """
     misfit = OBJECTIVES[case.objective].misfit
     if misfit is None:
@@ -108,7 +108,7 @@ def bin_targets(
 
 
 def _without_curve(method: Method, ground: Ground) -> Method:
-    """Method in which a level for each bin takes the place of a law that only the simulator knows."""
+    """Method that fits a level [dB] in each incidence-angle bin, in place of a law that only the simulator knows."""
     edges = incidence_edges(ground.incidence_deg, method.classes)
     mean = float(ground.values_db.mean())
     knots = 0.5 * (edges[1:] + edges[:-1]) if len(edges) > 2 else [edges[0] - 1.0, edges[0] + 1.0]

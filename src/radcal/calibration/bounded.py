@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 __all__ = ["Batched", "distant", "least_squares", "sobol"]
 
 Batched = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-"""Points of the unit box, shape (m, d), to residuals, shape (m, k)."""
+"""Function from points of the unit box, shape (m, d), to residuals, shape (m, k)."""
 
 _STEP = 1e-5
 _INSIDE = 1e-9
-_LIMIT = 1e6  # of a residual: the solver refuses infinite ones
-_APART = 0.2  # of the unit box, in at least one parameter
+_LIMIT = 1e6  # largest size of a residual, because the solver refuses infinite residuals
+_APART = 0.2  # smallest difference of two starts in at least one coordinate of the unit box
 
 
 def least_squares(
@@ -27,16 +27,16 @@ def least_squares(
     tolerance: float,
     calls: int = 60,
 ) -> Any:
-    """Minimise a sum of squares between bounds, with the Jacobian by central differences in one call.
+    """Minimise a sum of squares inside bounds; one call of ``residuals`` gives the Jacobian by central differences.
 
     Parameters
     ----------
     residuals : callable
-        Points, shape (m, d), to residuals, shape (m, k).
+        Function from points, shape (m, d), to residuals, shape (m, k).
     start, low, high : ndarray, shape (d,)
         Start and bounds.
     tolerance : float
-        Relative tolerance on residuals, point and gradient.
+        Tolerance for relative changes of the cost and of the point, and for the gradient.
     calls : int
         Largest number of evaluations, without those of the Jacobian.
 
@@ -75,7 +75,7 @@ def sobol(dimension: int, size: int, seed: int) -> NDArray[np.float64]:
 
 
 def distant(points: NDArray[np.float64], count: int) -> Iterator[NDArray[np.float64]]:
-    """First points of a ranking, each of them away from those before it by a fifth of the box in some parameter."""
+    """First points of a ranking that differ from each other by more than 0.2 in at least one coordinate."""
     chosen: list[NDArray[np.float64]] = []
     for point in points:
         if len(chosen) == count:

@@ -1,6 +1,6 @@
 """Design of experiments: the parameter sets simulated before any surrogate exists.
 
-Every sampler is a sequence: a larger design keeps the points of a smaller one.
+Every sampler makes a sequence of points, so that a larger design contains the points of a smaller one.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ def sample_unit(sampler: str, size: int, dimension: int, rng: np.random.Generato
     Parameters
     ----------
     sampler : {'monte_carlo', 'latin_hypercube', 'sobol'}
-        Independent uniform numbers; a Latin hypercube of 16 points that doubles by filling
-        the strata left empty (Latin at 16, 32, 64, ...; Sallaberry, Helton and Hora 2008);
-        scrambled Sobol points (Owen 1998).
+        ``monte_carlo``: independent uniform numbers. ``latin_hypercube``: a Latin hypercube of 16 points, which is
+        doubled (32, 64, ...) by points in its empty strata (Sallaberry, Helton and Hora 2008). ``sobol``: scrambled
+        Sobol points (Owen 1998).
     size, dimension : int
         Number of points and of parameters.
     rng : Generator
-        Source of the numbers.
+        Source of the random numbers.
 
     Returns
     -------
@@ -44,7 +44,7 @@ def sample_unit(sampler: str, size: int, dimension: int, rng: np.random.Generato
 
     if sampler == "sobol":
         with warnings.catch_warnings():
-            # any length of the sequence is wanted, balanced (a power of 2) or not
+            # scipy warns if the number of points is not a power of 2, which a design need not be
             warnings.simplefilter("ignore", UserWarning)
             return np.asarray(qmc.Sobol(dimension, scramble=True, rng=rng).random(size))
     points = np.asarray(qmc.LatinHypercube(dimension, rng=rng).random(_LATIN_BLOCK))
@@ -54,7 +54,7 @@ def sample_unit(sampler: str, size: int, dimension: int, rng: np.random.Generato
 
 
 def _fill_strata(points: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
-    """As many points again, so that all together are a Latin hypercube."""
+    """Points, as many as the given ones, that form a Latin hypercube together with them, shape (n, d)."""
     n, dimension = points.shape
     added = np.empty_like(points)
     for j in range(dimension):
@@ -64,21 +64,21 @@ def _fill_strata(points: NDArray[np.float64], rng: np.random.Generator) -> NDArr
 
 
 def _points(case: stages.DesignChunk, size: int, box: NDArray[np.float64]) -> NDArray[np.float64]:
-    """First points of the sequence in the box of all calibrated materials, shape (design size, d)."""
+    """First points of the sampling sequence, inside the bounds of all calibrated materials, shape (size, d)."""
     integer = np.concatenate([np.array(case.materials[name].integers, dtype=np.bool_) for name in case.calibrated])
     low, high = box.T
     drawn = size
     while True:
         rng = derived_rng(case.seed, "design", case.design.sampler)
         unit = sample_unit(case.design.sampler, drawn, len(low), rng)
-        # as wide a share of the unit interval for each whole number, the ends included
+        # each whole number, the bounds included, has an equally wide part of the unit interval
         whole = np.minimum(low + np.floor(unit * (high - low + 1.0)), high)
         points = np.where(integer, whole, low + unit * (high - low))
         if not integer.any():
             return np.asarray(points)
         start = np.concatenate([case.materials[name].start_parameters for name in case.calibrated])
         _, first = np.unique(np.concatenate([start[None], points]), axis=0, return_index=True)
-        first = np.sort(first)[1:] - 1  # without the start, which is the reference run's
+        first = np.sort(first)[1:] - 1  # without the starting parameters, which the reference run simulates
         if len(first) >= size:
             return np.asarray(points[first[:size]])
         drawn *= 2
@@ -89,24 +89,24 @@ def design_points(
 ) -> list[dict[str, list[float]]]:
     """Parameters of every material for each run of the design.
 
-    Calibrated materials share the runs. The design fills the box of all their parameters
-    together, so that no two materials move together.
+    The parameters of all calibrated materials change in every run. The design fills the joint bounds of all
+    materials, so that the parameters of different materials vary independently of each other.
 
     Parameters
     ----------
     case : stages.DesignChunk
-        Sampler and box of the design.
+        Sampler of the design, and bounds of the parameters.
     size : int
-        Number of its runs.
+        Number of runs of the design.
     reused : sequence of mapping, optional
-        Parameters of runs of an earlier case: each stands for a run of the design.
+        Parameters of reused runs of an earlier case; each reused run replaces one run of the design.
 
     Returns
     -------
     list of dict
-        One mapping of material to parameters per run: the first points of the sequence that are not among
-        the reused ones, as many as those leave to be made. Where parameters are whole numbers, points that
-        come again, and the starting parameters, are passed over.
+        Parameters by material, for each run that is still to be made: ``size`` minus the number of reused runs, taken
+        from the first points of the sequence without those of reused runs. If parameters are whole numbers, repeated
+        points and the starting parameters are left out of the sequence.
     """
     boxes = {name: np.array(case.materials[name].box, dtype=np.float64) for name in case.calibrated}
     if size == 0:

@@ -1,4 +1,4 @@
-"""What the classes of a material are expected to show, for one X and one number of looks."""
+"""Expected cumulants of a material's incidence-angle bins, for one X and one number of looks."""
 
 from __future__ import annotations
 
@@ -14,24 +14,27 @@ from radcal.radar.texture import log_speckle_cumulants
 __all__ = ["Forward", "LawForward", "expected_cumulants", "law_cumulants"]
 
 Forward = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-"""X, shape (d,), to mean [dB], variance [dB^2] and third central moment [dB^3] of each class, shape (n, 3)."""
+"""Function from X, shape (d,), to the cumulants of each incidence-angle bin, shape (n, 3).
+
+The cumulants are mean [dB], variance [dB^2] and third central moment [dB^3].
+"""
 
 
 def law_cumulants(
     law: Law, parameters: ArrayLike, nodes_deg: NDArray[np.float64], noise_db: float = -np.inf
 ) -> NDArray[np.float64]:
-    """Mean [dB], variance [dB^2] and third central moment [dB^3] of a law over each class's angles.
+    """Mean [dB], variance [dB^2] and third central moment [dB^3] of a law over the angles of each bin.
 
     Parameters
     ----------
     law : Law
-        With a curve.
+        Backscatter law with a curve.
     parameters : array_like, shape (d,)
-        X.
+        Parameters X of the law.
     nodes_deg : ndarray, shape (n, m)
-        Angles that stand for each class, equally likely [deg].
+        Equally likely angles that represent each incidence-angle bin [deg].
     noise_db : float
-        Noise-equivalent backscatter, whose power adds to the law's [dB].
+        Noise-equivalent backscatter [dB], whose power is added to the power of the law.
 
     Returns
     -------
@@ -48,16 +51,16 @@ def law_cumulants(
 
 @dataclass(frozen=True)
 class LawForward:
-    """A simulator that is nothing but law, noise and speckle: cumulants of independent factors add in dB.
+    """Model of a run with law, noise and speckle alone; the cumulants of independent factors add in dB.
 
     Attributes
     ----------
     law : Law
-        With a curve.
+        Backscatter law with a curve.
     nodes_deg : ndarray, shape (n, m)
-        Angles of each class [deg].
+        Angles that represent each incidence-angle bin [deg].
     looks : float
-        Of the speckle.
+        Number of looks of the speckle.
     noise_db : float
         Noise-equivalent backscatter [dB].
     """
@@ -68,7 +71,7 @@ class LawForward:
     noise_db: float = -np.inf
 
     def __call__(self, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Mean, variance and third central moment of each class, shape (n, 3)."""
+        """Mean [dB], variance [dB^2] and third central moment [dB^3] of each incidence-angle bin, shape (n, 3)."""
         return law_cumulants(self.law, parameters, self.nodes_deg, self.noise_db) + log_speckle_cumulants(self.looks)
 
 
@@ -79,23 +82,23 @@ def expected_cumulants(
     patch_variance: NDArray[np.float64] | float = 0.0,
     shift: NDArray[np.float64] | float = 0.0,
 ) -> NDArray[np.float64]:
-    """Move the simulated cumulants to other looks, and add what the simulator leaves out.
+    """Simulated cumulants, converted to the material's looks, with variance of fields and error of incidence added.
 
     Parameters
     ----------
     simulated : ndarray, shape (n, 3)
         Mean [dB], variance [dB^2] and third central moment [dB^3] at the sensor's looks.
     nominal, effective : float
-        The sensor's looks and those of the material.
+        Number of looks of the sensor, and effective number of looks of the material.
     patch_variance : ndarray, shape (n,), or float
-        Variance among the patches and cells of one class [dB^2].
+        Variance inside each bin by the effects of fields (patches) and cells [dB^2].
     shift : ndarray, shape (n, 3), or float
-        Of the cumulants, by an error of the incidence.
+        Change of the cumulants by an error of the local incidence.
 
     Returns
     -------
     ndarray, shape (n, 3)
-        The variance at least a thousandth of the simulated one.
+        Expected cumulants; the variance is at least a thousandth of the simulated variance.
     """
     found = simulated + (log_speckle_cumulants(effective) - log_speckle_cumulants(nominal)) + shift
     found[:, 1] = np.maximum(found[:, 1] + patch_variance, 1e-3 * simulated[:, 1])

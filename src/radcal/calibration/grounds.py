@@ -1,4 +1,4 @@
-"""Laws of several materials from their measured pixels, with patches' spread pooled over the materials."""
+"""Laws fitted to the measured pixels of several materials, with the variance of fields pooled over materials."""
 
 from __future__ import annotations
 
@@ -32,26 +32,30 @@ __all__ = [
     "refit",
 ]
 
-_ROUNDS = 3  # of law and spread in turn
-_START_SPREAD = Spread(0.8, 0.4)  # of the first round; 0.8 is the mean of a half-normal law of 1 dB
+_ROUNDS = 3  # alternations between fits of the laws and estimates of the spread
+_START_SPREAD = Spread(0.8, 0.4)  # [dB], in the first round; 0.8 is the mean of a half-normal law of 1 dB
 _STEP = 1e-4
 
 
 @dataclass(frozen=True)
 class GroundLaw:
-    """A material's law, and what it was found from.
+    """Fitted law of one material, with the data and the settings of the fit.
 
     Attributes
     ----------
     ground : Ground
+        Measured pixels.
     method : Method
+        Settings of the fit.
     classes : Classes
+        Incidence-angle bins of the measured pixels.
     spread : Spread
-        Among patches and cells.
+        Between-field and within-field standard deviation [dB].
     fit : LawFit
+        Fitted X and looks, with their uncertainty.
     correction_db : ndarray, shape (n,), optional
-        What a simulator's classes hold besides law and speckle, in the mean [dB]: area of facets, noise,
-        neighbours.
+        Mean of each bin in a run minus the mean by law and speckle [dB]; it is caused by the area of facets, noise and
+        neighbouring materials.
     """
 
     ground: Ground
@@ -62,7 +66,7 @@ class GroundLaw:
     correction_db: NDArray[np.float64] | None = None
 
     def levels_db(self, incidence_deg: ArrayLike, parameters: ArrayLike | None = None) -> NDArray[np.float64]:
-        """Expected mean of dB values at mapped angles [deg], shape (k,): law, mean of the log speckle, correction."""
+        """Expected mean of pixels [dB] at mapped angles [deg], shape (k,): law, mean log speckle and correction."""
         x = self.fit.parameters if parameters is None else parameters
         angle = np.asarray(incidence_deg, dtype=np.float64)
         nodes = true_angles(self.ground, self.classes, self.method, angle[:, None])
@@ -72,7 +76,7 @@ class GroundLaw:
         return np.asarray(level)
 
     def slopes(self, incidence_deg: ArrayLike) -> NDArray[np.float64]:
-        """Derivatives of :meth:`levels_db` by X and log looks, shape (k, d + 1)."""
+        """Derivatives of :meth:`levels_db` with respect to X and the logarithm of the looks, shape (k, d + 1)."""
         low, high = np.asarray(self.method.bounds, dtype=np.float64).T
         columns = []
         for j, width in enumerate(high - low):
@@ -85,7 +89,7 @@ class GroundLaw:
         return np.stack(columns, axis=-1)
 
     def cell_residuals(self) -> CellResiduals:
-        """Cell means minus law; of the parameters, priors and bounds are known without them."""
+        """Cell means minus law, with the information on X and looks that comes from priors and bounds alone."""
         ground, cells = self.ground, self.ground.cells
         return CellResiduals(
             cells.mean(ground.values_db - self.levels_db(ground.incidence_deg)),
@@ -97,18 +101,18 @@ class GroundLaw:
 
     @cached_property
     def identified(self) -> float:
-        """How far the law's change over the incidence seen exceeds its own uncertainty.
+        """Ratio of the law's variance over the incidence seen to the mean variance of its uncertainty.
 
         Returns
         -------
         float
-            Mean square of the law about its mean over the pixels, over the mean variance of that. Below 2
-            a constant is expected to predict as well: the square found exceeds the true one by the
-            variance, and the law errs by it once more (Mallows, "Some comments on Cp", Technometrics 15
-            (1973)).
+            Mean square of the law minus its mean over the angles, divided by the mean variance of this difference. If
+            the ratio is below 2, a constant is expected to predict as well as the law: the fitted mean square exceeds
+            the true one by the variance, and predictions by the law err by the variance again (Mallows, "Some comments
+            on Cp", Technometrics 15 (1973)).
         """
-        angle = self.classes.nodes_deg.ravel()  # equally likely, but for the sizes of classes, which are alike
-        # of the law alone: a run's correction has its speckle in it
+        angle = self.classes.nodes_deg.ravel()  # about equally likely: bins have similar numbers of pixels
+        # of the law without the correction, which contains the speckle of a run
         level, slope = replace(self, correction_db=None).levels_db(angle), self.slopes(angle)
         slope = slope - slope.mean(axis=0)
         variance = float(np.mean(np.einsum("kd,de,ke->k", slope, self.fit.covariance, slope)))
@@ -116,35 +120,35 @@ class GroundLaw:
 
     @cached_property
     def effects(self) -> Effects:
-        """Effects of the patches seen."""
+        """Predicted random effects of the fields (patches) in the measured pixels."""
         ground = self.ground
         residual = ground.cells.mean(ground.values_db - self.levels_db(ground.incidence_deg))
         return patch_effects(residual, ground.sampling, ground.cells.patch, self.spread)
 
 
 def limited(ground: Ground, member: NDArray[np.int64]) -> Ground:
-    """The ground without values that no speckle makes; ``member`` is the class of each pixel, shape (pixels,)."""
+    """Ground with far outliers limited (winsorised) in each bin; ``member``, shape (pixels,), is each pixel's bin."""
     return replace(ground, values_db=winsorised(ground.values_db, member))
 
 
 def _limited(ground: Ground, method: Method) -> Ground:
-    """The same, in bins still to be made."""
+    """Ground with far outliers limited in the incidence-angle bins that the method prescribes."""
     edges = incidence_edges(ground.incidence_deg, method.classes)
     return limited(ground, class_of(ground.incidence_deg, edges))
 
 
 def bins_of(ground: Ground, classes: int | Literal["auto"]) -> Classes:
-    """Incidence-angle bins of a ground, as many as :func:`radcal.measurement.classes.incidence_edges` makes."""
+    """Incidence-angle bins of measured pixels, by :func:`radcal.measurement.classes.incidence_edges`."""
     return make_classes(ground.values_db, ground.incidence_deg, classes, ground.pairs, ground.cells.of_pixel)
 
 
 def curve_prior(ground: Ground, method: Method) -> Residuals:
-    """Residuals of the priors on a material's curve and looks."""
+    """Function from X and looks to the residuals of the priors on a material's curve and looks."""
     return prior_residuals(law_prior(ground, method), method.looks, method.free_looks)
 
 
 def law_prior(ground: Ground, method: Method) -> CurvePrior | None:
-    """Prior on a material's curve; None where it is switched off, or for a law without a curve."""
+    """Prior on a material's curve; None if priors are switched off, or for a law without a curve."""
     level = float(ground.values_db.mean()), float(ground.incidence_deg.mean())
     return CurvePrior(method.law, *level) if method.priors and method.law.has_curve else None
 
@@ -152,14 +156,14 @@ def law_prior(ground: Ground, method: Method) -> CurvePrior | None:
 def ground_residuals(
     ground: Ground, classes: Classes, method: Method, spread: Spread, forward: Forward | None = None
 ) -> Residuals:
-    """Residuals of one material, without priors, as a function of X and looks."""
+    """Function from X and looks to the residuals of one material, without those of the priors."""
     simulate = forward or LawForward(method.law, classes.nodes_deg, method.looks)
     misfit = method.misfit.of(ground, classes, method, spread)
     return lambda x, looks: misfit(x, looks, simulate(x))
 
 
 def refit(found: GroundLaw, ground: Ground) -> GroundLaw:
-    """The same law fitted to other pixels, from where it is, the spread kept."""
+    """Law fitted to other pixels, starting at the X and looks of ``found`` and with its spread."""
     classes = bins_of(ground, found.method.classes)
     residuals = ground_residuals(ground, classes, found.method, found.spread)
     start = (found.fit.parameters, found.fit.looks)
@@ -171,18 +175,18 @@ def refit(found: GroundLaw, ground: Ground) -> GroundLaw:
 
 
 def marginal_law(found: GroundLaw, looks: float) -> LawFit:
-    """The law behind the spread of all pixels, at looks that are known: which angle each has does not count.
+    """Law fitted to the distribution of all pixels as one bin, with a known number of looks.
 
-    An error of the mapped incidence that the method does not tell flattens the law in classes of it more than
-    this one. Compare them with
-    :func:`radcal.calibration.incidence_error.incidence_warnings`.
+    The fit uses the distribution of the incidence, but not the incidence of each pixel. An error of the mapped
+    incidence that ``found.method`` leaves out flattens the law in incidence-angle bins more than the law in one bin;
+    :func:`radcal.calibration.incidence_error.incidence_warnings` compares both laws.
 
     Parameters
     ----------
     found : GroundLaw
-        The law in classes.
+        Law fitted in incidence-angle bins.
     looks : float
-        Among neighbouring pixels (:func:`radcal.measurement.looks.local_looks`), or the sensor's.
+        Number of looks from neighbouring pixels (:func:`radcal.measurement.looks.local_looks`), or of the sensor.
 
     Returns
     -------
@@ -200,19 +204,19 @@ def fit_grounds(
     grounds: Mapping[str, Ground],
     methods: Mapping[str, Method],
 ) -> dict[str, GroundLaw]:
-    """Fit the laws of several materials, and the spread of patches that they share, in turn.
+    """Fit the laws of several materials and, alternately, estimate the variance between and within their fields.
 
     Parameters
     ----------
     grounds : mapping
         Pixels by material.
     methods : mapping
-        How each is fitted.
+        Settings of the fit by material.
 
     Returns
     -------
     dict
-        Law by material.
+        Fitted law by material.
     """
     grounds = {name: _limited(ground, methods[name]) for name, ground in grounds.items()}
     classes = {name: bins_of(g, methods[name].classes) for name, g in grounds.items()}
@@ -221,7 +225,7 @@ def fit_grounds(
     for turn in range(_ROUNDS):
         for name, ground in grounds.items():
             method = methods[name]
-            if turn and not method.misfit.of_fields:  # only the classes know of patches
+            if turn and not method.misfit.of_fields:  # only misfits with variance between fields depend on the spread
                 found[name] = replace(found[name], spread=spread[name])
                 continue
             residuals = ground_residuals(ground, classes[name], method, spread[name])

@@ -1,14 +1,15 @@
-r"""What an error of the mapped local incidence does to the statistics of a class.
+r"""Effects of an error of the mapped local incidence on the statistics of an incidence-angle bin.
 
 Two kinds of error of standard deviation e (Carroll, Ruppert, Stefanski and Crainiceanu, "Measurement
 Error in Nonlinear Models", 2nd edition (2006), chapter 1):
 
-- ``classical``: mapped = true + error. Noise of the elevation model and misregistration are of this kind.
-  Given the mapped angle, the true one is drawn to the mean by :math:`\lambda = s_t^2 / (s_t^2 + e^2)`,
-  :math:`s_t` the spread of the true angles, and scatters by :math:`e \sqrt\lambda`: a slope appears
-  :math:`\lambda` times as steep (0.69 for e = 4 and :math:`s_t` = 6 degrees) in classes of mapped incidence.
-- ``berkson``: true = mapped + error. Relief that a smooth elevation model leaves out is of this kind: slopes
-  keep, and the spread grows by slope times e.
+- ``classical``: mapped = true + error. Noise of the elevation model and misregistration cause classical errors.
+  The expected true angle is closer to the mean angle than the mapped angle is, by the factor
+  :math:`\lambda = s_t^2 / (s_t^2 + e^2)`, where :math:`s_t` is the standard deviation of the true angles. Given the
+  mapped angle, the true angle has the standard deviation :math:`e \sqrt\lambda`. In bins of mapped incidence, a law
+  has :math:`\lambda` times its true slope (0.69 for e = 4 and :math:`s_t` = 6 degrees).
+- ``berkson``: true = mapped + error. Relief that a smooth elevation model leaves out causes Berkson errors. Berkson
+  errors leave the slope of a law unchanged; the variance of the pixels in a bin grows by the square of slope times e.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from radcal.radar.laws import Law, seen_rad
 from radcal.radar.texture import log_speckle_cumulants
 
 __all__ = [
+    "LEAST_SHARE",
     "ErrorKind",
     "attenuation",
     "error_behind",
@@ -34,30 +36,30 @@ __all__ = [
 
 ErrorKind = Literal["classical", "berkson"]
 _HERMITE = 5
-_LEAST_SHARE = 0.1  # of the mapped variance that may be true: an error as large as the spread leaves no classes
+LEAST_SHARE = 0.1  # smallest share of the mapped variance that counts as variance of the true angles
 _GAP_DB = 0.7
-_GAP_ERRORS = 2.0  # 1,000 pixels of a right law show up to 1 dB by chance (benchmarks/right_law.py)
-_FEW_LOOKS = 0.5  # times the sensor's
+_GAP_ERRORS = 2.0  # standard errors; 1,000 pixels of a right law show up to 1 dB by chance (benchmarks/right_law.py)
+_FEW_LOOKS = 0.5  # in multiples of the sensor's looks
 _BENT_DB = 0.5  # change of a law that is worth a warning
-_LIKELY_DEG = 6.0  # the most that maps are off by: what takes more is texture
-_MOST_OF_SPREAD = 0.75  # times the mapped incidence's own: a map that is mostly error has no classes
+_LIKELY_DEG = 6.0  # largest likely error of a map of incidence; texture causes larger apparent errors
+_MOST_OF_SPREAD = 0.75  # largest error, as a share of the standard deviation of the mapped incidence
 
 
 def attenuation(incidence_deg: ArrayLike, error_deg: ArrayLike, rms_deg: float | None = None) -> NDArray[np.float64]:
     r"""Share of the variance of the mapped incidence that is not classical error, at least 0.1.
 
-    With errors that differ, a place of error e has the share :math:`V_t / (V_t + e^2)`, :math:`V_t` the variance of
-    the true angles: that of the mapped ones less the mean square of the errors (Carroll et al., section 4.4: regression
-    calibration).
+    If the standard error e differs between places, the share is :math:`V_t / (V_t + e^2)` at each place, where
+    :math:`V_t` is the variance of the true angles. The variance of the true angles is the variance of the mapped angles
+    minus the mean square of the errors (Carroll et al., section 4.4: regression calibration).
 
     Parameters
     ----------
     incidence_deg : array_like, shape (pixels,)
         Mapped angles [deg].
     error_deg : array_like, shape (k,) or ()
-        Standard error at the places asked for [deg].
+        Standard error of the local incidence at the places whose share is computed [deg].
     rms_deg : float, optional
-        Root mean square of the errors of all pixels [deg]; ``error_deg`` where one number holds for all.
+        Root mean square of the errors of all pixels [deg]; ``error_deg`` if missing.
 
     Returns
     -------
@@ -66,34 +68,35 @@ def attenuation(incidence_deg: ArrayLike, error_deg: ArrayLike, rms_deg: float |
     error = np.asarray(error_deg, dtype=np.float64)
     square = error**2 if rms_deg is None else rms_deg**2
     variance = max(float(np.var(np.asarray(incidence_deg, dtype=np.float64))), 1e-12)
-    true = np.maximum(variance - square, _LEAST_SHARE * variance)
-    return np.where(error == 0.0, 1.0, np.maximum(_LEAST_SHARE, true / (true + error**2)))
+    true = np.maximum(variance - square, LEAST_SHARE * variance)
+    return np.where(error == 0.0, 1.0, np.maximum(LEAST_SHARE, true / (true + error**2)))
 
 
 def registration_error_deg(
     incidence_deg: NDArray[np.float32], uncertainty_px: NDArray[np.float32], pixels: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    r"""Standard error of the local incidence that a registration leaves, pixel by pixel.
+    r"""Standard error of each pixel's local incidence that the uncertainty of the registration causes.
 
-    A pixel that lies a displacement off shows the incidence of another place: to first order the error is
-    :math:`|\nabla\phi|\,u / \sqrt 2`, u the standard error of the displacement's length and the square root its
-    share along the gradient. Edges of the relief, where the gradient is large, have most of it.
+    A pixel with a wrong displacement is assigned the incidence of another place. To first order, the standard error of
+    the incidence :math:`\phi` is :math:`|\nabla\phi|\,u / \sqrt 2`, where u is the standard error of the displacement's
+    length; the factor :math:`1 / \sqrt 2` gives the component along the gradient. The error of the incidence is largest
+    at edges of the relief, where the gradient of the incidence is large.
 
     Parameters
     ----------
     incidence_deg : ndarray, shape (rows, columns)
         Local incidence [deg], NaN where there is none.
     uncertainty_px : ndarray, shape (rows, columns)
-        Standard error of the displacement's length [pixels]; 0 where the image was not registered, and then
-        nothing is known of the error.
+        Standard error of the displacement's length [pixels]; 0 everywhere if the image was not registered, because the
+        error is then unknown.
     pixels : ndarray of int
-        Flat indices of the pixels concerned.
+        Flat indices of the pixels for which the error is computed.
 
     Returns
     -------
     ndarray, shape (pixels,)
-        Standard error [deg]; beside a pixel without incidence the root mean square of the others, and 0 everywhere
-        where none is known.
+        Standard error [deg]. A pixel next to one without incidence has the root mean square of the other pixels'
+        errors. All errors are 0 if none can be computed.
 
     References
     ----------
@@ -113,26 +116,26 @@ def registration_error_deg(
 def true_nodes(
     nodes_deg: ArrayLike, error_deg: ArrayLike, kind: ErrorKind, mean_deg: float, share: ArrayLike
 ) -> NDArray[np.float64]:
-    """True angles behind mapped ones.
+    """Angles with the distribution of the true local incidence, given the mapped angles of each bin.
 
     Parameters
     ----------
     nodes_deg : array_like, shape (n, m)
-        Mapped angles that stand for each class [deg].
+        Mapped angles that represent each incidence-angle bin [deg].
     error_deg : array_like, shape (n,) or ()
-        Standard deviation of the error in each class [deg].
+        Standard deviation of the error in each bin [deg].
     kind : {'classical', 'berkson'}
-        Which of the two the error moves.
+        Kind of the error, as described at the top of this module.
     mean_deg : float
         Mean of the material's mapped angles [deg].
     share : array_like, shape (n,) or ()
-        As :func:`attenuation` gave it; not used for ``berkson``.
+        Share of true variance, from :func:`attenuation`; not used for ``berkson``.
 
     Returns
     -------
     ndarray, shape (n, 5 m) of float64
-        Angles [deg] with nearly the distribution of the true ones, equally likely each: the five points of
-        a normal law have its mean, variance and (by symmetry) third moment. Within 0 and 90.
+        Equally likely angles [deg] with nearly the distribution of the true angles, between 0 and 90. Each mapped angle
+        is replaced by five points that have the mean, variance and third moment of a normal distribution.
     """
     nodes = np.asarray(nodes_deg, dtype=np.float64)
     sd, kept = (
@@ -149,16 +152,16 @@ def true_nodes(
 
 
 def law_gap_db(law: Law, first: LawFit, second: LawFit, incidence_deg: ArrayLike) -> tuple[float, float]:
-    """Largest difference of the shapes of two laws between the 5 % and 95 % of the incidence [deg].
+    """Largest difference in shape between two laws, from the 5 % to the 95 % quantile of the incidence.
 
-    The mean difference is taken out: looks and level move it, errors of the incidence the shape.
+    The mean difference is subtracted, because it depends on looks and level; errors of the incidence change the shape.
 
     Returns
     -------
     gap_db : float
-        The difference [dB].
+        Largest difference [dB].
     standard_errors : float
-        The same in standard errors of its own.
+        Largest difference, divided by its own standard error.
     """
     phi = seen_rad(incidence_deg)
     difference = law(phi, first.parameters) - law(phi, second.parameters)
@@ -169,7 +172,7 @@ def law_gap_db(law: Law, first: LawFit, second: LawFit, incidence_deg: ArrayLike
 
 
 def _shape_variance(law: Law, fit: LawFit, phi: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Variance of a law about its mean over the angles, to first order in X [dB^2]."""
+    """Variance, by the uncertainty of X, of a law minus its mean over the angles [dB^2], shape (k,), to first order."""
     x = fit.parameters
     steps = 1e-4 * np.sqrt(np.diag(fit.covariance)[:-1]) * np.eye(x.size)
     columns = [(law(phi, x + step) - law(phi, x - step)) / (2.0 * step.max()) for step in steps]
@@ -179,29 +182,29 @@ def _shape_variance(law: Law, fit: LawFit, phi: NDArray[np.float64]) -> NDArray[
 
 
 def error_behind(law: Law, fit: LawFit, incidence_deg: ArrayLike, sensor: float) -> tuple[float, float]:
-    r"""Error of the local incidence that alone would make the looks found so few, and what it does to the law.
+    r"""Error of the local incidence that would alone explain the low effective looks, and its effect on the law.
 
-    A classical error e leaves in a class of mapped incidence the variance :math:`b^2 e^2 / \lambda`, b the slope
-    found, which is :math:`\lambda = 1 - e^2 / V` times the true one, V the variance of the mapped incidence. Solved
-    for e.
+    A classical error e adds the variance :math:`b^2 e^2 / \lambda` to the pixels of a bin of mapped incidence. The
+    fitted slope b is :math:`\lambda = 1 - e^2 / V` times the true slope, where V is the variance of the mapped
+    incidence. The function finds the error e whose added variance explains why the fitted looks are below the sensor's.
 
     Parameters
     ----------
     law : Law
-        With a curve.
+        Backscatter law with a curve.
     fit : LawFit
-        Law and looks found in classes of mapped incidence.
+        Law and looks fitted in bins of mapped incidence.
     incidence_deg : array_like
         Mapped incidence of the pixels [deg].
     sensor : float
-        Looks of the sensor.
+        Number of looks of the sensor.
 
     Returns
     -------
     error_deg : float
-        The error e besides any that was told [deg]; 0 where the looks are the sensor's.
+        Error e in addition to the configured error [deg]; 0 if the fitted looks are not below the sensor's.
     bent_db : float
-        Largest change over the incidence seen (5-95 %) of the shape of the law, were that so [dB].
+        Largest change that the error e causes in the shape of the law, over the incidence seen (5-95 %) [dB].
     """
     angle = np.asarray(incidence_deg, dtype=np.float64)
     missing = float(log_speckle_cumulants(fit.looks)[1] - log_speckle_cumulants(sensor)[1])
@@ -218,23 +221,23 @@ def error_behind(law: Law, fit: LawFit, incidence_deg: ArrayLike, sensor: float)
 def incidence_warnings(
     name: str, law: Law, conditional: LawFit, marginal: LawFit, incidence_deg: ArrayLike, sensor: float
 ) -> list[str]:
-    """Say where the law in classes of mapped incidence is not the one behind the spread of the whole material.
+    """Warnings if the law fitted in incidence-angle bins contradicts the distribution of all pixels of a material.
 
     Parameters
     ----------
     name : str
-        Material.
+        Name of the material.
     law : Law
-        With a curve.
+        Backscatter law with a curve.
     conditional : LawFit
-        Law fitted to the classes of mapped incidence.
+        Law fitted in bins of mapped incidence.
     marginal : LawFit
-        Law fitted to all pixels as one class, at the looks that neighbours show: an untold error of the
-        incidence flattens the first law more than this.
+        Law fitted to all pixels as one bin, with the looks of neighbouring pixels. An error of the incidence that is
+        not configured flattens ``conditional`` more than ``marginal``.
     incidence_deg : array_like
         Mapped incidence of the pixels [deg].
     sensor : float
-        Looks of the sensor.
+        Number of looks of the sensor.
 
     Returns
     -------
@@ -242,8 +245,8 @@ def incidence_warnings(
 
     References
     ----------
-    Hausman, "Specification tests in econometrics", Econometrica 46 (1978): two estimates of which an error
-    of the regressor biases one more, with measurement error as an example.
+    Hausman, "Specification tests in econometrics", Econometrica 46 (1978): comparison of two estimates, of which an
+    error of the regressor biases one more than the other.
     """
     lines = []
     gap, errors = law_gap_db(law, conditional, marginal, incidence_deg)
@@ -256,7 +259,7 @@ def incidence_warnings(
     error, bent = error_behind(law, conditional, incidence_deg, sensor)
     spread = float(np.std(np.asarray(incidence_deg, dtype=np.float64)))
     few = np.log(sensor / conditional.looks) > np.sqrt(conditional.covariance[-1, -1])
-    few = few and _shape_variance(law, conditional, seen_rad(incidence_deg)).max() > 0.0  # no shape, nothing to bend
+    few = few and _shape_variance(law, conditional, seen_rad(incidence_deg)).max() > 0.0  # a constant law has no shape
     if few and bent > _BENT_DB and error <= min(_LIKELY_DEG, _MOST_OF_SPREAD * spread):
         lines.append(
             f"{name}: its pixels spread as those of {conditional.looks:.1f} looks, the sensor has {sensor:.3g}. "

@@ -1,4 +1,4 @@
-"""Ordinary kriging of several outputs with one correlation: length scales at the maximum of their posterior."""
+"""Ordinary kriging of several outputs with a common correlation; length scales maximise their posterior."""
 
 from __future__ import annotations
 
@@ -12,16 +12,19 @@ from radcal.errors import SurrogateError
 
 __all__ = ["JITTER", "Kriging", "train"]
 
-_LOG_SD = 1.0  # of the prior of a length scale, whose median is the width of the box
-_STARTS = (1.0, 0.3, 3.0)
+_LOG_SD = 1.0  # log standard deviation of the prior of a length scale; its median is 1, the width of the box
+# starts of the searches for the length scales, in widths of the box: the first start of each group and, if it is
+# another one, the start of the group with the highest posterior density; outputs that vary fast or hardly at all have
+# a maximum that no search from 0.3 or 3 reaches
+_STARTS = ((1.0,), (0.3, 0.1, 0.03), (3.0, 10.0))
 _SCALES = (0.02, 50.0)
 JITTER = 1e-10  # nugget without noise
-_MOST_NOISE = 10.0  # variances of the process
-_ROUNDS = 4  # of length scales and nugget in turn
+_MOST_NOISE = 10.0  # largest nugget, in variances of the process
+_ROUNDS = 4  # alternations between fits of the length scales and of the nugget
 
 
 class Kriging:
-    """Ordinary kriging with squared exponential correlation: one for all outputs, which have a constant each.
+    """Ordinary kriging, with one squared exponential correlation for all outputs and a constant for each output.
 
     Parameters
     ----------
@@ -32,7 +35,7 @@ class Kriging:
     scales : array_like, shape (d,)
         Length scales, in widths of the box.
     nugget : float
-        Variance of the noise over that of the process.
+        Ratio of the variance of the noise to the variance of the process.
 
     Raises
     ------
@@ -42,7 +45,7 @@ class Kriging:
     Attributes
     ----------
     process : float
-        Variance of the process by restricted likelihood, pooled over the outputs; 0 for a single point.
+        Restricted-likelihood estimate of the variance of the process, pooled over the outputs; 0 for a single point.
 
     References
     ----------
@@ -70,11 +73,11 @@ class Kriging:
         return np.asarray(np.exp(-0.5 * (away**2).sum(axis=-1)))
 
     def mean(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Prediction at points, shape (m, d) to (m, n)."""
+        """Predicted outputs, shape (m, n), at points of the unit box, shape (m, d)."""
         return np.asarray(self._constant + self._correlation(points) @ self._weights)
 
     def variance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Variance of the prediction's error at points, the same for all outputs, shape (m, d) to (m,)."""
+        """Variance of the prediction error at points, shape (m, d) to (m,); it is the same for all outputs."""
         near = self._correlation(points)
         known = (near * cho_solve(self._factor, near.T).T).sum(axis=1)
         trend = (1.0 - near @ self._ones) ** 2 / self._ones.sum()
@@ -91,7 +94,7 @@ class Kriging:
         return max(1.0, float(standardised.mean()))
 
     def leave_one_out(self) -> NDArray[np.float64]:
-        """Error of each point predicted from the others, at these length scales, shape (k, n).
+        """Error of the prediction of each point from all other points, with unchanged length scales, shape (k, n).
 
         References
         ----------
@@ -105,11 +108,12 @@ class Kriging:
 def train(
     x: NDArray[np.float64], y: NDArray[np.float64], noise_variance: float | None = 0.0
 ) -> tuple[NDArray[np.float64], float]:
-    """Length scales and nugget at the maximum of their posterior, from a few starts.
+    """Length scales and nugget that maximise their posterior density, from a few starts of the search.
 
-    The prior of a length scale is log-normal, its median is the width of the box and its log standard deviation 1: a
-    few runs cannot tell a length scale, and their likelihood alone would often choose one so short that nothing is
-    learnt from a run about its neighbours. Constants and process variance are integrated out.
+    The prior of a length scale is log-normal; its median is the width of the box, and its log standard deviation is 1.
+    A few runs do not determine a length scale, and their likelihood alone would often choose one so short that a run
+    tells nothing about its neighbourhood. The constants of the outputs and the variance of the process are integrated
+    out of the likelihood.
 
     Parameters
     ----------
@@ -118,15 +122,15 @@ def train(
     y : ndarray, shape (k, n)
         Outputs at the points.
     noise_variance : float or None
-        Variance of the outputs among runs of equal X; None where there is noise of unknown variance, which is then
-        estimated with the length scales.
+        Variance of the outputs among runs of equal X; None for noise of unknown variance, which is then estimated
+        together with the length scales.
 
     Returns
     -------
     scales : ndarray, shape (d,)
         Length scales, in widths of the box.
     nugget : float
-        Variance of the noise over that of the process.
+        Ratio of the variance of the noise to the variance of the process.
     """
     from scipy.optimize import minimize
 
@@ -143,16 +147,14 @@ def train(
         if noise_variance:
             process = Kriging(x, y, scales, nugget).process
             nugget = float(np.clip(noise_variance / max(process, 1e-300), JITTER, _MOST_NOISE))
+        starts = []
+        for group in _STARTS:
+            places = [np.log([start] * d + [1e-2] * free) for start in group]
+            highest = int(np.argmin([_minus_log_posterior(at, squares, y, nugget)[0] for at in places]))
+            starts += [places[k] for k in sorted({0, highest})]
         found = [
-            minimize(
-                _minus_log_posterior,
-                np.log([start] * d + [1e-2] * free),
-                args=(squares, y, nugget),
-                jac=True,
-                method="L-BFGS-B",
-                bounds=limits,
-            )
-            for start in _STARTS
+            minimize(_minus_log_posterior, start, args=(squares, y, nugget), jac=True, method="L-BFGS-B", bounds=limits)
+            for start in starts
         ]
         best = min(found, key=lambda result: float(result.fun)).x
         scales = np.exp(best[:d])
@@ -163,7 +165,10 @@ def train(
 def _minus_log_posterior(
     log: NDArray[np.float64], squares: NDArray[np.float64], y: NDArray[np.float64], nugget: float
 ) -> tuple[float, NDArray[np.float64]]:
-    """Minus the log of restricted likelihood times prior, and its gradient by the logs of scales and free nugget."""
+    """Negative logarithm of the product of restricted likelihood and prior, with its gradient.
+
+    The gradient is taken with respect to the logarithms of the length scales and, if it is estimated, of the nugget.
+    """
     (k, n), d = y.shape, squares.shape[2]
     inverse_squares = np.exp(-2.0 * log[:d])
     correlation = np.exp(-0.5 * squares @ inverse_squares)

@@ -1,4 +1,4 @@
-"""Whole numbers among the parameters: the points of the unit box that can be simulated."""
+"""Points of the unit box that can be simulated if some parameters are whole numbers."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from radcal.calibration.surrogate import Surrogate
 
 __all__ = ["SAME", "corners", "elsewhere", "lattice"]
 
-SAME = 1e-7  # in the unit box: nearer than this is the same point
+SAME = 1e-7  # distance in the unit box below which two points are the same
 
-_MOST_BRANCHED = 4  # whole parameters rounded both ways in every combination
-_MOST_LISTED = 4096  # points of a lattice that are looked at one by one
+_MOST_BRANCHED = 4  # largest number of whole-number parameters for which all combinations of roundings are made
+_MOST_LISTED = 4096  # largest number of lattice points that are listed one by one
 _SAMPLE = 1024
 
 
 def corners(surrogate: Surrogate, unit: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points around one whose whole parameters are rounded down and up.
+    """Points around a given point, with its whole-number parameters rounded down and up.
 
     Parameters
     ----------
     surrogate : Surrogate
-        Its bounds and which parameters are whole.
+        Surrogate, which holds the bounds, and which parameters are whole numbers.
     unit : ndarray, shape (d,)
         Point of the unit box.
 
     Returns
     -------
     ndarray, shape (n, d)
-        Every combination of up to four whole parameters; of more, the nearest point and those that differ from
-        it in one of them.
+        All combinations of roundings for up to four whole-number parameters. For more parameters, the nearest rounded
+        point, and the points that differ from it in the rounding of one parameter.
     """
     whole = np.flatnonzero(surrogate.integer)
     low, high = surrogate.bounds.T
@@ -52,7 +52,10 @@ def corners(surrogate: Surrogate, unit: NDArray[np.float64]) -> NDArray[np.float
 
 
 def lattice(surrogate: Surrogate) -> NDArray[np.float64] | None:
-    """All points of a box of whole parameters alone, shape (n, d); None of any other, or one of too many points."""
+    """All points of the unit box if every parameter is a whole number, shape (n, d).
+
+    The result is None if a parameter is continuous, or if there are more than 4096 points.
+    """
     low, high = surrogate.bounds.T
     if not surrogate.integer.all() or np.prod(high - low + 1.0) > _MOST_LISTED:
         return None
@@ -61,20 +64,20 @@ def lattice(surrogate: Surrogate) -> NDArray[np.float64] | None:
 
 
 def elsewhere(surrogate: Surrogate, seed: int) -> NDArray[np.float64]:
-    """Points to choose from where the best one has been simulated already.
+    """Points that have not been simulated, as candidates if the best point has been simulated already.
 
     Parameters
     ----------
     surrogate : Surrogate
-        Trained; of its own training points none is returned.
+        Trained surrogate; its training points are not returned.
     seed : int
-        Seed of the sample.
+        Seed of the Sobol sample.
 
     Returns
     -------
     ndarray, shape (n, d)
-        All points left of a small lattice of whole parameters alone, none when all have been simulated; else a
-        Sobol sample.
+        If every parameter is a whole number and :func:`lattice` lists the points, all points not yet simulated, which
+        may be none. Otherwise a Sobol sample with rounded whole-number parameters.
     """
     from scipy.stats import qmc  # a second to import, which most jobs need not spend
 

@@ -1,4 +1,4 @@
-"""The law and the looks of a material with the least residuals, and how well they are known."""
+"""Least-squares fit of a material's law and effective looks, with their uncertainty."""
 
 from __future__ import annotations
 
@@ -15,35 +15,35 @@ from radcal.calibration.priors import LOOKS_MOST, CurvePrior, looks_residuals
 __all__ = ["LOOKS", "LawFit", "Residuals", "fit_law", "prior_residuals"]
 
 Residuals = Callable[[NDArray[np.float64], float], NDArray[np.float64]]
-"""X, shape (d,), and effective looks to residuals in standard deviations, shape (k,)."""
+"""Function from X, shape (d,), and effective looks to residuals in standard deviations, shape (k,)."""
 
 LOOKS = (0.3, LOOKS_MOST)
-"""The least effective looks, and the most in terms of the sensor's."""
+"""Bounds of the effective looks: smallest number of looks, and largest one in multiples of the sensor's looks."""
 _SCREENED = 256
 _STARTS = 5
 _TOLERANCE = 1e-6  # residuals are in standard deviations
 _CALLS = 100
 _SAME_COST = 1e-3
-_KNOWN = 1e9  # inverse variance
+_KNOWN = 1e9  # inverse variance of a parameter that is not fitted
 
 
 @dataclass(frozen=True)
 class LawFit:
-    """A law found.
+    """Fitted law of one material.
 
     Attributes
     ----------
     parameters : ndarray, shape (d,)
-        X.
+        Fitted parameters X.
     looks : float
-        Effective looks.
+        Effective number of looks.
     cost : float
         Half the sum of squared residuals, priors included.
     covariance : ndarray, shape (d + 1, d + 1)
-        Of X and of the logarithm of the looks: inverse of the Gauss-Newton matrix, with the bounds as a
-        uniform law.
+        Covariance of X and the logarithm of the looks: inverse of the Gauss-Newton matrix, to which the bounds add the
+        information of a uniform distribution.
     prior_information : ndarray, shape (d + 1, d + 1)
-        What priors and bounds alone say of them (inverse covariance).
+        Inverse covariance of X and the logarithm of the looks from priors and bounds alone.
     """
 
     parameters: NDArray[np.float64]
@@ -54,7 +54,7 @@ class LawFit:
 
 
 def prior_residuals(prior: CurvePrior | None, sensor: float, free_looks: bool) -> Residuals:
-    """Residuals of the priors on curve and looks; none without a prior."""
+    """Function from X and looks to the residuals of the priors on curve and looks; none if ``prior`` is None."""
 
     def residuals(parameters: NDArray[np.float64], looks: float) -> NDArray[np.float64]:
         if prior is None:
@@ -77,26 +77,26 @@ def fit_law(
 ) -> LawFit:
     """Minimise the sum of squared residuals over X and the effective looks.
 
-    The best of a Sobol sample of the box are polished by bounded least squares.
+    Bounded least squares start from the best points of a Sobol sample inside the bounds.
 
     Parameters
     ----------
     residuals : callable
-        (X, looks) to residuals.
+        Function from X and looks to residuals in standard deviations.
     bounds : array_like, shape (d, 2)
-        Box of X.
+        Bounds of X.
     sensor : float
-        Looks of the sensor; those of a material lie between 0.3 and 1.1 times that.
+        Number of looks of the sensor; effective looks are searched from 0.3 looks to 1.1 times the sensor's looks.
     free_looks : bool
-        Whether the looks are searched.
+        Whether the effective looks are searched.
     start : (X, looks), optional
-        Where to begin, in place of the sample.
+        Start of the search, in place of the points of the sample.
     fixed_looks : float, optional
-        Looks where they are not searched; the sensor's if missing.
+        Effective looks if they are not searched; the sensor's looks if missing.
     prior : callable, optional
-        (X, looks) to residuals of the priors, minimised with the others.
+        Function from X and looks to residuals of the priors, which are minimised with ``residuals``.
     moves : bool
-        Whether anything is minimised; without, only what is known at the start is found out.
+        Whether the sum is minimised; if false, the result has the X and looks of the start, with their covariance.
 
     Returns
     -------

@@ -1,7 +1,7 @@
-"""The whole loop in one process, for notebooks, benchmarks and tests.
+"""Whole calibration loop in one process, for notebooks, benchmarks and tests.
 
-The workflow takes the same steps as separate jobs with files between them; both give the
-same runs, bit for bit.
+The workflow executes the steps of the loop as separate jobs, which exchange files. Workflow and loop make
+equal runs, bit for bit.
 """
 
 from __future__ import annotations
@@ -34,33 +34,34 @@ def calibrate(
     report: Callable[[History], None] = lambda _: None,
     reference: Runner | None = None,
 ) -> tuple[History, Decision]:
-    """Run reference, design and infill until every material has ended.
+    """Make the reference run, the design runs, and infill runs until the search of every material has ended.
 
     Parameters
     ----------
     case : Case
-        The configuration.
+        Configuration of the case.
     runner : Runner
-        The simulator behind a run store; runs that are there are not made again.
+        Simulator with a run store; stored runs are not simulated again.
     targets : mapping
-        Target by calibrated material, by incidence-angle bin where the objective asks for it
+        Target by calibrated material, divided into incidence-angle bins if the objective needs them
         (:func:`radcal.calibration.bin_target.bin_targets`).
     report : callable, optional
-        Called with the history after the design and after every verified proposal.
+        Function that is called with the history after the design and after every infill run.
     reference : Runner, optional
-        Makes the reference run, of ``case.at_start``; needed where a start names another law.
+        Simulator for the reference run, made for ``case.at_start``; needed if the starting parameters of a calibrated
+        material belong to another law.
 
     Returns
     -------
     history : History
-        All runs, scored.
+        All runs with their scores.
     decision : Decision
-        Why it ended.
+        Reason why the loop ended.
 
     Raises
     ------
     ValueError
-        A start names another law and there is no ``reference``.
+        If the starting parameters of a calibrated material belong to another law and ``reference`` is missing.
     """
     simulation, scores = stages.Verify.of(case), stages.Scores.of(case)
     train, proposal = stages.Train.of(case), stages.Propose.of(case)

@@ -1,4 +1,4 @@
-"""Misfit of measured pixels and expected statistics: residuals in standard deviations, of two kinds."""
+"""Misfit of a law to measured pixels, as residuals in standard deviations: from statistics or from a likelihood."""
 
 from __future__ import annotations
 
@@ -21,39 +21,39 @@ from radcal.radar.texture import log_speckle_cumulants
 
 __all__ = ["SKEWNESS_SHAPE", "BinMisfit", "LikelihoodMisfit", "Method", "Misfit", "true_angles"]
 
-# a skewness says which law texture follows as much as it says the backscatter law: the gamma law of 2.5 looks has
-# -0.69 in dB, the K distribution of 4 looks with the same variance -0.36
+# the skewness depends on the distribution of texture as much as on the backscatter law: in dB, the gamma distribution
+# of 2.5 looks has the skewness -0.69, the K distribution of 4 looks with the same variance has -0.36
 SKEWNESS_SHAPE = 0.3
-_LOG_SD_PATCH = 0.1  # texture differs between patches: looks by some 20 %
+_LOG_SD_PATCH = 0.1  # standard deviation of a field's log sd: the looks of fields differ by some 20 %
 _BIN_DB = 0.5
-_LEVELS = 8  # that represent a bin
+_LEVELS = 8  # levels [dB] that represent an incidence-angle bin
 Doubles = NDArray[np.float64]
 
 
 class Misfit(ABC):
-    """Misfit of one material; ``of_fields`` says whether the variance between fields is part of it."""
+    """Misfit of one material's law; ``of_fields`` tells whether it includes the variance between fields."""
 
     of_fields: ClassVar[bool] = False
 
     @classmethod
     @abstractmethod
     def of(cls, ground: Ground, classes: Classes, method: Method, spread: Spread) -> Misfit:
-        """Misfit of a material's pixels in their incidence-angle bins, fitted with a method."""
+        """Misfit of the law in ``method`` to a material's pixels, which lie in incidence-angle bins."""
 
     @abstractmethod
     def __call__(self, parameters: Doubles, looks: float, simulated: Doubles, slack: Doubles | float = 0.0) -> Doubles:
-        """Residuals of unit variance.
+        """Differences between expected and measured pixels, as residuals of unit variance.
 
         Parameters
         ----------
         parameters : ndarray, shape (d,)
-            X.
+            Parameters X of the law.
         looks : float
             Effective number of looks of the material.
         simulated : ndarray, shape (n, 3)
-            Mean [dB], variance [dB^2] and third central moment [dB^3] of each bin at the sensor's looks.
+            Simulated mean [dB], variance [dB^2] and third central moment [dB^3] of each bin, at the sensor's looks.
         slack : ndarray, shape (n, 3), or 0
-            By how much mean [dB], log sd and skewness may be moved to the measured ones.
+            Largest shift of each bin's mean [dB], log sd and skewness towards the measured value.
 
         Returns
         -------
@@ -63,29 +63,31 @@ class Misfit(ABC):
 
 @dataclass(frozen=True)
 class BinMisfit(Misfit):
-    """Mean, log sd and skewness of each incidence-angle bin, weighted by their inverse covariance.
+    """Misfit of mean, log sd and skewness in each incidence-angle bin, weighted by their inverse covariance.
 
-    The covariance is that of sampling, whose pixels are correlated inside of bins and between them, plus that of the
-    fields and cells that the bins share: a field that lies in all bins moves all their means alike, and says no less of
-    the slope. A few fields have another variance among them than they have in the mean, which moves the log sds. A
-    skewness common to all bins has a standard deviation of 0.3 besides (the shape of texture).
+    Pixels are correlated inside bins and between bins, and bins share effects of fields and cells: a field that lies
+    equally in all bins shifts all means alike, and leaves the law's slope as certain as it was. Log sds also vary
+    because the variance among a few fields differs by chance from its expectation. The unknown distribution of texture
+    changes the skewness of all bins alike; this change has a standard deviation of 0.3.
 
     Attributes
     ----------
     classes : Classes
-        Measured.
+        Incidence-angle bins with their measured statistics.
     patch_share : ndarray, shape (n, patches)
-        Share of each bin's pixels in each field.
+        Share of each bin's pixels that lies in each field.
     cell_share : ndarray, shape (n, cells)
-        The same for cells.
+        Share of each bin's pixels that lies in each cell (area of one field in one block of the image).
     patch_of_cell : ndarray of int, shape (cells,)
-        Field of each cell, from 0.
+        Column of each cell's field in ``patch_share``.
     between_db, within_db : float
         Between-field and within-field standard deviation [dB].
     method : Method, optional
-        Law and error of the incidence, which moves what is expected.
+        Law, and error of the local incidence, which shifts the expected statistics; no shift if missing.
     true_deg : ndarray, shape (n, k), optional
-        True angles behind the mapped ones [deg].
+        Angles with the distribution of the true local incidence in each bin [deg].
+    patches : ndarray of int, shape (patches,), optional
+        Label of each field, which is the same in all passes.
     """
 
     classes: Classes
@@ -96,37 +98,38 @@ class BinMisfit(Misfit):
     within_db: float
     method: Method | None = None
     true_deg: Doubles | None = None
+    patches: NDArray[np.int64] | None = None
 
     of_fields: ClassVar[bool] = True
 
     @classmethod
     def of(cls, ground: Ground, classes: Classes, method: Method, spread: Spread) -> BinMisfit:
-        """Misfit of a material's pixels in their incidence-angle bins, fitted with a method."""
+        """Misfit of the law in ``method`` to a material's pixels, which lie in incidence-angle bins."""
         cells = ground.cells
-        _, patch = np.unique(cells.patch, return_inverse=True)
+        patches, patch = np.unique(cells.patch, return_inverse=True)
         shares = classes.shares(patch[cells.of_pixel], int(patch.max()) + 1)
         by_cell = classes.shares(cells.of_pixel, cells.count.size)
         true_deg = true_angles(ground, classes, method, classes.nodes_deg)
-        return cls(classes, shares, by_cell, patch, spread.between, spread.within, method, true_deg)
+        return cls(classes, shares, by_cell, patch, spread.between, spread.within, method, true_deg, patches)
 
     @property
     def patch_variance(self) -> Doubles:
-        """Expected variance among the patches and cells inside of each class [dB^2], shape (n,)."""
+        """Expected variance inside each incidence-angle bin by the effects of fields and cells [dB^2], shape (n,)."""
         inside = [1.0 - (share**2).sum(axis=1) for share in (self.patch_share, self.cell_share)]
         return np.asarray(self.between_db**2 * inside[0] + self.within_db**2 * inside[1])
 
     @cached_property
     def log_sds(self) -> Doubles:
-        """Covariance of the log sds by the variance that few fields and cells happen to have among them.
+        """Covariance of the bins' log sds that arises because the variance among a few fields and cells is random.
 
-        The variance of a bin holds u' S u of the effects u of its cells, with S = diag(s) - s s' and the cells' shares
-        s. Its covariance with that of another bin is 2 tr(S_i G S_j G) for effects of the covariance G, here between^2
-        for two cells of one field, plus within^2 for a cell and itself.
+        The effects u of the cells add u' S u to the variance of a bin, where S = diag(s) - s s' and s holds the cells'
+        shares of its pixels. For bins i and j, the covariance of u' S_i u and u' S_j u is 2 tr(S_i G S_j G). The
+        covariance G of u is the between-field variance for cells of one field, plus within-field variance for one cell.
 
         Returns
         -------
         ndarray, shape (2, 2, n, n)
-            To be multiplied with between^2 or within^2 twice.
+            Coefficients of the products of two variances, each between^2 (index 0) or within^2 (index 1).
 
         References
         ----------
@@ -148,28 +151,28 @@ class BinMisfit(Misfit):
 
     @cached_property
     def _order(self) -> Doubles:
-        """Statistics of each bin as sums over orthogonal polynomials of order 1, 2 and 3, shape (n, 3, 3)."""
+        """Coefficients that express each bin's statistics by orthogonal polynomials of its pixels, shape (n, 3, 3)."""
         each = zip(self.classes.speckle_db2, self._levels_db2, strict=True)
         return np.linalg.cholesky(np.stack([sampling_covariance(v, 1.0, of_levels) for v, of_levels in each]))
 
     @property
     def _levels_db2(self) -> Doubles:
-        """Variance of the levels inside of each bin [dB^2], shape (n,)."""
+        """Variance in each bin by differences of level between its pixels, without speckle [dB^2], shape (n,)."""
         return self.classes.cumulants[:, 1] - self.classes.speckle_db2
 
     @cached_property
     def sampling(self) -> Doubles:
-        """Covariance of all means, log sds and skewnesses by speckle alone, shape (3 n, 3 n).
+        """Covariance of the bins' means, log sds and skewnesses by speckle alone, shape (3 n, 3 n).
 
-        The correlations of two pixels' orthogonal polynomials of order 1, 2 and 3 are the pixels' correlation, its
-        square and its cube: exactly so for normal values, and within some percent for log-gamma ones.
+        The orthogonal polynomials of order 1, 2 and 3 of two pixels have the pixels' correlation, its square and its
+        cube as correlations. The three correlations are exact for normal values, and within some percent for log-gamma.
         """
         whole = np.einsum("iak,jbk,kij->aibj", self._order, self._order, self.classes.pairs)
         return np.asarray(whole.reshape(3 * self.classes.size, -1))
 
     @cached_property
     def covariance(self) -> Doubles:
-        """Covariance of all means, then all log sds, then all skewnesses, shape (3 n, 3 n)."""
+        """Covariance matrix of all bins' means, then log sds, then skewnesses, shape (3 n, 3 n)."""
         n = self.classes.size
         whole = self.sampling.reshape(3, n, 3, n).copy()
         patches = self.patch_share @ self.patch_share.T
@@ -181,22 +184,30 @@ class BinMisfit(Misfit):
         return whole.reshape(3 * n, 3 * n)
 
     @cached_property
+    def _root(self) -> Doubles:
+        return np.asarray(np.linalg.cholesky(self.covariance))
+
+    @cached_property
     def _whitening(self) -> Doubles:
-        return np.asarray(np.linalg.inv(np.linalg.cholesky(self.covariance)))
+        return np.asarray(np.linalg.inv(self._root))
+
+    def whitened(self, differences: Doubles) -> Doubles:
+        """Residuals, (..., 3 n), from expected minus measured mean [dB], log sd and skewness of n bins, (..., n, 3)."""
+        return np.swapaxes(differences, -1, -2).reshape(*differences.shape[:-2], -1) @ self._whitening.T
 
     def differences(self, residuals: Doubles) -> Doubles:
-        """Expected minus measured mean [dB], log sd and skewness of each bin, (3 n,) to (n, 3), from residuals."""
-        return np.asarray((np.linalg.cholesky(self.covariance) @ residuals).reshape(3, -1).T)
+        """Expected minus measured statistics, (..., n, 3), from residuals, (..., 3 n): inverse of :meth:`whitened`."""
+        return np.swapaxes((residuals @ self._root.T).reshape(*residuals.shape[:-1], 3, -1), -1, -2)
 
     def replicates(self, count: int, rng: np.random.Generator) -> Doubles:
-        """Residuals of samples that the expected statistics describe, shape (count, 3 n).
+        """Residuals of random samples for which the expected statistics are true, shape (count, 3 n).
 
-        Each bin is drawn anew, with as many log-gamma values as its effective sample size, and so are the effects of
-        fields and cells and the shape of texture: whatever :attr:`covariance` holds, without its normal law. The bins'
-        samples are independent, and are then given the covariance that sampling has between bins.
+        Log-gamma values are drawn for each bin, as many as its effective sample size; effects of fields and cells and
+        the shape of texture are drawn, too. The residuals thus have all parts of :attr:`covariance`, but need not be
+        normal. Bins are drawn independently; their statistics then receive the sampling covariance between bins.
         """
         n = self.classes.size
-        # each bin by itself has the covariance that its effective sample size gives it; the root of both is triangular
+        # ``alone`` whitens each bin by itself; the Cholesky factor then adds the covariance, also between bins
         alone = np.zeros((3, n, 3, n))
         for k in range(n):
             alone[:, k, :, k] = np.linalg.inv(self._order[k]) * np.sqrt(self.classes.effective[k])
@@ -216,48 +227,43 @@ class BinMisfit(Misfit):
         measured = self.classes.cumulants[:, 1]
         found[:, 1] += (variance - self.patch_variance) / (2.0 * measured)
         found[:, 2] += SKEWNESS_SHAPE * rng.normal(size=(count, 1))
-        return np.asarray(found.reshape(count, 3 * n) @ self._whitening.T)
-
-    @cached_property
-    def _measured(self) -> Doubles:
-        return from_cumulants(self.classes.cumulants).T.ravel()
+        return self.whitened(np.swapaxes(found, 1, 2))
 
     def _shift(self, x: Doubles) -> Doubles | float:
-        """Change of the cumulants by the error of the incidence."""
+        """Change of the bins' cumulants by the error of the local incidence, shape (n, 3); 0 without an error."""
         m = self.method
-        if m is None or not m.law.has_curve or self.true_deg is None:
+        mapped = self.classes.nodes_deg
+        if m is None or not m.law.has_curve or self.true_deg is None or self.true_deg.shape == mapped.shape:  # no error
             return 0.0
-        if self.true_deg.shape == self.classes.nodes_deg.shape:  # no error
-            return 0.0
-        return law_cumulants(m.law, x, self.true_deg) - law_cumulants(m.law, x, self.classes.nodes_deg)
+        return law_cumulants(m.law, x, self.true_deg) - law_cumulants(m.law, x, mapped)
 
     def __call__(self, parameters: Doubles, looks: float, simulated: Doubles, slack: Doubles | float = 0.0) -> Doubles:
-        """Whitened differences of all means, log sds and skewnesses, shape (3 n,)."""
+        """Expected minus measured means, log sds and skewnesses, whitened by their covariance, shape (3 n,)."""
         sensor = looks if self.method is None else self.method.looks
         expected = expected_cumulants(simulated, sensor, looks, self.patch_variance, self._shift(parameters))
-        difference = from_cumulants(expected).T.ravel() - self._measured
-        reach = np.asarray(slack, dtype=np.float64).T.ravel()
-        return np.asarray(self._whitening @ (difference - np.clip(difference, -reach, reach)))
+        difference = from_cumulants(expected) - from_cumulants(self.classes.cumulants)
+        return self.whitened(difference - np.clip(difference, -np.asarray(slack), slack))
 
 
 @dataclass(frozen=True)
 class LikelihoodMisfit(Misfit):
-    """Gamma likelihood of the pixels of each bin, tempered by effective over nominal sample size.
+    """Misfit by the gamma likelihood of the pixels in each incidence-angle bin, without variance between fields.
 
-    Pixels are counted in bins of 0.5 dB: the deviance residuals of the counts have the binned likelihood
-    as sum of squares. The law of a bin is the mixture, over its angles, of gamma speckle of the material's
-    looks. Fields are not part of it.
+    Each bin has a histogram of its pixels with intervals of 0.5 dB. The squares of the deviance residuals of the counts
+    add up to minus twice the histogram's log likelihood, up to a constant. Counts are multiplied by the ratio of
+    effective to nominal sample size, because pixels are correlated. The expected distribution in a bin is a mixture,
+    over its incidence angles, of gamma speckle with the material's looks.
 
     Attributes
     ----------
     classes : Classes
-        Measured.
+        Incidence-angle bins with their measured statistics.
     values_db : ndarray, shape (pixels,)
-        The pixels behind them [dB].
+        Measured pixels of the material [dB].
     method : Method, optional
-        Law.
+        Law and settings of the fit.
     true_deg : ndarray, shape (n, k), optional
-        True angles behind the mapped ones [deg].
+        Angles with the distribution of the true local incidence in each bin [deg].
 
     References
     ----------
@@ -271,19 +277,19 @@ class LikelihoodMisfit(Misfit):
 
     @classmethod
     def of(cls, ground: Ground, classes: Classes, method: Method, spread: Spread) -> LikelihoodMisfit:
-        """Misfit of a material's pixels in their incidence-angle bins, fitted with a method."""
+        """Misfit of the law in ``method`` to a material's pixels, which lie in incidence-angle bins."""
         return cls(classes, ground.values_db, method, true_angles(ground, classes, method, classes.nodes_deg))
 
     def __call__(self, parameters: Doubles, looks: float, simulated: Doubles, slack: Doubles | float = 0.0) -> Doubles:
-        """Deviance residuals of the law's levels, moved to the simulated mean of each bin; no slack is used."""
+        """Deviance residuals of the law's levels, shifted to the simulated mean of each bin; ``slack`` is ignored."""
         m = self.method
         assert m is not None  # noqa: S101
         assert self.true_deg is not None  # noqa: S101
         levels = m.law(np.radians(self.true_deg), parameters)
-        # the simulator's mean, not the law's: it knows the area of facets, the noise, the neighbours
+        # the simulated mean replaces the law's: it includes the area of facets, noise and neighbouring materials
         mean = simulated[:, 0] - log_speckle_cumulants(m.looks)[0]
-        moved = mean - law_cumulants(m.law, parameters, self.classes.nodes_deg)[:, 0]
-        return self.residuals(levels + moved[:, None], looks)
+        moved = mean[:, None] - law_cumulants(m.law, parameters, self.classes.nodes_deg)[:, :1]
+        return self.residuals(levels + moved, looks)
 
     @cached_property
     def _bins(self) -> Doubles:
@@ -292,31 +298,27 @@ class LikelihoodMisfit(Misfit):
 
     @cached_property
     def _counts(self) -> Doubles:
-        """Tempered counts, shape (n, bins); the first and last bins reach to infinity."""
+        """Histogram counts, scaled to the effective sample size, shape (n, intervals); end intervals are open."""
         place = np.clip(np.searchsorted(self._bins, self.values_db, side="right") - 1, 0, self._bins.size - 2)
-        joint = np.bincount(self.classes.member * (self._bins.size - 1) + place, minlength=self._places)
-        # pixels of other bins, which are correlated with a bin's own, count with them
-        with_others = self.classes.count * (self.classes.pairs[0] @ self.classes.count)
-        temper = self.classes.count / with_others
+        width = self._bins.size - 1
+        joint = np.bincount(self.classes.member * width + place, minlength=self.classes.size * width)
+        # the sum over all bins includes the correlation of a bin's pixels with the pixels of other bins
+        temper = self.classes.count / (self.classes.count * (self.classes.pairs[0] @ self.classes.count))
         return np.asarray(joint.reshape(self.classes.size, -1) * temper[:, None])
 
-    @property
-    def _places(self) -> int:
-        return self.classes.size * (self._bins.size - 1)
-
     def residuals(self, level_db: Doubles, looks: float) -> Doubles:
-        """Deviance residuals.
+        """Deviance residuals of the histogram of each incidence-angle bin.
 
         Parameters
         ----------
         level_db : ndarray, shape (n, m)
-            Levels that stand for each class, of power [dB].
+            Levels of mean power that represent each incidence-angle bin [dB].
         looks : float
             Effective looks of the material.
 
         Returns
         -------
-        ndarray, shape (n * bins,)
+        ndarray, shape (n * intervals,)
         """
         from scipy.special import gammainc
 
@@ -335,28 +337,28 @@ class LikelihoodMisfit(Misfit):
 
 @dataclass(frozen=True)
 class Method:
-    """How a material's law is fitted.
+    """Settings of the fit of one material's law.
 
     Attributes
     ----------
     law : Law
-        With a curve, unless runs are what is fitted.
+        Backscatter law; it may lack a curve only if simulator runs give the statistics.
     bounds : array_like, shape (d, 2)
-        Box of X.
+        Bounds of the parameters X.
     looks : float
-        Of the sensor.
+        Number of looks of the sensor.
     misfit : type of Misfit
-        What is minimised.
+        Misfit that the fit minimises.
     classes : int or 'auto'
-        Number of incidence-angle bins.
+        Number of incidence-angle bins; ``auto`` derives it from the range of incidence.
     free_looks : bool
-        Whether the effective looks are searched.
+        Whether the effective number of looks is fitted together with X.
     priors : bool
-        Weak priors on curve and looks.
+        Whether weak priors on the curve and on the number of looks enter the fit.
     incidence_error_deg : float
         Standard deviation of the error of the local incidence [deg].
     incidence_error : {'classical', 'berkson'}
-        Its kind.
+        Kind of the error of the local incidence (:mod:`radcal.calibration.incidence_error`).
     """
 
     law: Law
@@ -371,23 +373,23 @@ class Method:
 
 
 def true_angles(ground: Ground, classes: Classes, method: Method, nodes_deg: Doubles) -> Doubles:
-    """True angles behind mapped ones of a material.
+    """Angles with the distribution of the true local incidence of a material, given its mapped incidence.
 
     Parameters
     ----------
     ground : Ground
-        Pixels of the material; where they have errors of their own, each bin has the root mean square of its pixels'.
+        Pixels of the material; errors of single pixels are replaced by their root mean square in each bin.
     classes : Classes
-        Bins of the same pixels.
+        Incidence-angle bins of these pixels.
     method : Method
-        Kind of the error, and its size where one number holds for all pixels.
+        Kind of the error of the local incidence, and its standard deviation if all pixels share one.
     nodes_deg : ndarray, shape (n, m)
-        Mapped angles [deg], those of a row in one bin.
+        Mapped angles [deg]; each row lies in one incidence-angle bin.
 
     Returns
     -------
     ndarray, shape (n, k)
-        Angles [deg], equally likely each.
+        True angles [deg]; the k angles of a row are equally likely.
     """
     mapped, error, rms = ground.incidence_deg, np.asarray(method.incidence_error_deg), None
     if ground.error_deg is not None:

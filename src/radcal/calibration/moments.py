@@ -1,4 +1,4 @@
-"""Statistics of dB values: mean, log standard deviation and skewness, from cumulants and from skew-normal densities."""
+"""Statistics of values in dB: mean, log standard deviation, skewness; from cumulants and skew-normal densities."""
 
 from __future__ import annotations
 
@@ -19,57 +19,58 @@ __all__ = [
 ]
 
 STATISTICS = ("mean", "log sd", "skewness")
-_FEWEST, _MOST = 8, 1000  # values drawn of a sample; larger samples have normal statistics
-_SKEWNESS_LIMIT = 0.995  # that of a skew normal is 0.9953
+_FEWEST, _MOST = 8, 1000  # limits of the number of values drawn; statistics of larger samples are taken as normal
+_SKEWNESS_LIMIT = 0.995  # the skewness of a skew normal is below 0.9953 in size
 
 
 def from_cumulants(cumulants: ArrayLike) -> NDArray[np.float64]:
-    """Mean [dB], log sd and skewness of cumulants (mean [dB], variance [dB^2], third [dB^3]), shape (..., 3)."""
+    """Mean [dB], log sd and skewness from mean [dB], variance [dB^2] and third cumulant [dB^3], shape (..., 3)."""
     mean, variance, third = np.moveaxis(np.asarray(cumulants, dtype=np.float64), -1, 0)
     return np.stack([mean, 0.5 * np.log(variance), third / variance**1.5], axis=-1)
 
 
 def to_cumulants(statistics: ArrayLike) -> NDArray[np.float64]:
-    """Cumulants (mean [dB], variance [dB^2], third [dB^3]) of mean [dB], log sd and skewness, shape (..., 3)."""
+    """Mean [dB], variance [dB^2] and third cumulant [dB^3] from mean [dB], log sd and skewness, shape (..., 3)."""
     mean, log_sd, skewness = np.moveaxis(np.asarray(statistics, dtype=np.float64), -1, 0)
     sd = np.exp(np.clip(log_sd, -20.0, 20.0))
     return np.stack([mean, sd**2, skewness * sd**3], axis=-1)
 
 
 def from_dp(dp: ArrayLike) -> NDArray[np.float64]:
-    """Mean [dB], log sd and skewness of skew normals (xi [dB], omega [dB], alpha), shape (..., 3)."""
+    """Mean [dB], log sd and skewness of skew normals with xi [dB], omega [dB] and alpha, shape (..., 3)."""
     mean, sd, skewness = np.moveaxis(skewnormal.centred(dp), -1, 0)
     return np.stack([mean, np.log(sd), skewness], axis=-1)
 
 
 def to_dp(statistics: ArrayLike) -> NDArray[np.float64]:
-    """Skew normals (xi [dB], omega [dB], alpha) of these statistics, with the skewness limited to +-0.995."""
+    """Skew-normal xi [dB], omega [dB] and alpha from mean [dB], log sd and skewness, which is limited to +-0.995."""
     mean, log_sd, skewness = np.moveaxis(np.asarray(statistics, dtype=np.float64), -1, 0)
     skewness = np.clip(skewness, -_SKEWNESS_LIMIT, _SKEWNESS_LIMIT)
     return skewnormal.direct(np.stack([mean, np.exp(np.clip(log_sd, -20.0, 20.0)), skewness], axis=-1))
 
 
 def sampling_covariance(variance_db2: float, effective: float, levels_db2: float = 0.0) -> NDArray[np.float64]:
-    """Covariance of sample mean, log sd and skewness of log-gamma values about fixed levels.
+    """Sampling covariance of mean, log sd and skewness of log-gamma values that vary about fixed levels.
 
     Parameters
     ----------
     variance_db2 : float
-        Variance of the values about their levels [dB^2]; the gamma law of so many looks is taken for their shape.
+        Variance of the values about their levels [dB^2], which also determines the looks of their gamma distribution.
     effective : float
         Number of independent values.
     levels_db2 : float
-        Variance of the levels [dB^2], which are those of a normal law.
+        Variance of the levels [dB^2], which have a normal distribution.
 
     Returns
     -------
     ndarray, shape (3, 3)
-        To first order in 1/n: mean [dB], natural log of the standard deviation, skewness.
+        Covariance of mean [dB], natural logarithm of the standard deviation, and skewness, to first order in the
+        inverse number of values.
 
     References
     ----------
     Stuart and Ord, "Kendall's Advanced Theory of Statistics", vol. 1, 6th edition (1994), section 12.16:
-    covariances of k-statistics in terms of cumulants, which are these for equal levels.
+    covariances of k-statistics in terms of cumulants, with which the result agrees for equal levels.
     """
     from scipy.special import polygamma
 
@@ -78,8 +79,8 @@ def sampling_covariance(variance_db2: float, effective: float, levels_db2: float
     # standardised cumulants of orders 3 to 6
     _, _, _, c3, c4, c5, c6 = (0.0 if r < 3 else float(polygamma(r - 1, looks)) / sd**r for r in range(7))
     v = levels_db2 / variance_db2
-    # with the levels l and values e about them, the mean has the influence e, the variance (l + e)^2 - E_e (l + e)^2
-    # and the third moment (l + e)^3 - E_e (l + e)^3 - 3 (v + 1) e, here averaged over l and e
+    # influence functions, with levels l and deviations e: e of the mean, (l + e)^2 - E_e (l + e)^2 of the variance, and
+    # (l + e)^3 - E_e (l + e)^3 - 3 (v + 1) e of the third moment; k has the means of their products over l and e
     k = np.array(
         [
             [1.0, c3, c4],
@@ -101,26 +102,26 @@ def sampling_covariance(variance_db2: float, effective: float, levels_db2: float
 def sampled_statistics(
     variance_db2: float, effective: float, count: int, rng: np.random.Generator, levels_db2: float = 0.0
 ) -> NDArray[np.float64]:
-    """Errors of mean [dB], log sd and skewness in samples of log-gamma values about fixed levels.
+    """Random sampling errors of mean [dB], log sd and skewness of log-gamma values that vary about fixed levels.
 
     Parameters
     ----------
     variance_db2 : float
-        Variance of the values about their levels [dB^2]; the gamma law of so many looks is taken for their shape.
+        Variance of the values about their levels [dB^2], which also determines the looks of their gamma distribution.
     effective : float
-        Number of independent values in each sample; above 1,000 the errors are drawn from the normal law of
-        :func:`sampling_covariance`.
+        Number of independent values in each sample; above 1,000, the errors are drawn from a normal distribution with
+        the covariance of :func:`sampling_covariance`.
     count : int
         Number of samples.
     rng : Generator
-        Random numbers.
+        Source of the random numbers.
     levels_db2 : float
-        Variance of the levels [dB^2], which are quantiles of a normal law.
+        Variance of the levels [dB^2], which are quantiles of a normal distribution.
 
     Returns
     -------
     ndarray, shape (count, 3)
-        Statistics of the samples minus those of the law.
+        Statistics of the samples minus the statistics of their distribution.
     """
     from scipy.special import ndtri, polygamma
 

@@ -1,4 +1,4 @@
-"""How far the densities of runs with equal parameters scatter, from two such runs."""
+"""Variance of the statistics among runs of equal parameters, estimated from two runs."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["noise_sentence", "noise_variance"]
 
 Statistics = Callable[[NDArray[np.float64], NDArray[np.int64]], NDArray[np.float64]]
 
-_DRAWS = 60  # of the bootstrap: its variance is then known to 20 %
+_DRAWS = 60  # bootstrap samples, which give the variance with an error of 20 %
 _UNLIKELY = 6.635  # chi-squared of one degree of freedom that is exceeded once in a hundred
 
 
@@ -22,25 +22,25 @@ def noise_variance(
     rng: np.random.Generator,
     effective: float | None = None,
 ) -> NDArray[np.float64]:
-    """Variance of the statistics among runs of equal X, from the same pixels of two of them.
+    """Variance of the statistics among runs of equal X, estimated from the same pixels of two runs.
 
-    The two runs' difference squared, halved, estimates it with a single degree of freedom, too
-    few to build on. Their pixels are many: drawn again with replacement, the same in both runs,
-    they tell the variance of the difference (paired bootstrap; Efron and Tibshirani, "An
-    introduction to the bootstrap", 1993, section 8.3) as far as the noise differs from pixel to
-    pixel. What is common to all pixels of a run, such as a gain, only the difference itself can
-    show: it counts where it is larger than the noise of the pixels explains (chi-squared, 1 %).
+    Half the squared difference between the statistics of the two runs estimates the variance, but with a single degree
+    of freedom. A paired bootstrap (Efron and Tibshirani, "An introduction to the bootstrap", 1993, section 8.3) is more
+    precise: it draws pixels with replacement, the same ones in both runs, and takes the variance of the differences.
+    The bootstrap only sees noise that differs from pixel to pixel. Noise that all pixels of a run share, such as a
+    random gain, appears in the squared difference alone. The squared difference is therefore used if it exceeds the
+    bootstrap variance significantly (chi-squared, 1 %).
 
     Parameters
     ----------
     first, again : array_like, shape (n,)
         The material's pixels in two runs [dB], in the same order.
     statistics : callable
-        Values [dB] and, of the bootstrap, places of the pixels drawn, to statistics of shape (n, 3).
+        Function from values [dB] and indices of the drawn pixels to statistics, shape (n, 3).
     rng : Generator
-        Source of the draws.
+        Source of the random numbers.
     effective : float, optional
-        Number of independent pixels that n stand for; n if missing.
+        Effective sample size of the n pixels; n if missing.
 
     Returns
     -------
@@ -61,14 +61,14 @@ def noise_variance(
 
 
 def noise_sentence(name: str, variance: ArrayLike) -> str:
-    """Say how far equal parameters scatter.
+    """Sentence on the standard deviation of a material's statistics among runs of equal parameters.
 
     Parameters
     ----------
     name : str
-        The material.
+        Name of the material.
     variance : array_like, shape (n, 3)
-        As :func:`noise_variance` gave it.
+        Variance of the statistics, from :func:`noise_variance`.
     """
     mean, log_sd, skewness = np.sqrt(np.asarray(variance, dtype=np.float64).mean(axis=0))
     return (

@@ -1,10 +1,11 @@
-"""NSGA-II of Platypus on the unit box, with a population in one call of the objective and random numbers of its own."""
+"""NSGA-II of the library Platypus on the unit box; one call of the objective evaluates a whole population."""
 
 from __future__ import annotations
 
 import random
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,12 +13,31 @@ from numpy.typing import NDArray
 
 from radcal.config import Optimiser
 
-__all__ = ["nsga2"]
+__all__ = ["Population", "nsga2"]
+
+
+@dataclass(frozen=True)
+class Population:
+    """Last population of a search, in ascending order of the sum of the objectives.
+
+    Attributes
+    ----------
+    points : ndarray, shape (population, d)
+        Points of the unit box.
+    objectives : ndarray, shape (population, m)
+        Objectives of each point.
+    front : ndarray of int, shape (f,)
+        Indices of the points on the front: no other point is better in one objective and as good in the others.
+    """
+
+    points: NDArray[np.float64]
+    objectives: NDArray[np.float64]
+    front: NDArray[np.intp]
 
 
 @contextmanager
 def _seeded_global_random(seed: int) -> Iterator[None]:
-    """Seed the ``random`` module, which Platypus draws from, and put its state back."""
+    """Seed the module ``random``, from which Platypus draws, and restore the state of the module afterwards."""
     state = random.getstate()
     random.seed(seed)
     try:
@@ -26,26 +46,25 @@ def _seeded_global_random(seed: int) -> Iterator[None]:
         random.setstate(state)
 
 
-def nsga2(objective: Any, dimension: int, config: Optimiser, seed: int, objectives: int = 1) -> NDArray[np.float64]:
+def nsga2(objective: Any, dimension: int, config: Optimiser, seed: int, objectives: int = 1) -> Population:
     """Minimise a batched objective on the unit box with Platypus' NSGA-II.
 
     Parameters
     ----------
     objective : callable
-        ``(n, d) -> (n,)``, or ``(n, m)`` for m objectives.
+        Function from points, shape (n, d), to values, shape (n,), or (n, m) for m objectives.
     dimension : int
-        d.
+        Dimension d of the unit box.
     config : Optimiser
-        Population and evaluations.
+        Size of the population and number of evaluations.
     seed : int
         Seed of Platypus' random numbers.
     objectives : int
-        m.
+        Number m of objectives.
 
     Returns
     -------
-    ndarray, shape (population, d)
-        The last population, the least sum of objectives first.
+    Population
 
     References
     ----------
@@ -54,14 +73,14 @@ def nsga2(objective: Any, dimension: int, config: Optimiser, seed: int, objectiv
     import platypus
 
     class Batched(platypus.Evaluator):  # type: ignore[misc]
-        """All solutions of a generation in one call of the objective."""
+        """Evaluator that evaluates all solutions of a generation in one call of the objective."""
 
         def evaluate_all(self, jobs: Any, **_: Any) -> Any:
             jobs = list(jobs)
             points = np.array([job.solution.variables[:] for job in jobs], dtype=np.float64)
             state = random.getstate()
             values = objective(points)
-            random.setstate(state)  # libraries draw as they are imported, which must not move Platypus' numbers
+            random.setstate(state)  # libraries may draw numbers when imported, which must not change those of Platypus
             for job, value in zip(jobs, values, strict=True):
                 job.solution.objectives[:] = [float(part) for part in np.atleast_1d(value)]
                 job.solution.constraint_violation = 0.0
@@ -75,4 +94,9 @@ def nsga2(objective: Any, dimension: int, config: Optimiser, seed: int, objectiv
         algorithm = platypus.NSGAII(problem, population_size=config.population, evaluator=Batched())
         algorithm.run(max(config.evaluations, config.population))
         population = sorted(algorithm.population, key=lambda s: sum(s.objectives))
-        return np.array([solution.variables[:] for solution in population], dtype=np.float64)
+        best = {id(solution) for solution in platypus.nondominated(population)}
+        values = np.array([solution.objectives[:] for solution in population], dtype=np.float64)
+        front = np.flatnonzero([id(solution) in best for solution in population])
+        _, first = np.unique(values[front], axis=0, return_index=True)  # a population may contain a point several times
+        points = np.array([solution.variables[:] for solution in population], dtype=np.float64)
+        return Population(points, values, front[np.sort(first)])

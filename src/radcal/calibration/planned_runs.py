@@ -1,4 +1,4 @@
-"""Simulator runs that the planned jobs of a command make at most, without those that the run store has."""
+"""Largest number of simulator runs that the planned jobs of a command make, without runs in the run store."""
 
 from __future__ import annotations
 
@@ -26,24 +26,24 @@ Jobs = Sequence[tuple[str, Mapping[str, str]]]
 
 @dataclass(frozen=True)
 class _Known:
-    """In place of a simulator, where only its identity is asked for."""
+    """Object in place of a simulator, which has the simulator's identity but cannot make runs."""
 
     identity: Mapping[str, Any]
 
 
 class _Flat:
-    """In place of a geometry over flat earth."""
+    """Object in place of the geometry, which only tells that the earth is flat (no earth radius)."""
 
     earth_radius_m = None
 
 
 def planned_runs(case: Case, jobs: Jobs, folder: str | Path) -> dict[str, int]:
-    """Largest number of runs of the simulator that planned jobs make, by kind.
+    """Largest number of simulator runs that planned jobs make, by kind of run.
 
     Parameters
     ----------
     case : Case
-        The configuration.
+        Configuration of the case.
     jobs : sequence of (str, mapping)
         Rule and wildcards of each planned job.
     folder : path
@@ -52,7 +52,7 @@ def planned_runs(case: Case, jobs: Jobs, folder: str | Path) -> dict[str, int]:
     Returns
     -------
     dict
-        Number by kind: measurement (synthetic), reference, design, infill, final.
+        Number of runs by kind: measurement (synthetic), reference, design, infill, final.
     """
     folder = Path(folder)
     planned = {rule for rule, _ in jobs}
@@ -77,10 +77,10 @@ def planned_runs(case: Case, jobs: Jobs, folder: str | Path) -> dict[str, int]:
 
 
 def _of_design(case: Case, chunks: Sequence[int], runner: Runner | None) -> int:
-    """Runs of chunks of the design in one pass that the store lacks."""
+    """Number of design runs that given chunks of the design still need in one pass."""
     size, step = case.design_size, case.design.chunk
     numbers = [k for chunk in chunks for k in range(chunk * step, min((chunk + 1) * step, size))]
-    if runner is None or case.design.reuse is not None:  # the runs of another case take the place of some
+    if runner is None or case.design.reuse is not None:  # reused runs replace an unknown number of them
         return len(numbers)
     stage = stages.DesignChunk.of(case)
     points, seed = design_points(stage, size), noise_seed(stage)
@@ -88,7 +88,7 @@ def _of_design(case: Case, chunks: Sequence[int], runner: Runner | None) -> int:
 
 
 def _infill(case: Case, jobs: Jobs, folder: Path) -> int:
-    """Largest number of infill runs of one pass: up to the limit, without the iterations that are finished."""
+    """Largest number of infill runs in one pass: ``stop.max_runs`` minus design runs and finished iterations."""
     most = max(case.stop.max_runs - case.design_size, 0)
     if any(rule == "scores" for rule, _ in jobs):
         return most
@@ -103,7 +103,7 @@ def _infill(case: Case, jobs: Jobs, folder: Path) -> int:
 
 
 def _known(case: Case, folder: Path, at: str) -> Callable[[stages.Simulation], Runner] | None:
-    """Function that makes a runner of a pass which only knows the hashes of runs; None before they can be known."""
+    """Function that makes a runner which only computes hashes of runs; None if hashes cannot be computed yet."""
     try:
         identity: dict[str, Any] = {"kind": "builtin", "version": SIMULATOR_VERSION}
         if case.simulator.kind == "command":
@@ -119,7 +119,7 @@ def _known(case: Case, folder: Path, at: str) -> Callable[[stages.Simulation], R
 
 
 def runs_sentence(counts: Mapping[str, int], draws: int = 1) -> str:
-    """Sentence on the largest number of runs, by kind, each of some draws of speckle."""
+    """Sentence on the largest number of simulator runs, by kind, with the number of speckle draws in each run."""
     kinds = ", ".join(f"{count} {kind}" for kind, count in counts.items() if count)
     if not kinds:
         return "no simulator run would be made."

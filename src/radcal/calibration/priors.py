@@ -1,6 +1,6 @@
-"""What is known of a backscatter law before any image: weak priors on the curve, not on its parameters.
+"""Weak priors on the curve of a backscatter law: knowledge that does not come from the measured image.
 
-Each is a residual, in its own standard deviations, beside those of the measured classes.
+Each prior adds a residual, in standard deviations of the prior, to the residuals of the measured pixels.
 """
 
 from __future__ import annotations
@@ -14,23 +14,24 @@ from radcal.radar.laws import Law
 
 __all__ = ["LOOKS_MOST", "CurvePrior", "looks_residuals"]
 
-LOOKS_MOST = 1.1  # times the sensor's
+LOOKS_MOST = 1.1  # largest effective number of looks, in multiples of the sensor's looks
 _LOOKS = (0.9, 0.6)  # median, times the sensor's looks; log standard deviation
 _SLOPE_DEG = (30.0, 45.0)
 _SLOPE = (0.2, 0.95)  # median [dB/deg], log standard deviation
-_LEAST_SLOPE = 0.02  # below, the logarithm goes on as its tangent: a flat or rising curve has a finite price
+_LEAST_SLOPE = 0.02  # [dB/deg]; a tangent continues the logarithm below it: flat curves have finite residuals
 _LEVEL_SD_DB = 10.0
-_LEAST_SHARE = 0.02  # of the median: below, the same
-_RANGE_DB = 32.5  # on either side of the measured mean
+_LEAST_SHARE = 0.02  # in medians of a parameter; a tangent continues the logarithm below it
+_RANGE_DB = 32.5  # largest distance of sigma0 from the measured mean
 _RANGE_DEG = np.linspace(20.0, 70.0, 11)
 _RANGE_SD_DB = 1.0
 
 
 def _log_normal(value: NDArray[np.float64], median: float, log_sd: float, least: float) -> NDArray[np.float64]:
-    """Residual of a log-normal law, its logarithm continued by the tangent below ``least``.
+    """Residuals of a log-normal prior; below ``least`` a tangent continues the logarithm of the value.
 
-    The density of the value itself, not of its logarithm: half the square of the residual is, but for a constant,
-    (ln v - ln m)^2 / (2 s^2) + ln v. Without ln v a flat law of X would make the median m exp(s^2).
+    Half the square of the residual is, up to a constant, minus the logarithm of the log-normal density of a value v
+    with median m and log standard deviation s: (ln v - ln m)^2 / (2 s^2) + ln v. Without the term ln v, a uniform
+    distribution of X would give v the median m exp(s^2).
     """
     above = np.maximum(value, least)
     log = np.log(above) + np.minimum(value - least, 0.0) / least
@@ -38,21 +39,22 @@ def _log_normal(value: NDArray[np.float64], median: float, log_sd: float, least:
 
 
 def looks_residuals(effective: ArrayLike, sensor: float) -> NDArray[np.float64]:
-    """Residual of the looks of a material: log-normal about 0.9 of the sensor's, log sd 0.6.
+    """Residual of the prior on a material's effective looks: median 0.9 times the sensor's looks, log sd 0.6.
 
-    Texture only lowers the looks seen in dB; natural surfaces at metre to decametre resolution show
-    half to all of the sensor's (Oliver and Quegan, "Understanding Synthetic Aperture Radar Images",
-    chapter 5): half is one standard deviation below the median. It is wide because texture that differs from field to
-    field leaves the spread of a single field's pixels with an error of 20 % in looks, so that a narrow prior about
-    less than the sensor's looks would lower those of ground without texture: of one field with the speckle of 4 looks
-    it leaves 3.95, of one with 2.5 it makes 2.6. Above 1.1 times the sensor's none is possible: the search ends there.
+    Texture only lowers the effective number of looks. Natural surfaces at metre to decametre resolution show half to
+    all of the sensor's looks (Oliver and Quegan, "Understanding Synthetic Aperture Radar Images", chapter 5); half of
+    the looks is one standard deviation below the median of the prior. The prior is wide because texture differs from
+    field to field: the pixels of a single field determine the looks with an error of 20 %, and a narrow prior would
+    lower the looks of ground without texture. With the wide prior, a single field with speckle of 4 looks is
+    estimated to have 3.95 looks, and one with 2.5 looks to have 2.6. The search for the effective looks stays below 1.1
+    times the sensor's looks.
 
     Parameters
     ----------
     effective : array_like, shape (m,)
-        Looks of the material; a number counts as one.
+        Effective number of looks of the material; a scalar is taken as one value.
     sensor : float
-        Looks of the sensor.
+        Number of looks of the sensor.
 
     Returns
     -------
@@ -66,21 +68,21 @@ def looks_residuals(effective: ArrayLike, sensor: float) -> NDArray[np.float64]:
 class CurvePrior:
     """Weak priors on a material's curve.
 
-    - slope: the mean fall between 30 and 45 degrees is log-normal, median 0.2 dB/deg, log sd 0.95. The
-      means of terrain (soil, grass, crops, trees; L to X band) in Ulaby and Dobson, "Handbook of Radar
-      Scattering Statistics for Terrain" (1989), fall by about 0.05 (trees) to 0.6 dB/deg (smooth soil).
-    - level: normal about the measured mean, sd 10 dB.
-    - parameters with a prior of their own (``Law.log_normal``): log-normal.
-    - sigma0 between 20 and 70 degrees within 32.5 dB of the measured mean. From the noise of good sensors
-      to the strongest natural surfaces it is -50 to +15 dB; taken about the measured mean, because an
-      image's own level may be off.
+    - slope: the mean decrease of sigma0 between 30 and 45 degrees is log-normal, median 0.2 dB/deg, log sd 0.95. The
+      mean levels of terrain (soil, grass, crops, trees; L to X band) in Ulaby and Dobson, "Handbook of Radar
+      Scattering Statistics for Terrain" (1989), decrease by about 0.05 (trees) to 0.6 dB/deg (smooth soil).
+    - level: normal about the measured mean, standard deviation 10 dB.
+    - parameters for which the law has a prior (``Law.log_normal``): log-normal.
+    - range: sigma0 between 20 and 70 degrees lies within 32.5 dB of the measured mean. The range of
+      65 dB is as wide as that from -50 dB (noise of good sensors) to +15 dB (strongest natural surfaces). The prior
+      centres it at the measured mean, because the level of the image may be wrong.
 
     Attributes
     ----------
     law : Law
-        With a curve.
+        Backscatter law with a curve.
     level_db : float
-        Measured mean [dB].
+        Mean of the measured pixels [dB].
     level_deg : float
         Mean local incidence of the measured pixels [deg].
     """
@@ -91,16 +93,16 @@ class CurvePrior:
 
     @property
     def angles_deg(self) -> NDArray[np.float64]:
-        """Angles at which the curve is asked [deg], shape (k,)."""
+        """Incidence angles at which the priors evaluate the curve [deg], shape (k,)."""
         return np.array([*_SLOPE_DEG, self.level_deg, *_RANGE_DEG])
 
     def residuals(self, parameters: ArrayLike) -> NDArray[np.float64]:
-        """Residuals at one X, shape (d,): slope, level, range at eleven angles, and each parameter that has a prior."""
+        """Residuals at one X, shape (d,): of slope, level, range at eleven angles, and parameters with a prior."""
         x = np.asarray(parameters, dtype=np.float64)
         return np.asarray(self.of_curves(self.law(np.radians(self.angles_deg), x)[None], x[None])[0])
 
     def of_curves(self, levels_db: NDArray[np.float64], parameters: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Residuals of several curves, from their levels at the angles, shape (m, k), and X, shape (m, d)."""
+        """Residuals of m curves, from their levels at :attr:`angles_deg`, shape (m, k), and X, shape (m, d)."""
         first, second, level, *_ = levels_db.T
         slope = (first - second) / (_SLOPE_DEG[1] - _SLOPE_DEG[0])
         outside = np.maximum(np.abs(levels_db[:, 3:] - self.level_db) - _RANGE_DB, 0.0)

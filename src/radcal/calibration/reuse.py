@@ -1,4 +1,4 @@
-"""Runs of an earlier case that are this one's too: same simulator, scene, pass, laws and random numbers."""
+"""Reuse of an earlier case's runs that have the same simulator, scene, pass, laws and random numbers."""
 
 from __future__ import annotations
 
@@ -23,27 +23,27 @@ logger = logging.getLogger(__name__)
 
 
 def reuse_runs(case: stages.Reuse, runner: Runner, earlier: str | Path) -> list[IndexedRun]:
-    """Take an earlier case's runs that this case could have made, with other parameters of what it calibrates.
+    """Take over an earlier case's runs that differ from runs of this case only in parameters of calibrated materials.
 
     Parameters
     ----------
     case : stages.Reuse
-        What this case simulates.
+        Simulation settings of this case.
     runner : Runner
-        The simulator behind this case's run store, which takes the records.
+        Simulator with the run store of this case, to which the records are copied.
     earlier : path
-        Folder of the earlier case's runs; left as it is.
+        Folder of the earlier case's runs; its files are not changed.
 
     Returns
     -------
     list of IndexedRun
-        In the order of the keys; the reference run, which counts for
-        itself, is taken but not listed.
+        Reused runs, sorted by their hashes. A run at the starting parameters is copied, but not listed, because it
+        serves as the reference run.
 
     Raises
     ------
     ConfigError
-        None of the runs is one that this case could have made.
+        If no run of the earlier case can be reused.
     """
     store = RunStore(earlier)
     seed, *more = draw_seeds(case)
@@ -56,7 +56,7 @@ def reuse_runs(case: stages.Reuse, runner: Runner, earlier: str | Path) -> list[
         except StoreError as error:
             unlike[str(error)] += 1
             continue
-        if theirs.get("noise_seed") in more:  # taken with the first draw of its run
+        if theirs.get("noise_seed") in more:  # a further draw, which is taken with the first draw of its run
             continue
         parameters = {**reference, **_calibrated(case, theirs)}
         ours = runner.description(parameters, seed)
@@ -88,7 +88,7 @@ def reuse_runs(case: stages.Reuse, runner: Runner, earlier: str | Path) -> list[
 
 
 def _calibrated(case: stages.Reuse, description: Mapping[str, Any]) -> dict[str, list[float]]:
-    """A run's parameters of the materials that are calibrated here."""
+    """Parameters that a run of the earlier case gives to the calibrated materials of this case."""
     materials = description.get("materials", {})
     return {name: materials[name]["parameters"] for name in case.calibrated if name in materials}
 

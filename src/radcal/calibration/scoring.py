@@ -1,4 +1,4 @@
-"""Scores of runs against the targets, with the texture of each material."""
+"""Scores of runs: statistics, costs and densities against the targets, with the texture of each material."""
 
 from __future__ import annotations
 
@@ -34,24 +34,24 @@ def score(
     seed: int,
     other_law: Sequence[str] = (),
 ) -> Run:
-    """Score a record against the targets.
+    """Score of a run against the targets of all calibrated materials.
 
     Parameters
     ----------
     kind, index
-        As in :class:`radcal.calibration.history.Run`.
+        Kind of the run, and its number (:class:`radcal.calibration.history.Run`).
     record : Record
-        The run with its draws of speckle, whose statistics are averaged.
+        Record of the run; the statistics of its draws of speckle are averaged.
     parameters : mapping
-        X by material.
+        Parameters X by material.
     targets : Targets
-        By calibrated material.
+        Targets of the calibrated materials.
     objectives : mapping
         Objective by material.
     seed : int
-        Seed of the case, from which that of the texture derives.
+        Seed of the case, from which the seed of the texture is derived.
     other_law : sequence of str
-        Materials to which the run gave another law than the one that is calibrated.
+        Materials for which the run used another law than the calibrated one.
     """
     draws = [
         [(draw.pixels_db, one.levels.simulated(draw.pixels_db)) for draw in (run, *run.draws)]
@@ -99,7 +99,7 @@ _Values = Sequence[tuple[Mapping[str, NDArray[np.float32]], tuple[float, float]]
 
 
 def _statistics(name: str, objective: Comparison, targets: Targets, draws: Sequence[_Values]) -> NDArray[np.float64]:
-    """Statistics of a material, averaged over the draws of speckle, one pass after the other, shape (n, 3)."""
+    """Mean, log sd and skewness of each bin, averaged over the draws of speckle, for the bins of all passes, (n, 3)."""
     found = []
     for one, target, values in zip(objective.passes, targets.passes, draws, strict=True):
         if one is not None:
@@ -117,7 +117,7 @@ def _densities(
     looks: Mapping[str, float],
     seed: int,
 ) -> dict[str, tuple[NDArray[np.float64], float]]:
-    """Density of every material in one pass of a run, and its rms difference from the target's [1/dB]."""
+    """Density of every material in one pass of a run, with its rms difference from the target's density [1/dB]."""
     values_db = dict(pixels_db)
     for name, objective in objectives.items():
         if name in targets:
@@ -133,27 +133,27 @@ def with_texture(
     fresh: bool = False,
     number: int = 0,
 ) -> NDArray[np.float32]:
-    """Pixels of a material in a run with the texture that makes the speckle's looks the material's.
+    """Pixels of a material in a run, with added texture that gives them the material's effective looks.
 
     Parameters
     ----------
     pixels_db : ndarray
         All visible pixels of the material [dB].
     objective : Comparison
-        The material's.
+        Objective of the material.
     looks : float
-        Effective looks of the material in the first pass; texture only lowers those of the speckle.
+        Effective looks of the material in the first pass; texture can only lower the looks of the speckle.
     seed : int
         Seed of the case.
     fresh : bool
-        Other random numbers, for the final check.
+        Whether the texture has other random numbers than in the runs of the calibration, for the final check.
     number : int
         Number of the pass, from 0.
 
     Returns
     -------
     ndarray of float32
-        The same random numbers for every run: the texture is a smooth function of the looks.
+        Pixels with texture [dB]. All runs use the same random numbers, so that texture changes smoothly with the looks.
     """
     one = objective.passes[number]
     assert one is not None  # noqa: S101
@@ -163,22 +163,22 @@ def with_texture(
 
 
 def score_reference(case: stages.Scores, records: Sequence[Record], targets: Targets) -> list[Run]:
-    """Score the reference run and its repetition, with how far their pixels differ.
+    """Scores of the reference run and of its repetition, with the difference of their pixels.
 
     Parameters
     ----------
     case : stages.Scores
         Starting parameters, laws and seed.
     records : sequence of Record
-        The reference run, and perhaps its repetition.
+        Record of the reference run and, if it was repeated, of the repetition.
     targets : mapping
         Target by calibrated material.
 
     Returns
     -------
     list of Run
-        As many as records; ``rms_sampling`` is the first's, ``repeat_db`` [dB] that of all others,
-        ``repeat_variance`` that of those which differ from the first.
+        One run for each record. The first run holds ``rms_sampling``, a repetition holds ``repeat_db`` [dB], and a
+        repetition that differs from the first run also holds ``repeat_variance``.
     """
     start, others = case.start_parameters, case.start_with_another_law
     objectives = make_objectives(case, targets)

@@ -1,4 +1,4 @@
-"""Where to simulate next: NSGA-II on the surrogate, least squares from its best points, and a search for a floor."""
+"""Search for the X to simulate next: NSGA-II on the surrogate, least squares, and the floor of the cost."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radcal.calibration.bounded import least_squares, sobol
-from radcal.calibration.history import Proposal, Score
+from radcal.calibration.history import Front, Proposal, Score
 from radcal.calibration.lattice import SAME, corners, elsewhere, lattice
 from radcal.calibration.law_fit import LOOKS
-from radcal.calibration.nsga2 import nsga2
+from radcal.calibration.nsga2 import Population, nsga2
 from radcal.calibration.objectives import Comparison
 from radcal.calibration.objectives.objective import Points
 from radcal.calibration.surrogate import Surrogate
@@ -20,24 +20,26 @@ from radcal.config import Optimiser
 
 __all__ = ["Search"]
 
-_FAVOUR = 2.0  # standard errors of the surrogate taken in favour of a better point
+_FAVOUR = 2.0  # standard errors by which the surrogate's statistics may err towards the target
 _STARTS = 12
 _SCREENED = 1024
-_BRANCHES = 4  # roundings of whole parameters that are followed
+_BRANCHES = 4  # roundings of whole-number parameters from which the search continues
 _CERTAIN = 1e-14  # sum of squares that counts as zero
 _NO_COST = 1e-9
-_CLEARLY = 0.9  # of the best verified cost: a floor above it is none to look for
+_CLEARLY = 0.9  # share of the best verified cost; a floor above this share is not worth a run
 
 
 class Search:
-    """Cost on a surrogate, at points of the unit box of X and, where they are free, of the logarithm of the looks.
+    """Search for the point with the smallest cost on a surrogate.
+
+    A point has a coordinate from 0 to 1 for each parameter X and, if the looks are searched, for the log of the looks.
 
     Parameters
     ----------
     objective : Comparison
-        Residuals and cost.
+        Objective, which gives residuals and cost of predicted statistics.
     surrogate : Surrogate
-        Statistics at any X.
+        Surrogate, which predicts the statistics at any X.
     """
 
     def __init__(self, objective: Comparison, surrogate: Surrogate) -> None:
@@ -47,7 +49,7 @@ class Search:
         self.dimension = self._d + objective.free_looks
 
     def point(self, parameters: ArrayLike, looks: float) -> NDArray[np.float64]:
-        """Point of the unit box of X and looks, shape (dimension,)."""
+        """Point of the unit box at given X and looks, shape (dimension,)."""
         unit = self.surrogate.unit(parameters)
         if not self.objective.free_looks:
             return unit
@@ -55,7 +57,7 @@ class Search:
         return np.append(unit, np.clip((np.log(looks) - low) / (high - low), 0.0, 1.0))
 
     def split(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """X, shape (m, d), and looks, shape (m,), of points."""
+        """Parameters X, shape (m, d), and looks, shape (m,), at points of the unit box."""
         x = self.surrogate.scaled(points[:, : self._d]) if self.surrogate.integer.any() else None
         low, high = self.surrogate.bounds.T
         x = low + points[:, : self._d] * (high - low) if x is None else x
@@ -69,38 +71,38 @@ class Search:
         return Points(self.surrogate.predict(unit), *self.split(points), slack)
 
     def cost(self, points: ArrayLike, favour: float = 0.0) -> NDArray[np.float64]:
-        """Predicted cost at points, shape (m, dimension) to (m,)."""
+        """Predicted cost at points of the unit box, shape (m, dimension) to (m,)."""
         return self.objective.cost(self._at(np.atleast_2d(np.asarray(points, dtype=np.float64)), favour))
 
     def distance(self, points: NDArray[np.float64], favour: float = 0.0) -> NDArray[np.float64]:
-        """Sum of squared residuals at points, shape (m, dimension) to (m,)."""
+        """Sum of squared residuals at points of the unit box, shape (m, dimension) to (m,)."""
         return np.asarray((self.objective.residuals(self._at(points, favour)) ** 2).sum(axis=1))
 
     def uncertainty(self, point: NDArray[np.float64]) -> float:
-        """Sum of squared standard errors of the surrogate at one point, in the scale of the objective."""
+        """Sum of squares of the surrogate's standard errors at one point, each divided by the objective's ``scale``."""
         error = self.surrogate.standard_error(point[None, : self._d])[0]
         return float(((error / self.objective.scale) ** 2).sum())
 
     def snapped(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The same with whole parameters rounded."""
+        """Points with their whole-number parameters rounded, shape (m, dimension)."""
         if not self.surrogate.integer.any():
             return points
         return np.concatenate([self.surrogate.snapped(points[:, : self._d]), points[:, self._d :]], axis=1)
 
     def polish(self, start: NDArray[np.float64], favour: float = 0.0, radius: float = np.inf) -> NDArray[np.float64]:
-        """Least squares from a point; where the residuals cannot be met, the smallest cost.
+        """Point that least squares find from a start; if residuals remain, further searches reduce the cost.
 
-        Whole parameters are first searched like others, then rounded both ways and the others searched again: branch
-        and bound with one branching (Land and Doig 1960).
+        Whole-number parameters are first treated as continuous, and then rounded down and up. For each rounding, the
+        other parameters are searched again: branch and bound with one branching (Land and Doig 1960).
 
         Parameters
         ----------
         start : ndarray, shape (dimension,)
-            Point of the unit box.
+            Point of the unit box at which the search starts.
         favour : float
-            Standard errors of the surrogate in favour of the target.
+            Number of standard errors by which the surrogate's statistics may err towards the target.
         radius : float
-            Largest step in any parameter.
+            Largest distance from the start along any coordinate of the unit box.
 
         Returns
         -------
@@ -126,7 +128,7 @@ class Search:
         high: NDArray[np.float64],
         free: NDArray[np.bool_],
     ) -> NDArray[np.float64]:
-        """The same in some of the parameters, the others kept."""
+        """Point that least squares find in the ``free`` coordinates; the other coordinates keep their values."""
         best = start
         if not free.any():
             return best
@@ -149,27 +151,27 @@ class Search:
     def minimum(
         self, starts: Sequence[NDArray[np.float64]], seed: int, favour: float = 0.0, count: int = _STARTS
     ) -> tuple[NDArray[np.float64], float]:
-        """Multi-start search for the smallest cost.
+        """Point with the smallest predicted cost, from a multi-start search.
 
         Parameters
         ----------
         starts : sequence of ndarray, shape (dimension,)
-            Points to start from besides the best of a Sobol sample.
+            Points to start from, besides the best points of a Sobol sample.
         seed : int
-            Seed of the sample.
+            Seed of the Sobol sample.
         favour : float
-            Standard errors of the surrogate in favour of the target.
+            Number of standard errors by which the surrogate's statistics may err towards the target.
         count : int
-            Number of starts.
+            Number of starts, including those from the Sobol sample.
 
         Returns
         -------
         point : ndarray, shape (dimension,)
         cost : float
-            Predicted cost there.
+            Predicted cost at the point.
         """
         listed = None if self.objective.free_looks else lattice(self.surrogate)
-        if listed is not None:  # no search where all points can be looked at
+        if listed is not None:  # the costs of all points replace a search
             each = self.cost(listed, favour)
             return listed[np.argmin(each)], float(each.min())
         more = count - len(starts)
@@ -190,23 +192,25 @@ class Search:
         return [self.point(*start) for start in ((best.parameters, best.looks), *self.objective.starts)]
 
     def outlook(self, best: Score, seed: int) -> tuple[float, float | None, float | None]:
-        """What the surrogate of all runs still promises over the best verified run.
+        """Improvement on the best verified run that the surrogate of all runs still predicts.
 
         Parameters
         ----------
         best : Score
-            The best verified run's.
+            Score of the best verified run.
         seed : int
             Seed of the search.
 
         Returns
         -------
         gain : float
-            Largest decrease of the cost that is predicted.
+            Decrease from the best verified cost to the smallest predicted cost.
         floor : float or None
-            Smallest cost with the statistics two standard errors in favour, of an objective that explores.
+            Smallest cost if the surrogate's statistics may err by two standard errors towards the target; None for an
+            objective that does not explore.
         moved_db : float or None
-            Largest difference of the laws over the incidence seen [dB]; None without a curve.
+            Largest difference over the incidence seen between the laws of the best run and of the best predicted X
+            [dB]; None for a law without a curve.
         """
         starts = self._starts(best)
         point, cost = self.minimum(starts, seed, count=len(starts) + 2)
@@ -217,44 +221,44 @@ class Search:
         return max(best.cost - cost, 0.0), floor, self.objective.moved_db(best.parameters, x)
 
     def propose(self, config: Optimiser, seed: int, best: Score, failures: int = 0) -> Proposal:
-        """Choose the next X of a material.
+        """Choose the next X of a material to simulate.
 
-        NSGA-II's best point, the best run and the objective's own starts are fitted by least squares. Where the
-        surrogate then promises a clearly better cost, that point is proposed; among several that are as good, the one
-        that it knows best. After a promise that was not kept, every other proposal keeps near the best verified point,
-        within a radius that shrinks with each failure: there the surrogate learns what it needs (a trust region, Conn,
-        Gould and Toint 2000).
+        Least squares start at the best point of NSGA-II, at the best run and at the objective's own starts. If the
+        surrogate predicts a clearly smaller cost at one of the resulting points, the point is proposed. Of several
+        equally good points, the one with the smallest standard errors is proposed. After proposals without improvement,
+        every other proposal is searched near the best verified point, within a radius that shrinks with the number of
+        failures (a trust region; Conn, Gould and Toint 2000). Runs near the best point improve the surrogate nearby.
 
-        Where nothing better is promised, a multi-start search looks for a better point, first on the surrogate as it
-        is, then two standard errors in favour of the target: that minimum is the floor. A floor clearly below the best
-        verified cost is explored; one that is not says that nothing nearer exists. An objective that does not explore
-        takes the smallest predicted cost.
+        If no clearly smaller cost is predicted, two multi-start searches follow. The first multi-start search
+        minimises the predicted cost. The second multi-start search minimises the cost of statistics that may err by two
+        standard errors towards the target; its minimum is the floor. If the floor is clearly below the best verified
+        cost, the point of the floor is proposed. A higher floor means that no point inside the bounds is clearly better
+        than the best run. An objective that does not explore omits the multi-start searches, and proposes the point
+        with the smallest predicted cost.
 
         Parameters
         ----------
         config : Optimiser
-            NSGA-II settings; without ``polish`` its best point is the proposal.
+            Settings of NSGA-II; if ``polish`` is false, the best point of NSGA-II is proposed.
         seed : int
             Seed of all random numbers.
         best : Score
             Score of the best verified run.
         failures : int
-            Verified proposals since that best one.
+            Number of verified proposals since the best run.
 
         Returns
         -------
         Proposal
         """
         direct = config.objective == "rms"
+        goals = 1 if direct else len(self.objective.part_names)
         population = nsga2(
-            lambda points: self._goals(self.snapped(points), direct),
-            self.dimension,
-            config,
-            seed,
-            1 if direct else self._goals(np.full((1, self.dimension), 0.5), direct).shape[1],
+            lambda points: self._goals(self.snapped(points), direct), self.dimension, config, seed, goals
         )
-        first = self.snapped(population[:1])[0]
-        told = partial(self._proposal, seed=seed, best=best, nsga2_cost=float(self.cost(first)[0]))
+        first = self.snapped(population.points[:1])[0]
+        front = self._front(population) if goals > 1 else Front()
+        told = partial(self._proposal, seed=seed, best=best, nsga2_cost=float(self.cost(first)[0]), front=front)
         if not config.polish:
             return told(first, "exploit")
         there, *others = self._starts(best)
@@ -273,7 +277,7 @@ class Search:
         if self._promising([point], best).any() and self._fresh(point):
             return told(point, "exploit")
         if self.surrogate.training.direct:
-            return told(point, "exploit")  # standard errors of (xi, omega, alpha) say little: no floor is claimed
+            return told(point, "exploit")  # no floor: a surrogate of (xi, omega, alpha) has no standard errors
         hopeful, floor = self.minimum([first, there, point], seed, _FAVOUR)
         floor = min(floor, cost)
         better = _CLEARLY * best.cost
@@ -282,16 +286,21 @@ class Search:
         return told(point, "exploit", floor=floor)
 
     def _goals(self, points: NDArray[np.float64], direct: bool) -> NDArray[np.float64]:
-        """What NSGA-II minimises, shape (m, p): the cost itself or the parts of the sum of squares."""
+        """Goals that NSGA-II minimises at m points, shape (m, p): the cost, or parts of the sum of squares."""
         if direct:
             return self.cost(points)[:, None]
-        return self.objective.parts(self.objective.residuals(self._at(points, 0.0)))
+        return self.objective.parts(self._at(points, 0.0))
+
+    def _front(self, population: Population) -> Front:
+        """Front of a population for several objectives, with X in its own units."""
+        x, looks = self.split(self.snapped(population.points[population.front]))
+        return Front(x.tolist(), looks.tolist(), population.objectives[population.front].tolist())
 
     def _promising(self, points: Sequence[NDArray[np.float64]], best: Score) -> NDArray[np.bool_]:
         return self.objective.promising(np.array([float(self.cost(point)[0]) for point in points]), best.cost)
 
     def _fresh(self, point: NDArray[np.float64]) -> bool:
-        """Whether no run was made at the X of a point."""
+        """Whether the X of a point has not been simulated yet."""
         known = self.surrogate.unit(self.surrogate.parameters)
         return bool(np.abs(known - point[: self._d]).max(axis=1).min() > SAME)
 
@@ -302,12 +311,13 @@ class Search:
         seed: int,
         best: Score,
         nsga2_cost: float,
+        front: Front,
         floor: float | None = None,
     ) -> Proposal:
-        """Proposal of a point, or of another one where whole parameters have brought it to a run that was made."""
+        """Proposal of a point, or of another point if rounding leads to an X that has been simulated already."""
         if self.surrogate.integer.any() and not self._fresh(point):
             if floor is not None and floor >= _CLEARLY * best.cost:
-                # nothing nearer exists, and the best is known: no run is spent on saying so
+                # no X is clearly better than that of the best run, which is proposed again and needs no new run
                 return Proposal(list(best.parameters), "exploit", best.looks, best.cost, floor, nsga2_cost)
             others = elsewhere(self.surrogate, seed)
             if not len(others):
@@ -326,4 +336,5 @@ class Search:
             statistics=self.surrogate.predict(unit)[0].tolist(),
             errors=self.surrogate.standard_error(unit)[0].tolist(),
             q2=[float(v) if np.isfinite(v) else None for v in self.surrogate.training.q2],
+            front=front,
         )

@@ -1,4 +1,4 @@
-"""Length scales of ordinary kriging chosen by smt with its defaults, as the paper did."""
+"""Length scales of ordinary kriging, estimated by the library smt with its defaults, as in the paper."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _THETA0 = 1e-2  # smt's default start
 def train_smt(
     x: NDArray[np.float64], y: NDArray[np.float64], noisy: bool = False
 ) -> tuple[NDArray[np.float64], float, str]:
-    """Length scales of one output by smt with its defaults.
+    """Length scales for the kriging of one output, estimated by the library smt with its defaults.
 
     Parameters
     ----------
@@ -28,23 +28,23 @@ def train_smt(
     y : ndarray, shape (k,)
         Output at the points.
     noisy : bool
-        Whether equal points have unequal outputs: smt then estimates a nugget, by Cobyla, its only optimiser for that.
+        Whether outputs at equal points differ; smt then estimates a nugget, too, by Cobyla, its only optimiser for it.
 
     Returns
     -------
     scales : ndarray, shape (d,)
         Length scales, in widths of the box.
     nugget : float
-        Variance of the noise over that of the process.
+        Ratio of the variance of the noise to the variance of the process.
     status : str
-        ``failed`` where smt says so or leaves all length scales at their start, else ``trained``.
+        ``failed`` if smt reports a failure or leaves all length scales at their start, otherwise ``trained``.
 
     Raises
     ------
     SurrogateError
-        smt has no model, for example because there are fewer than two points.
+        If smt cannot train a model, for example from fewer than two points.
     """
-    from smt.surrogate_models import KRG  # with its other surrogates a second to import
+    from smt.surrogate_models import KRG  # imported late: smt loads all its surrogates, which takes a second
 
     noise = {"eval_noise": True, "hyper_opt": "Cobyla"} if noisy else {}
     model = KRG(print_global=False, theta0=[_THETA0], **noise)

@@ -1,4 +1,4 @@
-"""The steps of the loop on every calibrated material: train, propose, verify."""
+"""Steps of the calibration loop for all calibrated materials: train surrogates, propose X, verify the proposals."""
 
 from __future__ import annotations
 
@@ -48,20 +48,20 @@ _Result = TypeVar("_Result")
 
 
 def reference_runs(case: stages.ReferenceRun, runner: Runner) -> list[Record]:
-    """The starting parameters simulated, and once more if it must be found out whether that repeats.
+    """Make the reference run, and repeat it if it is unknown whether the simulator is deterministic.
 
     Parameters
     ----------
     case : stages.ReferenceRun
         Starting parameters, seed and simulator.
     runner : Runner
-        The simulator behind the run store, of ``case.at_start``: starts may be of other laws.
+        Simulator with the run store, made for ``case.at_start``, because starting parameters may belong to other laws.
 
     Returns
     -------
     list of Record
-        One, with the whole image, or two: radcal's own simulator is deterministic, and of another
-        it may be declared.
+        Record of the reference run with its whole image and, for an external simulator, of the repetition. There is no
+        repetition if the configuration declares whether the simulator is deterministic.
     """
     parameters, seed = case.start_parameters, noise_seed(case)
     records = [run_all_draws(case, runner, parameters, image=True)]
@@ -72,7 +72,7 @@ def reference_runs(case: stages.ReferenceRun, runner: Runner) -> list[Record]:
 
 
 def run_all_draws(case: stages.Simulation, runner: Runner, parameters: Parameters, image: bool = False) -> Record:
-    """Record of a run in all passes, with its further draws of speckle; only the first draw holds the whole image."""
+    """Record of a run in all passes, with all draws of speckle; ``image`` keeps the whole image of the first draw."""
     first, *others = draw_seeds(case)
     record = runner.run(parameters, first, image=image)
     further = tuple(run_all_draws(case, one, parameters, image) for one in runner.further)
@@ -80,19 +80,19 @@ def run_all_draws(case: stages.Simulation, runner: Runner, parameters: Parameter
 
 
 def repeatability(simulator: SimulatorConfig, differences_db: Sequence[float]) -> str:
-    """Say whether equal parameters give equal runs, and what follows.
+    """Sentence that says whether runs of equal parameters are equal, and how the surrogate treats differences.
 
     Parameters
     ----------
     simulator : SimulatorConfig
-        Section of the configuration.
+        Section ``simulator`` of the configuration.
     differences_db : sequence of float
-        Largest difference of each repeated reference run's pixels from the first's [dB].
+        Largest difference of a pixel between each repeated reference run and the first one [dB].
 
     Returns
     -------
     str
-        A sentence, empty where nothing is to be said.
+        Sentence, empty if no reference run was repeated and the simulator is not declared as non-deterministic.
     """
     smooths = "the surrogate smooths over runs instead of passing through them."
     if isinstance(simulator, CommandSimulation) and simulator.deterministic is False:
@@ -108,19 +108,21 @@ def repeatability(simulator: SimulatorConfig, differences_db: Sequence[float]) -
 
 
 def not_fresh(simulator: SimulatorConfig, final: Sequence[Record]) -> str:
-    """Say so where another seed gives the same pixels, bit for bit: the last run then checks nothing.
+    """Sentence which says that the final run with another seed repeats the same pixels, bit for bit.
+
+    A final run with repeated pixels cannot check the calibration.
 
     Parameters
     ----------
     simulator : SimulatorConfig
-        Section of the configuration.
+        Section ``simulator`` of the configuration.
     final : sequence of two Record
-        The calibrated laws with common and with fresh random numbers.
+        Final runs of the calibrated laws, the first with common and the second with fresh random numbers.
 
     Returns
     -------
     str
-        A sentence, empty where the random numbers of some material are fresh.
+        Sentence, empty if the pixels of the two runs differ.
     """
     if final[0].largest_difference_db(final[1]) > 0:
         return ""
@@ -134,13 +136,13 @@ def not_fresh(simulator: SimulatorConfig, final: Sequence[Record]) -> str:
 
 
 def _noisy(history: History, simulator: SimulatorConfig) -> bool:
-    """Whether equal parameters give unequal runs."""
+    """Whether runs of equal parameters differ, as the configuration declares or a repeated reference run shows."""
     declared = simulator.deterministic if isinstance(simulator, CommandSimulation) else True
     return any(history.repeat_db) if declared is None else not declared
 
 
 def all_parameters(materials: Mapping[str, Material], calibrated: Parameters) -> dict[str, list[float]]:
-    """Complete the calibrated materials' parameters with the fixed ones."""
+    """Parameters of all materials: the given ones of calibrated materials, the configured ones of the others."""
     return {
         **{name: material.start_parameters for name, material in materials.items()},
         **{name: list(x) for name, x in calibrated.items()},
@@ -151,7 +153,7 @@ def _each(work: Sequence[Callable[[], _Result]], processes: int) -> list[_Result
     """Results of independent calls; they do not depend on the number of processes."""
     if min(processes, len(work)) <= 1:
         return [call() for call in work]
-    _WORK[:] = work  # forked processes see it: objectives hold functions, which cannot be sent
+    _WORK[:] = work  # forked processes inherit the list; objectives hold functions, which cannot be pickled
     with ProcessPoolExecutor(
         min(processes, len(work)), mp_context=get_context("fork"), initializer=die_with_parent
     ) as pool:
@@ -180,12 +182,12 @@ def train_all(
     objectives : mapping
         Objective by material.
     processes : int
-        Materials trained at the same time.
+        Number of materials that are trained at the same time.
 
     Returns
     -------
     dict
-        Data and hyper-parameters by material.
+        Data and hyper-parameters of the surrogate by material.
     """
     noisy = _noisy(history, case.simulator)
     work = [
@@ -210,12 +212,12 @@ def propose_all(
     stop: Stop,
     processes: int = 1,
 ) -> dict[str, Proposal]:
-    """Propose the next X of every material that has not ended; the others repeat their best.
+    """Propose the next X of every material whose search goes on; other materials repeat their best X.
 
     Parameters
     ----------
     trainings, objectives : mapping
-        By material.
+        Training of the surrogate, and objective, by material.
     history : History
         Runs so far.
     case : stages.Propose
@@ -223,9 +225,9 @@ def propose_all(
     iteration : int
         Number of the iteration.
     stop : Stop
-        Decides which materials have ended.
+        Stop settings, which decide for which materials the search has ended.
     processes : int
-        Materials searched at the same time.
+        Number of materials that are searched at the same time.
 
     Returns
     -------
@@ -260,16 +262,18 @@ def verify(
     iteration: int,
     processes: int = 1,
 ) -> Run:
-    """Simulate the proposals in one run, score it, and ask the surrogate of all runs what it still promises.
+    """Simulate the proposals in one run, score the run, and predict the improvement that further runs may bring.
+
+    The prediction comes from surrogates that are trained on all runs, including the new one.
 
     Parameters
     ----------
     proposals : mapping
         Proposal by material.
     targets : Targets
-        By calibrated material.
+        Targets of the calibrated materials.
     runner : Runner
-        The simulator behind the run store.
+        Simulator with the run store.
     case : stages.Verify
         Laws, objective, seed and surrogate.
     history : History
@@ -277,7 +281,7 @@ def verify(
     iteration : int
         Number of the iteration.
     processes : int
-        Materials looked at at the same time.
+        Number of materials that are treated at the same time.
 
     Returns
     -------
@@ -307,21 +311,21 @@ def verify(
 
 
 def design_line(number: int, size: int, record: Record, targets: Targets) -> str:
-    """One run of the design in one line.
+    """Line of the log on one run of the design.
 
     Parameters
     ----------
     number, size : int
-        Which run, from 1, of how many.
+        Number of the run, from 1, and number of runs in the design.
     record : Record
-        The run.
+        Record of the run.
     targets : mapping
         Target by calibrated material.
 
     Returns
     -------
     str
-        Its wall time [s] and its rms, the smallest and the largest of several materials.
+        Line with the wall time of the run [s] and the rms; for several materials, the smallest and the largest rms.
     """
     rms = {name: value for name, (_, value) in targets.score(record.pixels_db).items()}
     if len(rms) == 1:
@@ -333,7 +337,7 @@ def design_line(number: int, size: int, record: Record, targets: Targets) -> str
 
 
 def progress_line(history: History, materials: Sequence[str], stop: Stop, objective: str) -> str:
-    """Runs used, and how the materials stand, in one line."""
+    """Line of the log on the number of runs so far and the state of all materials."""
     runs = history.count("design") + history.count("infill")
     verdicts = decide(history, materials, stop, objective).materials
     ended = [name for name in materials if verdicts[name].reason in ("rms", "settled")]
@@ -342,7 +346,7 @@ def progress_line(history: History, materials: Sequence[str], stop: Stop, object
 
 
 def runs_left(history: History, materials: Sequence[str], stop: Stop, objective: str) -> int:
-    """Largest number of further infill runs; none once the search has ended."""
+    """Largest number of infill runs that may follow; 0 if the search of all materials has ended."""
     if decide(history, materials, stop, objective).ended:
         return 0
     return max(stop.max_runs - history.count("design") - history.count("infill"), 0)

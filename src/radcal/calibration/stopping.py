@@ -1,4 +1,4 @@
-"""Stop criteria: end of a calibration, with its reason."""
+"""Stop criteria: decision whether a calibration has ended, with the reason."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ __all__ = ["Decision", "Verdict", "decide"]
 
 @dataclass(frozen=True)
 class Decision:
-    """Whether the loop goes on.
+    """Decision whether the calibration loop goes on.
 
     Attributes
     ----------
     materials : mapping
-        Verdict per material.
+        Verdict by material.
     reason : str or None
-        Why the loop ended (the first of max_runs, stagnation, unreachable, rms, settled that
-        applies to a material); None while it goes on.
+        Reason why the loop ended, the first of max_runs, stagnation, unreachable, rms and settled that applies to a
+        material; None while the loop goes on.
     """
 
     materials: Mapping[str, Verdict]
@@ -31,34 +31,34 @@ class Decision:
 
     @property
     def ended(self) -> bool:
-        """True when every material has ended."""
+        """True if the search of every material has ended."""
         return self.reason is not None
 
     @property
     def converged(self) -> bool:
-        """True when every material is within the tolerance, or its law meets the stop criterion."""
+        """True if every material has its density within the tolerance, or meets the stop criterion of its law."""
         return self.reason in ("rms", "settled")
 
 
 def decide(history: History, materials: Sequence[str], stop: Stop, objective: str) -> Decision:
-    """Judge a history against the stop settings.
+    """Decision whether the calibration goes on, from its runs and the stop settings.
 
     Parameters
     ----------
     history : History
-        Reference, design and verified proposals so far.
+        Runs so far: reference, reused, design and infill runs.
     materials : sequence of str
         The calibrated materials.
     stop : Stop
-        Tolerance, maximum and stagnation.
+        Tolerance, largest number of runs, and number of runs without improvement after which a search ends.
     objective : str
-        Name of the objective, whose criterion ends a search with success.
+        Name of the objective, whose stop criterion ends a search with success.
 
     Returns
     -------
     Decision
-        Nothing but the arguments goes into it: the same runs under other settings are
-        judged as if they had always been these.
+        Decision that depends on the arguments alone: after a change of settings, earlier runs are judged as if the new
+        settings had always held.
     """
     verdicts = {name: _judge(history, name, stop, OBJECTIVES[objective]) for name in materials}
     if any(verdict.reason is None for verdict in verdicts.values()):
@@ -69,7 +69,7 @@ def decide(history: History, materials: Sequence[str], stop: Stop, objective: st
 
 
 def _judge(history: History, name: str, stop: Stop, objective: type[Objective]) -> Verdict:
-    """Walk a material through its runs until something ends it."""
+    """Verdict on one material: its infill runs are judged in order, until a criterion ends the search."""
     design = history.count("design")
     scores = [run.scores[name] for run in history.runs if run.kind != "infill"]
     best, idle = min(score.cost for score in scores if score.own_law), 0

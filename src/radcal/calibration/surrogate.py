@@ -1,4 +1,4 @@
-"""Surrogate of the simulator: statistics of a run as baseline plus kriging of what the runs show besides."""
+"""Surrogate of the simulator: statistics of a run as the sum of a baseline and the kriged discrepancy of the runs."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from radcal.calibration.objectives import Comparison
 from radcal.calibration.smt_kriging import train_smt
 from radcal.config import SurrogateConfig
 from radcal.errors import SurrogateError
-from radcal.storage.layout import put, take
+from radcal.storage.dataclass_groups import put, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
 __all__ = ["Surrogate", "Training", "read_trainings", "train_surrogate", "write_trainings"]
 
-_JUDGED = 4  # runs from which on leave-one-out may drop the baseline
+_JUDGED = 4  # least number of runs with which leave-one-out errors decide whether the baseline is kept
 
 
 @dataclass(frozen=True)
@@ -34,17 +34,17 @@ class Training:
     statistics : ndarray, shape (k, n, 3)
         Mean [dB], log sd and skewness of each incidence-angle bin.
     scales : ndarray, shape (3, d)
-        Length scales of each statistic, in widths of the box.
+        Length scales of each statistic along each parameter, in widths of the bounds.
     nugget : ndarray, shape (3,)
-        Variance of the noise over that of the process.
+        Ratio of the variance of the noise to the variance of the Gaussian process, for each statistic.
     baseline : ndarray of bool, shape (3,)
         Whether the baseline is part of each statistic's prediction.
     q2 : ndarray, shape (3,)
-        Leave-one-out Q2 of each statistic: one minus the mean squared error over the variance; NaN for a single run.
+        Leave-one-out Q2 of each statistic: one minus the ratio of mean squared error to variance; NaN for one run.
     status : tuple of str
-        Whether the training of each statistic failed, as smt's may, or trained it.
+        ``trained`` or ``failed`` for each statistic; only training by the library smt can fail.
     direct : bool
-        Whether (xi [dB], omega [dB], alpha) are learnt in place of the statistics.
+        Whether kriging learns (xi [dB], omega [dB], alpha) in place of (mean, log sd, skewness).
     """
 
     parameters: NDArray[np.float64]
@@ -57,7 +57,7 @@ class Training:
     direct: bool = False
 
     def sentence(self) -> str:
-        """Leave-one-out Q2 of each statistic, and which of them the baseline does not help."""
+        """Sentence on the leave-one-out Q2 of each statistic, statistics without baseline, and failed training."""
         found = ", ".join(f"{name} {q2:.3f}" for name, q2 in zip(STATISTICS, self.q2, strict=True))
         alone = [name for name, kept in zip(STATISTICS, self.baseline, strict=True) if not kept]
         failed = [name for name, status in zip(STATISTICS, self.status, strict=True) if status == "failed"]
@@ -67,18 +67,21 @@ class Training:
 
 
 class Surrogate:
-    """Statistics of a run as functions of X: y(X) = baseline(X) + constant + Gaussian process.
+    """Surrogate of the simulator: statistics y(X) = baseline(X) + constant + Gaussian process.
 
-    What a simulator adds to law, speckle and noise (area of facets, neighbours, one sample of speckle) changes little
-    with X. The baseline is known without any run; kriging learns the rest of (mean, log sd, skewness), with one
-    correlation for all bins of a statistic.
+    The baseline follows from law, speckle and noise without any run. A simulator adds other effects (area of facets,
+    neighbouring materials, one sample of speckle), which change little with X; kriging learns them from the runs. All
+    incidence-angle bins of a statistic share one correlation function.
 
     Parameters
     ----------
     training : Training
         Data and hyper-parameters.
     objective : Comparison
-        Baseline, bounds and whole parameters.
+        Baseline and bounds of the material, and which of its parameters are whole numbers.
+    surprise : ndarray, shape (3,), optional
+        Ratio of the squared errors of verified predictions to the kriging variance, for each statistic
+        (:meth:`radcal.calibration.history.History.surprise`).
 
     References
     ----------
@@ -87,45 +90,46 @@ class Surrogate:
     (2004).
     """
 
-    def __init__(self, training: Training, objective: Comparison) -> None:
+    def __init__(self, training: Training, objective: Comparison, surprise: NDArray[np.float64] | None = None) -> None:
         self.training = training
+        self._surprise = np.ones(len(STATISTICS)) if surprise is None else surprise
         self.bounds, self.integer = objective.material.box, objective.material.integer
         self.parameters = training.parameters
         self._baseline = objective.baseline if training.baseline.any() else None
         self._shape = training.statistics.shape[1:]
         learnt = _learnt(training.statistics, training.direct) - self._base(self.parameters)
         unit = self.unit(self.parameters)
-        self._first = np.mean(learnt[0] ** 2, axis=0) * training.baseline  # of a single run
+        self._first = np.mean(learnt[0] ** 2, axis=0) * training.baseline  # used if it is the only run
         self._models = [
             Kriging(unit, learnt[..., k], training.scales[k], float(training.nugget[k])) for k in range(len(STATISTICS))
         ]
 
     def unit(self, parameters: ArrayLike) -> NDArray[np.float64]:
-        """X to the unit box."""
+        """Parameters X, scaled by their bounds to the unit box."""
         low, high = self.bounds.T
         return np.asarray((np.asarray(parameters, dtype=np.float64) - low) / (high - low))
 
     def scaled(self, unit: ArrayLike) -> NDArray[np.float64]:
-        """Unit box to X, inside the bounds to the last bit, whole parameters rounded."""
+        """Parameters X at points of the unit box, never outside the bounds; whole-number parameters are rounded."""
         low, high = self.bounds.T
         x = np.clip(low + np.asarray(unit, dtype=np.float64) * (high - low), low, high)
         return np.asarray(np.where(self.integer, np.round(x), x))
 
     def snapped(self, unit: ArrayLike) -> NDArray[np.float64]:
-        """Points of the unit box that are simulated in place of these: whole parameters rounded."""
+        """Points of the unit box with whole-number parameters rounded to values that can be simulated."""
         unit = np.asarray(unit, dtype=np.float64)
         return np.where(self.integer, self.unit(self.scaled(unit)), unit) if self.integer.any() else unit
 
     def _base(self, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Baseline of the statistics that have one, 0 of the others, shape (m, n, 3)."""
+        """Baseline of the statistics at m parameter vectors X, shape (m, n, 3); 0 for statistics without baseline."""
         if self._baseline is None:
             return np.zeros((len(parameters), *self._shape))
         return np.stack([self._baseline(x) for x in parameters]) * self.training.baseline
 
     def predict(self, unit: ArrayLike, baseline: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
-        """Statistics at points of the unit box, shape (m, d) to (m, n, 3).
+        """Predicted statistics, shape (m, n, 3), at points of the unit box, shape (m, d).
 
-        ``baseline`` are the baseline's statistics there, shape (m, n, 3), where they have been computed already.
+        ``baseline`` holds the baseline's statistics at the points, shape (m, n, 3), if they have been computed.
         """
         points = np.atleast_2d(np.asarray(unit, dtype=np.float64))
         low, high = self.bounds.T
@@ -134,12 +138,14 @@ class Surrogate:
         return _statistics(learnt, self.training.direct)
 
     def error(self, unit: ArrayLike) -> NDArray[np.float64]:
-        """Standard error of the statistics by the runs' own errors, (m, d) to (m, 3); 0 where others are learnt.
+        """Standard error of the predicted statistics, checked against leave-one-out errors, shape (m, d) to (m, 3).
 
-        The kriging variance is multiplied by the mean square of the standardised leave-one-out errors where that is
-        above 1: few runs do not tell the length scales, and errors beyond the kriging's own then show. A single run
-        tells nothing of how its difference from the baseline changes; the mean square of this difference is taken for
-        the variance of the process, and one width of the box for its length scale.
+        The kriging variance is multiplied by the larger of two factors if this exceeds 1: the mean square of the
+        standardised leave-one-out errors, and ``surprise``. Length scales from few runs are uncertain, and the kriging
+        variance alone may be too small. Leave-one-out errors are computed with length scales that all runs determine. A
+        verified prediction was made before the run that verifies it.
+        With a single run, the mean square of its difference from the baseline serves as variance of the process, and
+        one width of the bounds as length scale. All errors are 0 if kriging learns (xi, omega, alpha).
 
         References
         ----------
@@ -151,10 +157,12 @@ class Surrogate:
         if len(self.parameters) == 1:
             apart = ((points - self.unit(self.parameters)) ** 2).sum(axis=1)
             return np.asarray(np.sqrt(self._first * -np.expm1(-apart)[:, None]))
-        return np.asarray(np.sqrt(np.stack([model.excess * model.variance(points) for model in self._models], axis=-1)))
+        variance = np.stack([model.variance(points) for model in self._models], axis=-1)
+        excess = np.maximum([model.excess for model in self._models], self._surprise)
+        return np.asarray(np.sqrt(excess * variance))
 
     def standard_error(self, unit: ArrayLike) -> NDArray[np.float64]:
-        """Kriging standard error of the statistics, shape (m, d) to (m, n, 3); 0 where others are learnt."""
+        """Kriging standard error of the statistics, shape (m, d) to (m, n, 3); 0 if (xi, omega, alpha) are learnt."""
         points = np.atleast_2d(np.asarray(unit, dtype=np.float64))
         if self.training.direct:
             return np.zeros((len(points), *self._shape))
@@ -181,22 +189,22 @@ def train_surrogate(
     noise_variance: NDArray[np.float64] | None = None,
     noisy: bool = False,
 ) -> Training:
-    """Choose length scales, and drop the baseline of a statistic that is predicted better without.
+    """Choose the length scales of each statistic, and drop its baseline if predictions without it are better.
 
     Parameters
     ----------
     objective : Comparison
-        Baseline and bounds.
+        Baseline and bounds of the material.
     parameters : ndarray, shape (k, d)
         Distinct X of the runs.
     statistics : ndarray, shape (k, n, 3)
         Mean [dB], log sd and skewness of each incidence-angle bin.
     config : SurrogateConfig
-        What is learnt, and how.
+        Outputs and training of the kriging.
     noise_variance : ndarray, shape (n, 3), optional
-        Variance of the statistics among runs of equal X, where it has been measured.
+        Variance of the statistics among runs of equal X, if it has been measured.
     noisy : bool
-        Whether equal X give unequal runs.
+        Whether runs of equal X differ.
 
     Returns
     -------
@@ -205,7 +213,7 @@ def train_surrogate(
     Raises
     ------
     SurrogateError
-        Values that are not finite, or no model.
+        If training values are not finite, or no kriging model can be trained.
     """
     for name, array in (("parameters", parameters), ("statistics", statistics)):
         if not np.isfinite(array).all():
@@ -219,7 +227,7 @@ def train_surrogate(
         base = np.stack([objective.baseline(x) for x in parameters])
     found = []
     for k in range(len(STATISTICS)):
-        # what was measured is the scatter of the statistics
+        # the measured variance is that of (mean, log sd, skewness), not of (xi, omega, alpha)
         noise = None if noise_variance is None or direct else float(noise_variance[:, k].mean())
         best = _train_one(unit, values[..., k], config, noise if noisy else 0.0)
         if base is not None:
@@ -244,7 +252,7 @@ def train_surrogate(
 
 @dataclass(frozen=True)
 class _Trained:
-    """Hyper-parameters of one statistic, and its sum of squared leave-one-out errors."""
+    """Hyper-parameters of the kriging of one statistic, and the sum of its squared leave-one-out errors."""
 
     scales: NDArray[np.float64]
     nugget: float
@@ -267,19 +275,19 @@ def _train_one(
 
 @dataclass(frozen=True)
 class _Stored:
-    """Content of a file of surrogates."""
+    """Content of a file of surrogates: training by material."""
 
     materials: Mapping[str, Training]
 
 
 def write_trainings(path: str | Path, trainings: Mapping[str, Training]) -> None:
-    """Write surrogates as data and hyper-parameters to HDF5, atomically."""
+    """Write the data and hyper-parameters of all materials' surrogates to an HDF5 file, atomically."""
     with write_hdf5(path, "surrogate") as file:
         put(file, _Stored(trainings))
 
 
 def read_trainings(path: str | Path) -> dict[str, Training]:
-    """Read what :func:`write_trainings` wrote.
+    """Read the data and hyper-parameters of surrogates from a file of :func:`write_trainings`.
 
     Raises
     ------

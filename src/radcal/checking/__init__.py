@@ -1,1 +1,1 @@
-"""Check of a whole case before anything is run: its mistakes, what it will need, and what it will meet."""
+"""Check of a case before any simulator run: its mistakes, and the runs, memory and time that it will need."""

@@ -1,9 +1,9 @@
-"""Check of a whole case before anything is run: all problems at once, and what a calibration of it will need."""
+"""Check of a case before any simulator run: list of all problems, and expected runs, memory and time."""
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,36 +26,38 @@ if TYPE_CHECKING:
 
 __all__ = ["CaseCheck", "check_case"]
 
+Say = Callable[[str], None]
+
 _LARGEST_RUN = 5_000_000  # pixels of a synthetic image that is made for the check, in some seconds
 _LARGEST = 20_000_000  # values of a scene that is made for the check: more would take minutes
 
 
 @dataclass(frozen=True)
 class CaseCheck:
-    """What the check of a case has found.
+    """Result of the check of a case: problems, remarks, and the runs, memory and time of a calibration.
 
     Attributes
     ----------
     problems : list of str
-        One sentence for each; none where the case can be run.
+        One sentence for each problem; empty if the case can be run.
     notes : list of str
-        Remarks of scene and measured image.
+        Remarks on the scene and on the measured images.
     files : mapping
         Input files by configuration key.
     shape : (int, int) or None
-        Rows and columns of the simulated image; None where scene and image were not made.
+        Rows and columns of the simulated image; None if the check has not made the geometry of any pass.
     runs : mapping
         Largest number of simulator runs by kind: reference, design, infill, final.
     memory_mb : mapping
-        Memory [MB] that the largest jobs request, by stage.
+        Largest memory [MB] that a job of each stage requests.
     peak_mb : mapping
-        Memory [MB] that they will probably take, by kind of job.
+        Expected peak memory [MB] of the largest jobs, by kind of job.
     draws : int
-        Number of speckle draws of a run.
+        Number of speckle draws of a simulator run.
     sections : tuple of str
-        Section ``radar`` in YAML as the annotation of each measured image gives it, of images that have one.
+        Section ``radar`` in YAML, from the annotation of each measured image that has an annotation.
     outlook : tuple of str
-        Lines on what the calibration will probably meet: time, contrast of the start image, levels.
+        Lines on the expected time, on the contrast of the start image and on the measured levels.
     """
 
     problems: list[str]
@@ -70,7 +72,7 @@ class CaseCheck:
     outlook: tuple[str, ...] = ()
 
     def summary(self) -> str:
-        """Lines on what would be read, made and needed."""
+        """Lines on input files, image size, and the expected simulator runs, memory and time of a calibration."""
         lines = [f"  {key}: {path}" for key, path in self.files.items()]
         if self.shape is not None:
             lines.append(f"  simulated image: {self.shape[0]} x {self.shape[1]} pixels")
@@ -88,7 +90,7 @@ class CaseCheck:
         return "\n".join([*lines, *self.remarks()])
 
     def remarks(self) -> list[str]:
-        """Lines of the notes, and of section ``radar`` by each image; they are known with problems, too."""
+        """Lines of the notes and of each image's section ``radar``; a case with problems has them, too."""
         lines = [f"  note: {text}" for text in self.notes]
         for section in self.sections:
             lines += ["  section radar as the annotation of the image gives it:"]
@@ -97,7 +99,10 @@ class CaseCheck:
 
 
 def check_case(
-    paths: Sequence[str | Path], overrides: Mapping[str, Any] | None = None, results: str | Path = "results"
+    paths: Sequence[str | Path],
+    overrides: Mapping[str, Any] | None = None,
+    results: str | Path = "results",
+    say: Say = lambda _: None,
 ) -> CaseCheck:
     """Check keys, values, files, scene and measured image of a case, without a run of the simulator.
 
@@ -109,11 +114,13 @@ def check_case(
         Keys that the command line changes.
     results : path
         Folder that contains the results folders of all cases.
+    say : callable
+        Function that shows a line of text; it is called before each part of the check that may take long.
 
     Returns
     -------
     CaseCheck
-        A wrong key is left out, so that the keys, files and images after it are checked all the same.
+        Problems of the whole case: a wrong key does not keep the other keys, files and images from being checked.
     """
     try:
         loaded = load_with_problems(paths, overrides)
@@ -121,25 +128,25 @@ def check_case(
         return CaseCheck([str(error)], [], {}, None, {}, {})
     if loaded.case is None:
         return CaseCheck(loaded.problems, [], {}, None, {}, {})
-    return _checked(loaded.case, loaded, results)
+    return _checked(loaded.case, loaded, results, say)
 
 
 class _Problems(list[str]):
-    """Problems of a case, each of them once, without those that follow from a wrong key."""
+    """List of a case's problems, without duplicates and without problems that only follow from a wrong key."""
 
     def __init__(self, loaded: Loaded) -> None:
         super().__init__(loaded.problems)
         self._follows = loaded.follows
 
     def add(self, found: Iterable[str]) -> None:
-        """Add what is new."""
+        """Add those problems that are not in the list and do not follow from a wrong key."""
         for text in found:
             if text not in self and not self._follows(text):
                 self.append(text)
 
 
-def _checked(case: Case, loaded: Loaded, results: str | Path) -> CaseCheck:
-    """What further checks of a case find, after those of its keys."""
+def _checked(case: Case, loaded: Loaded, results: str | Path, say: Say) -> CaseCheck:
+    """Result of all checks of a case, once the keys have been checked."""
     problems = _Problems(loaded)
     missing = missing_inputs(case)
     problems.add(missing)
@@ -164,10 +171,10 @@ def _checked(case: Case, loaded: Loaded, results: str | Path) -> CaseCheck:
                 notes.append("the scene is large: it is read when the calibration starts, not in this check.")
         except RadcalError as error:
             problems.add([str(error)])
-            # a heading or a spacing may be what is wrong, of a scene that can be made
+            # a scene can be made even if, for example, the heading or a pixel spacing is wrong
             small = bool(_refused(scene_size, case.scene)) or scene_size(case.scene).resampled <= _LARGEST
     if small:
-        notes, shape = _made(case, loaded, problems, sections, levels)
+        notes, shape = _made(case, loaded, problems, sections, levels, say)
     elif "scene" in loaded.without:
         _images_alone(case, loaded, problems)
     if not sections:
@@ -180,10 +187,10 @@ def _checked(case: Case, loaded: Loaded, results: str | Path) -> CaseCheck:
 
 
 def _images_alone(case: Case, loaded: Loaded, problems: _Problems) -> None:
-    """Add the problems that the measured images have without their scene."""
+    """Add the problems of measured images that can be found without the scene."""
     for one in case.passes if "measurement" not in loaded.without else ():
         if one.measurement.source == "file":
-            problems.add(image_problems(one.measurement, one.radar))
+            problems.add(image_problems(one.measurement, one.radar, one.scene.source == "raster"))
 
 
 _STAGES: tuple[Stage, ...] = ("scene", "geometry", "measurement", "run", "registration", "target", "report")
@@ -198,22 +205,23 @@ def _refused(check: Any, *arguments: Any) -> list[str]:
 
 
 def _made(
-    case: Case, loaded: Loaded, problems: _Problems, sections: list[str], levels: list[str]
+    case: Case, loaded: Loaded, problems: _Problems, sections: list[str], levels: list[str], say: Say
 ) -> tuple[list[str], tuple[int, int] | None]:
-    """Remarks and image size of scene, geometry and measured images, which are made in memory as the workflow does."""
+    """Make scene, geometry and measured images in memory, as the workflow does; return remarks and image size."""
     from radcal.radar.projection import make_geometry
     from radcal.scene.sources import make_scene
 
-    # a material whose law is wrong is one of the case all the same
+    # a material with a wrong law still is a material of the case
     materials = list(case.materials) if loaded.materials is None else list(loaded.materials)
     scene = None
+    say("scene ...")
     try:
         scene = make_scene(case.scene, materials, case.radar.heading_deg)
     except RadcalError as error:
         if loaded.materials is not None or not str(error).startswith("materials"):
             problems.add([str(error)])
         problems.add(scene_problems(case.scene, loaded.materials))
-        with contextlib.suppress(RadcalError):  # as without the check of names
+        with contextlib.suppress(RadcalError):  # this time without a check of the names
             scene = make_scene(case.scene, None, case.radar.heading_deg)
     if scene is None:
         _images_alone(case, loaded, problems)
@@ -221,8 +229,10 @@ def _made(
     notes, shape = list(scene.notes), None
     for number, one in enumerate(case.passes):
         said: list[str] = []
+        which = f" of pass {number + 1}" * (len(case.passes) > 1)
+        say(f"geometry{which}: scene of {' x '.join(map(str, scene.material.shape))} cells ...")
         try:
-            # before the geometry, which a wrong section radar may not have
+            # before the geometry, because that cannot be made if section radar is wrong
             said, section = _by_annotation(one, scene)
             sections += section
             geometry = make_geometry(scene, one.radar)
@@ -233,6 +243,7 @@ def _made(
             _images_alone(one, loaded, problems)
             continue
         if "measurement" not in loaded.without:
+            say(f"measured image{which}, for {shape[0]} x {shape[1]} pixels ...")
             measured = _measured(one, loaded, geometry, scene, problems, number)
             notes += said if measured is None else measured.notes
             if not problems:
@@ -243,7 +254,7 @@ def _made(
 def _measured(
     one: Case, loaded: Loaded, geometry: Geometry, scene: Scene, problems: _Problems, number: int
 ) -> Measurement | None:
-    """Measured image of a pass, made in memory; None where it cannot be made or would take long."""
+    """Measured image of a pass, made in memory; None if it cannot be made or if that would take too long."""
     from radcal.config import FileMeasurement, stages
     from radcal.measurement.sources import make_measurement
     from radcal.measurement.synthetic import check_synthetic
@@ -251,13 +262,13 @@ def _measured(
     from radcal.simulators.sources import make_simulator
 
     stage = stages.Measurement.of(one)
-    # materials that another problem keeps from being in the scene have no pixels
+    # materials that the scene lacks because of another problem have no pixels
     there = {name: material for name, material in one.materials.items() if name in scene.names}
     stage = stage.model_copy(update={"materials": there})
     try:
         if isinstance(one.measurement, FileMeasurement):
             if not (loaded.has_geometry or is_on_map(one.measurement)):
-                problems.add(image_problems(one.measurement, one.radar))
+                problems.add(image_problems(one.measurement, one.radar, one.scene.source == "raster"))
                 return None
             nothing: Simulator = None  # type: ignore[assignment]  # a file needs no simulator
             return make_measurement(stage, geometry, nothing, scene, partly=number > 0)
@@ -272,12 +283,12 @@ def _measured(
 
 
 def _of_products(case: Case) -> tuple[list[str], list[str]]:
-    """Notes and sections of :func:`_by_annotation` in a case whose other problems kept its images from being made."""
+    """Notes and sections ``radar`` from annotations, for a case whose images could not be made because of problems."""
     from radcal.scene.sources import make_scene
 
     notes, sections = list[str](), list[str]()
     products = [one for one in case.passes if is_safe_name(getattr(one.measurement, "path", ""))]
-    with contextlib.suppress(RadcalError):  # each is among the problems, or is one of another problem
+    with contextlib.suppress(RadcalError):  # the list has these problems already, or their cause
         size = scene_size(case.scene) if products else None
         if size is not None and max(size.cells, size.resampled) <= _LARGEST:
             scene = make_scene(case.scene, None, case.radar.heading_deg)
@@ -288,7 +299,7 @@ def _of_products(case: Case) -> tuple[list[str], list[str]]:
 
 
 def _by_annotation(one: Case, scene: Scene) -> tuple[list[str], list[str]]:
-    """Notes on a measured image that is a product, and section ``radar`` by its annotation; nothing for other images.
+    """Notes on a measured image in a SAFE folder, and section ``radar`` from its annotation; empty for other images.
 
     Parameters
     ----------

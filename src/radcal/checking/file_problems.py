@@ -1,4 +1,4 @@
-"""Problems of single files of a case, where other problems keep the whole scene or image from being made."""
+"""Problems of single files of a case, for cases whose scene or image cannot be made because of other problems."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ __all__ = ["image_problems", "is_on_map", "scene_problems"]
 
 
 def scene_problems(scene: SceneConfig, materials: Collection[str] | None = None) -> list[str]:
-    """One sentence for each problem that a file or a key of the scene has by itself.
+    """One sentence for each problem that a single file or key of section ``scene`` has.
 
     Parameters
     ----------
     scene : SceneConfig
         Section ``scene``.
     materials : collection of str, optional
-        Names of the materials of the case, which must be names of the scene.
+        Names of the materials of the case; the scene must have all of them.
     """
     if isinstance(scene, RasterScene):
         checks: list[Callable[[], Any]] = [
@@ -38,15 +38,21 @@ def scene_problems(scene: SceneConfig, materials: Collection[str] | None = None)
     return [text for check in checks for text in _said(check)]
 
 
-def image_problems(config: FileMeasurement, radar: Radar) -> list[str]:
-    """One sentence for each problem that a measured image has by itself, without the scene that it shows."""
+def image_problems(config: FileMeasurement, radar: Radar, on_map: bool = True) -> list[str]:
+    """One sentence for each problem of a measured image that can be found without the scene.
+
+    Parameters
+    ----------
+    config, radar, on_map
+        Arguments of :func:`radcal.measurement.sources.check_image`.
+    """
     from radcal.measurement.sources import check_image
 
-    return [str(error) for error in check_image(config, radar)]
+    return [str(error) for error in check_image(config, radar, on_map)]
 
 
 def is_on_map(config: FileMeasurement) -> bool:
-    """Whether a measured image lies on the map, so that its place does not depend on section ``radar``."""
+    """Whether a measured image is georeferenced, so that its place does not depend on section ``radar``."""
     from radcal.measurement.georeference import is_georeferenced
 
     with contextlib.suppress(RadcalError):
@@ -57,7 +63,7 @@ def is_on_map(config: FileMeasurement) -> bool:
 
 
 def _said(check: Callable[[], Any]) -> list[str]:
-    """Sentences that a check returns or, as an error, raises."""
+    """Sentences that a check returns, or the message of the error that the check raises."""
     try:
         return list(check() or ())
     except RadcalError as error:
@@ -92,7 +98,7 @@ def _names(scene: RasterScene, materials: Collection[str] | None) -> list[str]:
         own = expand_path(scene.names, "scene.names") if scene.names is not None else None
         if scene.landcover is not None:
             known = landcover_names(scene.landcover, own, codes, path)
-            if not codes:  # any class of the map may occur
+            if not codes:  # the file's codes are unknown, so that any class of the land cover may occur
                 known = {code: cover.name for code, cover in LANDCOVERS[scene.landcover].items()} | (
                     read_names(own, (), path) if own is not None else {}
                 )
@@ -124,7 +130,7 @@ def _slant_names(scene: SlantRangeScene, materials: Collection[str] | None) -> l
 
 
 def _unknown(names: Collection[str], materials: Collection[str] | None) -> list[str]:
-    """Materials of the case that the scene cannot have; the same sentence as that of the scene."""
+    """One sentence for each material of the case that the scene lacks, worded as the error that the scene raises."""
     return [
         f"materials.{name}: not in the scene, which has {', '.join(names)}."
         for name in materials or ()

@@ -1,6 +1,6 @@
-"""What a case that is right will probably meet: an image without contrast, bounds off the image's level, and its time.
+"""Outlook on a calibration: contrast of the start image, measured levels against the laws' bounds, expected time.
 
-All of it is said before any run, and is rough where it says so.
+It needs no simulator run. Rough values are called rough.
 """
 
 from __future__ import annotations
@@ -10,8 +10,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.assessment.budget import NORMAL_90
 from radcal.assessment.reach import law_range_db, level_asked_db
-from radcal.config import Case
+from radcal.checking.file_problems import is_on_map
+from radcal.config import Case, FileMeasurement
 from radcal.measurement.model import Measurement
 from radcal.measurement.registration import LEAST_CONTRAST_DB, contrast_db
 from radcal.radar.geometry import Geometry
@@ -22,11 +24,11 @@ from radcal.storage.runs import median_seconds
 
 __all__ = ["levels_against_laws", "outlook", "start_contrast", "time_expected"]
 
-_FEWEST_PX = 50  # of a material, for a level
+_FEWEST_PX = 50  # smallest number of pixels of a material for a line on its level
 
 
 def outlook(case: Case, geometry: Geometry, measured: Measurement | None) -> list[str]:
-    """Lines on the start image and on the levels of one pass.
+    """Lines on the contrast of the start image and on the measured levels, for one pass.
 
     Parameters
     ----------
@@ -35,17 +37,29 @@ def outlook(case: Case, geometry: Geometry, measured: Measurement | None) -> lis
     geometry : Geometry
         Geometry of the pass.
     measured : Measurement or None
-        Measured image, not registered; None where it was not made.
+        Measured image before registration; None if the check has not made it.
     """
     blank = start_contrast(case, geometry)
     lines = [] if blank is None else [f"warning: {blank}."]
+    image = case.measurement
+    if isinstance(image, FileMeasurement):
+        if "heading_deg" not in case.radar.model_fields_set and is_on_map(image):
+            lines.append("warning: radar.heading_deg is not given, so that the track heads to the grid's north.")
+        error = case.uncertainty.level_db
+        lines.append(
+            f"the image's level counts as right to {error:g} dB (uncertainty.level_db, one standard error): no 90 % "
+            f"band of sigma0 is narrower than +-{NORMAL_90 * error:.2g} dB"
+        )
     levels = [] if measured is None else levels_against_laws(case, geometry, measured.image_db)
     rough = "levels, rough (the image is not registered, no target is drawn; noise and slopes are left out):"
     return [*lines, rough, *(f"  {line}" for line in levels)] if levels else lines
 
 
 def start_contrast(case: Case, geometry: Geometry) -> str | None:
-    """Sentence on a start image onto which nothing can be registered; None where there is contrast, or none is needed.
+    """Sentence on a start image with too little contrast for registration; None if there is nothing to say.
+
+    There is nothing to say if the image has enough contrast, if ``registration.method`` is ``none``, or if a law has no
+    curve, because the image is then not known without a run.
 
     Parameters
     ----------
@@ -80,7 +94,7 @@ def _listed(names: list[str]) -> str:
 
 
 def _other(case: Case, name: str) -> list[float]:
-    """Start of a material with its first parameter moved by a tenth of its bounds, as an example."""
+    """Example of a different start of a material: the first parameter moved by a tenth of its interval of bounds."""
     material = case.materials[name]
     start, (low, high) = list(material.start_parameters), material.box[0]
     step = 0.1 * (high - low)
@@ -89,7 +103,7 @@ def _other(case: Case, name: str) -> list[float]:
 
 
 def levels_against_laws(case: Case, geometry: Geometry, image_db: NDArray[np.float32]) -> list[str]:
-    """Lines on the measured level of each calibrated material, before registration, against the range of its law.
+    """Lines that compare each calibrated material's measured level, before registration, with the range of its law.
 
     Parameters
     ----------
@@ -122,12 +136,14 @@ def levels_against_laws(case: Case, geometry: Geometry, image_db: NDArray[np.flo
 
 
 def time_expected(case: Case, results: str | Path) -> str:
-    """Line on the time of the simulator runs, from those that the case has stored, or that it is not known.
+    """Line on the expected time of the simulator runs, from the stored runs of the case.
+
+    Without a stored run, the line says that the time is not known.
 
     Parameters
     ----------
     case : Case
-        The configuration.
+        Configuration of the case.
     results : path
         Folder that contains the results folders of all cases.
     """

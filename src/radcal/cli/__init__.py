@@ -1,6 +1,6 @@
-"""Command ``radcal``: one module for each of its commands, which imports slow modules only when it needs them.
+"""Command ``radcal``, with one module for each subcommand; slow libraries are imported only when a command needs them.
 
-A command is added by a module with a text ``HELP`` and a function ``main``, and a line below.
+A new subcommand is a module with a text ``HELP`` and a function ``main``, and one line at the end of this file.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ def main(
     between: Annotated[tuple[float, float] | None, typer.Option(help="Incidence of interest [deg].")] = None,
     results: Results = Path("results"),
 ) -> None:
-    """Compare further passes."""
+    """Print how far further passes are expected to narrow the bands of a finished case."""
     from radcal.report.advice import advise
     from radcal.report.showing import results_folder
 

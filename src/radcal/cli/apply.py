@@ -20,7 +20,7 @@ def main(
     out: Annotated[Path | None, typer.Option(help="By default results/<other>/applied_<case>.")] = None,
     results: Results = Path("results"),
 ) -> None:
-    """Apply the laws of a case to another one."""
+    """Predict the images of another case from the laws of a finished case."""
     from radcal.config import load_forward, load_measured
     from radcal.report.applied import apply
     from radcal.report.showing import results_folder

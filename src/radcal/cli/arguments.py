@@ -1,4 +1,4 @@
-"""Arguments that several commands have, and what all commands do with an error."""
+"""Arguments and error handling that several commands of ``radcal`` share."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def sentences() -> Iterator[None]:
 
 
 def overrides(words: Sequence[str] | None) -> dict[str, Any]:
-    """Settings of the command line, parsed and merged section by section.
+    """Settings of the option ``--set``, parsed and merged section by section.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def overrides(words: Sequence[str] | None) -> dict[str, Any]:
     Raises
     ------
     ConfigError
-        A setting is not of this form, or a key is given twice.
+        A setting is not of the form ``key=value``, or a key is given twice.
     """
     from radcal.config.yaml_file import check_words, merged, setting
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+import time
 from pathlib import Path
 
 import typer
@@ -26,7 +28,7 @@ found, else 0.
 
 
 def main(cases: CaseFiles, settings: Settings = None, results: Results = Path("results")) -> None:
-    """Check cases."""
+    """Check cases without running them."""
     wrong = [case for case in cases if not _is_right(case, settings, results)]
     if wrong and len(cases) > 1:
         names = ", ".join(str(case) for case in wrong)
@@ -36,12 +38,19 @@ def main(cases: CaseFiles, settings: Settings = None, results: Results = Path("r
 
 
 def _is_right(case: Path, settings: list[str] | None, results: Path) -> bool:
-    """Whether a case can be run; what was found is printed."""
+    """Whether a case can be run; the result of its check is printed."""
     from radcal.checking.case_check import check_case
+    from radcal.running.jobs import clock
     from radcal.running.workflow_files import carried_case
 
+    began = time.monotonic()
+
+    def say(line: str) -> None:
+        if sys.stderr.isatty():
+            typer.echo(f"[{clock(time.monotonic() - began):>6}] {line}", err=True)
+
     with sentences():
-        found = check_case([carried_case(case)], overrides(settings), results)
+        found = check_case([carried_case(case)], overrides(settings), results, say)
     if found.problems:
         count = len(found.problems)
         typer.echo(f"radcal: {case} cannot be run; {count} problem{'s' if count > 1 else ''} found:", err=True)

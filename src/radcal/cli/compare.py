@@ -23,7 +23,7 @@ def main(
     second: Annotated[str, typer.Argument(metavar="B", help="The same of the other case.", show_default=False)],
     results: Results = Path("results"),
 ) -> None:
-    """Compare two cases."""
+    """Compare the laws of two finished cases."""
     from radcal.report.comparison import compare
     from radcal.report.showing import results_folder
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 import sys
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -30,8 +31,10 @@ Example:
 
 def main(case: str, **answers: Any) -> None:
     """Write a new case."""
+    from radcal.config.sensors import SENSORS
     from radcal.running.new_case import NewCase, case_path
 
+    known = f"{', '.join(SENSORS)}; empty for another one"
     given = {entry.key: answers[entry.name] for entry in ENTRIES if answers[entry.name] not in (None, [], ())}
     asked = not answers["no_questions"] and _at_terminal()
     with sentences():
@@ -39,10 +42,10 @@ def main(case: str, **answers: Any) -> None:
         keys = {entry.key: entry.optional for entry in ENTRIES}
         new = NewCase(path, given, keys)
         seen = set(given)
-        # an answer may answer later questions: a file tells its bands, a band its scale
+        # an answer may settle later questions: the file tells the bands, the band tells the scale
         while asked and (left := [one for one in ENTRIES if one.key not in seen and _is_open(one, new)]):
             seen.add(left[0].key)
-            given |= _asked(left[0])
+            given |= _asked(left[0], {"scene.landcover": new.offered, "radar.sensor": known}.get(left[0].key, ""))
             new = NewCase(path, given, keys)
         written = new.write({entry.key: entry.text for entry in ENTRIES})
     for line in written:
@@ -50,6 +53,8 @@ def main(case: str, **answers: Any) -> None:
     if new.undecided:
         options = ", ".join(entry.option.split(",")[0] for entry in ENTRIES if entry.key in new.undecided)
         typer.echo(f"Still to be decided, marked FILL_IN (or by options in a new case): {options}.")
+        if decided := new.decided_by_sensors():
+            typer.echo(f"--sensor decides up to {len(decided)} of them: {', '.join(SENSORS)} (docs/sensors.md).")
     typer.echo(f"Next: radcal check {path}\nThen: radcal run {path} reference, and radcal run {path}")
 
 
@@ -58,22 +63,29 @@ def _at_terminal() -> bool:
 
 
 def _is_open(entry: Entry, new: NewCase) -> bool:
-    """Whether a key is to be asked for: undecided, or a choice that has a default."""
+    """Whether to ask for a key: it has no value yet, or it is a choice with a default, or it decides other keys."""
+    if entry.key == "scene.landcover":
+        return new.offered != ""
+    if entry.key == "radar.sensor":
+        return new.decided_by_sensors() != []
     return entry.key in new.undecided or (entry.key == "materials.calibrated" and new.materials != [])
 
 
-def _asked(entry: Entry) -> dict[str, Any]:
-    """Answer at the terminal; an empty one leaves the key undecided."""
-    while text := typer.prompt(entry.text, default="", show_default=False).strip():
+def _asked(entry: Entry, remark: str) -> dict[str, Any]:
+    """Answer at the terminal, by key; an empty answer leaves the key undecided."""
+    question = f"{entry.text} ({remark})" if remark else entry.text
+    while text := typer.prompt(question, default="", show_default=False).strip():
         try:
-            return {entry.key: [part.strip() for part in text.split(",")] if entry.several else entry.kind(text)}
+            # commas separate materials, and also the parameters of one law
+            parts = re.split(r",(?=[^,]*=)" if "=" in text else ",", text)
+            return {entry.key: [part.strip() for part in parts] if entry.several else entry.kind(text)}
         except ValueError:
             typer.echo(f"{text!r} is not a number.", err=True)
     return {}
 
 
 def _options() -> dict[str, Any]:
-    """Types of the options, which typer reads from the signature of a command."""
+    """Types of the arguments and options of ``radcal new``, which typer reads from the signature of ``main``."""
     types: dict[str, Any] = {
         "case": Annotated[str, typer.Argument(metavar="CASE", help="YAML file to write, or a name.")],
         "no_questions": Annotated[bool, typer.Option("--no-questions", help="Ask nothing, even at a terminal.")],

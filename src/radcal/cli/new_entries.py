@@ -1,6 +1,6 @@
-"""Entries of a new case: each is one option of ``radcal new``, one question, and one line of the case.
+"""Entries of a new case: each entry is one option of ``radcal new``, one question, and one line of the case file.
 
-A key is added by one entry.
+For a further key, add one entry.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ __all__ = ["ENTRIES", "Entry"]
 
 @dataclass(frozen=True)
 class Entry:
-    """One key that a user decides.
+    """Key of a new case whose value the user decides.
 
     Attributes
     ----------
     option : str
         Option on the command line.
     key : str
-        Key of the case, with dots.
+        Key of the case in dotted form, such as ``scene.names``.
     text : str
         Question, help of the option, and comment in the case.
     kind : type
@@ -27,7 +27,7 @@ class Entry:
     several : bool
         Whether the option may be repeated.
     optional : bool
-        Whether the key is neither asked for nor marked without an answer, because its default mostly holds.
+        Whether the key's default is right in most cases, so that the key is neither asked for nor marked FILL_IN.
     """
 
     option: str
@@ -58,7 +58,10 @@ ENTRIES = (
     Entry("--band", "measurement.band", "number of the raster band, from 1", int),
     Entry("--dataset", "measurement.dataset", "name of the array in an npz, mat or HDF5 file", optional=True),
     Entry("--scale", "measurement.scale", "scale of the image's numbers: db, power, amplitude or complex"),
-    Entry("--sensor", "radar.sensor", "sensor of docs/sensors.md, such as sentinel1_iw_grdh", optional=True),
+    Entry(
+        "--sensor", "radar.sensor",
+        "sensor of docs/sensors.md, which decides most keys of section radar, such as sentinel1_iw_grdh", optional=True,
+    ),
     Entry("--radiometry", "radar.radiometry", "quantity: sigma0_ref, sigma0_local, beta0, gamma0 or gamma0_rtc"),
     Entry("--polarisation", "radar.polarisation", "transmitted and received polarisation: HH, HV, VH or VV"),
     Entry("--frequency", "radar.frequency_ghz", "carrier frequency [GHz]", float),
@@ -68,7 +71,7 @@ ENTRIES = (
         "--incidence", "radar.incidence_deg", "incidence at the scene's centre [deg], instead of depression", float,
         optional=True,
     ),
-    Entry("--heading", "radar.heading_deg", "heading of the track over the scene [deg]", float, optional=True),
+    Entry("--heading", "radar.heading_deg", "heading of the track over the scene, clockwise from north [deg]", float),
     Entry("--look-side", "radar.look_side", "side to which the radar looks: right (east) or left (west)"),
     Entry("--range-resolution", "radar.range_resolution_m", "-3 dB width in slant range [m]", float),
     Entry("--azimuth-resolution", "radar.azimuth_resolution_m", "-3 dB width in azimuth [m]", float),
@@ -77,5 +80,9 @@ ENTRIES = (
     Entry("--looks", "radar.looks", "independent looks averaged in power", float),
     Entry("--nesz", "radar.nesz_db", "noise-equivalent sigma0 [dB]", float),
     Entry("--material", "materials.calibrated", "name of a material to calibrate; all if none is named", several=True),
-    Entry("--fixed", "materials.fixed", "constant gamma of another material, as water=-17 [dB]", several=True),
+    Entry(
+        "--fixed", "materials.fixed",
+        "law of another material: constant gamma [dB] as water=-17, or a law of docs/laws.md with its parameters as "
+        "road=mangia:-28,8,14,8", several=True,
+    ),
 )  # fmt: skip

@@ -102,13 +102,13 @@ def main(
 
 
 def sorted_words(words: Sequence[str]) -> tuple[list[Path], list[str], list[str]]:
-    """Case files, targets, and options for Snakemake among the words of a command line.
+    """Words of a command line, sorted into case files, targets and options for Snakemake.
 
     Parameters
     ----------
     words : sequence of str
-        The first word is a case, and so is every later one that ends with .yaml or .yml. From the first word with a
-        dash on, all words are for Snakemake.
+        The first word is a case, and so is every later word that ends with .yaml or .yml. The first word that starts
+        with a dash, and all words after it, are for Snakemake.
     """
     first = next((k for k, word in enumerate(words) if word.startswith("-")), len(words))
     ours = words[:first]
@@ -194,7 +194,7 @@ def snakemake_command(
     dry_run : bool
         Whether Snakemake only lists the jobs, without running them.
     elsewhere : path, optional
-        Folder of the workflow where it is not the current folder.
+        Folder of the workflow, if this is not the current folder.
 
     Raises
     ------
@@ -238,7 +238,7 @@ def _for_snakemake(value: Any) -> str:
 
 
 def _checked(files: Sequence[Path], changes: dict[str, Any]) -> list[str]:
-    """Names of the cases; each wrong case is reported in a line, and then all are refused."""
+    """Names of the cases in the given files; if any case is wrong, one error reports every wrong case."""
     from radcal.errors import ConfigError
 
     names: dict[str, Path] = {}
@@ -257,7 +257,10 @@ def _checked(files: Sequence[Path], changes: dict[str, Any]) -> list[str]:
 
 
 def _one_after_the_other(commands: Mapping[str, Sequence[str]]) -> int:
-    """Exit status of a command for each case; a case that fails does not stop the next one, Ctrl-C does."""
+    """Run the commands of several cases one by one, and return the exit status.
+
+    A case that fails does not stop the next one; Ctrl-C stops all.
+    """
     ended: dict[str, int] = {}
     children: list[subprocess.Popen[bytes]] = []
     stopped = False

@@ -14,7 +14,7 @@ __all__ = ["HELP", "main"]
 HELP = """Show the verdict of cases, their runs, and where report, exports and summary lie.
 
 CASE is the name of a case below results/, a results folder, or the case's YAML file. The command also says what is
-missing if the calibration is not finished.
+missing if the calibration is not finished, and where it stands if a command works on it at this moment.
 
 \b
 Examples:
@@ -29,7 +29,7 @@ def main(
     ],
     results: Results = Path("results"),
 ) -> None:
-    """Show the results of cases."""
+    """Show the verdict, the runs and the files of cases."""
     from radcal.report.showing import results_folder, show
 
     failed = False

@@ -25,7 +25,7 @@ def main(
     out: Annotated[Path | None, typer.Option(help="Folder of the images; by default results/<case>/simulated.")] = None,
     results: Results = Path("results"),
 ) -> None:
-    """Simulate a case."""
+    """Simulate the images of a case without a measured image."""
     from radcal.config import load_forward
     from radcal.report.simulated import simulate
 

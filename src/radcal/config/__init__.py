@@ -1,8 +1,8 @@
 """Typed configuration of a case; only this package interprets the configuration.
 
-A case is one YAML file. Each section has a model in a module of its own. Missing keys take the
-defaults of the models, and these defaults are the default case: ``config/config.yaml`` is written from
-them (``python -m radcal.config``). Unknown keys are refused. All models are frozen.
+A case is one YAML file. Each section has a model in a module of its own. Missing keys take the default values of the
+models. In the default case, every key has its default value; ``python -m radcal.config`` prints this case as
+``config/config.yaml``. An unknown key is an error. No model can be changed after its creation.
 """
 
 from radcal.config.case import Case

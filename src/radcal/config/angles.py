@@ -1,4 +1,4 @@
-"""Angles between a radar and level ground of a sphere."""
+"""Incidence and depression angles of a radar that sees level ground on a spherical earth."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ MEAN_RADIUS_M = 6_371_008.8  # mean of the semi-axes of GRS 80 (Moritz, "Geodeti
 
 
 def incidence_deg(depression_deg: float, altitude_m: float, radius_m: float = MEAN_RADIUS_M) -> float:
-    """Incidence on level ground of a sphere at a depression angle of the radar.
+    """Incidence angle on level ground of a spherical earth, from the depression angle of the radar.
 
     Parameters
     ----------
@@ -24,7 +24,8 @@ def incidence_deg(depression_deg: float, altitude_m: float, radius_m: float = ME
     Returns
     -------
     float
-        Incidence angle [deg], larger than the look angle from nadir; NaN if the radar looks past the sphere.
+        Incidence angle [deg], which is larger than the angle at the radar from nadir; NaN if the line of sight does not
+        meet the sphere.
 
     References
     ----------
@@ -36,5 +37,5 @@ def incidence_deg(depression_deg: float, altitude_m: float, radius_m: float = ME
 
 
 def depression_deg(incidence_deg: float, altitude_m: float, radius_m: float = MEAN_RADIUS_M) -> float:
-    """Depression angle of the radar [deg] at which level ground of a sphere has an incidence; inverse of the above."""
+    """Depression angle of the radar [deg] from the incidence angle [deg]: the inverse of :func:`incidence_deg`."""
     return math.degrees(math.acos(math.sin(math.radians(incidence_deg)) / (1.0 + altitude_m / radius_m)))

@@ -51,8 +51,9 @@ __all__ = ["Case"]
 class Case(Part):
     """Configuration of one calibration.
 
-    ``radar`` and ``measurement`` may be lists of equal length, with one item for each pass. The fields of these names
-    hold those of the first pass, ``further_radar`` and ``further_measurement`` those of the others.
+    In a case file, ``radar`` and ``measurement`` may be lists of equal length, with one item for each pass. The fields
+    ``radar`` and ``measurement`` of :class:`Case` hold the items of the first pass. The fields ``further_radar`` and
+    ``further_measurement`` hold the items of the second and later passes.
     """
 
     case: CaseName = Field("dyke", description="name of the case and of its folder below results/")
@@ -61,7 +62,7 @@ class Case(Part):
         description="whether radcal may replace a finished calibration of another scene or pass in the case's folder",
     )
     seed: Seed = Field(1, description="seed of all random draws for which no other key gives a seed")
-    # factories, because a section created here would make every job build the validator of the section
+    # a default_factory, because a section that is created here would make every job build its validator
     scene: SceneConfig = Field(BuiltinScene(), description="source of elevation, materials and objects")
     radar: Radar = Field(default_factory=Radar)
     simulator: SimulatorConfig = Field(BuiltinSimulation(), description="radcal's own simulator or any other program")
@@ -74,13 +75,13 @@ class Case(Part):
         SyntheticMeasurement(), description="the measured image in a file, or a synthetic one"
     )
     further_radar: list[Radar] | None = Field(None, description="radar of the second and later passes")
-    further_measurement: list[MeasurementConfig] | None = Field(None, description="their measured images")
+    further_measurement: list[MeasurementConfig] | None = Field(None, description="measured images of further passes")
     colours: dict[str, str] | None = Field(None, description="colours of the materials in figures")
     registration: RegistrationConfig = Field(default_factory=RegistrationConfig)
     objective: Objective = Field(
         DEFAULT,
-        description="classes, likelihood: match the law in incidence-angle bins (docs/right_law.md); density: match "
-        "the histogram",
+        description="what is compared: incidence-angle bins (classes or likelihood; docs/right_law.md) or the "
+        "histogram (density)",
     )
     target: TargetConfig = Field(default_factory=TargetConfig)
     validation: Validation | None = Field(None, description="ground held out of the calibration to check the laws")
@@ -95,8 +96,8 @@ class Case(Part):
     def _fitting_defaults(cls, data: object) -> object:
         """Case data with default values that depend on other keys.
 
-        A missing ``objective`` becomes ``density`` if the case has one bin, normalisation ``image`` or a calibrated
-        external law.
+        A missing ``objective`` becomes ``density`` if the case has a single incidence-angle bin, normalisation
+        ``image`` or a calibrated material with law ``external``.
         """
         if not isinstance(data, dict):
             return data
@@ -141,14 +142,14 @@ class Case(Part):
     @model_validator(mode="after")
     def _consistent(self, info: ValidationInfo) -> Self:
         found = list(self._contradictions())
-        if found and isinstance(info.context, list):  # a list that collects them, and the case is wanted all the same
+        if found and isinstance(info.context, list):  # the caller collects them and wants the case
             info.context.extend(found)
         elif found:
             raise Contradictions(found)
         return self
 
     def _contradictions(self) -> Iterator[str]:
-        """Settings of different sections that contradict each other, in the order of the sections."""
+        """Sentences on contradictions between settings of different sections, in the order of the sections."""
         if not self.calibrated:
             yield "materials: none is marked calibrate: true, expected at least one"
             return
@@ -189,9 +190,9 @@ class Case(Part):
             yield (f"stop.max_runs is {self.stop.max_runs}, expected at least design.size ({self.design_size})")
 
     def _in_pass(self) -> Iterator[str]:
-        """Settings of one pass that do not fit the laws or its measured image."""
+        """Sentences on settings of one pass that contradict the laws or the measured image of this pass."""
         measurement = self.measurement
-        # default hidden parameters are for the default case only: elsewhere materials keep their start
+        # default hidden parameters belong to the default case; without hidden parameters a material keeps its start
         if isinstance(measurement, SyntheticMeasurement):
             if measurement.synthetic.is_written:
                 yield from self._in_hidden(measurement.synthetic)
@@ -204,7 +205,7 @@ class Case(Part):
             yield from self._in_image(measurement)
 
     def _in_sampling(self) -> Iterator[str]:
-        """Resolutions finer than the built-in simulator can sample at their pixel spacing."""
+        """Sentences on resolutions too fine for the built-in simulator to sample at the given pixel spacing."""
         if not isinstance(self.simulator, BuiltinSimulation):
             return
         for way in ("range", "azimuth"):
@@ -218,7 +219,7 @@ class Case(Part):
                 )
 
     def _in_hidden(self, synthetic: Synthetic) -> Iterator[str]:
-        """Hidden parameters of unknown materials, and those that do not fit their law."""
+        """Sentences on hidden parameters of unknown materials, and on hidden parameters that do not fit their law."""
         for name, x in synthetic.parameters.items():
             key = f"measurement.synthetic.parameters.{name}"
             if name not in self.materials:
@@ -232,7 +233,7 @@ class Case(Part):
                 yield str(error)
 
     def _in_whole_box(self) -> Iterator[str]:
-        """Bounds that contain fewer combinations of whole numbers than design and reference run need."""
+        """Sentence on bounds with fewer combinations of integer parameters than design and reference run need."""
         materials = [self.materials[name] for name in self.calibrated]
         if not all(all(material.integers) for material in materials):
             return
@@ -244,7 +245,7 @@ class Case(Part):
             )
 
     def _of_objective(self) -> Iterator[str]:
-        """Settings that the objective does not use, and settings that contradict the objective."""
+        """Sentences on settings that the objective does not use, and on settings that contradict the objective."""
         traits, target = OBJECTIVES[self.objective], self.target
         if not traits.bins and target.incidence_classes not in (1, "auto"):
             yield (
@@ -276,7 +277,7 @@ class Case(Part):
                     )
 
     def _in_truth(self, synthetic: Synthetic) -> Iterator[str]:
-        """A synthetic measurement for which a calibrated law has no hidden parameters."""
+        """Sentences on calibrated laws for which the synthetic measurement has no hidden parameters."""
         for name, material in self.materials.items():
             key = f"measurement.synthetic.parameters.{name}"
             if name in synthetic.laws:
@@ -295,7 +296,7 @@ class Case(Part):
                 )
 
     def _in_mismatch(self, synthetic: Synthetic) -> Iterator[str]:
-        """Mismatches of a synthetic measurement that scene, pass, laws or simulator cannot have."""
+        """Sentences on mismatches of a synthetic measurement that scene, pass, laws or simulator do not support."""
         key = "measurement.synthetic"
         for name, hidden in synthetic.laws.items():
             if name not in self.materials:
@@ -314,7 +315,7 @@ class Case(Part):
             yield f"{key}.relief_m is {synthetic.relief_m:g}, expected 0: a slant-range scene has no heights"
 
     def _in_track(self) -> Iterator[str]:
-        """A heading that the scene cannot have, and one that is missing."""
+        """Sentences on a heading of the track that the scene does not allow, or on a missing heading."""
         radar, scene = self.radar, self.scene
         if not isinstance(scene, RasterScene):
             if radar.heading_deg:
@@ -354,7 +355,7 @@ class Case(Part):
                     yield (f"radar.frequency_ghz is missing: law {seen.law!r} of materials.{key} depends on it")
 
     def _in_image(self, measurement: FileMeasurement) -> Iterator[str]:
-        """An image whose declared radiometry, polarisation or band differs from that of ``radar``."""
+        """Sentences on radiometry, polarisation or band of the image that differs from that of section ``radar``."""
         if measurement.radiometry not in (None, self.radar.radiometry):
             yield (
                 f"measurement.radiometry is {measurement.radiometry}, radar.radiometry is {self.radar.radiometry}: set "

@@ -1,4 +1,4 @@
-"""Default values of a case that depend on other keys, filled in before the models check the data."""
+"""Default values that depend on other keys of a case, inserted into the data before the models check the data."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _DRAWS_IN_BINS = 4
 
 
 def with_fitting_stop(data: dict[str, Any]) -> dict[str, Any]:
-    """Case data; ``stop.at_sampling_error`` is true by default for an external program without ``stop.rms``."""
+    """Case data in which ``stop.at_sampling_error`` is true by default for an external program without ``stop.rms``."""
     stop, simulator = data.get("stop", {}), data.get("simulator")
     # a section that is already a model contains this default
     if not isinstance(stop, dict) or "rms" in stop or "at_sampling_error" in stop:
@@ -34,7 +34,7 @@ def with_fitting_stop(data: dict[str, Any]) -> dict[str, Any]:
 
 
 def with_fitting_draws(data: dict[str, Any]) -> dict[str, Any]:
-    """Case data; ``simulator.draws`` is 4 by default if the built-in simulator and incidence-angle bins are used."""
+    """Case data with ``simulator.draws`` 4 by default, for the built-in simulator with incidence-angle bins."""
     simulator, objective = data.get("simulator", {}), data.get("objective", DEFAULT)
     traits = OBJECTIVES.get(objective) if isinstance(objective, str) else None
     if not isinstance(simulator, dict) or "draws" in simulator or traits is None or not traits.bins:
@@ -46,7 +46,7 @@ def with_fitting_draws(data: dict[str, Any]) -> dict[str, Any]:
 
 
 def with_fitting_measurement(data: dict[str, Any]) -> dict[str, Any]:
-    """Case data; without a section ``measurement``, a case of the default case's ground and simulator has its image."""
+    """Case data with the default case's measurement, for a case with the default scene, materials and simulator."""
     simulator = data.get("simulator", {})
     kind = simulator.get(TAGS["simulator"]) if isinstance(simulator, dict) else getattr(simulator, "kind", None)
     if "materials" in data:
@@ -57,7 +57,7 @@ def with_fitting_measurement(data: dict[str, Any]) -> dict[str, Any]:
 
 
 def _with_fitting_truth(data: dict[str, Any]) -> dict[str, Any]:
-    """Case data; a dyke of its own, with bounds that hold the published hidden law and not the default's, has that."""
+    """Case data with the dyke's published hidden law, if the configured bounds contain it but not the default one."""
     materials = data["materials"]
     dyke = materials.get("dyke") if isinstance(materials, dict) else None
     if not isinstance(dyke, dict) or not dyke.get("calibrate") or dyke.get("law", DEFAULT_LAW) != DEFAULT_LAW:
@@ -76,7 +76,7 @@ def _with_fitting_truth(data: dict[str, Any]) -> dict[str, Any]:
 
 
 def _with_truth(measurement: Any) -> Any:
-    """Section of a synthetic measurement with the published hidden law, unless it has hidden laws of its own."""
+    """Section of a synthetic measurement with the published hidden law, unless the section gives hidden laws itself."""
     if not isinstance(measurement, dict) or measurement.get(TAGS["measurement"], "synthetic") != "synthetic":
         return measurement
     synthetic = measurement.get("synthetic", {})
@@ -105,7 +105,7 @@ def with_passes(data: dict[str, Any]) -> dict[str, Any]:
 
 
 def with_starting_laws(data: dict[str, Any]) -> dict[str, Any]:
-    """Case data; materials of a land-cover map have the starting laws of their names, where the case gives none."""
+    """Case data with starting laws for materials that a land-cover map names and for which the case gives no law."""
     scene, materials = data.get("scene"), data.get("materials")
     landcover = scene.get("landcover") if isinstance(scene, dict) else getattr(scene, "landcover", None)
     if not isinstance(landcover, str) or not isinstance(materials, dict):
@@ -118,7 +118,7 @@ def with_starting_laws(data: dict[str, Any]) -> dict[str, Any]:
 
 
 def with_colours(data: dict[str, Any]) -> dict[str, Any]:
-    """Case data with a section of the materials' colours, which no stage but the archive reads."""
+    """Case data with a section ``colours`` of the materials' colours, which only the stage ``archive`` reads."""
     if data.get("colours") is not None:
         raise ValueError("unknown key colours: materials have a key colour each")
     materials = data.get("materials")

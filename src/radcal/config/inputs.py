@@ -1,4 +1,4 @@
-"""Search for the files, programs and earlier runs that a case names; each missing one raises a ConfigError."""
+"""Search for the files, programs and earlier runs that a case names; a missing file or program is a ConfigError."""
 
 from __future__ import annotations
 
@@ -68,13 +68,13 @@ def expand_path(text: str, key: str, folder: bool = False) -> Path:
 
 
 def executable_path(word: str, key: str, environment: Mapping[str, str]) -> Path:
-    """Path of the program that the first word of a command names.
+    """Path of the program that is named by the first word of a command.
 
     Parameters
     ----------
     word : str
-        ``{python}`` for the interpreter that runs radcal; a path that contains a slash; or the name of a program on the
-        PATH.
+        First word of the command: ``{python}`` for the interpreter that runs radcal, a path that contains a slash, or
+        the name of a program on the PATH.
     key : str
         Configuration key, for the error message.
     environment : mapping
@@ -122,7 +122,7 @@ def input_files(case: Case) -> dict[str, Path]:
 
 
 def missing_inputs(case: Case) -> list[str]:
-    """One sentence for each input that :func:`input_files` would refuse."""
+    """Sentences on input files that :func:`input_files` would refuse, one for each file."""
     problems = []
     for source in _sources(case):
         try:
@@ -133,7 +133,7 @@ def missing_inputs(case: Case) -> list[str]:
 
 
 def _sources(case: Case) -> Iterator[Callable[[], dict[str, Path]]]:
-    """Functions that find the files of one key each."""
+    """Functions that find input files: one function for each configuration key."""
     rasters: tuple[str, ...] = ()
     if isinstance(case.scene, SlantRangeScene):
         rasters = ("labels",)
@@ -162,7 +162,7 @@ def _plain(text: str, key: str) -> dict[str, Path]:
 
 
 def check_reuse(case: Case, results: str | Path) -> None:
-    """Raise an error, before any job starts, if ``design.reuse`` names a case without runs.
+    """Raise an error if ``design.reuse`` names a case that has no runs, so that no job starts.
 
     Parameters
     ----------
@@ -185,7 +185,7 @@ def check_reuse(case: Case, results: str | Path) -> None:
 
 
 def vrt_folders(config: SlantRangeScene | RasterScene | FileMeasurement) -> tuple[Path, ...]:
-    """Configured folders in which the source files of a VRT may lie, besides the folder of the VRT.
+    """Configured folders that may contain the source files of a mosaic (VRT), besides the folder of the mosaic.
 
     Raises
     ------

@@ -1,34 +1,43 @@
-"""Land-cover maps whose codes have known names, and starting laws for these names.
+"""Land-cover maps whose codes have known names, and starting laws for materials with these names.
 
-The starting laws are starting values, nothing more: one constant gamma for a kind of terrain, of one band, without
-polarisation, season or moisture. A calibration replaces them; a material with fixed parameters keeps them, so that its
-level may be wrong by many dB.
+A starting law only gives starting values. A starting law is one constant gamma for a kind of terrain and one band,
+whatever the polarisation, season and moisture. A calibration replaces the starting law. A material with fixed
+parameters keeps the starting law, so that its level may be wrong by many dB.
 """
 
 from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
 from radcal.config.materials import DEFAULT_LAW
 
-__all__ = ["LANDCOVERS", "Cover", "LandCover", "StartingLevel", "landcover_table", "starting_keys", "starting_levels"]
+__all__ = [
+    "LANDCOVERS",
+    "Cover",
+    "LandCover",
+    "StartingLevel",
+    "landcover_remark",
+    "landcover_table",
+    "starting_keys",
+    "starting_levels",
+]
 
 LandCover = Literal["esa_worldcover", "corine", "nlcd"]
 
-# gamma [dB] at 10 GHz of kinds of terrain, as the function surfacegamma of MathWorks' Phased Array System Toolbox lists
-# them: woods, metropolitan and sea state 3 after Long, "Radar Reflectivity of Land and Sea", 3rd edition, Artech House
-# (2001); farmland and flatland after Nathanson, "Radar Design Principles", 2nd edition, SciTech (1999)
+# gamma [dB] of kinds of terrain at 10 GHz, as listed by the function surfacegamma of MathWorks' Phased Array System #
+# Toolbox: woods, metropolitan and sea state 3 after Long, "Radar Reflectivity of Land and Sea", 3rd edition, Artech
+# House (2001); farmland and flatland after Nathanson, "Radar Design Principles", 2nd edition, SciTech (1999)
 _GAMMA_DB = {"woods": -15.0, "metropolitan": 0.0, "farmland": -15.0, "flatland": -20.0, "sea state 3": -40.0}
 # X1 + X2 cos(phi) is 10 log10(cos(phi)) within 0.2 dB from 20 to 60 degrees (least squares)
 _LINE_DB = (-5.86, 6.05)
 _BELOW_DB, _ABOVE_DB = 30.0, 15.0  # bounds of X1 about gamma; those of X2 to X4 are the default case's
 _BOUNDS = [[0.0, 16.0], [0.0, 22.0], [0.0, 12.0]]
 _X4 = 4.0
-# words of names that say a kind of terrain, where no land-cover map says it
+# words in material names that show the kind of terrain, for names that no land-cover map contains
 _WORDS = {
     "woods": "forests? trees? woods? woodlands? mangroves? scrub shrubs? shrubland",
     "metropolitan": "urban built buildings? developed city houses? settlements? harbours? ports?",
@@ -36,8 +45,9 @@ _WORDS = {
     "flatland": "bare soil sands? barren rocks? beach(es)? desert snow ice roads? runways? airports?",
     "sea state 3": "water sea ocean lakes? rivers? lagoons?",
 }
-_APART_DB = 3.0  # of the starting levels of two materials, so that the start image shows where they meet
-_UNKNOWN_DB = -15.0  # where neither name nor map says anything
+_APART_DB = 3.0  # smallest difference of two starting levels, so that the start image shows where the materials meet
+_FEW = 5  # number of codes; any map may have so few
+_UNKNOWN_DB = -15.0  # gamma if neither the name nor the map shows the terrain
 
 
 @dataclass(frozen=True)
@@ -49,7 +59,7 @@ class StartingLevel:
     gamma_db : float
         Constant gamma [dB].
     terrain : str or None
-        Kind of terrain that has it; None for a guess.
+        Kind of terrain that has this gamma; None if the kind is unknown.
     moved : bool
         Whether the level was moved away from that of another material.
     """
@@ -59,7 +69,7 @@ class StartingLevel:
     moved: bool
 
     def start(self, lowest_db: float, highest_db: float) -> list[float]:
-        """Parameters of the default law that are closest to this gamma, with X1 inside of its bounds [dB]."""
+        """Parameters of the default law that approximate the level's constant gamma, with X1 inside its bounds [dB]."""
         first = min(max(self.gamma_db + _LINE_DB[0], lowest_db), highest_db)
         return [round(first, 2), _LINE_DB[1], 0.0, _X4]
 
@@ -70,7 +80,7 @@ class StartingLevel:
 
 @dataclass(frozen=True)
 class Cover:
-    """One class of a land-cover map.
+    """Class of a land-cover map.
 
     Attributes
     ----------
@@ -79,7 +89,7 @@ class Cover:
     terrain : str
         Kind of terrain whose gamma starts its law.
     taken_for : bool
-        Whether the source has no such terrain, so that another one stands for it.
+        Whether the source of the gammas has no value for this class, so that the gamma of a similar terrain is used.
     """
 
     name: str
@@ -180,11 +190,39 @@ LANDCOVERS: Mapping[str, Mapping[int, Cover]] = {
         (95, "emergent_herbaceous_wetlands", _CROPS, True),
     ),
 }
-"""Classes of each land-cover map by their code."""
+"""Classes of each land-cover map, by the code of the class."""
+
+
+def landcover_remark(codes: Collection[int]) -> str:
+    """Remark on the land-cover maps that contain all codes of a raster; empty if there is no such map.
+
+    The remark says that the raster has the codes of a certain map if
+
+    - the map is the only one that contains all codes of the raster;
+    - the codes are not simply the numbers from 1 to n; and
+    - the raster has more than five codes, or has one code above 9 that occurs in no other map.
+
+    Parameters
+    ----------
+    codes : collection of int
+        Codes that occur in the raster.
+    """
+    fits = [name for name, known in LANDCOVERS.items() if codes and known.keys() >= set(codes)]
+    if not fits:
+        return ""
+    others = {code for name, known in LANDCOVERS.items() if name != fits[0] for code in known}
+    own = any(code > 9 and code not in others for code in codes)
+    counted = set(codes) == set(range(1, len(codes) + 1))
+    if len(fits) == 1 and not counted and (own or len(codes) > _FEW):
+        return f"the codes are those of {fits[0]} (--landcover-preset {fits[0]})"
+    return (
+        f"{' and '.join(fits)} {'have' if len(fits) > 1 else 'has'} these codes, too, which other maps may have: "
+        "--landcover-preset only if the file is such a map"
+    )
 
 
 def starting_keys(landcover: str, name: str, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Keys of a material that the starting law of a land cover gives, none of which the case gives.
+    """Keys of a material that follow from the starting law of its land-cover class and are missing in the case.
 
     Parameters
     ----------
@@ -198,9 +236,9 @@ def starting_keys(landcover: str, name: str, given: Mapping[str, Any]) -> dict[s
     Returns
     -------
     dict
-        A fixed material gets the law of constant gamma; a calibrated one the default law, its bounds, and as start the
-        parameters that are closest to constant gamma. Empty where the case gives another law or the parameters, and for
-        a name that the map does not have.
+        Keys and values. A fixed material gets the law of constant gamma. A calibrated material gets bounds of the
+        default law, and as start the parameters that approximate constant gamma. The dict is empty if the case gives
+        another law, fixed parameters or bounds, and for a name that the map does not contain.
     """
     cover = next((cover for cover in LANDCOVERS.get(landcover, {}).values() if cover.name == name), None)
     if cover is None or given.get("law", DEFAULT_LAW) != DEFAULT_LAW:
@@ -216,17 +254,18 @@ def starting_keys(landcover: str, name: str, given: Mapping[str, Any]) -> dict[s
 
 
 def starting_levels(names: Sequence[str], taken_db: Iterable[float] = ()) -> dict[str, StartingLevel]:
-    """Levels from which the laws of several materials start, no two of them equal.
+    """Starting levels of the laws of several materials, at least 3 dB apart from each other.
 
-    The simulated start image, onto which a measured one is registered, shows the border of two materials only if their
-    levels differ. Whether the contrast has the right sign does not matter to the registration.
+    A measured image is registered onto the simulated start image. The start image shows the border of two materials
+    only if their levels differ. The registration does not depend on the sign of the contrast between two materials.
 
     Parameters
     ----------
     names : sequence of str
-        Materials; a name of a land-cover map, or a word of a name, says the kind of terrain.
+        Names of the materials. The kind of terrain follows from a name that a land-cover map contains, or from a word
+        in the name.
     taken_db : iterable of float
-        Gamma of other materials [dB].
+        Gamma of other materials [dB], from which the new levels differ by at least 3 dB.
     """
     used, found = list(taken_db), dict[str, StartingLevel]()
     for name in names:
@@ -240,7 +279,7 @@ def starting_levels(names: Sequence[str], taken_db: Iterable[float] = ()) -> dic
 
 
 def _terrain(name: str) -> str | None:
-    """Kind of terrain that a name says."""
+    """Kind of terrain that follows from the name of a material; None if the name does not show it."""
     covers = (cover for classes in LANDCOVERS.values() for cover in classes.values())
     if (known := next((cover.terrain for cover in covers if cover.name == name), None)) is not None:
         return known
@@ -252,7 +291,7 @@ def _terrain(name: str) -> str | None:
 
 
 def landcover_table(landcover: str) -> str:
-    """Table of the classes of a land-cover map, in Markdown for ``docs/landcover.md``."""
+    """Markdown table of the classes of a land-cover map, for ``docs/landcover.md``."""
     lines = ["| code | material | starting gamma [dB] | terrain of the source |", "|---|---|---|---|"]
     for code, cover in LANDCOVERS[landcover].items():
         taken = " (taken for it)" if cover.taken_for else ""

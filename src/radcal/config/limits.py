@@ -1,7 +1,7 @@
-"""Number types of the configuration with their allowed ranges, which docs/limits.md lists by key.
+"""Types of the numbers in the configuration, with their allowed ranges; docs/limits.md lists the ranges by key.
 
-No real acquisition, scene or computer has a value outside these ranges. A value outside its range therefore has a
-wrong unit or a wrong digit.
+No real acquisition, scene or computer has a value outside the allowed range of a key. A value outside its range
+therefore has a wrong unit or a wrong digit.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def _not_bool(value: object) -> object:
 
 
 def _whole(value: float) -> float:
-    """Whole number as an integer, with which records and messages show it as before other numbers were allowed."""
+    """Number of looks, an integer if it is whole: records and messages show 4, as in earlier versions, not 4.0."""
     return int(value) if value == int(value) else value
 
 

@@ -26,7 +26,7 @@ _OF_CALIBRATION = (
 
 
 def _parsed(overrides: Mapping[str, Any]) -> dict[str, Any]:
-    """Overrides in which each section that is text, as the command line gives it, is converted to plain data."""
+    """Overrides with plain data in place of each section that the command line gives as text."""
     from radcal.config.yaml_file import read_value
 
     parsed = dict(overrides)
@@ -37,12 +37,12 @@ def _parsed(overrides: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def case_from(data: Mapping[str, Any], origin: str = "configuration") -> Case:
-    """Check plain data and return the typed case.
+    """Convert plain data to a typed case, and check keys and values.
 
     Raises
     ------
     ConfigError
-        A key or value is wrong; the message names the first problem.
+        A key or value is wrong; the message describes the first problem.
     """
     try:
         return Case.model_validate(dict(data))
@@ -76,7 +76,7 @@ def load(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None
 def load_forward(
     files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None, calibrated: str | Path | None = None
 ) -> stages.Forward:
-    """Read the sections of a case that a forward run needs; sections of measurement and calibration are not read.
+    """Read the sections of a case that a forward run needs, without the sections on measurement and calibration.
 
     Parameters
     ----------
@@ -88,19 +88,20 @@ def load_forward(
     Returns
     -------
     stages.Forward
-        No material needs to be marked ``calibrate: true``.
+        Sections that a forward run needs; the case need not mark any material ``calibrate: true``.
 
     Raises
     ------
     ConfigError
-        As for :func:`load`, or a law does not suit simulator or pass.
+        As for :func:`load`; or the simulator cannot evaluate a law, or the pass lacks the carrier frequency that a law
+        needs.
     """
     origin = origin_of(files)
     data = {key: value for key, value in read_cases(files, overrides).items() if key not in _OF_CALIBRATION}
     if calibrated is not None:
         data["materials"] = {**data.get("materials", {}), **_materials_of(calibrated, "--materials")}
     passes = data.get("radar")
-    if isinstance(passes, list):  # an image of each pass, which a case must have and nobody reads
+    if isinstance(passes, list):  # a case must have a measurement for each pass; a forward run reads none of them
         data["measurement"] = [{}] * len(passes)
     ignored: list[str] = []
     try:
@@ -114,7 +115,7 @@ def load_forward(
 
 
 def load_measured(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None) -> Case | None:
-    """Read a case with a measured image, of which no material need be marked ``calibrate: true``.
+    """Read a case with a measured image; the case need not mark any material ``calibrate: true``.
 
     Parameters
     ----------
@@ -124,7 +125,7 @@ def load_measured(files: Sequence[str | Path], overrides: Mapping[str, Any] | No
     Returns
     -------
     Case or None
-        None if the files have no section ``measurement``.
+        The case, or None if the files have no section ``measurement``.
 
     Raises
     ------
@@ -144,12 +145,12 @@ def load_measured(files: Sequence[str | Path], overrides: Mapping[str, Any] | No
 
 
 def origin_of(files: Sequence[str | Path]) -> str:
-    """Names of case files, with which messages begin."""
+    """Names of the case files, as text with which error messages begin."""
     return ", ".join(str(f) for f in files) or "configuration"
 
 
 def read_cases(files: Sequence[str | Path], overrides: Mapping[str, Any] | None) -> dict[str, Any]:
-    """Merged plain data of configuration files and overrides; parameters and errors as for :func:`load`."""
+    """Plain data merged from configuration files and overrides; parameters and errors as for :func:`load`."""
     from radcal.config.yaml_file import merged, read_case_file  # imports PyYAML, which workflow jobs do not need
 
     data: dict[str, Any] = {}
@@ -158,13 +159,13 @@ def read_cases(files: Sequence[str | Path], overrides: Mapping[str, Any] | None)
     data = merged(data, _parsed(overrides or {}))
     if (file := data.pop(MATERIALS_FROM, None)) is not None:
         own = data.get("materials", {})
-        # a material of the case replaces the whole material, because keys of two laws do not mix
+        # a material of the case replaces the other file's whole material, because keys of two laws must not be combined
         data["materials"] = {**_materials_of(file, MATERIALS_FROM), **own} if isinstance(own, dict) else own
     return data
 
 
 def _materials_of(file: Any, key: str) -> dict[str, Any]:
-    """Section ``materials`` of another file, such as ``calibrated.yaml``."""
+    """Section ``materials`` of a file other than the case file, such as ``calibrated.yaml``."""
     from radcal.config.yaml_file import read_case_file
 
     if not isinstance(file, str | Path):

@@ -34,7 +34,7 @@ def _law_of(
     units: Sequence[str] | None = None,
     formula: str | None = None,
 ) -> Law:
-    """Law with a given name, with the knots of a tabulated law, or the parameter names and units of the case file."""
+    """Law by its name, with knots, formula, parameter names and units from the case file."""
     if name not in laws_known():
         raise ValueError(f"law is {shown(repr(name))}, expected one of {laws_known()}")
     if name not in (EXTERNAL, FORMULA) and (names is not None or units is not None):
@@ -70,8 +70,8 @@ def _check_names(names: Sequence[str], units: Sequence[str] | None) -> None:
 
 
 def _takes(law: Law, name: str) -> str:
-    """Words for an error message: the number of parameters of a law, and their names if the case file gives them."""
-    # the case file gives the names of such a law, so that these names may be the error
+    """Part of an error message: number of parameters of a law, and their names if the case file gives these names."""
+    # the case file gives the parameter names of this law: an error in the names may be the cause
     named = f" (names: {', '.join(law.names) or 'none'})" if name in (EXTERNAL, FORMULA) else ""
     return f"law {name!r} takes {len(law.names)}{named}"
 
@@ -106,7 +106,7 @@ def check_parameters(key: str, values: Sequence[float], law: Law, name: str) -> 
 
 
 class OtherLaw(Section):
-    """Law and parameters of a material, in an image in which this law may differ from that of section ``materials``."""
+    """Law and parameters of a material, for an image in which the law may differ from that in section ``materials``."""
 
     _cannot_be: ClassVar[str] = "only an external simulator can evaluate"
 
@@ -129,12 +129,12 @@ class OtherLaw(Section):
 
     @property
     def unbound_law(self) -> Law:
-        """Law with the names of its parameters, before frequency and polarisation of the pass are set."""
+        """Law with the names of its parameters, without the frequency and polarisation of a pass."""
         return _law_of(self.law, self.angles_deg, self.names, formula=self.formula)
 
 
 class Start(OtherLaw):
-    """Law and parameters of a material in the reference run, if this law differs from the calibrated law."""
+    """Law and parameters of a material in the reference run, for a start from another law than the calibrated one."""
 
     _cannot_be: ClassVar[str] = "cannot be a start"
 
@@ -162,13 +162,13 @@ class Material(Section):
     parameters: list[Parameter] | None = Field(None, description="fixed parameters (calibrate: false)")
     looks: Annotated[Real, Field(ge=0.01, le=1000)] | None = Field(
         None,
-        description="effective looks of the pixels, below radar.looks for texture (calibrate: false); by default "
-        "radar.looks",
+        description="effective looks of the pixels of a material with calibrate: false; fewer than radar.looks give "
+        "texture; by default radar.looks",
     )
     colour: Annotated[str, Field(pattern="^#[0-9A-Fa-f]{6}$")] | None = Field(
         None,
-        exclude=True,  # the case keeps colours apart from what determines runs
-        description="colour in figures, such as #0072B2; by default that of the name (docs/landcover.md)",
+        exclude=True,  # the colours are kept in a section of their own, because runs do not depend on them
+        description="colour in figures, such as #0072B2; the default depends on the name (docs/landcover.md)",
     )
     bounds: list[tuple[Parameter, Parameter]] | None = Field(
         None, description="[lower, upper] bound of each calibrated parameter"
@@ -228,7 +228,7 @@ class Material(Section):
         return self
 
     def _of_bounds(self, law: Law) -> Iterator[str]:
-        """Wrong bounds, all of them."""
+        """Sentences on all bounds that are wrong."""
         if len(self.box) != len(law.names):
             yield f"bounds has {len(self.box)} intervals, {_takes(law, self.law)}"
         for name, (low, high) in zip(law.names, self.box, strict=False):
@@ -238,7 +238,7 @@ class Material(Section):
                 yield f"bounds of {name} are [{low:g}, {high:g}], expected within +-{_LARGEST:g}"
 
     def _check_integers(self) -> None:
-        """Refuse ``integer`` if the law is not external, and a name in ``integer`` that is no parameter of the law."""
+        """Refuse the key ``integer`` for a law that is not external, and unknown parameter names in this key."""
         if self.integer and self.law != EXTERNAL:
             raise ValueError(f"integer is for parameters of law: {EXTERNAL}, law is {self.law!r}")
         for name in self.integer if isinstance(self.integer, list) else ():
@@ -258,7 +258,8 @@ class Material(Section):
         Raises
         ------
         ValueError
-            The value of an integer parameter is not whole, or exceeds 2^53, above which a double skips whole numbers.
+            The value of an integer parameter is not whole, or its size exceeds 2^53, above which doubles cannot
+            represent every whole number.
         """
         for name, whole, x in zip(self.parameter_names, self.integers, values, strict=True):
             if whole and (x != round(x) or abs(x) > _LARGEST_WHOLE):
@@ -268,7 +269,7 @@ class Material(Section):
 
     @property
     def integers(self) -> tuple[bool, ...]:
-        """Tuple that states for each parameter whether it is an integer parameter."""
+        """Flags, one for each parameter: whether the parameter is an integer."""
         listed = self.integer if isinstance(self.integer, list) else self.parameter_names if self.integer else ()
         return tuple(name in listed for name in self.parameter_names)
 
@@ -291,7 +292,7 @@ class Material(Section):
 
     @property
     def unbound_law(self) -> Law:
-        """Law with the names and units of its parameters, before frequency and polarisation of the pass are set."""
+        """Law with the names and units of its parameters, without the frequency and polarisation of a pass."""
         return _law_of(self.law, self.angles_deg, self.names, self.units, self.formula)
 
     @property
@@ -301,17 +302,17 @@ class Material(Section):
 
     @property
     def parameter_units(self) -> tuple[str, ...]:
-        """Unit of each parameter; the unit is empty for a parameter without unit."""
+        """Unit of each parameter; an empty text for a parameter without unit."""
         return self.unbound_law.units
 
     @property
     def box(self) -> list[tuple[float, float]]:
-        """Configured bounds of each parameter; the default bounds of the law if no bounds are configured."""
+        """Lower and upper bound of each parameter; the default bounds of the law if no bounds are configured."""
         return list(self.bounds if self.bounds is not None else self.unbound_law.bounds or ())
 
     @property
     def start_parameters(self) -> list[float]:
-        """Parameters in the reference run: those of the law that ``start`` names, else those of the calibrated law."""
+        """Parameters in the reference run, of the law that ``start`` names, or else of the calibrated law."""
         if not self.calibrate:
             return list(self.parameters or [])
         if isinstance(self.start, Start):
@@ -332,7 +333,7 @@ class Material(Section):
 
     @property
     def at_start(self) -> Material:
-        """Material for the reference run, with the law in ``start`` if ``start`` names a law, else with its own law."""
+        """Material as simulated in the reference run: with the law that ``start`` names, or else with its own law."""
         if not (self.starts_with_another_law and isinstance(self.start, Start)):
             return self
         # not validated again, because the reference run does not use the bounds, which belong to the calibrated law
@@ -364,6 +365,6 @@ def default_materials() -> dict[str, Material]:
     Returns
     -------
     dict
-        Materials by name: the material dyke is calibrated, six further materials have fixed parameters.
+        Materials by name; the material ``dyke`` is calibrated, and six further materials have fixed parameters.
     """
     return {name: Material.model_validate(value) for name, value in _SYNTHETIC_MATERIALS.items()}

@@ -35,7 +35,7 @@ HIDDEN_DYKE = (-24.0, 10.0, 14.0, 5.0)
 """Hidden parameters of the default case's dyke."""
 PUBLISHED_DYKE = (6.1, 14.2, 21.5, 3.3)
 """Hidden parameters of the published case's dyke, inside the law's default bounds."""
-_SOURCE = "synthetic or file; each has keys of its own"
+_SOURCE = "source of the measured image: synthetic or file; each source has its own keys"
 
 
 class HiddenLaw(OtherLaw):
@@ -45,7 +45,7 @@ class HiddenLaw(OtherLaw):
 class Synthetic(Section):
     """Hidden laws, speckle, level, misregistration and other mismatches of a synthetic measurement.
 
-    By default, only the hidden parameters, the speckle and the displacement differ from those of the runs.
+    By default, the measurement differs from the runs only in the hidden parameters, the speckle and a displacement.
     """
 
     parameters: dict[str, list[Parameter]] = Field(
@@ -65,27 +65,27 @@ class Synthetic(Section):
     )
     laws: dict[str, HiddenLaw] = Field(
         default_factory=dict,
-        description="hidden law by material, as {law, parameters}, where it is another one than in section materials",
+        description="hidden law by material, as {law, parameters}, for a law that is not that of section materials",
     )
     relief_m: Annotated[Real, Field(ge=0, le=100)] = Field(
         0.0, description="rms height of random relief that the scene's elevation model does not contain [m]"
     )
     relief_length_m: Length = Field(
-        5.0, description="correlation length of this relief [m]; may be shorter than a cell of the scene"
+        5.0, description="correlation length of the random relief [m]; may be shorter than a cell of the scene"
     )
     resolution_factor: Annotated[Real, Field(ge=0.1, le=10)] = Field(
-        1.0, description="resolution of the synthetic measurement over that of section radar; above 1 is coarser"
+        1.0, description="ratio of the synthetic measurement's resolutions to those of section radar; above 1: coarser"
     )
     looks: Looks | None = Field(None, description="looks of the synthetic measurement; by default radar.looks")
     nesz_db: Decibels | None = Field(
         None, description="noise-equivalent sigma0 of the synthetic measurement [dB]; by default radar.nesz_db"
     )
     texture_db: Annotated[Real, Field(ge=0, le=20)] = Field(
-        0.0, description="standard deviation of gamma texture, with which pixels are K-distributed [dB]"
+        0.0, description="standard deviation of gamma texture [dB]; with texture, pixels are K-distributed"
     )
-    texture_length_m: Length = Field(10.0, description="correlation length of this texture on the ground [m]")
+    texture_length_m: Length = Field(10.0, description="correlation length of the gamma texture on the ground [m]")
     wrong_labels: Annotated[Real, Field(ge=0, le=0.5)] = Field(
-        0.0, description="share of the scene's cells of another material than in the scene, on borders and in patches"
+        0.0, description="share of the scene's cells to which a wrong material is given, on borders and in patches"
     )
 
     @property
@@ -96,7 +96,7 @@ class Synthetic(Section):
 
 
 def within(parameters: Sequence[float], bounds: object) -> bool:
-    """Whether hidden parameters lie inside of bounds; false for bounds that are none, which a model refuses."""
+    """Whether parameters lie inside bounds; false if ``bounds`` has a wrong form, which a model refuses later."""
     try:
         box = [(float(low), float(high)) for low, high in bounds]  # type: ignore[attr-defined]
     except (TypeError, ValueError):
@@ -107,10 +107,11 @@ def within(parameters: Sequence[float], bounds: object) -> bool:
 
 
 def default_synthetic() -> Synthetic:
-    """Measurement of the default case, made by other settings than the simulator's.
+    """Synthetic measurement of the default case, made with other settings than the simulated images.
 
-    Relief, point spread, level and the laws of the materials that are not calibrated are slightly off. A case that has
-    a section ``measurement.synthetic`` gets none of these mismatches, unless it configures them.
+    Relief, point spread, level and the laws of the materials with fixed parameters differ slightly from those of the
+    simulator. A case that has a section ``measurement.synthetic`` gets none of the mismatches of this measurement by
+    default.
     """
     return Synthetic(
         parameters={
@@ -141,11 +142,11 @@ class FileMeasurement(Section):
 
     source: Literal["file"] = Field("file", description=_SOURCE)
     path: str = Field(
-        description="SICD, SAFE folder of Sentinel-1 or its manifest, GeoTIFF or other raster, npy, npz, mat, HDF5; "
-        "${NAME} stands for an environment variable"
+        description="path of a SICD, SAFE folder of Sentinel-1 or its manifest, GeoTIFF or other raster, npy, npz, mat "
+        "or HDF5; ${NAME} stands for an environment variable"
     )
     scale: Literal["db", "power", "amplitude", "complex"] = Field(
-        description="scale of the numbers in the file; not asked for where the name of a product says it "
+        description="scale of the numbers in the file; required unless the file is a product whose name gives it "
         "(docs/products.md)"
     )
     band: Count | None = Field(
@@ -161,18 +162,18 @@ class FileMeasurement(Section):
         None, description="name of the frequency band of the carrier; must equal radar.band"
     )
     vrt_folders: list[str] | None = Field(
-        None, description="further folders in which the source files of a VRT may lie, besides its own folder"
+        None, description="further folders that may contain the source files of a VRT, besides the folder of the VRT"
     )
     radiometry: Radiometry | None = Field(
         None,
         validate_default=True,
-        description="quantity that a pixel contains; must equal radar.radiometry; required unless the file has it",
+        description="quantity that a pixel contains; must equal radar.radiometry; required unless the file gives it",
     )
 
     @model_validator(mode="before")
     @classmethod
     def _named(cls, data: Any) -> Any:
-        """Scale, radiometry and polarisation of a product whose name says them."""
+        """Data of the section with scale, radiometry and polarisation of a product that are part of its file name."""
         path = data.get("path") if isinstance(data, dict) else None
         product = named_product(path) if isinstance(path, str) else None
         if product is None:
@@ -195,8 +196,8 @@ class FileMeasurement(Section):
     @field_validator("radiometry")
     @classmethod
     def _asked_for(cls, radiometry: Radiometry | None, info: ValidationInfo) -> Radiometry | None:
-        path = info.data.get("path")  # missing where it is itself wrong
-        # a name that ends with a variable is known when the file is read, which checks it, too
+        path = info.data.get("path")  # missing if the path is wrong
+        # a name that ends with a variable is known only when the file is read; the reader then checks the radiometry
         if radiometry is None and path and not path.lower().endswith((*SICD_ENDINGS, "}")):
             raise PydanticCustomError(
                 MISSING, "{path} does not say it, {expected}", {"path": path, "expected": RADIOMETRY_EXPECTED}

@@ -1,4 +1,4 @@
-"""All mistakes of case files at once: what stands in for a wrong key, so that the others are checked, too."""
+"""Search for all mistakes in case files at once: wrong keys are replaced or left out, and the rest is checked again."""
 
 from __future__ import annotations
 
@@ -31,20 +31,20 @@ _OF_GEOMETRY = ("scene", "radar")
 
 @dataclass(frozen=True)
 class Loaded:
-    """What could be read of a case with mistakes.
+    """Result of reading a case with mistakes: the case without the wrong keys, and sentences on the mistakes.
 
     Attributes
     ----------
     case : Case or None
-        Case with which further checks can go on; None if there is none.
+        Case without the wrong keys, for further checks; None if the remaining keys do not make a case.
     problems : list of str
         One sentence for each wrong key and each contradiction between settings.
     wrong : frozenset of str
-        Keys, in dotted form, that another value stands for or that were left out.
+        Keys, in dotted form, whose values were replaced by others or that were left out.
     without : frozenset of str
-        Sections, of the case file, of which nothing is left.
+        Sections of the case file that were left out entirely.
     materials : tuple of str or None
-        Names of the materials in the case file, wrong ones included; None if a name is still to be decided.
+        Names of all materials in the case file, including materials with mistakes; None if a name is still ``FILL_IN``.
     """
 
     case: Case | None
@@ -55,13 +55,13 @@ class Loaded:
 
     @property
     def has_geometry(self) -> bool:
-        """Whether all keys on which the size of the simulated image depends are right."""
+        """Whether sections ``scene`` and ``radar``, which determine the image's size, are free of mistakes."""
         return not any(key.partition(".")[0] in _OF_GEOMETRY for key in (*self.wrong, *self.without))
 
     def follows(self, text: str) -> bool:
-        """Whether a problem is about a key that is wrong as another problem says, or is the same in other words."""
+        """Whether a problem follows from a wrong key that another problem already names."""
         sections = [f"{name}." for name in self.without]
-        if re.match(r"materials\.[^:]*: not in the scene", text):  # of the name, whatever its law
+        if re.match(r"materials\.[^:]*: not in the scene", text):  # about the name of the material, not about its law
             return any(key.startswith(("scene.landcover", "scene.names", "scene.materials")) for key in self.wrong)
         return any(re.search(rf"(?<![\w.]){re.escape(key)}(?!\w)", text) for key in (*self.wrong, *sections))
 
@@ -69,8 +69,9 @@ class Loaded:
 def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None) -> Loaded:
     """Read configuration files and list all wrong keys and values, not only the first.
 
-    A misspelt key is taken for the nearest known one, and a wrong word for the nearest that the key may have. Another
-    wrong key is left out, and its section is left out if the key is missing, until the rest is a case.
+    A misspelt key is replaced by the most similar known key, and a wrong word by the most similar word that the key
+    allows. Any other wrong key is left out. If a required key is missing, its section is left out. Correction and check
+    are repeated until the remaining keys make a case.
 
     Parameters
     ----------
@@ -101,12 +102,12 @@ def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any]
         except ValidationError as error:
             found = wrong_keys(error, Case)
             rest = deepcopy(data)
-            # what a key stands for may be why another one seems wrong: that one is looked at again afterwards
+            # a corrected key may remove the cause of another error: after a correction, all keys are checked again
             mended = [key for key in found if _mend(rest, key)]
             for key in () if mended else found:
                 _leave_out(rest, key.place)
             problems += [key.text for key in mended or found if not _is_missed(key, wrong)]
-            wrong |= {key.key for key in mended or found if key.meant is None and key.place}
+            wrong |= {_wrong(key) for key in mended or found if key.meant is None and key.place}
             if rest == data:
                 break
             data = rest
@@ -120,8 +121,13 @@ def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any]
     return Loaded(case, sentences, frozenset(wrong), frozenset(gone), named)
 
 
+def _wrong(key: WrongKey) -> str:
+    """Full name of a wrong key; an unknown key gives its own name, because the rest of its section is right."""
+    return f"{key.key}.{key.place[-1]}".lstrip(".") if key.text.startswith("unknown key") else key.key
+
+
 def _is_missed(key: WrongKey, wrong: Iterable[str]) -> bool:
-    """Whether a key is missing because it was left out, as another problem says."""
+    """Whether a key is missing only because it was left out for a mistake that another problem names."""
     if not re.search("missing|needs", key.text):
         return False
     lost = {one.removeprefix(f"{key.key}.") for one in wrong if one.startswith(f"{key.key}.")}
@@ -129,12 +135,12 @@ def _is_missed(key: WrongKey, wrong: Iterable[str]) -> bool:
 
 
 def _of_nothing(text: str, loaded: Loaded) -> bool:
-    """Whether a contradiction is only that no material is left."""
+    """Whether a contradiction says only that no calibrated material is left, after wrong materials were left out."""
     return text.startswith("materials: none is marked") and any(key.startswith("materials") for key in loaded.wrong)
 
 
 def _mend(data: dict[str, Any], key: WrongKey) -> bool:
-    """Put what was probably meant in place of a wrong key or value; whether that could be done."""
+    """Replace a wrong key or value by the one that was probably meant; return whether a replacement was possible."""
     *above, last = _placed(data, key.place) or ("",)
     section = _section(data, above)
     if not isinstance(section, dict):
@@ -149,7 +155,7 @@ def _mend(data: dict[str, Any], key: WrongKey) -> bool:
 
 
 def _section(data: Any, above: Sequence[int | str]) -> Any:
-    """Section of plain data at a place as pydantic names it."""
+    """Section of plain data at a location that pydantic gives."""
     inside = data
     for part in above:
         if _leads(inside, part):
@@ -158,14 +164,14 @@ def _section(data: Any, above: Sequence[int | str]) -> Any:
 
 
 def _leads(inside: Any, part: int | str) -> bool:
-    """Whether a part of a place is a key or an index; others are tags that pydantic inserts, and missing keys."""
+    """Whether a part of pydantic's location is a key or index in the data; other parts are tags and missing keys."""
     if isinstance(inside, list):
         return isinstance(part, int) and part < len(inside)
     return isinstance(inside, dict) and part in inside
 
 
 def _placed(data: Mapping[str, Any], place: Sequence[int | str]) -> list[int | str]:
-    """Place in the data of a case, whose sections of several passes are lists."""
+    """Location in the data of a case file, in which the sections of several passes are items of a list."""
     for section, further in FURTHER.items():
         if place and isinstance(data.get(section), list) and place[0] in (section, further):
             return [section, 0, *place[1:]] if place[0] == section else [section, int(place[1]) + 1, *place[2:]]
@@ -181,7 +187,7 @@ def _leave_out(data: dict[str, Any], place: Sequence[int | str]) -> None:
             if isinstance(inside, dict):
                 above.append((inside, str(part)))
             inside = inside[part]
-    while above:  # a section without keys would be another mistake
+    while above:  # an empty section would be a further mistake
         section, key = above.pop()
         del section[key]
         if section:
@@ -189,7 +195,7 @@ def _leave_out(data: dict[str, Any], place: Sequence[int | str]) -> None:
 
 
 def _missing_files(data: Mapping[str, Any], sections: Iterable[str]) -> list[str]:
-    """One sentence for each file that a section names which is left out, and that does not exist."""
+    """Sentences on missing files: one for each missing file that a left-out section names."""
     problems = []
     for name in sections:
         several = data[name] if isinstance(data[name], list) else [data[name]]

@@ -14,19 +14,20 @@ __all__ = ["OBJECTIVES", "Objective", "Traits", "names"]
 
 @dataclass(frozen=True)
 class Traits:
-    """Properties of an objective with which other sections of the configuration must be consistent.
+    """Properties of an objective, with which other sections of the configuration must be consistent.
 
     Attributes
     ----------
     bins : bool
         Whether the objective compares statistics in dB, separately in each incidence-angle bin.
     curve : bool
-        Whether every calibrated law must have a curve; external laws have none.
+        Whether every calibrated law must be a curve of sigma0 over incidence that radcal can evaluate (not
+        ``external``).
     compares : str
-        Words for the quantities that the objective compares.
+        Text that names the quantities that the objective compares.
     values : int
-        Number of statistics compared in each bin. For a right law the sum of their squared residuals is about equal
-        to this number. 0 for objectives without such a number.
+        Number of statistics compared in each incidence-angle bin. For a right law, the sum of squared residuals of a
+        bin is about equal to this number. 0 for objectives without statistics of bins.
     """
 
     bins: bool
@@ -47,7 +48,7 @@ SINGLE = "density"
 
 
 def names(bins: bool | None = None, curve: bool | None = None) -> Collection[str]:
-    """Names of the objectives whose traits ``bins`` and ``curve`` have the given values; None accepts both values."""
+    """Names of the objectives whose traits ``bins`` and ``curve`` equal the arguments; None accepts any value."""
     return [name for name, one in OBJECTIVES.items() if bins in (None, one.bins) and curve in (None, one.curve)]
 
 

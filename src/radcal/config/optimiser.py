@@ -1,4 +1,4 @@
-"""Section ``optimiser``: search for the next parameters on the surrogate."""
+"""Section ``optimiser``: settings of the search on the surrogate for the next parameters X."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ class Optimiser(Section):
 
     objective: Literal["theta", "rms"] = Field(
         "theta",
-        description="what NSGA-II minimises: theta (squared residuals) or rms (with objective: density, the rms "
-        "difference, which is flat far from its minimum)",
+        description="what NSGA-II minimises: theta (sum of squared residuals) or, only with objective: density, rms "
+        "(difference of the densities, which hardly changes far from its minimum)",
     )
     # Platypus sorts in pure Python: its time grows in proportion to evaluations times population. The least-squares
     # fit and the multi-start search compensate for a small population.

@@ -1,4 +1,4 @@
-"""Base class of all models with several sections: export as plain data, and values derived from the sections."""
+"""Base class of the models that contain several sections: export as plain data, and values derived from sections."""
 
 from __future__ import annotations
 
@@ -64,16 +64,16 @@ _OfPasses = TypeVar("_OfPasses", bound=_Passes)
 
 
 class Part(Section):
-    """Base class of models that contain some sections of the configuration, or all of them.
+    """Base class of models that contain some or all sections of the configuration.
 
-    Each property annotates ``self`` with the sections that it is derived from. mypy therefore rejects the use of a
-    property on a model that lacks one of these sections.
+    Each property annotates ``self`` with a protocol of the sections that the property is derived from. mypy therefore
+    rejects the use of a property on a model that lacks a section that the property needs.
     """
 
     def sections(self, *names: str) -> dict[str, Any]:
-        """Named sections as plain data, for the ``params`` of a Snakemake rule."""
+        """Sections with the given names as plain data, for the ``params`` of a Snakemake rule."""
         sections = self.model_dump(mode="json", include=set(names))
-        # a case of one pass without colours has no such key: jobs and results are those of a case before these keys
+        # keys that a case does not use are left out, so that jobs and results are the same as before these keys existed
         sections = {name: data for name, data in sections.items() if data is not None or name not in DERIVED}
         if environment := sections.get("simulator", {}).get("environment"):
             sections["simulator"]["environment"] = Undisclosed(environment)
@@ -86,7 +86,7 @@ class Part(Section):
 
     @property
     def start_parameters(self: _Materials) -> dict[str, list[float]]:
-        """Law parameters of each material in the reference run, which uses the laws of ``at_start``."""
+        """Law parameters of each material in the reference run, for the laws of :attr:`at_start`."""
         return {name: material.start_parameters for name, material in self.materials.items()}
 
     @property
@@ -96,14 +96,14 @@ class Part(Section):
 
     @property
     def at_start(self: _OfMaterials) -> _OfMaterials:
-        """Copy of the model for the reference run; each material has the law of its starting parameters."""
+        """Copy of the model for the reference run, in which each material has the law with which it starts."""
         return self.model_copy(
             update={"materials": {name: material.at_start for name, material in self.materials.items()}}
         )
 
     @property
     def laws(self: _Pass) -> dict[str, Law]:
-        """Law of each material at the frequency and polarisation of the pass; radcal cannot evaluate external laws."""
+        """Law of each material at the frequency and polarisation of the pass."""
         return {
             name: law_for(
                 material.law,
@@ -119,7 +119,7 @@ class Part(Section):
 
     @property
     def passes(self: _OfPasses) -> list[_OfPasses]:
-        """Copies for each pass alone, the first one first."""
+        """List of copies of the model, one for each pass: each copy contains the sections of its pass alone."""
         fields = [(name, FURTHER[name]) for name in FURTHER if hasattr(self, FURTHER[name])]
         alone = self.model_copy(update={further: None for _, further in fields})
         count = len(self.further_radar or ())
@@ -128,21 +128,21 @@ class Part(Section):
 
     @property
     def reference_materials(self: _Levels) -> list[str]:
-        """Names of the materials with fixed parameters, from which radcal estimates the level of the measured image."""
+        """Names of the materials with fixed parameters from which radcal estimates the level of the measured image."""
         if self.target.reference_materials is not None:
             return list(self.target.reference_materials)
         return [name for name, material in self.materials.items() if not material.calibrate]
 
     @property
     def has_baseline(self: _Design) -> bool:
-        """Whether the surrogates start from a prediction by law, speckle and noise for every calibrated material."""
+        """Whether all surrogates have a baseline: a prediction of the statistics from law, speckle and noise."""
         curves = all(material.law != EXTERNAL for material in self.materials.values() if material.calibrate)
         learnt = self.surrogate.baseline and self.surrogate.outputs == "centred"
         return curves and learnt and self.target.normalisation != "image"
 
     @property
     def design_size(self: _Design) -> int:
-        """Number of runs of the design, with ``auto`` resolved."""
+        """Number of runs of the design, also if the configured size is ``auto``."""
         if self.design.size != "auto":
             return self.design.size
         if self.has_baseline:

@@ -16,7 +16,7 @@ from radcal.config.sections import FURTHER, MATERIALS_FROM, TAGS
 
 __all__ = ["MISSING", "Contradictions", "WrongKey", "nearest", "sentence", "shown", "wrong_keys"]
 
-MISSING = "missing_because"  # type of the error of a key that is needed for a reason that the message gives
+MISSING = "missing_because"  # type of the error for a missing key, with a reason in the message
 
 
 class Contradictions(ValueError):
@@ -25,7 +25,7 @@ class Contradictions(ValueError):
     Parameters
     ----------
     sentences : list of str
-        One sentence for each of them, without a full stop.
+        One sentence for each contradiction, without a full stop.
     """
 
     def __init__(self, sentences: list[str]) -> None:
@@ -34,7 +34,7 @@ class Contradictions(ValueError):
 
 
 def shown(text: str, most: int = 60) -> str:
-    """Text that a message can quote: cut to ``most`` characters, with control characters escaped."""
+    """Text for quotation in a message: cut to ``most`` characters, with control characters escaped."""
     safe = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text[:most])
     return safe if len(text) <= most else f"{safe[: most - 3]}..."
 
@@ -59,7 +59,7 @@ def _tags(model: type[BaseModel]) -> list[object]:
 
 
 def _models_at(location: Sequence[int | str], root: type[BaseModel]) -> list[type[BaseModel]]:
-    """Models of the section in which pydantic found an error."""
+    """Models of the section that contains the location of an error."""
     models = [root]
     for section, further in FURTHER.items():
         if location[0] == further:
@@ -74,7 +74,7 @@ def _models_at(location: Sequence[int | str], root: type[BaseModel]) -> list[typ
 
 
 def _known_keys(location: Sequence[int | str], root: type[BaseModel]) -> list[str]:
-    """Allowed keys of the section in which pydantic found an error."""
+    """Allowed keys of the section that contains the location of an error."""
     models = _models_at(location, root)
     known = {name for model in models for name in model.model_fields}
     return sorted(known | ({MATERIALS_FROM} if root in models and "materials" in known else set()))
@@ -90,7 +90,7 @@ _ALTERNATIVES = (
 
 
 def _of_kind(match: re.Match[str]) -> str:
-    """YAML's name of the Python type that pydantic expects."""
+    """Name in terms of YAML for the Python type that pydantic expects."""
     return {"dictionary": "keys and values", "tuple": "a list"}[match[1]]
 
 
@@ -118,16 +118,17 @@ class WrongKey:
     Attributes
     ----------
     text : str
-        What is wrong, without a full stop.
+        Sentence that says what is wrong, without a full stop.
     place : tuple
-        Key, and above it the sections that contain it, as pydantic names them; empty for a contradiction between
-        settings.
+        Location as pydantic gives it: the sections that contain the key, from outside to inside, and the key; empty for
+        a contradiction between settings.
     key : str
         Key in dotted form, or the section around an unknown key.
     meant : str or None
-        Of an unknown key the known key that is nearest.
+        Known key that is most similar to an unknown key.
     choices : tuple of str
-        Values that the key may have, the nearest to the value found first; empty unless they can be listed.
+        Allowed values of the key, beginning with the one most similar to the value found; empty if they cannot be
+        listed.
     """
 
     text: str
@@ -138,7 +139,7 @@ class WrongKey:
 
 
 def wrong_keys(error: ValidationError, root: type[BaseModel]) -> list[WrongKey]:
-    """Problems in a validation error, one for each key; parameters as for :func:`sentence`."""
+    """List of the problems in a validation error, one for each key; parameters as for :func:`sentence`."""
     # A misspelt required key gives two errors, an unknown key and a missing key: the unknown key comes first.
     details = sorted(error.errors(), key=lambda detail: detail["type"] != "extra_forbidden")
     found: dict[str, WrongKey] = {}
@@ -166,7 +167,7 @@ def _wrong_key(detail: ErrorDetails, root: type[BaseModel]) -> WrongKey:
         place, key = (*place, tag), f"{key}.{tag}"
         value = value.get(tag) if isinstance(value, Mapping) else value
         tags = re.findall("'([^']*)'", str(detail.get("ctx", {}).get("expected_tags", "")))
-        # another kind has other keys: what is not nearly its name stands for none
+        # a text that is not similar to the name of a kind is not replaced by one, because each kind has other keys
         choices = difflib.get_close_matches(str(value), tags, n=1, cutoff=0.6)
     elif detail["type"] in ("literal_error", "missing", MISSING):
         fields = [model.model_fields[last] for model in _models_at(place, root) if last in model.model_fields]
@@ -178,14 +179,14 @@ def _wrong_key(detail: ErrorDetails, root: type[BaseModel]) -> WrongKey:
 
 
 def _literals(annotation: object) -> list[str]:
-    """Texts that a type annotation lists."""
+    """Texts that a type annotation allows (its ``Literal`` values)."""
     if typing.get_origin(annotation) is typing.Literal:
         return [text for text in typing.get_args(annotation) if isinstance(text, str)]
     return [text for part in typing.get_args(annotation) for text in _literals(part)]
 
 
 def _text(detail: ErrorDetails, root: type[BaseModel]) -> str:
-    """Text about one error of pydantic."""
+    """Sentence on one error of pydantic, without a full stop."""
     key, found = _key(detail["loc"]), detail["input"]
     match detail["type"]:
         case "extra_forbidden":

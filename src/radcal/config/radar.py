@@ -23,6 +23,7 @@ from radcal.config.limits import Altitude, Decibels, Frequency, Length, Looks, R
 from radcal.config.sections import Section
 from radcal.config.sensors import SENSORS, SensorName
 from radcal.radar.bands import within_band
+from radcal.radar.speckle import WIDTH_FACTOR
 
 __all__ = ["Radar", "Radiometry"]
 
@@ -33,7 +34,7 @@ _COARSEST = (
 )
 
 
-# keys without which a pass is described as it was before they existed, so that earlier runs and files stay valid
+# keys that are left out of the description of a pass if they have their default, so that earlier runs stay valid
 _LATER: Mapping[str, object] = {"sensor": None, "incidence_deg": None, "earth": "flat", "heading_deg": 0.0}
 _Elevation = Annotated[Real, Field(gt=5, lt=85)]
 
@@ -43,7 +44,7 @@ _STEEPEST = 85.0  # incidence [deg], as the limit of incidence_deg
 
 
 def _number(value: object) -> float | None:
-    """Number of a key before it is checked; None if it is none."""
+    """Value of a key as a finite number, before pydantic checks the value; None if it is not a finite number."""
     try:
         number = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
@@ -52,7 +53,7 @@ def _number(value: object) -> float | None:
 
 
 def _centre_incidence_deg(data: Mapping[str, Any]) -> float:
-    """Incidence at the scene's centre by the keys of a pass before they are checked [deg]."""
+    """Incidence at the scene's centre [deg], from the keys of a pass before pydantic checks them."""
     incidence, depression = _number(data.get("incidence_deg")), _number(data.get("depression_deg"))
     if incidence is not None:
         return incidence
@@ -66,7 +67,7 @@ class Radar(Section):
     """Acquisition (pass): track, sensor and image grid."""
 
     sensor: SensorName | None = Field(
-        None, description="sensor and product whose values are the defaults of the other keys (docs/sensors.md)"
+        None, description="sensor and product that give the defaults of the other keys (docs/sensors.md)"
     )
     altitude_m: Altitude = Field(4000.0, description="height of the track above the scene's mean elevation [m]")
     depression_deg: _Elevation = Field(
@@ -74,10 +75,10 @@ class Radar(Section):
     )
     incidence_deg: _Elevation | None = Field(
         None,
-        description="incidence on level ground at the centre of the scene [deg], instead of depression_deg; for orbits",
+        description="incidence on level ground at the centre of the scene [deg]; for orbits, instead of depression_deg",
     )
     earth: Literal["flat", "curved"] = Field(
-        "flat", description="shape of the ground between track and scene; curved with incidence_deg"
+        "flat", description="shape of the earth between track and scene; curved if incidence_deg is given"
     )
     heading_deg: Annotated[Real, Field(ge=0, lt=360)] = Field(
         0.0,
@@ -99,7 +100,7 @@ class Radar(Section):
     looks: Looks = Field(
         4,
         description="number of independent looks averaged in power, or equivalent number of looks; for an external "
-        "simulator, the number in its image",
+        "simulator, that of its image",
     )
     nesz_db: Annotated[
         Annotated[Decibels, Tag("one level")]
@@ -108,7 +109,7 @@ class Radar(Section):
     ] = Field(
         -27.0,
         description="noise-equivalent sigma0 [dB], or a table of [incidence on flat ground in degrees, dB]; for an "
-        "external simulator without noise, set a level far below the image",
+        "external simulator without noise, a value far below the level of its image",
     )
     radiometry: Radiometry = Field(
         "sigma0_ref",
@@ -119,7 +120,7 @@ class Radar(Section):
     @model_validator(mode="before")
     @classmethod
     def _presets(cls, data: object, info: ValidationInfo) -> object:
-        """Keys with the values of the sensor where the case gives none, and a curved earth where it is implied."""
+        """Data with the sensor's values for missing keys, and with a curved earth if ``incidence_deg`` is given."""
         if not isinstance(data, dict):
             return data
         if data.get("incidence_deg") is not None and data.get("earth") is None:
@@ -134,7 +135,7 @@ class Radar(Section):
             text = f"{several} missing, which sensor {name} does not give (docs/sensors.md)"
             if not isinstance(info.context, list):
                 raise ValueError(text)
-            info.context.append(f"radar: {text}")  # a list that collects contradictions, and the case is wanted
+            info.context.append(f"radar: {text}")  # the caller collects contradictions and wants the case
         return {**sensor.values_at(_centre_incidence_deg({**sensor.values_at(90.0), **data})), **data}
 
     @model_validator(mode="after")
@@ -160,10 +161,10 @@ class Radar(Section):
 
     @model_serializer(mode="wrap")
     def _plain(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Plain data without later keys that have their default, and with one of the two angles."""
+        """Plain data without unused keys of later versions, and with only one of depression and incidence angle."""
         data: dict[str, Any] = handler(self)
         for key, default in _LATER.items():
-            # of a sensor the heading is asked for, so that a given 0 is not left out
+            # with a sensor the heading is required, so that a heading of 0 in the case is not left out
             asked = self.sensor is not None and key in self.model_fields_set
             if getattr(self, key) == default and not asked:
                 data.pop(key, None)
@@ -172,13 +173,13 @@ class Radar(Section):
         return data
 
     def described(self) -> dict[str, Any]:
-        """Plain data that identify the pass: without the sensor's name, and without later keys with their default."""
+        """Plain data that identify the pass: without the sensor's name and without unused keys of later versions."""
         data = self.model_dump(mode="json", exclude={"sensor"})
         return {key: value for key, value in data.items() if key not in _LATER or value != _LATER[key]}
 
     @property
     def centre_incidence_deg(self) -> float:
-        """Incidence on level ground at the scene's centre [deg]; over a curved earth, that of the mean radius."""
+        """Incidence on level ground at the scene's centre [deg]; a curved earth has its mean radius here."""
         if self.incidence_deg is not None:
             return self.incidence_deg
         if self.earth == "curved":
@@ -187,17 +188,33 @@ class Radar(Section):
 
     @property
     def centre_depression_deg(self) -> float:
-        """Depression angle towards the scene's centre [deg]; over a curved earth, that of the mean radius."""
+        """Depression angle towards the scene's centre [deg]; a curved earth has its mean radius here."""
         if self.incidence_deg is not None:
             return depression_deg(self.incidence_deg, self.altitude_m)
         return self.depression_deg
 
     @property
     def slant_per_ground(self) -> float:
-        """Change of slant range over that of ground range on level ground at the scene's centre."""
+        """Ratio of a change of slant range to the change of ground range, on level ground at the scene's centre."""
         if self.earth == "flat":
             return math.cos(math.radians(self.depression_deg))
         return math.sin(math.radians(self.centre_incidence_deg))
+
+    def possible_resolution_m(self, way: str, wanted_m: float) -> float:
+        """Resolution nearest to a wanted resolution that the pixel spacing allows [m], rounded to three digits.
+
+        Parameters
+        ----------
+        way : str
+            ``range`` or ``azimuth``.
+        wanted_m : float
+            Wanted resolution [m].
+        """
+        spacing = getattr(self, f"{way}_spacing_m")
+        finest = WIDTH_FACTOR * spacing
+        rounded = float(f"{min(max(wanted_m, finest), _COARSEST * spacing):.3g}")
+        # rounded up if rounding to the nearest number would give a finer resolution than the spacing allows
+        return rounded if rounded >= finest else float(f"{1.005 * finest:.3g}")
 
     @field_validator("nesz_db", mode="after")
     @classmethod

@@ -22,5 +22,5 @@ class RegistrationConfig(Section):
         False, description="whether phase correlation first estimates one shift of the whole image"
     )
     max_displacement_px: Annotated[Real, Field(gt=0, le=1000)] = Field(
-        20.0, description="largest plausible displacement [pixels]; if exceeded, the image is used unregistered"
+        20.0, description="largest plausible displacement [pixels]; if it is exceeded, the image is used unregistered"
     )

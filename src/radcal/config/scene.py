@@ -16,7 +16,7 @@ _SOURCE = "source of the scene: builtin, slant_range or raster; each source has 
 
 
 class GeneratedObjects(Section):
-    """Numbers of the objects that radcal generates at random places, evenly over the scene."""
+    """Numbers of the objects that radcal generates at random positions, uniformly distributed over the scene."""
 
     trees: Annotated[Integer, Field(ge=0, le=10_000_000)] = Field(0, description="number of trees")
     cars: Annotated[Integer, Field(ge=0, le=10_000_000)] = Field(0, description="number of cars")
@@ -37,8 +37,8 @@ class SceneObjects(Section):
     layer: str | None = Field(None, description="layer of a GeoPackage; required if the file has several layers")
     aspect: dict[str, list[tuple[Annotated[Real, Field(ge=-180, le=360)], Decibels]]] = Field(
         default_factory=dict,
-        description="curves of cross-section by name, as pairs of [aspect in degrees, cross-section in dBsm]; the "
-        "column aspect of the table contains these names",
+        description="curves of cross-section over aspect by name, as pairs of [aspect in degrees, cross-section in "
+        "dBsm]; the table's column aspect contains these names",
     )
     generate: GeneratedObjects | None = Field(
         None, description="numbers of trees, cars and buildings to generate, instead of path"
@@ -61,7 +61,7 @@ class SceneObjects(Section):
 
 
 class BuiltinScene(Section):
-    """Four square kilometres of SRTM terrain with seven materials, of which one is the dyke."""
+    """Four square kilometres of SRTM terrain with seven materials; one of the materials is the dyke."""
 
     source: Literal["builtin"] = Field("builtin", description=_SOURCE)
     seed: Seed = Field(
@@ -78,7 +78,7 @@ class BuiltinScene(Section):
 
 
 class SlantRangeScene(Section):
-    """Raster of material ids in slant range over flat ground: its rows are slant range, its columns azimuth."""
+    """Raster of material ids over flat ground in slant-range geometry: rows are slant range, columns are azimuth."""
 
     source: Literal["slant_range"] = Field("slant_range", description=_SOURCE)
     labels: str = Field(description="GeoTIFF of material ids; 0 means no material")
@@ -91,7 +91,7 @@ class SlantRangeScene(Section):
     )
 
     vrt_folders: list[str] | None = Field(
-        None, description="further folders in which the source files of a VRT may lie, besides its own folder"
+        None, description="further folders that may contain the source files of a VRT, besides the folder of the VRT"
     )
 
     @model_validator(mode="after")
@@ -112,13 +112,13 @@ class RasterScene(Section):
     materials: str = Field(description="raster of material ids in any CRS; 0 means no material")
     names: str | None = Field(
         None,
-        description="JSON file that maps each material id to a material name; required without landcover, whose names "
-        "it overrides",
+        description="JSON file that maps each material id to a material name; overrides the names of landcover, and is "
+        "required without landcover",
     )
     landcover: LandCover | None = Field(
         None,
-        description="land-cover map whose codes materials contains: names of the materials, and their starting laws "
-        "(docs/landcover.md)",
+        description="land-cover map whose codes the raster of materials contains; gives the materials' names and "
+        "starting laws (docs/landcover.md)",
     )
     crs: str | None = Field(
         None,
@@ -138,11 +138,11 @@ class RasterScene(Section):
     )
     elevation_error_m: Annotated[Real, Field(ge=0, le=100)] = Field(
         0.0,
-        description="standard error of a height against its neighbours [m], from which that of the incidence follows; "
+        description="standard error of a height relative to its neighbours [m], which gives an error of the incidence; "
         "the rounding error of heights in whole metres is added",
     )
     vrt_folders: list[str] | None = Field(
-        None, description="further folders in which the source files of a VRT may lie, besides its own folder"
+        None, description="further folders that may contain the source files of a VRT, besides the folder of the VRT"
     )
     objects: SceneObjects | None = Field(
         None, description="objects on the ground, such as buildings and trees (docs/objects.md)"

@@ -1,8 +1,8 @@
-"""JSON schema of a case, with which editors complete, explain and check the keys of a case file.
+"""JSON schema of a case, which editors use to complete, explain and check the keys of a case file.
 
 The schema follows draft 7 of JSON Schema, the version that the YAML language server of editors supports. The schema
-differs from radcal's own checks in two points. It refuses numbers in quotes, which radcal accepts. It does not check
-the value of one key against the value of another key.
+differs from radcal's own checks in two points. The schema refuses numbers in quotes, which radcal accepts. The schema
+does not compare the values of different keys.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from radcal.config.sections import FURTHER, MATERIALS_FROM
 __all__ = ["schema_json"]
 
 _DRAFT = "http://json-schema.org/draft-07/schema#"
-# keywords that pydantic writes (limits of numbers with a validator; lists of a later draft) -> keywords of draft 7
+# keywords that pydantic writes for number limits and for lists, and the corresponding keywords of draft 7
 _WORDS = {
     "ge": "minimum",
     "gt": "exclusiveMinimum",
@@ -40,29 +40,29 @@ def schema_json() -> str:
     (draft-handrews-json-schema-validation-01), 2018.
     """
     schema = Case.model_json_schema()
-    schema["$defs"]["FileMeasurement"]["required"].remove("scale")  # the name of a product may say it
+    schema["$defs"]["FileMeasurement"]["required"].remove("scale")  # the name of a product may give the scale
     sections = schema["properties"]
     for section in sections.values():
         _require_tag(section, schema["$defs"])
-    del sections["colours"]  # the materials have them
-    for name, further in FURTHER.items():  # one pass, or a list with an item for each
+    del sections["colours"]  # each material has a key colour instead
+    for name, further in FURTHER.items():  # one pass, or a list with an item for each pass
         del sections[further]
         one = {word: value for word, value in sections[name].items() if word not in ("default", "description")}
         about = sections[name].get("description", "the acquisition: track, sensor and image grid")
         sections[name] = {
-            "description": f"{about}; of several passes a list with one for each",
+            "description": f"{about}; for several passes, a list with one item for each pass",
             "anyOf": [one, {"type": "array", "items": one, "minItems": 1}],
         }
     sections[MATERIALS_FROM] = {
         "type": "string",
         "description": "file whose section materials is used, such as results/dyke/export/calibrated.yaml; a material "
-        "in section materials replaces that of the file (docs/exports.md)",
+        "in the case's own section materials replaces the file's material of the same name (docs/exports.md)",
     }
     return json.dumps({"$schema": _DRAFT, **_plain(schema)}, indent=1, ensure_ascii=False) + "\n"
 
 
 def _require_tag(section: dict[str, Any], models: dict[str, dict[str, Any]]) -> None:
-    """Make the key that chooses a section's kind mandatory for every kind except the default one."""
+    """Make the key that chooses a section's kind required for every kind except the default kind."""
     if (union := section.pop("discriminator", None)) is None:
         return
     tag = union["propertyName"]
@@ -72,7 +72,7 @@ def _require_tag(section: dict[str, Any], models: dict[str, dict[str, Any]]) -> 
 
 
 def _plain(part: Any) -> Any:
-    """Part of the schema with the keywords of draft 7, without pydantic's titles and without defaults of sections."""
+    """Part of the schema with keywords of draft 7, without pydantic's titles and without default values of sections."""
     if isinstance(part, list):
         return [_plain(item) for item in part]
     if not isinstance(part, dict):

@@ -1,4 +1,4 @@
-"""Base class of all sections of the configuration, type of a case name, and keys that choose the kind of a section."""
+"""Base class of all sections of the configuration, check of case names, and names of keys with a special role."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from radcal.errors import ConfigError
 
 __all__ = ["DERIVED", "FURTHER", "MATERIALS_FROM", "TAGS", "CaseName", "Section", "check_case_name"]
 
-_LONGEST_NAME = 100  # file systems allow names of 255 bytes, and files named after a case have longer names
+_LONGEST_NAME = 100  # file systems allow names of 255 bytes, and the names of some files contain the name of the case
 
-# sections that exist in several kinds, and the key that chooses the kind
+# sections that exist in several kinds, and for each section the key that chooses the kind
 TAGS = {"scene": "source", "simulator": "kind", "measurement": "source"}
 
-# sections of which each pass has one, and the fields that hold those of the second and later passes
+# sections that each pass has, and the fields that hold these sections of the second and later passes
 FURTHER = {"radar": "further_radar", "measurement": "further_measurement"}
 
-# fields of a case that are made from other keys, and are absent where these do not give them
+# fields of a case that radcal derives from other keys; a field without such keys is absent
 DERIVED = (*FURTHER.values(), "colours")
 
 
@@ -32,19 +32,19 @@ def _case_name(value: str) -> str:
 
 
 def check_case_name(name: str, origin: str) -> None:
-    """Raise an error if a name cannot be that of a case.
+    """Raise an error if a name is not allowed as the name of a case.
 
     Parameters
     ----------
     name : str
         Name of a case.
     origin : str
-        Where the name comes from, for the message.
+        Source of the name, such as an option of a command, for the error message.
 
     Raises
     ------
     ConfigError
-        The name is no letter followed by letters, digits, _ or -, or it is too long.
+        The name is too long, or does not consist of a letter followed by letters, digits, _ or -.
     """
     try:
         _case_name(name)
@@ -55,12 +55,12 @@ def check_case_name(name: str, origin: str) -> None:
 CaseName = Annotated[str, AfterValidator(_case_name)]
 
 
-# key of a case file that is replaced by the materials of the file that it names, before the sections are checked
+# key of a case file that names another file; before the sections are checked, that file's materials replace the key
 MATERIALS_FROM = "materials_from"
 
 
 class Section(BaseModel):
-    """Section of the configuration, which cannot be changed after its creation; an unknown key is an error."""
+    """Section of the configuration; it cannot be changed after its creation, and an unknown key is an error."""
 
-    # pydantic builds a validator at its first use, because a job needs only the validators of its own stage
+    # defer_build: pydantic builds a validator at its first use; a job needs only the validators of its own stage
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)

@@ -1,7 +1,7 @@
-"""Values of known sensors and products, which are the defaults of section ``radar`` where ``radar.sensor`` names one.
+"""Values of known sensors and products: defaults of section ``radar`` if ``radar.sensor`` names the sensor.
 
-Each value stands beside the source from which it was read. A value that was read in no source is not given here; the
-configuration asks for it. ``docs/sensors.md`` contains the table of :func:`sensors_table`.
+Each value is listed with the source that it was read from. A value that was found in no source is missing in this
+module, and a case must give the value. ``docs/sensors.md`` contains the table that :func:`sensors_table` returns.
 """
 
 from __future__ import annotations
@@ -24,26 +24,28 @@ SensorName = Literal[
     "airsar_p",
 ]
 
-_TABLE_5_1 = "Sentinel-1 Product Definition, S1-RS-MDA-52-7440, table 5-1 (as transcribed in stactools-sentinel1)"
-_S1_SHEET = "ESA, Sentinel-1A data sheet (2013), mission profile"
-_S1_PAYLOAD = "ESA, Sentinel-1 instrument payload (sentinel.esa.int, missions)"
-_TSX_PORTAL = "EARSC portal, TerraSAR-X, satellite description"
+_TABLE_5_1 = (
+    "Sentinel-1 Product Definition, S1-RS-MDA-52-7440, table 5-1 (as transcribed in stactools-packages/sentinel1, "
+    "grd/properties.py)"
+)
+_S1_SHEET = "ESA, Sentinel-1A data sheet (2013; slideshare.net/esaops/sentinel1), mission profile and platform"
+_S1_FACTS = "ESA, Sentinel-1 facts and figures (esa.int), instrument"
+_TSX_DLR = "DLR, Earth Observation Center, mission TerraSAR-X (dlr.de/de/eoc), text and orbit parameters"
 _TSX_PRODUCTS = "DLR, TerraSAR-X Basic Product Specification Document, TX-GS-DD-3302 issue 1.7, section 2.2"
-_TSX_TITLE = "Roth et al., Geocoding of TerraSAR-X data, section 1"
-_ALOS2_SITE = "Monash University, SMAPEx-4, PALSAR-2"
-_ALOS2_MODES = "PASCO, PALSAR-2 specifications, stripmap 10 m"
-_ICEYE_HELP = "CATALYST, ICEYE, sensor table"
-_ICEYE_PORTAL = "EARSC portal, ICEYE, satellite description: 560 to 580 km"
-_ICEYE_ESA = "ESA, ICEYE full archive and tasking: standard stripmap"
-_ICEYE_GUIDE = "ICEYE, Types of SAR data products (sar.iceye.com), complex image parameters"
-_CAPELLA_HELP = "CATALYST, Capella, sensor table"
-_CAPELLA_PRODUCTS = "Capella Space, SAR imagery products: single look complex"
-_AIRSAR_PDS = "NASA PDS, data set NDC8-E-ASAR-4-RADAR-V1.0: wavelength"
+_ALOS2_SITE = "Monash University, SMAPEx-4, PALSAR-2 (smapex.monash.edu.au)"
+_ALOS2_MODES = "PASCO, PALSAR-2 specifications (alos-pasco.com/en/alos-2/spec), stripmap 10 m"
+_ICEYE_HELP = "CATALYST help (catalyst.earth), sensor ICEYE"
+_ICEYE_PORTAL = "EARSC portal (earsc-portal.eu), ICEYE, satellite description: 560 to 580 km"
+_ICEYE_ESA = "ESA, ICEYE full archive and tasking (earth.esa.int): standard stripmap"
+_ICEYE_GUIDE = "ICEYE product guide (sar.iceye.com, 5.2.8), types of SAR data products, complex image parameters"
+_CAPELLA_HELP = "CATALYST help (catalyst.earth), sensor Capella"
+_CAPELLA_PRODUCTS = "Capella Space, SAR imagery products (support.capellaspace.com): single look complex"
+_AIRSAR_PDS = "NASA PDS (pds.nasa.gov), data set NDC8-E-ASAR-4-RADAR-V1.0: wavelength"
 
 
 @dataclass(frozen=True)
 class _Value:
-    """Value of a key, and its source; a length in ground range is converted to slant range."""
+    """Value of a configuration key and its source; a length in ground range must be converted to slant range."""
 
     value: Any
     source: str
@@ -52,14 +54,14 @@ class _Value:
 
 @dataclass(frozen=True)
 class Sensor:
-    """Values of a sensor and product.
+    """Sensor and product, with values for keys of section ``radar``.
 
     Attributes
     ----------
     values : mapping
-        Value and source by key of section ``radar``.
+        Value and source of each known key of section ``radar``.
     asks : tuple of str
-        Keys that the case must give. ``incidence_deg`` may be replaced by ``depression_deg``.
+        Keys that the case must give; the case may give ``depression_deg`` instead of ``incidence_deg``.
     orbit : bool
         Whether the sensor is in orbit, so that its track does not head north.
     """
@@ -69,7 +71,7 @@ class Sensor:
     orbit: bool = True
 
     def missing(self, given: Mapping[str, Any]) -> list[str]:
-        """Keys that the case must give and does not."""
+        """Required keys that are missing in section ``radar`` of the case."""
         angles = ("depression_deg", "incidence_deg")
         return [
             key
@@ -78,13 +80,13 @@ class Sensor:
         ]
 
     def values_at(self, incidence_deg: float) -> dict[str, Any]:
-        """Values by key, with lengths in ground range converted to slant range.
+        """Values of the sensor by key; lengths in ground range are converted to slant range.
 
         Parameters
         ----------
         incidence_deg : float
-            Incidence on level ground at the scene's centre [deg]. A length in ground range times its sine is the length
-            in slant range.
+            Incidence on level ground at the scene's centre [deg]. Slant range is ground range times the sine of this
+            angle.
         """
         sine = math.sin(math.radians(incidence_deg))
         return {key: item.value * sine if item.ground_range else item.value for key, item in self.values.items()}
@@ -108,8 +110,8 @@ SENSORS: Mapping[str, Sensor] = {
         {
             "altitude_m": _Value(693_000.0, _S1_SHEET),
             "look_side": _Value("right", _S1_SHEET),
-            "band": _Value("C", _S1_PAYLOAD),
-            "frequency_ghz": _Value(5.405, _S1_PAYLOAD),
+            "band": _Value("C", _S1_FACTS),
+            "frequency_ghz": _Value(5.405, _S1_FACTS),
             "range_resolution_m": _Value(20.0, _TABLE_5_1, ground_range=True),
             "azimuth_resolution_m": _Value(22.0, _TABLE_5_1),
             "range_spacing_m": _Value(10.0, _TABLE_5_1, ground_range=True),
@@ -120,9 +122,10 @@ SENSORS: Mapping[str, Sensor] = {
     ),
     "terrasarx_stripmap": Sensor(
         {
-            "altitude_m": _Value(514_000.0, _TSX_PORTAL),
+            "altitude_m": _Value(514_000.0, _TSX_DLR),
             "look_side": _Value("right", _TSX_PRODUCTS),
-            "band": _Value("X", _TSX_TITLE),
+            "band": _Value("X", _TSX_DLR),
+            "frequency_ghz": _Value(9.65, _TSX_DLR),
         },
         ("incidence_deg", *_GRID, *_OF_PRODUCT),
     ),
@@ -169,7 +172,7 @@ SENSORS: Mapping[str, Sensor] = {
 
 
 def sensors_table() -> str:
-    """Table in Markdown of all values with their sources, and of the keys that are asked for."""
+    """Markdown table of all values with their sources, and of the keys that a case must give."""
     lines = ["| `radar.sensor` | key | value | source |", "|---|---|---|---|"]
     for name, sensor in SENSORS.items():
         for key, item in sensor.values.items():

@@ -13,7 +13,7 @@ from radcal.config.sections import Section
 __all__ = ["BuiltinSimulation", "CommandSimulation", "InputFile", "Output", "RawType", "SimulatorConfig", "Template"]
 
 _KIND = "kind of simulator: builtin (part of radcal) or command (an external program)"
-_SEED_BITS = 31  # number of bits of an external program's seeds: a C int stores them
+_SEED_BITS = 31  # number of bits of the seeds for an external program: a C int can store these seeds
 _ONLY_MASKS = frozenset({"looks", "nesz_db", "range_resolution_m", "azimuth_resolution_m"})
 
 
@@ -43,19 +43,19 @@ class BuiltinSimulation(Section):
 
     @property
     def not_told(self) -> frozenset[str]:
-        """Keys of ``radar`` that change neither geometry nor runs: none, because this simulator receives all keys."""
+        """Keys of ``radar`` that the simulator does not receive: an empty set for the built-in simulator."""
         return frozenset()
 
 
 def _braced(value: object) -> object:
-    """Text of a placeholder; YAML converts an unquoted {input} in a list to a mapping, which this function reverses."""
+    """Text of a placeholder such as {input}, which YAML has converted to a mapping because it was not quoted."""
     if isinstance(value, dict) and len(value) == 1 and next(iter(value.values())) is None:
         return "{" + str(next(iter(value))) + "}"
     return value
 
 
 def _inside(value: str) -> str:
-    """Refuse a file name that leads out of the run's folder, and a reserved file name."""
+    """Refuse a file name that leads out of the run's folder, and refuse a reserved file name."""
     path = Path(value)
     if not path.parts or path.is_absolute() or ".." in path.parts:
         raise ValueError(f"is {value!r}, expected the name of a file in the run's own folder")
@@ -65,7 +65,7 @@ def _inside(value: str) -> str:
 
 
 def _listed(value: object) -> object:
-    """Refuse a command that is one text, as a shell expects it, instead of a list of words."""
+    """Refuse a command that is a single text, as for a shell, instead of a list of words."""
     if isinstance(value, str):
         raise ValueError(f"is {value!r}, expected a list of program and arguments: no shell splits it")
     return value
@@ -86,7 +86,7 @@ def _environment(value: dict[str, str]) -> dict[str, str]:
 
 
 def _number_as_text(value: object) -> object:
-    """Text of a number; YAML converts the value in OMP_NUM_THREADS: 1 to a number, but a variable must be text."""
+    """Text of a number: an environment variable must be text, but YAML reads ``OMP_NUM_THREADS: 1`` as a number."""
     return str(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
@@ -101,7 +101,7 @@ FileName = Annotated[str, AfterValidator(_inside)]
 
 
 class InputFile(Section):
-    """File in which radcal gives the program the parameters, the seed and the settings of a run."""
+    """File that passes the parameters, the seed and the settings of a run to the external program."""
 
     file: FileName = Field("input.json", description="name of the file in the run's folder")
     format: Literal["json", "toml"] = Field("json", description="format of the file")
@@ -111,7 +111,7 @@ class InputFile(Section):
 
 
 class Template(Section):
-    """Template of an input file in the program's own format, with a marker in place of each parameter."""
+    """Template of an input file in the program's own format; radcal replaces markers in it by the parameters."""
 
     template: str = Field(description="path of the template")
     file: FileName = Field(description="name of the input file that radcal writes into the run's folder")
@@ -127,7 +127,7 @@ RawType = Literal[
 
 
 class Output(Section):
-    """File in which the program writes the image."""
+    """File to which the external program writes the image."""
 
     file: FileName = Field(description="name of the file in the run's folder; radcal creates a subfolder in the name")
     scale: Literal["db", "power", "amplitude", "complex"] = Field(description="scale of the numbers in the file")
@@ -166,7 +166,7 @@ class Output(Section):
 
 
 class CommandSimulation(Section):
-    """Settings of an external program, which radcal starts once for each run, in a separate folder for each run."""
+    """Settings of an external program, which radcal starts once for each run, in a separate folder."""
 
     kind: Literal["command"] = Field("command", description=_KIND)
     command: Words = Field(
@@ -191,7 +191,7 @@ class CommandSimulation(Section):
     )
     environment: Annotated[dict[str, Variable], AfterValidator(_environment)] = Field(
         default_factory=dict,
-        description="environment variables for the program, in addition to the variables of the radcal process",
+        description="environment variables for the program, in addition to those of the radcal process",
     )
     timeout_s: Timeout = Field(3600.0, description="largest duration of a run [s]; radcal kills a longer run")
     retries: Annotated[Integer, Field(ge=0, le=20)] = Field(
@@ -210,7 +210,7 @@ class CommandSimulation(Section):
     seed_bits: Annotated[Integer, Field(ge=8, le=63)] | None = Field(
         None,
         description="number of bits of noise_seed; by default the same as in earlier runs of the case, or 31 (a C int) "
-        "without earlier runs",
+        "in a case without runs",
     )
     seedless: bool = Field(
         False,
@@ -228,7 +228,7 @@ class CommandSimulation(Section):
 
     @property
     def longest_run_s(self) -> float:
-        """Upper limit of the duration of a run with all its retries, waits and speckle draws [s]."""
+        """Upper limit of the duration of a run [s], with all retries, waits and speckle draws."""
         return (self.timeout_s * (self.retries + 1) + self._waits_s) * self.draws
 
     @property
@@ -251,7 +251,7 @@ class CommandSimulation(Section):
 
     @property
     def not_told(self) -> frozenset[str]:
-        """Keys of ``radar`` that the program does not receive, so that they change masks and checks but no run."""
+        """Keys of ``radar`` that the program does not receive; these keys change masks and checks, but not the runs."""
         return frozenset() if self.input is not None and self.input.radar else _ONLY_MASKS
 
     @model_validator(mode="after")

@@ -1,4 +1,4 @@
-"""Sections of the configuration that each workflow rule reads: one model for each rule.
+"""Models of the configuration sections that each workflow rule reads: one model for each rule.
 
 The ``params`` of a rule are the fields of its model (:meth:`Stage.params`). The rule's script restores the model from
 ``params`` and passes it to library functions, whose type annotations name the model. mypy therefore rejects access to
@@ -57,21 +57,21 @@ __all__ = [
 
 
 class Stage(Part):
-    """Base class of the models; its fields are the sections of the configuration that one rule reads."""
+    """Base class of the models; the fields of a model are the configuration sections that one rule reads."""
 
     @classmethod
     def of(cls, case: Case) -> Self:
-        """Model filled with the sections of a whole case that this stage reads."""
+        """Model of this stage, filled with the sections of a whole case that the stage reads."""
         return cls.model_validate({name: getattr(case, name) for name in cls.model_fields})
 
     @classmethod
     def params(cls, case: Case) -> dict[str, Any]:
-        """Sections of a whole case that this stage reads, as plain data for ``model_validate``."""
+        """Sections of a whole case that the stage of this model reads, as plain data for ``model_validate``."""
         return case.sections(*cls.model_fields)
 
 
 class Scene(Stage):
-    """Sections that rule ``scene`` reads: the scene, and the materials, of which only the names are used."""
+    """Sections that rule ``scene`` reads: the scene, and the materials for their names."""
 
     scene: SceneConfig
     materials: dict[str, Material]
@@ -92,7 +92,7 @@ class Simulator(Stage):
 
 
 class Measurement(Simulator):
-    """Sections that rule ``measurement`` reads to simulate or read the measured image, and to check this image."""
+    """Sections that rule ``measurement`` reads to simulate or read the measured image, and to check the image."""
 
     measurement: MeasurementConfig
     target: TargetConfig
@@ -107,7 +107,7 @@ class Laws(Stage):
 
 
 class Scores(Laws):
-    """Sections that rule ``scores`` reads to score the runs: laws, in all passes, and objective."""
+    """Sections that rule ``scores`` reads to score the runs: the laws in all passes, and the objective."""
 
     objective: Objective
     further_radar: list[Radar] | None = None
@@ -126,7 +126,7 @@ class ReferenceRun(Simulation):
 
 
 class Registration(Stage):
-    """Sections that rule ``registration`` reads; the reference run's record must contain the materials' pixels."""
+    """Sections that rule ``registration`` reads: its settings, and the materials that a run's record must contain."""
 
     materials: dict[str, Material]
     registration: RegistrationConfig
@@ -149,13 +149,13 @@ class DesignSize(Stage):
 
 
 class DesignChunk(Simulation):
-    """Sections that rule ``design_chunk`` reads; the rule gets the number of runs as a separate parameter."""
+    """Sections that rule ``design_chunk`` reads; a separate parameter of the rule gives the number of runs."""
 
     design: Design
 
 
 class Train(Scores):
-    """Sections that rule ``train`` reads; section ``simulator`` states whether runs are deterministic."""
+    """Sections that rule ``train`` reads; section ``simulator`` shows whether runs are deterministic."""
 
     simulator: SimulatorConfig
     surrogate: SurrogateConfig
@@ -168,11 +168,11 @@ class Propose(Scores):
 
 
 class Verify(Simulation, Train):
-    """Sections that rule ``verify`` reads to run and score the proposals, and to predict a possible improvement."""
+    """Sections that rule ``verify`` reads to run and score proposals, and to predict a possible further improvement."""
 
 
 class Posterior(Train):
-    """Sections that rule ``posterior`` reads to sample what is known of a law."""
+    """Sections that rule ``posterior`` reads to sample the posterior distribution of each law."""
 
     uncertainty: Uncertainty
 
@@ -197,11 +197,11 @@ class Forward(FinalRuns):
 
 
 class Export(FinalRuns):
-    """Sections that rule ``export`` reads to write the calibrated materials and the texture of their image."""
+    """Sections that rule ``export`` reads to write the calibrated materials and images with their texture."""
 
 
 class Archive(Stage):
-    """Sections that rule ``archive`` reads: all but ``replace`` and ``stop``; a file gives the stop criteria."""
+    """Sections that rule ``archive`` reads: all but ``replace`` and ``stop``; the stop criteria come from a file."""
 
     # in the same order as in class Case, because the archive records the sections in this order
     case: CaseName
@@ -244,4 +244,4 @@ STAGES: Mapping[str, type[Stage]] = {
     "archive": Archive,
     "export": Export,
 }
-"""Model of each rule by the name of the rule."""
+"""Model of each rule, by the name of the rule."""

@@ -13,22 +13,22 @@ __all__ = ["Stop"]
 
 
 class Stop(Section):
-    """Criteria that end the calibration loop; after a change of these criteria, no finished run is repeated."""
+    """Criteria that end the calibration loop; after a change of the criteria, no finished run is repeated."""
 
     rms: Annotated[Real, Field(gt=0, le=100)] = Field(
         1.0e-5, description="tolerance of the rms difference between the densities [1/dB]; only for objective: density"
     )
     max_runs: Count = Field(200, description="largest total number of design and infill runs")
     stagnation_runs: Count = Field(
-        20, description="the search ends after this number of infill runs without improvement"
+        20, description="number of infill runs without improvement after which the search ends"
     )
     law_db: Annotated[Real, Field(gt=0, le=200)] = Field(
         0.05,
-        description="the search ends if the best predicted law and the best law found differ by less than this [dB]; "
-        "not for objective: density",
+        description="the search ends if the best law that the surrogate predicts differs by less than this number from "
+        "the best law found [dB]; not for objective: density",
     )
     at_sampling_error: bool = Field(
         False,
-        description="whether the search also ends at an rms below a third of the sampling error, after 5 runs without "
-        "improvement; default true for simulator.kind: command if stop.rms is not set",
+        description="whether the search also ends after 5 runs without improvement at an rms below a third of the "
+        "sampling error; by default true for simulator.kind: command if stop.rms is not set",
     )

@@ -1,4 +1,4 @@
-"""Section ``surrogate``: outputs and training of the kriging models."""
+"""Section ``surrogate``: outputs and training of the kriging models that predict the statistics of a run."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["SurrogateConfig"]
 
 
 class SurrogateConfig(Section):
-    """Outputs and training of the kriging models."""
+    """Outputs and training of the kriging models that predict the statistics of a run."""
 
     outputs: Literal["centred", "direct"] = Field(
         "centred",
@@ -33,7 +33,7 @@ class SurrogateConfig(Section):
     @model_validator(mode="before")
     @classmethod
     def _earlier_keys(cls, data: Any) -> Any:
-        """Data without the obsolete settings ``retrain_every`` and ``training: warm``, after a warning about both."""
+        """Data without the obsolete ``retrain_every`` and ``training: warm``, which only cause a warning."""
         if not isinstance(data, dict) or ("retrain_every" not in data and data.get("training") != "warm"):
             return data
         warnings.warn(

@@ -1,4 +1,4 @@
-"""Section ``target``: pixels, levels and incidence-angle bins of the targets."""
+"""Section ``target``: pixels, level and incidence-angle bins of the measured image that runs are compared with."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["TargetConfig"]
 
 
 class TargetConfig(Section):
-    """Pixels, levels and incidence-angle bins of the targets."""
+    """Pixels, level and incidence-angle bins of the measured image that runs are compared with."""
 
     pixels: Annotated[
         Integer,
@@ -24,7 +24,7 @@ class TargetConfig(Section):
         ),
     ] = Field(1000, description="number of pixels per material, drawn at random without replacement, or all")
     margin_px: Annotated[Integer, Field(ge=0, le=100)] = Field(
-        1, description="pixels up to this distance from another material are masked [pixels]"
+        1, description="largest distance from another material at which pixels are masked [pixels]"
     )
     fit: Literal["likelihood", "penalised"] = Field(
         "likelihood",
@@ -32,15 +32,15 @@ class TargetConfig(Section):
     )
     snr_db: Decibels = Field(
         0.0,
-        description="lowest local signal-to-noise ratio, with radar.nesz_db as noise; pixels below it are masked [dB]",
+        description="lowest local signal-to-noise ratio [dB], with radar.nesz_db as noise; other pixels are masked",
     )
     leave_out_point_targets: bool = Field(
         True, description="whether point targets (pixels far brighter than speckle explains) are masked"
     )
     normalisation: Literal["none", "offset", "image"] = Field(
         "none",
-        description="brightness of both images before the comparison: none (unchanged), offset (less the offset of "
-        "reference_materials) or image (zero median, unit interquartile range)",
+        description="change of images before the comparison: none, offset (the measured image's offset, from "
+        "reference_materials, is subtracted) or image (both are scaled to zero median and unit interquartile range)",
     )
     reference_materials: list[str] | None = Field(
         None,
@@ -48,7 +48,7 @@ class TargetConfig(Section):
     )
     incidence_classes: Annotated[Integer, Field(ge=1, le=20)] | Literal["auto"] = Field(
         "auto",
-        description="number of incidence-angle bins; auto: one per 2 degrees, 4 to 8; not for objective: density",
+        description="number of incidence-angle bins; auto: one per 2 degrees, but 4 to 8; not for objective: density",
     )
     looks: Literal["free", "nominal"] = Field(
         "free",
@@ -56,7 +56,8 @@ class TargetConfig(Section):
     )
     priors: bool = Field(
         True,
-        description="whether weak priors constrain law curve and looks (docs/right_law.md); not for objective: density",
+        description="whether weak priors constrain the law's curve and looks (docs/right_law.md); not for objective: "
+        "density",
     )
     incidence_error_deg: Annotated[Real, Field(ge=0, le=30)] | None = Field(
         None,

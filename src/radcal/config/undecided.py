@@ -1,4 +1,4 @@
-"""Values of a case that are still to be decided: where they stand, and what is to be written there."""
+"""Search for values that a case still lacks (``FILL_IN``): their keys and lines, and what the user must write there."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from radcal.config.sections import MATERIALS_FROM
 
 __all__ = ["EXAMPLES", "FILL_IN", "Undecided", "undecided"]
 
-FILL_IN = "FILL_IN"  # mark of a value that is still to be decided, in a case that radcal new has written
+FILL_IN = "FILL_IN"  # mark of a missing value in a case that radcal new has written; the user must replace it
 EXAMPLES: Mapping[str, str] = {
     "scene.elevation": "data/dem.tif",
     "scene.materials": "data/landcover.tif",
@@ -39,20 +39,20 @@ EXAMPLES: Mapping[str, str] = {
     "radar.looks": "4.4",
     "radar.nesz_db": "-24",
 }
-"""Values such as they may stand in a case, by key."""
+"""Example of a value for each key, for error messages."""
 _LEVEL = "[-15]"  # of law constant_gamma
 
 
 @dataclass(frozen=True)
 class Undecided:
-    """One value, or one name of a material, that is still to be decided.
+    """Value or material name in a case for which ``FILL_IN`` is still written.
 
     Attributes
     ----------
     place : tuple
-        Keys that lead to it; an item of a list is decided together with its list.
+        Keys that lead to the value; for a value in a list, the keys that lead to the list.
     line : int or None
-        Line of the case file, from 1; None where a setting of the command line gives it.
+        Line of the case file, from 1; None for a value that was set on the command line.
     """
 
     place: tuple[int | str, ...]
@@ -65,7 +65,7 @@ class Undecided:
 
     @property
     def text(self) -> str:
-        """What is to be written where, with an example, without a full stop."""
+        """Sentence that says which value the user must write at which key, with an example, without a full stop."""
         key, line = self.place[-1], "" if self.line is None else f" (line {self.line})"
         if key == FILL_IN:
             return (
@@ -79,14 +79,14 @@ class Undecided:
 
 
 def undecided(data: Mapping[str, Any], files: Sequence[str | Path] = ()) -> list[Undecided]:
-    """All values of a case that are still to be decided.
+    """List of all values of a case for which ``FILL_IN`` is still written.
 
     Parameters
     ----------
     data : mapping
         Plain data of the case.
     files : sequence of path
-        Case files that it was read from; a later one stands above an earlier one.
+        Case files that the data were read from; a later file overrides an earlier one.
     """
     places = list(_marked(data))
     if not places:
@@ -97,7 +97,7 @@ def undecided(data: Mapping[str, Any], files: Sequence[str | Path] = ()) -> list
     for file in files:
         for place, line in lines_of(file, FILL_IN):
             lines[place] = line
-            lines.setdefault(place[:-1], line)  # of the list that an item belongs to
+            lines.setdefault(place[:-1], line)  # line of the list that contains the item
     return [Undecided(place, lines.get(place)) for place in places if place[0] != MATERIALS_FROM]
 
 

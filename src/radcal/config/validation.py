@@ -1,4 +1,4 @@
-"""Section ``validation``: ground that is held out of the calibration."""
+"""Section ``validation``: ground that is held out of the calibration, to test the calibrated laws."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ __all__ = ["Validation"]
 
 
 class Validation(Section):
-    """Blocks of the image that are held out of the target; the calibrated laws then predict their levels."""
+    """Blocks of the image that are held out of the target; the calibrated laws then predict the blocks' levels."""
 
     rows: Count = Field(
-        20, description="number of image rows in a block; a block is calibrated on or held out as a whole"
+        20, description="number of image rows in a block; a block is used for the calibration or held out as a whole"
     )
     columns: Count | None = Field(
         None, description="number of image columns in a block; by default all columns of the image"
@@ -26,14 +26,14 @@ class Validation(Section):
     )
     keep: Literal["even", "odd", "both", "fields"] = Field(
         "even",
-        description="blocks used for the calibration: even, odd, or all of them (both, fields); with both, each half "
-        "of the blocks is then predicted from the other half; with fields, each fifth of the fields (connected areas) "
-        "from the other fields",
+        description="blocks used for the calibration: even, odd, or all blocks (both, fields); with both, each half of "
+        "the blocks is then predicted from the other half; with fields, each fifth of the fields (connected areas) is "
+        "predicted from the other fields",
     )
 
     @property
     def holds_out(self) -> bool:
-        """Whether ground is kept out of the calibration."""
+        """Whether a part of the ground is held out of the calibration."""
         return self.keep in ("even", "odd")
 
     @model_validator(mode="after")

@@ -18,12 +18,12 @@ _HEADER = """\
 
 
 def default_case() -> Case:
-    """Default case: the defaults of all keys."""
+    """Case in which every key has its default value."""
     return Case()
 
 
 def default_yaml() -> str:
-    """Default case as commented YAML, the text of ``config/config.yaml``."""
+    """Text of ``config/config.yaml``: the default case as YAML with comments."""
     return _HEADER + "\n" + "\n".join(_lines(default_case())) + "\n"
 
 
@@ -48,7 +48,7 @@ def _lines(section: BaseModel, indent: str = "") -> list[str]:
 
 
 def _inline(value: object) -> str:
-    """YAML of a plain value on one line; 1e-05 becomes 1.0e-05, because YAML 1.1 interprets 1e-05 as text."""
+    """YAML of a plain value on one line; 1e-05 is written as 1.0e-05, because YAML 1.1 reads 1e-05 as text."""
     if isinstance(value, dict):
         return "{" + ", ".join(f"{key}: {_inline(item)}" for key, item in value.items()) + "}"
     if isinstance(value, list | tuple):

@@ -20,10 +20,8 @@ from radcal.errors import ConfigError
 __all__ = ["check_words", "lines_of", "merged", "read_case_file", "read_value", "setting"]
 
 _LARGEST_BYTES = 200_000  # size limit of a case file: about twenty times the size of radcal's longest case file
-_LARGEST_VALUES = (
-    200_000  # limit after every alias is expanded; a case file without aliases cannot contain as many values
-)
-# texts that YAML 1.1 converts as octal numbers, or as numbers in base 60 (hours and minutes)
+_LARGEST_VALUES = 200_000  # limit after every alias is expanded; no case file without aliases contains as many values
+# texts that YAML 1.1 reads as octal numbers, or as numbers in base 60 (hours and minutes)
 _OTHER_BASE = re.compile(r"[-+]?(0[0-7_]+|[0-9_]+(:[0-9_.]+)+)")
 _MERGE = "tag:yaml.org,2002:merge"
 
@@ -90,7 +88,7 @@ def read_case_file(path: str | Path) -> dict[str, Any]:
 
 
 def lines_of(path: str | Path, text: str) -> list[tuple[tuple[int | str, ...], int]]:
-    """Places in a case file that :func:`read_case_file` accepts at which a text stands, and their lines.
+    """Positions of a text in a case file that :func:`read_case_file` accepts: keys and line numbers.
 
     Parameters
     ----------
@@ -208,7 +206,7 @@ def _leaves(data: Mapping[Any, Any], above: str = "") -> Iterator[str]:
 
 
 def _content(path: Path) -> bytes:
-    """Bytes of a regular file; a pipe or a device is refused, because reading a pipe or device might never end."""
+    """Content of a regular file; a pipe or a device is refused, because reading it might never end."""
     try:
         found = path.stat()
         if stat.S_ISDIR(found.st_mode):
@@ -258,7 +256,7 @@ def _parsed(text: str) -> Any:
 
 
 def _problem(error: yaml.MarkedYAMLError) -> str:
-    """Error message for an error of PyYAML, with advice on frequent mistakes."""
+    """Error message for an error of PyYAML, with advice for frequent mistakes."""
     problem = shown(" ".join(str(error.problem).split()), 200)
     if "'\\t'" in problem:
         return "a tab, expected blanks: YAML takes no tabs before a key"

@@ -1,4 +1,4 @@
-"""Acquisition of a product as its annotation gives it at a scene, and how section ``radar`` compares with it."""
+"""Acquisition of a Sentinel-1 product at a scene, read from its annotation, and comparison with section ``radar``."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _FREQUENCY = 0.01  # relative; the bandwidth of most sensors is larger
 
 @dataclass(frozen=True)
 class Acquisition:
-    """Pass of a product at one scene.
+    """Acquisition of a product, with the values that hold at one scene.
 
     Attributes
     ----------
@@ -40,14 +40,15 @@ class Acquisition:
     pass_direction : str
         ``ascending`` or ``descending``.
     platform_heading_deg : float
-        Heading of the satellite below itself, as annotated, clockwise from north [deg, 0 to 360].
+        Heading of the satellite at the point on the ground below it, from the annotation, clockwise from north [deg, 0
+        to 360].
     heading_deg : float
-        Heading of the flight over the scene: across the direction in which the radar looks at the scene's middle,
-        clockwise from true north [deg, 0 to 360]. It differs from the former by the convergence of the meridians.
+        Heading of the flight over the scene, at right angles to the look direction at the scene's middle, clockwise
+        from true north [deg, 0 to 360]. It differs from ``platform_heading_deg`` by the convergence of the meridians.
     look_side : str
         ``right`` or ``left``.
     incidence_deg : float
-        Incidence on the ellipsoid at the middle of the scene [deg].
+        Incidence angle on the ellipsoid at the middle of the scene [deg].
     altitude_m : float
         Height of the radar above the ellipsoid [m].
     frequency_hz : float
@@ -55,15 +56,15 @@ class Acquisition:
     polarisation : str
         Transmitted and received polarisation.
     looks : float
-        Equivalent number of looks; the product of ``numbers_of_looks`` where no source gives it.
+        Equivalent number of looks; if no source gives it, the product of the two ``numbers_of_looks``.
     numbers_of_looks : (int, int)
-        Looks in range and in azimuth, which overlap.
+        Numbers of looks in range and in azimuth; the looks overlap and are therefore not independent.
     range_spacing_m, azimuth_spacing_m : float
         Pixel spacings in ground range and azimuth [m].
     range_resolution_m, azimuth_resolution_m : float
         -3 dB widths of a look's response in slant range and azimuth [m].
     nesz_db : tuple of (float, float)
-        Noise-equivalent sigma0 [dB] against incidence [deg] over the scene, ascending.
+        Pairs of incidence angle [deg], ascending, and noise-equivalent sigma0 [dB] over the scene.
     noise_removed : bool
         Whether the processor has subtracted thermal noise.
     """
@@ -99,7 +100,7 @@ class Acquisition:
         return (self.heading_deg + (90.0 if self.look_side == "right" else -90.0)) % 360.0
 
     def sentence(self) -> str:
-        """Description for notes."""
+        """Description of the acquisition in one sentence, for the notes on the measured image."""
         levels = [level for _, level in self.nesz_db]
         noise = f"{min(levels):.1f}" + (f" to {max(levels):.1f}" if max(levels) - min(levels) >= 0.05 else "")
         return (
@@ -112,7 +113,7 @@ class Acquisition:
 
 
 def radar_keys(acquisition: Acquisition) -> dict[str, tuple[Any, str]]:
-    """Values of section ``radar`` that correspond to an acquisition, each with a remark, which may be empty.
+    """Values of the keys of section ``radar`` for an acquisition, each with a remark, which may be an empty text.
 
     Parameters
     ----------
@@ -144,7 +145,7 @@ def radar_keys(acquisition: Acquisition) -> dict[str, tuple[Any, str]]:
 
 
 def _sensor(acquisition: Acquisition) -> str | None:
-    """Sensor of :data:`.SENSORS` whose values are those of an acquisition; None if none fits."""
+    """Name of the sensor in :data:`.SENSORS` whose values agree with an acquisition; None if no sensor agrees."""
     a = acquisition
     lengths = {
         "range_resolution_m": a.range_resolution_m,
@@ -166,7 +167,7 @@ def _sensor(acquisition: Acquisition) -> str | None:
 
 
 def radar_section(acquisition: Acquisition) -> str:
-    """Section ``radar`` in YAML that corresponds to an acquisition.
+    """Text in YAML of the section ``radar`` that describes an acquisition.
 
     Parameters
     ----------
@@ -184,7 +185,7 @@ def radar_section(acquisition: Acquisition) -> str:
 def contradictions(
     acquisition: Acquisition, radar: Radar, incidence_deg: NDArray[np.float64], slope_deg: float = 0.0
 ) -> list[str]:
-    """Keys of section ``radar`` with which the image cannot be compared, each with the product's value.
+    """Phrases about keys of section ``radar`` that differ too much from a product for a comparison with its image.
 
     Parameters
     ----------
@@ -193,9 +194,9 @@ def contradictions(
     radar : Radar
         Configured pass.
     incidence_deg : ndarray
-        Incidence on flat ground of the configured pass over the scene [deg].
+        Incidence angles of the configured pass on flat ground, over the scene [deg].
     slope_deg : float
-        Slope of steep ground of the scene [deg], which another heading shows at another incidence.
+        Slope of the scene's steep ground [deg]; the local incidence angle on it depends on the heading.
 
     Returns
     -------
@@ -236,7 +237,7 @@ def contradictions(
 
 
 def differences(acquisition: Acquisition, radar: Radar) -> list[str]:
-    """Sentences on keys of section ``radar`` that differ from the product, although the image can be compared."""
+    """Sentences about keys of section ``radar`` that differ from a product, but too little to forbid a comparison."""
     a, found = acquisition, []
     look = _look_azimuth_deg(radar)
     if _HEADING_DEG < _apart(a.look_azimuth_deg, look) <= 90.0:
@@ -266,15 +267,15 @@ def differences(acquisition: Acquisition, radar: Radar) -> list[str]:
 
 
 def _look_azimuth_deg(radar: Radar) -> float:
-    """Direction in which the configured pass looks [deg]; without a heading its track heads to the grid's north."""
+    """Look direction of the configured pass [deg]; a pass without a configured heading flies to the grid's north."""
     return (radar.heading_deg + (90.0 if radar.look_side == "right" else 270.0)) % 360.0
 
 
 def _turned_deg(slope_deg: float, apart_deg: float) -> float:
-    """Largest change of the local incidence on a slope when the look turns [deg].
+    """Largest change of the local incidence angle on a slope [deg] if the look direction turns by ``apart_deg``.
 
-    To first order in the slope, the local incidence is that on level ground less the slope times the cosine of the
-    angle between aspect and look; 2 sin(apart / 2) is the largest change of this cosine.
+    To first order in the slope, the local incidence angle is the incidence angle on level ground minus the slope times
+    the cosine of the angle between aspect and look direction. The cosine changes by at most 2 sin(apart_deg / 2).
     """
     return 2.0 * slope_deg * math.sin(0.5 * math.radians(apart_deg))
 

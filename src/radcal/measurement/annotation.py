@@ -17,14 +17,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Swath:
-    """Processing of one swath, and the part of the image that shows it.
+    """Processing parameters of one swath, and the parts of the image that show this swath.
 
     Attributes
     ----------
     name : str
         Name, such as "IW1".
     bounds : tuple of (int, int, int, int)
-        First and last line, first and last pixel of each part of the image; empty if the swath is the whole image.
+        First line, last line, first pixel and last pixel of each part of the image that shows the swath; empty if the
+        swath is the whole image.
     looks : (int, int)
         Numbers of looks in range and azimuth.
     bandwidth_hz : (float, float)
@@ -46,18 +47,18 @@ class Swath:
 
 @dataclass(frozen=True)
 class Annotation:
-    """What the annotation of an image says.
+    """Quantities that radcal reads from the annotation of an image.
 
     Attributes
     ----------
     mission, mode, product_type, polarisation : str
-        Such as "S1B", "IW", "GRD", "VV".
+        Texts such as "S1B", "IW", "GRD" and "VV".
     start : str
         Time of the first line (UTC).
     pass_direction : str
         ``ascending`` or ``descending``.
     platform_heading_deg : float
-        Heading of the satellite below itself [deg, 0 to 360].
+        Heading of the satellite at the point on the ground below it, clockwise from north [deg, 0 to 360].
     frequency_hz : float
         Carrier frequency [Hz].
     noise_removed : bool
@@ -89,14 +90,14 @@ class Annotation:
 
 @dataclass(frozen=True)
 class LookUpTable:
-    """Table of a quantity on some lines of an image, each with pixels of its own.
+    """Table of a quantity at some pixels on some lines of an image; every line has its own list of pixels.
 
     Attributes
     ----------
     lines : ndarray, shape (n,)
-        Lines, ascending; may lie outside of the image.
+        Line numbers, ascending; a line may lie outside the image.
     pixels, values : tuple of n ndarrays
-        Pixels of each line, ascending, and the values there.
+        Pixel numbers on each line, ascending, and values of the quantity at these pixels.
     """
 
     lines: Array
@@ -104,12 +105,12 @@ class LookUpTable:
     values: tuple[Array, ...]
 
     def at(self, line: Array, pixel: Array) -> Array:
-        """Values at positions of the image, by bilinear interpolation; constant beyond the ends.
+        """Values of the quantity at positions of the image, by bilinear interpolation; constant outside the table.
 
         Parameters
         ----------
         line, pixel : ndarray, shape (k,)
-            Positions, finite.
+            Line and pixel of each position; all numbers are finite.
         """
         found = np.empty(line.shape)
         before = np.clip(np.searchsorted(self.lines, line, side="right") - 1, 0, len(self.lines) - 1)
@@ -124,24 +125,24 @@ class LookUpTable:
 
 @dataclass(frozen=True)
 class NoiseTable:
-    """Thermal noise in units of squared digital numbers: a table over range, times factors along the flight.
+    """Thermal noise in squared digital numbers: a table of values over range, multiplied by factors along azimuth.
 
     Attributes
     ----------
     over_range : LookUpTable
-        Noise over range.
+        Table of the noise over range.
     along : tuple of (bounds, lines, factors)
-        For each block of a swath: first and last line, first and last pixel, and the factors at some lines; empty in
-        products of processors before version 2.9, which have none.
+        For each block of a swath: its bounds (first line, last line, first pixel, last pixel), some of its lines, and
+        the noise factors at these lines. Empty for products of processors before version 2.9, which have no factors.
     """
 
     over_range: LookUpTable
     along: tuple[tuple[tuple[int, int, int, int], Array, Array], ...] = ()
 
     def at(self, line: Array, pixel: Array) -> Array:
-        """Noise at positions of the image, shape (k,)."""
+        """Thermal noise at positions of the image, in squared digital numbers, shape (k,)."""
         factor = np.ones(line.shape)
-        row, column = np.round(line), np.round(pixel)  # blocks begin and end with a pixel
+        row, column = np.round(line), np.round(pixel)  # the bounds of blocks are whole pixels
         for (first, last, near, far), lines, factors in self.along:
             inside = (row >= first) & (row <= last) & (column >= near) & (column <= far)
             factor[inside] = np.interp(line[inside], lines, factors)
@@ -149,12 +150,12 @@ class NoiseTable:
 
 
 def annotation_of(root: Any) -> Annotation:
-    """Annotation from the root of its XML.
+    """Annotation of an image, from the root element of the annotation's XML tree.
 
     Raises
     ------
     ValueError
-        A part is missing or is not a number.
+        An element is missing, or its text is not a number where a number is expected.
     """
     about, image = "generalAnnotation/productInformation", "imageAnnotation/imageInformation"
     start = _text(root, f"{image}/productFirstLineUtcTime")
@@ -180,12 +181,12 @@ def annotation_of(root: Any) -> Annotation:
 
 
 def calibration_of(root: Any) -> LookUpTable:
-    """Table of sigmaNought, the divisor A of digital numbers; errors are those of :func:`annotation_of`."""
+    """Table of sigmaNought, the divisor A of digital numbers; raises the errors of :func:`annotation_of`."""
     return _table(root, "calibrationVectorList/calibrationVector", "sigmaNought")
 
 
 def noise_of(root: Any) -> NoiseTable:
-    """Noise tables; errors are those of :func:`annotation_of`."""
+    """Noise tables of an image, from the root element of their XML tree; raises the errors of :func:`annotation_of`."""
     if root.find("noiseVectorList/noiseVector") is not None:  # processors before version 2.9
         return NoiseTable(_table(root, "noiseVectorList/noiseVector", "noiseLut"))
     blocks = []
@@ -277,7 +278,7 @@ def _grid(root: Any) -> Array:
 
 
 def _seconds(time: str, start: str) -> float:
-    """Time [s] after the time of the first line."""
+    """Time between ``start``, the time of the first line, and ``time`` [s]."""
     try:
         return float((np.datetime64(time, "ns") - np.datetime64(start, "ns")) / np.timedelta64(1, "ns") * 1e-9)
     except ValueError:
@@ -285,7 +286,7 @@ def _seconds(time: str, start: str) -> float:
 
 
 def _all(node: Any, path: str) -> list[Any]:
-    """Elements of a list that must not be empty."""
+    """XML elements at a path; a ValueError is raised if there is none."""
     found: list[Any] = node.findall(path)
     if not found:
         raise ValueError(f"it has no {path}")

@@ -1,4 +1,4 @@
-"""Target by incidence-angle bin: statistics of the measured pixels, with between-field and within-field variance."""
+"""Target of a material in incidence-angle bins: statistics of measured pixels, variance between and within fields."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ class ClassTarget:
     Attributes
     ----------
     classes : Classes
-        Bins of the target's pixels with their measured statistics, as they are compared with those of K draws of
-        speckle (:meth:`radcal.measurement.classes.Classes.compared`).
+        Incidence-angle bins with the measured statistics of the target's pixels, prepared for a comparison with K draws
+        of speckle (:meth:`radcal.measurement.classes.Classes.compared`).
     spread : Spread
         Between-field and within-field standard deviation, pooled over the materials [dB].
     draws : int
         Number K of draws of speckle in each run.
     free_looks : bool
-        Whether the effective number of looks of the material is estimated with the law.
+        Whether the effective number of looks of the material is estimated together with the law.
     priors : bool
-        Whether weak priors on the curve and on the number of looks enter the objective.
+        Whether weak priors on the law's curve and on the number of looks enter the objective.
     incidence_error_deg : float
-        Standard error of the local incidence [deg], root mean square over the pixels.
+        Root mean square, over the pixels, of the standard error of the local incidence angle [deg].
     first : ndarray, shape (d,)
         X of the law that is fitted to the target without simulator runs, with a model of law and speckle; empty for a
         law without a curve.
     first_looks : float
-        Effective number of looks of that fit.
+        Effective number of looks of the fit that gives ``first``.
     error_deg : ndarray, shape (pixels,), or None
-        Standard error of the local incidence of each pixel [deg], where the registration leaves one; None where one
-        number holds for all.
+        Standard error of the local incidence angle of each pixel [deg], from the registration and the scene's slopes;
+        None if one number holds for all pixels.
     """
 
     classes: Classes
@@ -58,9 +58,9 @@ class ClassTarget:
         Parameters
         ----------
         values_db : ndarray, shape (pixels,)
-            Values of the target's pixels in the run [dB]; far outliers are limited in the same way as measured ones.
+            Values of the target's pixels in the run [dB]; far outliers are clipped, as in the measured pixels.
         pixels : ndarray of int, optional
-            Places of some of the pixels, in place of all.
+            Indices, in ``values_db``, of the pixels to use; by default all pixels are used.
 
         Returns
         -------

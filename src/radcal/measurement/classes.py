@@ -15,17 +15,17 @@ from radcal.measurement.correlation import independent_pairs, without_trend
 __all__ = ["FEWEST", "Classes", "class_cumulants", "class_of", "incidence_edges", "make_classes", "winsorised"]
 
 FEWEST = 30  # smallest number of pixels in a bin
-_AUTO = (4, 8)  # classes
+_AUTO = (4, 8)  # smallest and largest number of bins
 _AUTO_SPAN_DEG = 2.0  # width of a bin: a law of 0.3 dB/deg changes in it by less than a third of speckle's sd
-_FAR = 6.0  # robust standard deviations; one pixel in 1,500 of single-look speckle in dB exceeds them
-_LEAST_DB2 = 1e-6  # variance
-_FREEDOM = 10  # residuals that an estimate of a variance needs
+_FAR = 6.0  # number of robust standard deviations, which one pixel in 1,500 of single-look speckle in dB exceeds
+_LEAST_DB2 = 1e-6  # smallest variance of a bin
+_FREEDOM = 10  # degrees of freedom that an estimate of a variance needs
 _NODES = 24  # incidence angles that represent a bin
 
 
 @dataclass(frozen=True)
 class Classes:
-    """Target pixels of one material by incidence-angle bin.
+    """Target pixels of one material, grouped by incidence-angle bin, with statistics of each bin.
 
     Attributes
     ----------
@@ -36,15 +36,15 @@ class Classes:
     count : ndarray of int, shape (n,)
         Number of pixels in each bin.
     pairs : ndarray, shape (3, n, n)
-        Mean correlation, its square and its cube over the pairs of pixels of two bins
+        Means of the correlation, of its square and of its cube over all pairs of pixels from two bins, or from one bin
         (:meth:`radcal.measurement.correlation.Correlation.pairs`).
     cumulants : ndarray, shape (n, 3)
         Mean [dB], variance [dB^2] and third central moment [dB^3] of the measured pixels.
     nodes_deg : ndarray, shape (n, m)
-        Incidence angles that represent each bin: quantiles at the middles of m equal shares of its pixels [deg].
+        Incidence angles that represent each bin [deg]: quantiles in the middles of m equal shares of the bin's pixels.
     speckle_db2 : ndarray, shape (n,)
-        Variance of the measured pixels of one cell at equal incidence [dB^2]: the part of the variance that another
-        image of the same ground would show anew.
+        Variance in each bin of the measured pixels of one cell at equal incidence [dB^2]: the part of the variance that
+        would be random again in another image of the same ground.
     """
 
     edges_deg: NDArray[np.float64]
@@ -62,32 +62,38 @@ class Classes:
 
     @property
     def effective(self) -> NDArray[np.float64]:
-        """Number of independent pixels whose mean has the variance of the mean of a bin, shape (n,)."""
+        """Effective sample size of each bin, shape (n,).
+
+        The effective sample size is the number of independent pixels whose mean has the same variance as the mean of
+        the correlated pixels.
+        """
         return np.asarray(1.0 / np.diagonal(self.pairs[0]))
 
     def compared(self, draws: int) -> Classes:
-        """Bins of which the difference from a run is looked at, which shows the same pixels with draws of speckle.
+        """Bins for a comparison with a run that shows the same pixels in several draws of speckle.
 
-        The difference varies 1 + 1 / draws times as much as the measured statistics.
+        The difference between measured and simulated statistics has 1 + 1 / draws times the variance of the measured
+        statistics.
         """
         return replace(self, pairs=(1.0 + 1.0 / draws) * self.pairs)
 
     def shares(self, label: NDArray[np.int64], labels: int) -> NDArray[np.float64]:
-        """Share of each incidence-angle bin's pixels in each labelled area, shape (n, labels)."""
+        """Share of the pixels of each incidence-angle bin that lie in each labelled area, shape (n, labels)."""
         joint = np.bincount(self.member * labels + label, minlength=self.size * labels)
         return np.asarray(joint.reshape(self.size, labels) / self.count[:, None])
 
 
 def incidence_edges(incidence_deg: ArrayLike, classes: int | Literal["auto"]) -> NDArray[np.float64]:
-    """Edges of incidence-angle bins that each hold about the same number of pixels.
+    """Edges of incidence-angle bins that hold about equal numbers of pixels.
 
     Parameters
     ----------
     incidence_deg : array_like, shape (n,)
         Local incidence of a material's target pixels [deg].
     classes : int or 'auto'
-        Number of bins; ``auto``: one for every 2 degrees between the 5 % and 95 % quantiles, 4 to 8. There are fewer
-        where a bin would hold fewer than 30 pixels, or where many pixels share one angle.
+        Number of bins; with ``auto``, one bin for every 2 degrees between the 5 % and 95 % quantiles of the angles, but
+        at least 4 and at most 8. The number of bins is smaller if a bin would hold fewer than 30 pixels, or if many
+        pixels have the same angle.
 
     Returns
     -------
@@ -97,7 +103,7 @@ def incidence_edges(incidence_deg: ArrayLike, classes: int | Literal["auto"]) ->
     Raises
     ------
     MeasurementError
-        No pixels, or angles that are not finite.
+        There are no pixels, or an angle is not finite.
     """
     angle = np.sort(np.asarray(incidence_deg, dtype=np.float64))
     if angle.size == 0 or not np.isfinite(angle).all():
@@ -141,8 +147,8 @@ def class_cumulants(values_db: ArrayLike, member: NDArray[np.int64], size: int) 
     Returns
     -------
     ndarray, shape (size, 3)
-        Mean [dB], variance [dB^2], third central moment [dB^3]; not corrected for their biases of order 1/n. Equal
-        pixels, as in a filled image, have a variance of 1e-6.
+        Mean [dB], variance [dB^2] and third central moment [dB^3], not corrected for biases of order 1/n. The variance
+        is at least 1e-6 dB^2, even if all pixels are equal.
     """
     values = np.asarray(values_db, dtype=np.float64)
     count = np.bincount(member, minlength=size)
@@ -170,10 +176,10 @@ def make_classes(
     classes : int or 'auto'
         Number of bins, as for :func:`incidence_edges`.
     pairs : callable
-        Correlation of the pixels by bin, as :meth:`radcal.measurement.ground.Ground.pairs` gives it; independent
-        pixels if missing.
+        Function that gives the correlations of the pixels by bin, such as
+        :meth:`radcal.measurement.ground.Ground.pairs`; by default the pixels are independent.
     cells : ndarray of int, shape (pixels,), optional
-        Cell of each pixel, from 0; one cell if missing.
+        Number of each pixel's cell, from 0; by default all pixels lie in one cell.
 
     Returns
     -------
@@ -182,7 +188,7 @@ def make_classes(
     Raises
     ------
     MeasurementError
-        No pixels, or angles that are not finite.
+        There are no pixels, or an angle is not finite.
     """
     angle = np.asarray(incidence_deg, dtype=np.float64)
     edges = incidence_edges(angle, classes)
@@ -209,7 +215,7 @@ def _speckle(
     cells: NDArray[np.int64] | None,
     variance: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Variance about a line in the incidence in each bin, and about the means of cells, with its degrees of freedom."""
+    """Variance in each bin [dB^2] about a straight line in the incidence angle, and about the means of the cells."""
     left = without_trend(values, angle, member)
     freedom = np.bincount(member) - 2.0
     if cells is not None:
@@ -217,15 +223,15 @@ def _speckle(
         left -= (np.bincount(cells, left) / count)[cells]
         freedom = freedom - np.bincount(member, 1.0 / count[cells])
     found = np.bincount(member, left**2) / np.maximum(freedom, 1.0)
-    # cells of few pixels say little of it; what they all have bounds it
+    # with few degrees of freedom the estimate is poor; the variance of all pixels of the bin is an upper bound
     return np.where(freedom < _FREEDOM, variance, np.clip(found, _LEAST_DB2, variance))
 
 
 def winsorised(values_db: ArrayLike, member: NDArray[np.int64]) -> NDArray[np.float64]:
     """Values clipped at 6 robust standard deviations from the median of their incidence-angle bin.
 
-    A pixel whose power is zero except for rounding has -100 dB, and one such pixel would dominate the third moment of a
-    bin.
+    A pixel whose power is zero except for rounding errors has about -100 dB. A single pixel of -100 dB would dominate
+    the third moment of a bin.
 
     Parameters
     ----------

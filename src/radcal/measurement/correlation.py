@@ -1,4 +1,4 @@
-"""Correlation of the pixels of a material: what their number is worth, in all of them and between groups of them."""
+"""Correlation of a material's pixels, effective sample size, and covariances of the means of groups of pixels."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 __all__ = ["Correlation", "estimate_correlation", "independent_pairs", "without_trend"]
 
 REACH_PX = 6  # lag beyond which speckle is assumed to be uncorrelated
-_GROUPS, _GROUP = 24, 30  # groups of incidence in which a mean is taken: their largest number, and their least size
-_SIGNIFICANT = 2.0  # standard errors: noise of 168 lags, which would count if it is positive, adds up otherwise
-_LEAST_SHARE = 0.05  # smallest eigenvalue of the correlations of groups, as share of their smallest variance
+_GROUPS, _GROUP = 24, 30  # groups of pixels of similar incidence: largest number of groups, smallest group
+_SIGNIFICANT = 2.0  # standard errors; without this threshold, the positive noise of 168 lags would add up
+_LEAST_SHARE = 0.05  # smallest eigenvalue of a matrix of groups, as a share of its smallest diagonal element
 _POWERS = 3
 
 Doubles = NDArray[np.float64]
@@ -34,24 +34,25 @@ class Correlation:
     width: int
 
     def pairs(self, pixels: NDArray[np.int64], group: NDArray[np.int64], size: int) -> Doubles:
-        """Mean correlation, its square and its cube over all pairs of pixels of two groups.
+        """Means of the correlation, of its square and of its cube over all pairs of pixels from two groups.
 
-        The mean of a group of n pixels has the variance of a pixel times the first of them, which is 1/n without
-        correlation. The sums of Hermite polynomials of order k of normal values have the k-th.
+        The mean of a group of n pixels has the variance of one pixel times the mean correlation, which is 1/n for
+        uncorrelated pixels. For Hermite polynomials of order k of normally distributed pixel values, the mean of a
+        group has the variance of one pixel times the mean of the k-th power of the correlation.
 
         Parameters
         ----------
         pixels : ndarray of int, shape (n,)
-            Flat indices, increasing.
+            Flat indices of the pixels in the image, increasing.
         group : ndarray of int, shape (n,)
-            Group of each pixel, from 0; each has pixels.
+            Group number of each pixel, from 0; no group is empty.
         size : int
             Number of groups.
 
         Returns
         -------
         ndarray, shape (3, size, size)
-            Positive definite matrices.
+            One positive definite matrix for each of the three powers of the correlation.
 
         References
         ----------
@@ -65,7 +66,7 @@ class Correlation:
         row, column = np.divmod(pixels, self.width)
         for down, across in zip(*np.nonzero(self.lags), strict=True):
             lag = int(down) - REACH_PX, int(across) - REACH_PX
-            if lag <= (0, 0):  # the other half is the same
+            if lag <= (0, 0):  # the opposite lag has the same correlation
                 continue
             inside = (column + lag[1] >= 0) & (column + lag[1] < self.width)
             wanted = (row[inside] + lag[0]) * self.width + column[inside] + lag[1]
@@ -78,18 +79,22 @@ class Correlation:
         return _positive(sums / np.multiply.outer(count, count))
 
     def effective(self, pixels: NDArray[np.int64]) -> float:
-        """Number of independent pixels whose mean has the variance of the mean of these, from 1 to their number."""
+        """Effective sample size of given pixels, from 1 to their number.
+
+        The effective sample size is the number of independent pixels whose mean has the same variance as the mean of
+        the given pixels.
+        """
         together = self.pairs(pixels, np.zeros(pixels.size, dtype=np.int64), 1)[0, 0, 0]
         return float(np.clip(1.0 / together, 1.0, pixels.size))
 
 
 def independent_pairs(group: NDArray[np.int64], size: int) -> Doubles:
-    """The same as :meth:`Correlation.pairs` for pixels without correlation, shape (3, size, size)."""
+    """Result of :meth:`Correlation.pairs` for uncorrelated pixels, shape (3, size, size)."""
     return np.repeat(np.diag(1.0 / np.bincount(group, minlength=size))[None], _POWERS, axis=0)
 
 
 def _positive(matrices: Doubles) -> Doubles:
-    """Matrices with eigenvalues of at least a small share of their smallest diagonal element."""
+    """Matrices whose eigenvalues are raised to at least 5 % of the smallest diagonal element of the matrix."""
     values, vectors = np.linalg.eigh(matrices)
     least = _LEAST_SHARE * np.diagonal(matrices, axis1=1, axis2=2).min(axis=1)
     if (values >= least[:, None]).all():
@@ -100,7 +105,7 @@ def _positive(matrices: Doubles) -> Doubles:
 def estimate_correlation(
     image_db: NDArray[np.float32], inside: NDArray[np.int64], incidence_deg: NDArray[np.float32] | None = None
 ) -> Correlation:
-    """Correlation of a material's pixels.
+    """Correlation of a material's pixels, estimated from an image.
 
     Parameters
     ----------
@@ -109,13 +114,14 @@ def estimate_correlation(
     inside : ndarray of int
         Flat indices of the material's finite pixels.
     incidence_deg : ndarray, shape (rows, columns), optional
-        Local incidence [deg]. The mean of the material at each incidence is subtracted, because what any law explains
-        is no correlation of the pixels; without it, the mean of the whole material.
+        Local incidence angle [deg]. The material's mean level at each incidence angle is subtracted, because a law can
+        explain the variation of this level with the angle. If missing, the mean of the whole material is subtracted.
 
     Returns
     -------
     Correlation
-        At lags that are connected with the lag of 0 by significant correlations (two standard errors).
+        Correlation at the lags that are connected with lag 0 by lags of significant correlation (two standard errors),
+        and 0 at all other lags.
 
     References
     ----------
@@ -133,7 +139,7 @@ def estimate_correlation(
     size = tuple(fft.next_fast_len(n + REACH_PX + 1, real=True) for n in shape)
 
     def pairs(values: Doubles) -> Doubles:
-        """Sum of products of all pairs of pixels at each lag, in both directions."""
+        """Sums of the products of all pairs of pixels at each lag, from -6 to 6 rows and columns."""
         spectrum = fft.rfft2(values, s=size)
         lags = fft.irfft2(np.abs(spectrum) ** 2, s=size)
         window = np.arange(-REACH_PX, REACH_PX + 1)
@@ -146,7 +152,7 @@ def estimate_correlation(
     values[inside] = without_trend(of_material, angle, _groups(angle, 1 if incidence_deg is None else _GROUPS))
     count, products = pairs(there.reshape(shape)).round(), pairs(values.reshape(shape))
     variance = products[REACH_PX, REACH_PX] / inside.size
-    if variance <= 0.0:  # one level everywhere
+    if variance <= 0.0:  # all pixels are equal
         return Correlation(np.ones_like(alone), shape[1])
     correlation = np.where(count > 0.0, products / np.maximum(count, 1.0), 0.0) / variance
     # covariance at the largest lags comes from changes of level within the material, not from speckle
@@ -155,13 +161,13 @@ def estimate_correlation(
     floor = float(np.mean(correlation[edge & (count > 0.0)])) if np.any(edge & (count > 0.0)) else 0.0
     correlation = np.clip((correlation - floor) / max(1.0 - floor, 1e-6), 0.0, 1.0)
     noise = 1.0 / np.maximum(count, 1.0)
-    wide = np.maximum(correlation**2 - noise, 0.0).sum()  # sum of the squares, as Bartlett's variance has it
+    wide = np.maximum(correlation**2 - noise, 0.0).sum()  # sum of squared correlations, as in Bartlett's formula
     significant, _ = label(correlation > _SIGNIFICANT * np.sqrt(wide * noise))
     return Correlation(np.where(significant == significant[REACH_PX, REACH_PX], correlation, 0.0), shape[1])
 
 
 def without_trend(values: Doubles, incidence_deg: Doubles, group: NDArray[np.int64]) -> Doubles:
-    """Values minus a straight line in the incidence in each group of pixels, shape (pixels,)."""
+    """Residuals of values from a straight line in the incidence angle, fitted to each group, shape (pixels,)."""
     count = np.maximum(np.bincount(group), 1)
     away = incidence_deg - (np.bincount(group, incidence_deg) / count)[group]
     level = values - (np.bincount(group, values) / count)[group]
@@ -170,7 +176,7 @@ def without_trend(values: Doubles, incidence_deg: Doubles, group: NDArray[np.int
 
 
 def _groups(incidence_deg: ArrayLike, most: int) -> NDArray[np.int64]:
-    """Groups of pixels of about equal size and alike incidence, shape (pixels,)."""
+    """Group number of each pixel; groups have about equal sizes and hold similar incidence angles, shape (pixels,)."""
     order = np.argsort(np.asarray(incidence_deg), kind="stable")
     count = max(1, min(most, order.size // _GROUP))
     group = np.empty(order.size, dtype=np.int64)

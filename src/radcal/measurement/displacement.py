@@ -1,7 +1,7 @@
-"""Displacement fields between two images: warp, invert, compose.
+"""Displacement fields between two images: image warping, inversion and composition.
 
-A field ``d`` has shape (2, rows, columns): the ground that pixel x of the fixed image shows is shown by pixel x + d(x)
-of the moving image; axis 0 of ``d`` is along rows, axis 1 along columns.
+A displacement field ``d`` has shape (2, rows, columns): ``d[0]`` is the displacement in rows, ``d[1]`` in columns
+[pixels]. Pixel x of the fixed image and position x + d(x) of the moving image show the same ground.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ def warp(image: NDArray[np.float32], displacement: NDArray[np.float64], order: i
     displacement : ndarray, shape (2, rows, columns)
         Field [pixels].
     order : {0, 1}
-        Order of interpolation: 0 takes the nearest pixel, which keeps the statistics of speckle; 1 is linear, which
-        lowers its variance.
+        Order of interpolation: 0 takes the nearest pixel, which keeps the statistics of speckle; 1 interpolates
+        linearly, which lowers the variance of speckle.
 
     Returns
     -------
@@ -73,12 +73,12 @@ def invert(displacement: NDArray[np.float64]) -> NDArray[np.float64]:
     Returns
     -------
     ndarray, shape (2, rows, columns)
-        Displacement e with e(y) = -d(y + e(y)).
+        Displacement field e that satisfies e(y) = -d(y + e(y)).
 
     Raises
     ------
     ValueError
-        The iteration does not converge to 0.001 pixels, because the field folds.
+        The iteration does not converge to 0.001 pixels, because the displacement field folds and has no inverse.
 
     References
     ----------

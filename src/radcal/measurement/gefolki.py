@@ -5,14 +5,16 @@ field by Gauss-Newton steps from coarse to fine scales (Plyer, Colin-Koeniguer a
 algorithm for recent applications on urban SAR images", IEEE GRSL 12 (2015); Brigot et al., "Adaptation and evaluation
 of an optical flow method applied to coregistration of forest remote sensing images", IEEE JSTARS 9 (2016)).
 
-This module differs from the papers in two points. First, the papers solve for the displacement of each pixel in
-shrinking windows. In speckle, most of the gradient in a window is noise, and the best size of the window depends on the
-smoothness of the displacement, which is not known beforehand. This module therefore estimates one field for the whole
-image, a Gaussian process. Its standard deviation and correlation length are those under which the images are most
-probable (:mod:`radcal.measurement.spline_field`). Second, the papers choose between contrast and inverted contrast.
-This module weights each pixel by the likelihood of the local correlation of the images, of either sign, so that
-homogeneous ground, where both images hold only speckle, adds no noise. The last steps weight spatial frequencies in the
-same way (``benchmarks/registration.py`` gives the figures).
+This module differs from the two papers on GeFolki in two points. First, the papers solve for the displacement of each
+pixel from windows that shrink from step to step. In speckle, most of the gradient in a window is noise, and the best
+size of the window depends on the smoothness of the displacement, which is not known beforehand. This module therefore
+estimates one displacement field for the whole image, with a Gaussian process as prior. The standard deviation and the
+correlation length of the prior are those under which the images are most probable
+(:mod:`radcal.measurement.spline_field`). Second, the papers choose between equal and inverted contrast of the two
+images. This module weights each pixel by the likelihood of two images with the observed local correlation, which may be
+positive or negative. With this weight, homogeneous ground, where both images hold only speckle, adds no noise. In the
+last steps, spatial frequencies are weighted by their coherence, so that frequencies that hold only speckle add no
+noise, either. ``benchmarks/registration.py`` measures the accuracy of the displacement field.
 """
 
 from __future__ import annotations
@@ -38,30 +40,30 @@ _COARSEST_PX = 96
 _LEVELS = 4
 _WINDOW_PX = 33
 _HIGHEST = 0.8  # largest local correlation that is counted
-_SHARED = 0.2  # smallest one in the curvature of the cost
-_START = Prior(spread_px=3.0, length_px=256.0)  # smooth, so that the first steps go the right way
+_SHARED = 0.2  # smallest local correlation in the curvature of the cost
+_START = Prior(spread_px=3.0, length_px=256.0)  # a smooth field, so that the first steps converge
 _STEPS_COARSEST = 4
 _STEPS = 2
 _STEPS_MATCHED = 4
-_MISFIT = 1.2  # actual over posterior standard error: local correlations come from the same fit
+_MISFIT = 1.2  # ratio of actual to posterior standard error; the local correlations come from the same fit
 _NOISE_CELLS = 2  # side of the blocks whose gradients scatter independently [cells]
 _NOISE = 1.5  # factor on the noise: neighbouring blocks are correlated, and their scatter underestimates it
 
 
 def rank_transform(image_db: NDArray[np.float32], radius: int = _RANK_RADIUS) -> NDArray[np.float32]:
-    """Rank of each pixel's value among those of its neighbours.
+    """Rank of each pixel's value among the values of the neighbouring pixels.
 
     Parameters
     ----------
     image_db : ndarray, shape (rows, columns)
-        Backscatter [dB] (any monotonic scale gives the same ranks), NaN where there is none.
+        Backscatter [dB], NaN where a pixel has no value. Any monotonic scale gives the same ranks.
     radius : int
         Half width of the square neighbourhood [pixels].
 
     Returns
     -------
     ndarray of float32, shape (rows, columns)
-        Rank from -1 (smallest of the neighbourhood) to 1 (largest); 0 where there is no value.
+        Rank from -1 (smallest of the neighbourhood) to 1 (largest); 0 where a pixel has no value.
     """
     from skimage.filters.rank import equalize  # the local histogram's distribution function at the centre
 
@@ -89,14 +91,14 @@ def _halved(image_db: NDArray[np.float32]) -> NDArray[np.float32]:
 def local_correlation(
     first: NDArray[np.float32], second: NDArray[np.float32], window_px: int = _WINDOW_PX
 ) -> NDArray[np.float32]:
-    """Local correlation of two zero-mean images in windows.
+    """Local correlation of two zero-mean images in square windows.
 
     Parameters
     ----------
     first, second : ndarray, shape (rows, columns)
-        Rank transforms, 0 where there is no value.
+        Rank transforms, 0 where a pixel has no value.
     window_px : int
-        Width of the window.
+        Width of the window [pixels].
 
     Returns
     -------
@@ -126,7 +128,8 @@ class Level:
     fixed, moving : ndarray of float32, shape (rows, columns)
         Rank transforms.
     weight, there : ndarray of float32, shape (rows, columns)
-        1 where the fixed image (``weight``), the moving image (``there``) has a value, else 0.
+        ``weight`` is 1 where the fixed image has a value, and ``there`` is 1 where the moving image has a value; both
+        are 0 elsewhere.
     """
 
     scale: int
@@ -136,7 +139,7 @@ class Level:
     there: NDArray[np.float32]
 
     def mirrored(self, along: slice, across: slice) -> Level:
-        """Level with the moving image mirrored."""
+        """Level whose moving image is mirrored, by slices for its rows and columns."""
         return replace(self, moving=self.moving[along, across], there=self.there[along, across])
 
 
@@ -166,7 +169,7 @@ def pyramid(fixed_db: NDArray[np.float32], moving_db: NDArray[np.float32]) -> li
     Parameters
     ----------
     fixed_db, moving_db : ndarray, shape (rows, columns)
-        Backscatter [dB], NaN where there is none.
+        Backscatter [dB], NaN where a pixel has no value.
     """
     levels: list[Level] = []
     while True:
@@ -197,13 +200,13 @@ def _step(level: Level, field: NDArray[np.float64]) -> list[NDArray[np.float64]]
     # the share r of both images' gradients is common; the rest is noise without curvature
     curved = weight * np.maximum(r, _SHARED)
     products = (curved * along**2, curved * along * across, curved * across**2, along * difference, across * difference)
-    # in pixels of the full image a step is larger by the scale, a gradient smaller
+    # in pixels of the full image, a step is larger and a gradient is smaller by the factor ``scale``
     units = (noise * level.scale**power + 1e-12 for power in (2, 2, 2, 1, 1))
     return [_cell_sums(product.astype(np.float64)) / unit for product, unit in zip(products, units, strict=True)]
 
 
 def _data(lattice: Lattice, level: Level, coefficients: NDArray[np.float64], start: NDArray[np.float64]) -> Data:
-    """Log-likelihood of the coefficients minus ``start``, as a quadratic approximation about given coefficients.
+    """Quadratic approximation, about given coefficients, of the log-likelihood as a function of coefficients - start.
 
     The noise is estimated from the scatter of the log-likelihood's gradients between blocks of the image (White,
     Econometrica 50 (1982), eq. 3.2).
@@ -226,8 +229,8 @@ def _matched(level: Level, field: NDArray[np.float64]) -> Level:
     """Both images filtered so that each spatial frequency is weighted by its coherence.
 
     The weights are the maximum-likelihood weights of Knapp and Carter, "The generalized correlation method for
-    estimation of time delay", IEEE TASSP 24 (1976), eq. 39. They are computed from the spectra of the fixed image and
-    of the moving image, displaced by ``field``.
+    estimation of time delay", IEEE TASSP 24 (1976), eq. 39. The weights are computed from the spectra of the fixed
+    image and of the moving image, which is first displaced by ``field``.
     """
     fixed, moving = level.fixed, level.moving
     at = np.indices(fixed.shape, dtype=np.float64) + field
@@ -270,11 +273,11 @@ def find_flow(
     levels : list of Level
         From :func:`pyramid`.
     keep : ndarray of bool, shape (rows, columns), optional
-        Pixels of the fixed image that are used.
+        Pixels of the fixed image that are used; by default all.
     start : ndarray, shape (2,), optional
-        Shift at which the search starts [pixels].
+        Shift in rows and columns at which the search starts [pixels].
     prior : Prior, optional
-        Size and smoothness of the field, chosen from the images if missing.
+        Standard deviation and correlation length of the field; by default they are estimated from the images.
     """
     lattice = Lattice((levels[0].fixed.shape[0], levels[0].fixed.shape[1]))
     origin = np.zeros((2, *lattice.size))
@@ -282,7 +285,7 @@ def find_flow(
         origin += np.asarray(start, dtype=np.float64)[:, None, None]
     if keep is not None:
         levels = _restricted(levels, keep)
-    with threadpool_limits(1):  # a fixed order of the sums
+    with threadpool_limits(1):  # one thread, for a fixed order of sums
         return _found(lattice, levels, origin, prior)
 
 
@@ -321,11 +324,11 @@ def gefolki(
     Parameters
     ----------
     fixed_db, moving_db : ndarray, shape (rows, columns)
-        Backscatter [dB], NaN where there is none. At least 32 x 32 pixels.
+        Backscatter [dB], NaN where a pixel has no value. At least 32 x 32 pixels.
     keep : ndarray of bool, shape (rows, columns), optional
-        Pixels of the fixed image that are used.
+        Pixels of the fixed image that are used; by default all.
     start : ndarray, shape (2,), optional
-        Shift at which the search starts [pixels].
+        Shift in rows and columns at which the search starts [pixels].
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Positions of places in an image in ground range, from the orbit and the slant range of the image (range-Doppler)."""
+"""Positions of places on the ground in a ground-range image, from orbit and slant range (range-Doppler geocoding)."""
 
 from __future__ import annotations
 
@@ -19,14 +19,15 @@ _DONE_S = 1e-7  # a millimetre of the flight
 
 @dataclass(frozen=True)
 class Look:
-    """How the radar sees places.
+    """Incidence angle, directions of flight and look, and altitude of the radar, for places on the ground.
 
     Attributes
     ----------
     incidence_deg : ndarray, shape (k,)
         Angle between the normal of the ellipsoid and the direction to the radar [deg].
     heading_deg : ndarray, shape (k,)
-        Direction of the flight, across the look direction over the ground, clockwise from true north [deg, 0 to 360].
+        Direction of the flight, at right angles to the look direction over the ground, clockwise from true north [deg,
+        0 to 360].
     right : ndarray of bool, shape (k,)
         Whether the radar looks to the right of its flight.
     altitude_m : ndarray, shape (k,)
@@ -41,24 +42,25 @@ class Look:
 
 @dataclass(frozen=True)
 class GroundRange:
-    """Orbit of an image, and conversion of slant range to the pixels of its lines.
+    """Orbit of an image, and conversion from slant range to the pixels of the image's lines.
 
-    Times are counted from the first line [s].
+    All times are counted from the time of the first line of the image [s].
 
     Attributes
     ----------
     orbit_s : ndarray, shape (n,)
         Times of the state vectors, ascending, n >= 4.
     position_m, velocity_m_s : ndarray, shape (n, 3)
-        State vectors in geocentric coordinates that turn with the earth (WGS 84).
+        Positions and velocities of the radar in geocentric coordinates that turn with the earth (WGS 84).
     line_s : float
-        Time between two lines.
+        Time between two neighbouring lines.
     conversion_s : ndarray, shape (m,)
-        Times of the polynomials, ascending; between two of them ground range is interpolated linearly.
+        Times for which the polynomials of ``coefficients`` hold, ascending; between two of these times, ground range is
+        interpolated linearly.
     near_m : ndarray, shape (m,)
-        Slant range from which each polynomial counts [m].
+        Slant range that is subtracted before each polynomial is evaluated [m].
     coefficients : ndarray, shape (m, c)
-        Ground range [m] as a polynomial of slant range [m], lowest power first.
+        Coefficients of the polynomials that give ground range [m] from slant range [m], lowest power first.
     range_spacing_m : float
         Pixel spacing in ground range [m].
     shape : (int, int)
@@ -81,7 +83,7 @@ class GroundRange:
     shape: tuple[int, int]
 
     def positions(self, longitude_deg: Array, latitude_deg: Array, height_m: Array) -> tuple[Array, Array]:
-        """Line and pixel at which the image shows places.
+        """Line and pixel at which the image shows each of the given places.
 
         Parameters
         ----------
@@ -93,7 +95,7 @@ class GroundRange:
         Returns
         -------
         line, pixel : ndarray, shape (k,)
-            Position; pixel centres are at whole numbers. NaN for places that the image does not show.
+            Positions in the image, with pixel centres at whole numbers; NaN for places that the image does not show.
         """
         place = _geocentric(longitude_deg, latitude_deg, height_m)
         time = self._zero_doppler(place)
@@ -104,7 +106,7 @@ class GroundRange:
         return np.where(inside, line, np.nan), np.where(inside, pixel, np.nan)
 
     def look(self, longitude_deg: Array, latitude_deg: Array, height_m: Array) -> Look:
-        """Incidence and directions of flight and look at places; parameters as for :meth:`positions`."""
+        """Incidence angle, flight direction, look side and altitude for places; parameters as in :meth:`positions`."""
         place = _geocentric(longitude_deg, latitude_deg, height_m)
         time = self._zero_doppler(place)
         radar, velocity = self._orbit(time), self._orbit(time, 1)
@@ -127,24 +129,24 @@ class GroundRange:
     def _orbit(self) -> Any:
         from scipy.interpolate import CubicHermiteSpline
 
-        # between state vectors 10 s apart the error is below a millimetre
+        # between state vectors 10 s apart, the interpolation error is below a millimetre
         return CubicHermiteSpline(self.orbit_s, self.position_m, self.velocity_m_s)
 
     def _zero_doppler(self, place: Array) -> Array:
-        """Time at which the direction to a place is across the velocity [s]; by Newton's method."""
+        """Time at which the line of sight to a place is perpendicular to the velocity [s], by Newton's method."""
         time = np.full(place.shape[:-1], 0.5 * self.shape[0] * self.line_s)
         first, last = self.orbit_s[0], self.orbit_s[-1]
         for _ in range(_STEPS):
             ray, velocity = place - self._orbit(time), self._orbit(time, 1)
             slope = (ray * self._orbit(time, 2)).sum(-1) - (velocity**2).sum(-1)
             step = (ray * velocity).sum(-1) / slope
-            time = np.clip(time - step, first, last)  # places far from the image end at the orbit's ends
+            time = np.clip(time - step, first, last)  # for places far from the image the result is an end of the orbit
             if np.abs(step).max(initial=0.0) < _DONE_S:
                 break
         return time
 
     def _ground_range(self, time: Array, slant_m: Array) -> Array:
-        """Ground range from the first pixel [m]."""
+        """Ground range, counted from the first pixel of a line [m]."""
         before = np.clip(np.searchsorted(self.conversion_s, time, side="right") - 1, 0, len(self.conversion_s) - 1)
         ground = np.empty_like(slant_m)
         for k in np.unique(before):

@@ -10,17 +10,26 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.config import FileMeasurement
+from radcal.config import FileMeasurement, Radar
 from radcal.errors import MeasurementError
 from radcal.measurement.readers import Places, read_raster
 from radcal.reading.arrays import is_raster
 from radcal.reading.rasters import open_raster
-from radcal.scene.crs import crs_of
+from radcal.scene.crs import crs_of, horizontal, pixel_size_m
 
 if TYPE_CHECKING:
     from pyproj import CRS
 
-__all__ = ["GeoreferencedImage", "is_georeferenced", "places_on_ground", "read_georeferenced", "values_at_ground"]
+__all__ = [
+    "GeoreferencedImage",
+    "check_spacing",
+    "is_georeferenced",
+    "places_on_ground",
+    "read_georeferenced",
+    "values_at_ground",
+]
+
+_FAR_OFF = 5.0  # largest ratio of pixel spacing to pixel size, or of pixel size to pixel spacing
 
 
 @dataclass(frozen=True)
@@ -32,7 +41,7 @@ class GeoreferencedImage:
     path : path
         Path of the file, for messages.
     values : ndarray, shape (rows, columns)
-        Numbers as read, NaN where the file has none.
+        Numbers as read from the file, NaN where the file has no data.
     transform : affine.Affine
         Affine transform from (column, row) of pixel corners to coordinates.
     crs : pyproj.CRS
@@ -48,15 +57,14 @@ class GeoreferencedImage:
 def is_georeferenced(path: Path, folders: Sequence[Path] = ()) -> bool:
     """Whether a file is a raster with a CRS and a transform from its pixels to coordinates in this CRS.
 
-    The answer is False for a file that cannot be read; the function that reads the file later raises an error with the
-    reason.
+    For a file that cannot be read, the function returns False; the function that reads the file later raises an error.
 
     Parameters
     ----------
     path : path
-        Any measured image.
+        Path of a measured image of any format.
     folders : sequence of path
-        Folders in which the sources of a VRT may lie, besides its own.
+        Folders that may contain the source files of a VRT, besides the folder of the VRT.
     """
     if not is_raster(path):
         return False
@@ -65,6 +73,40 @@ def is_georeferenced(path: Path, folders: Sequence[Path] = ()) -> bool:
             return not raster.transform.is_identity and crs_of(raster) is not None
     except Exception:  # the libraries' exceptions for damaged files have no common base class
         return False
+
+
+def check_spacing(path: Path, radar: Radar, folders: Sequence[Path] = ()) -> None:
+    """Refuse pixel spacings that are much larger or smaller than the pixels of a georeferenced image.
+
+    If the pixels of the image were much larger than the spacings, each pixel would be used many times, as if its copies
+    were independent. If the pixels of the image were much smaller, most pixels would not be used.
+
+    Parameters
+    ----------
+    path : path
+        File for which :func:`is_georeferenced` is true.
+    radar : Radar
+        Pixel spacings.
+    folders : sequence of path
+        Folders that may contain the source files of a VRT, besides the folder of the VRT.
+
+    Raises
+    ------
+    MeasurementError
+        A spacing on the ground is more than five times the mean side of the image's pixels, or less than a fifth of it.
+    """
+    with open_raster(path, folders) as raster:
+        crs = crs_of(raster)
+        sides = pixel_size_m(raster, horizontal(crs)) if crs is not None else (1.0, 1.0)
+    side = float(np.sqrt(sides[0] * sides[1]))
+    for way, per_ground in (("range", radar.slant_per_ground), ("azimuth", 1.0)):
+        spacing = getattr(radar, f"{way}_spacing_m")
+        if not 1.0 / _FAR_OFF <= spacing / per_ground / side <= _FAR_OFF:
+            ground = f" ({spacing / per_ground:.3g} m on the ground)" if way == "range" else ""
+            raise MeasurementError(
+                f"radar.{way}_spacing_m is {spacing:g}{ground}, the pixels of {path} are {sides[0]:.3g} x "
+                f"{sides[1]:.3g} m: expected about {per_ground * side:.3g}, at most {_FAR_OFF:g} times more or less."
+            )
 
 
 def read_georeferenced(path: Path, config: FileMeasurement, places: Places | None = None) -> GeoreferencedImage:
@@ -77,7 +119,8 @@ def read_georeferenced(path: Path, config: FileMeasurement, places: Places | Non
     config : FileMeasurement
         Band.
     places : callable, optional
-        Function from a CRS to the coordinates of interest; only the rectangle around them is read.
+        Function that returns the coordinates of interest in a given CRS; only the rectangle around these coordinates is
+        read.
 
     Raises
     ------
@@ -101,14 +144,14 @@ def places_on_ground(
     Parameters
     ----------
     crs, transform, ground
-        As :func:`values_at_ground` takes them.
+        Arguments of :func:`values_at_ground`.
     other : pyproj.CRS
         CRS of the coordinates.
 
     Returns
     -------
     x, y : ndarray, shape (pixels that show a place,)
-        Infinite outside the domain of the other CRS.
+        Coordinates; infinite outside the domain of the CRS ``other``.
     """
     from pyproj import CRS, Transformer
 
@@ -127,14 +170,14 @@ def values_at_ground(
     Parameters
     ----------
     image : GeoreferencedImage
-        Terrain-corrected image, so that every pixel shows the ground at its place on the map.
+        Terrain-corrected image, in which every pixel shows the ground at the pixel's map coordinates.
     crs : str
         The scene's CRS.
     transform : sequence of 6 float
-        The scene's affine a, b, c, d, e, f from (column, row) of cell corners to coordinates.
+        Coefficients a, b, c, d, e, f of the scene's affine transform from (column, row) of cell corners to coordinates.
     ground : ndarray, shape (2, rows, columns)
-        Scene row and column that each pixel of the scene's image shows, in cells with cell
-        centres at integers; NaN where it shows none.
+        Scene row and column that each pixel of the scene's image shows, with cell centres at whole numbers; NaN where a
+        pixel shows no ground.
 
     Returns
     -------
@@ -151,7 +194,7 @@ def values_at_ground(
     shown = np.isfinite(ground).all(axis=0)
     x, y = places_on_ground(crs, transform, ground, image.crs)
     inverse = ~image.transform
-    # nearest pixels: a mean of n neighbours has 1/n of speckle's variance, which the target density must keep
+    # nearest pixels: a mean of n neighbours would have only 1/n of the speckle variance that the target must keep
     at_column = np.floor(inverse.a * x + inverse.b * y + inverse.c)
     at_row = np.floor(inverse.d * x + inverse.e * y + inverse.f)
     rows, columns = image.values.shape

@@ -1,4 +1,4 @@
-"""Goodness of fit of a skew normal."""
+"""Goodness of fit of a skew normal to a sample of backscatter values."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ class Goodness:
     Attributes
     ----------
     ks : float
-        Kolmogorov-Smirnov distance, the largest difference of the distribution functions.
+        Kolmogorov-Smirnov distance, the largest difference between the distribution functions of sample and fit.
     ks_p : float
         p-value: share of bootstrap samples with a larger distance to their own fit.
     ad : float
-        Anderson-Darling statistic, which weighs the tails more.
+        Anderson-Darling statistic, which gives the tails more weight than ``ks`` does.
     ad_p : float
         p-value of ``ad``.
     """
@@ -58,9 +58,9 @@ def goodness_of_fit(
 ) -> Goodness:
     """Compare a sample with the skew normal fitted to it, by parametric bootstrap.
 
-    The parameters are estimated from the sample with which the fit is compared, so that tables of p-values for known
-    parameters do not apply. Therefore a skew normal is fitted to each bootstrap sample, too, and the p-values follow
-    from these fits.
+    The parameters are estimated from the sample itself, so that tables of p-values for known parameters do not apply.
+    Therefore a skew normal is fitted to each bootstrap sample, too, and the p-values follow from the distances between
+    these samples and their fits.
 
     Parameters
     ----------
@@ -71,10 +71,10 @@ def goodness_of_fit(
     rng : Generator
         Random generator of the bootstrap samples.
     effective : float, optional
-        Number of independent values that the sample stands for; the bootstrap samples have
-        that many, and their Anderson-Darling statistics are compared per value.
+        Effective sample size, by default the number of values. The bootstrap samples have this size, and
+        Anderson-Darling statistics are divided by the sample size before they are compared.
     draws : int
-        Bootstrap samples.
+        Number of bootstrap samples.
     penalised : bool
         Whether the parameters are from a penalised fit; the bootstrap samples are then fitted in the same way.
 

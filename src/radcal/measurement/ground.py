@@ -19,16 +19,16 @@ __all__ = ["Blocks", "Ground"]
 
 @dataclass(frozen=True)
 class Blocks:
-    """Blocks of an image, like the squares of a chessboard; each is used for the calibration or held out as a whole.
+    """Blocks of an image, like the squares of a chessboard; a whole block is used for the calibration or held out.
 
     Attributes
     ----------
     rows : int
-        Image rows of a block.
+        Number of image rows in a block.
     part_rows : int
-        Image rows of a part of a block, whose mean is predicted; a divisor of ``rows``.
+        Number of image rows in a part of a block, a divisor of ``rows``; predictions are made for the means of parts.
     columns : int, optional
-        Image columns of a block; all of them if missing.
+        Number of image columns in a block; by default all columns of the image.
     """
 
     rows: int
@@ -37,7 +37,7 @@ class Blocks:
 
     @classmethod
     def of(cls, validation: Validation | None, rows: int = 0) -> Blocks:
-        """Blocks as configured; by default two parts of 10 rows or more per block, and at most 50 parts per image."""
+        """Blocks as configured; by default, a block has two parts of at least 10 rows, and an image up to 50 parts."""
         if validation is not None:
             return cls(validation.rows, validation.means, validation.columns)
         part = max(10, -(-rows // 50))
@@ -61,7 +61,7 @@ class Blocks:
         return np.asarray(block * self.parts + row % self.rows // self.part_rows)
 
     def kept(self, part: NDArray[np.int64], keep: Literal["even", "odd", "both", "fields"]) -> NDArray[np.bool_]:
-        """Whether each part is used for the calibration: parts of blocks with even numbers, odd numbers, or all."""
+        """Whether each part is used for the calibration: ``keep`` selects even blocks, odd blocks, or all blocks."""
         if keep in ("both", "fields"):
             return np.ones(part.shape, dtype=np.bool_)
         return np.asarray(part // self.parts % 2 == (0 if keep == "even" else 1))
@@ -69,7 +69,7 @@ class Blocks:
 
 @dataclass(frozen=True)
 class Ground:
-    """Pixels of one material to which a law is fitted, or with which it is compared.
+    """Pixels of one material to which a law is fitted, or with which a law is compared.
 
     Attributes
     ----------
@@ -80,11 +80,11 @@ class Ground:
     patch, block : ndarray of int, shape (pixels,)
         Field (connected area), and part of a block of the image (see :class:`Blocks`), of each pixel.
     pixels : ndarray of int64, shape (pixels,), optional
-        Flat image indices, increasing.
+        Flat indices of the pixels in the image, increasing.
     correlation : Correlation, optional
-        Correlation of the material's pixels; without it they are independent.
+        Correlation of the material's pixels; by default the pixels are independent.
     error_deg : ndarray, shape (pixels,), optional
-        Standard error of the local incidence of each pixel [deg]; missing where one number holds for all.
+        Standard error of the local incidence angle of each pixel [deg]; missing if one number holds for all pixels.
     """
 
     values_db: NDArray[np.float64]
@@ -102,20 +102,20 @@ class Ground:
 
     @cached_property
     def sampling(self) -> NDArray[np.float64]:
-        """Sampling variance of each cell's mean at its incidence [dB^2], which the spread by a law is no part of."""
+        """Sampling variance of each cell's mean [dB^2], without the variation of the level with the incidence angle."""
         member = class_of(self.incidence_deg, incidence_edges(self.incidence_deg, "auto"))
         left = without_trend(self.values_db, self.incidence_deg, member)
         return self.cells.sampling_variance(left, self.independent)
 
     @cached_property
     def independent(self) -> float:
-        """Number of independent pixels for each pixel, at most 1."""
+        """Ratio of the effective sample size to the number of pixels, at most 1."""
         if self.correlation is None or self.pixels is None or not self.pixels.size:
             return 1.0
         return self.correlation.effective(self.pixels) / self.pixels.size
 
     def pairs(self, group: NDArray[np.int64], size: int) -> NDArray[np.float64]:
-        """Mean correlation, its square and its cube over the pairs of pixels of two groups, shape (3, size, size)."""
+        """Means of the first three powers of the correlation of pixels from two groups, shape (3, size, size)."""
         if self.correlation is None or self.pixels is None:
             return independent_pairs(group, size)
         return self.correlation.pairs(self.pixels, group, size)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Levels", "image_levels", "median_and_range", "offset_levels", "pooled_offset"]
+__all__ = ["Levels", "image_levels", "median_and_range", "offset_levels", "pooled_offset", "without_level"]
 
 _NOTABLE_DB = 0.5
 
@@ -20,24 +20,24 @@ class Levels:
     Attributes
     ----------
     normalisation : {'none', 'offset', 'image'}
-        None: values are unchanged. Offset: one level is subtracted from the measured image. Image: each image
-        is mapped to zero median and unit interquartile range.
+        ``none``: values are unchanged. ``offset``: one level is subtracted from the measured image. ``image``: each
+        image is mapped to zero median and unit interquartile range.
     offset_db : float
-        Level of the measured image above the simulated one: that of the reference materials, or for ``image`` the
-        difference of the medians; NaN where it is not known [dB].
+        Level of the measured image minus level of the reference run [dB], estimated from the reference materials, or
+        for ``image`` from the medians; NaN if unknown.
     offset_error_db : float
-        Standard error of the offset, NaN where there is none [dB].
+        Standard error of the offset [dB], NaN if unknown.
     scale : float
-        Interquartile range of the measured image over that of the reference run (``image``), else 1.
+        For ``image``, ratio of the interquartile range of the measured image to that of the reference run; else 1.
     references : tuple of str
-        Materials of fixed law from which the offset is estimated.
+        Materials with a fixed law, from which the offset is estimated.
     measured : (float, float)
         Shift that is subtracted from the measured values, and scale by which they are then divided [dB].
     others_db : ndarray of float32
-        For ``image``: the reference run's valid pixels of all materials that are not calibrated;
-        they are the same in every run except for the influence of neighbouring pixels [dB].
+        For ``image``: valid pixels, in the reference run, of all materials that are not calibrated [dB]. These pixels
+        are the same in every run, except for the influence of neighbouring pixels.
     valid : mapping
-        For ``image``: indices of each calibrated material's valid pixels in a record.
+        For ``image``: indices of each calibrated material's valid pixels among its pixels in a run record.
     """
 
     normalisation: str = "none"
@@ -56,7 +56,7 @@ class Levels:
 
     @property
     def sentence(self) -> str:
-        """Sentence on the level at which the measured image is compared with runs, and on what is assumed for it."""
+        """Sentence that says at which level the measured image is compared with runs, and what this level assumes."""
         if self.normalisation == "image":
             text = (
                 "each image is mapped to zero median and unit interquartile range; the measured one lies "
@@ -80,7 +80,7 @@ class Levels:
 
     @property
     def doubtful(self) -> bool:
-        """Whether the offset is larger than sampling and the fixed laws' errors explain, and is not subtracted."""
+        """Whether an offset that is significant and larger than 0.5 dB is found but not subtracted."""
         return self.normalisation == "none" and abs(self.offset_db) > max(3.0 * self.offset_error_db, _NOTABLE_DB)
 
     def simulated(self, pixels_db: Mapping[str, NDArray[np.float32]]) -> tuple[float, float]:
@@ -103,19 +103,19 @@ class Levels:
 
     @staticmethod
     def apply(values_db: ArrayLike, mapping: tuple[float, float]) -> NDArray[np.float64]:
-        """Map values [dB] by a shift and a scale."""
+        """Subtract a shift [dB] from values [dB], and divide the result by a scale."""
         shift, scale = mapping
         return (np.asarray(values_db, dtype=np.float64) - shift) / scale
 
 
 def median_and_range(values_db: ArrayLike) -> tuple[float, float]:
-    """Median and interquartile range [dB]."""
+    """Median and interquartile range of values [dB]."""
     low, middle, high = np.percentile(np.asarray(values_db, dtype=np.float64), [25.0, 50.0, 75.0])
     return float(middle), float(high - low)
 
 
 def pooled_offset(differences_db: ArrayLike, errors_db: ArrayLike) -> tuple[float, float]:
-    """Level offset pooled over several materials, whose laws may be wrong by more than their sampling errors.
+    """Level offset [dB], pooled over several materials whose laws may be wrong by more than their sampling errors.
 
     Parameters
     ----------
@@ -146,12 +146,12 @@ def pooled_offset(differences_db: ArrayLike, errors_db: ArrayLike) -> tuple[floa
 
 
 def offset_levels(normalisation: str, differences: Mapping[str, tuple[float, float]]) -> Levels:
-    """Levels estimated from the materials whose law is fixed.
+    """Level normalisation from an offset that is estimated from the materials with a fixed law.
 
     Parameters
     ----------
     normalisation : {'none', 'offset'}
-        Whether the offset is subtracted or only reported.
+        ``offset`` if the offset is subtracted, ``none`` if the offset is only reported.
     differences : mapping
         Measured minus simulated mean and its standard error by material [dB].
     """
@@ -173,21 +173,21 @@ def image_levels(
     material: NDArray[np.uint8],
     calibrated: Mapping[str, int],
 ) -> Levels:
-    """Levels that map whole images to zero median and unit interquartile range.
+    """Level normalisation that maps whole images to zero median and unit interquartile range.
 
     Parameters
     ----------
     measured_db, reference_db : ndarray, shape (rows, columns)
-        Registered measurement and reference run [dB].
+        Registered measured image and image of the reference run [dB].
     material : ndarray of uint8, shape (rows, columns)
-        Material id, 0 where there is none or several.
+        Material id of each pixel, 0 where a pixel holds no material or several.
     calibrated : mapping
-        Name to id of the calibrated materials.
+        Material id of each calibrated material, by name.
 
     Returns
     -------
     Levels
-        Levels from the pixels that hold one material and have a measured value in both images.
+        Level normalisation from the pixels that hold a single material and have a measured value.
     """
     valid = (material > 0) & np.isfinite(measured_db)
     others = valid & ~np.isin(material, list(calibrated.values()))
@@ -202,3 +202,8 @@ def image_levels(
         others_db=reference_db[others],
         valid=places,
     )
+
+
+def without_level(image_db: NDArray[np.float32], levels: Levels) -> NDArray[np.float32]:
+    """Measured image [dB] after subtraction of its assumed level."""
+    return image_db - np.float32(0.0 if levels.normalisation == "none" else levels.offset_db)

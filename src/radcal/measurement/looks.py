@@ -23,24 +23,24 @@ __all__ = [
 
 SIDE = 8  # number of independent pixels on a side of a window
 _INDEPENDENT = 1.5  # resolution widths between pixels that are assumed to be independent
-_WINDOWS = 20  # fewer say nothing
+_WINDOWS = 20  # smallest number of windows for an estimate
 _BANDWIDTH = 0.5  # kernel width of the density of log variances, in standard errors of one window
 _DRAWS = 100
 _DB = 10.0 / np.log(10.0)
-_TOO_MANY, _TOO_FEW = 2.0, 0.35  # times the configured looks: no sensor or texture explains factors beyond
+_TOO_MANY, _TOO_FEW = 2.0, 0.35  # times the configured looks: neither sensor nor texture explains more extreme ratios
 _ALIKE = (0.6, 1.3)  # times the configured looks
 
 
 @dataclass(frozen=True)
 class Looks:
-    """Equivalent number of looks.
+    """Equivalent number of looks of an image, with its confidence interval.
 
     Attributes
     ----------
     looks : float
         Equivalent number of looks of the homogeneous areas.
     low, high : float
-        Ends of its 95 % interval.
+        Ends of the 95 % confidence interval of ``looks``.
     windows : int
         Number of windows used.
     """
@@ -76,23 +76,23 @@ def looks_of_log_variance(variance_db2: float) -> float:
 def estimate_looks(image_db: NDArray[np.float32], material: NDArray[np.uint8], radar: Radar) -> Looks | None:
     """Equivalent number of looks of the image's homogeneous areas.
 
-    In windows of one material, pixels far enough apart to be independent are taken, and a plane is subtracted from
-    their dB values. The remaining variance is that of speckle where the ground is homogeneous, and larger elsewhere.
-    The most frequent variance is therefore that of the homogeneous windows.
+    In each window of one material, only pixels that are far enough apart to be independent are used, and a plane is
+    subtracted from their dB values. In homogeneous windows, the remaining variance is the variance of speckle; in other
+    windows it is larger. The most frequent variance is therefore taken as the variance of speckle.
 
     Parameters
     ----------
     image_db : ndarray, shape (rows, columns)
-        Backscatter [dB], NaN where there is none.
+        Backscatter [dB], NaN where a pixel has no value.
     material : ndarray of uint8, shape (rows, columns)
-        Material id of each pixel, 0 where there is none or several.
+        Material id of each pixel, 0 where a pixel holds no material or several.
     radar : Radar
-        Resolutions and pixel spacings.
+        Pass with its resolutions and pixel spacings.
 
     Returns
     -------
     Looks or None
-        Looks found; None where too few windows fit into the materials.
+        Estimated looks; None if fewer than 20 windows fit into the materials.
 
     References
     ----------
@@ -116,7 +116,7 @@ def estimate_looks(image_db: NDArray[np.float32], material: NDArray[np.uint8], r
 
 
 def local_looks(image_db: NDArray[np.float32], pixels: NDArray[np.int64], radar: Radar) -> float:
-    """Equivalent number of looks from the differences of neighbouring pixels of a material.
+    """Equivalent number of looks, estimated from differences between neighbouring pixels of a material.
 
     Parameters
     ----------
@@ -125,13 +125,14 @@ def local_looks(image_db: NDArray[np.float32], pixels: NDArray[np.int64], radar:
     pixels : ndarray of int
         Flat indices of the material's finite pixels.
     radar : Radar
-        Resolutions and pixel spacings.
+        Pass with its resolutions and pixel spacings.
 
     Returns
     -------
     float
-        Looks from the semivariance of pixels just far enough apart to have independent speckle: changes of level over
-        longer distances, by incidence and fields, have no effect. NaN without pairs.
+        Number of looks from the semivariance of pairs of pixels that are just far enough apart to have independent
+        speckle. Changes of the level over longer distances, such as those between fields, have no effect on this
+        semivariance. NaN if there are no pairs.
 
     References
     ----------
@@ -149,7 +150,7 @@ def local_looks(image_db: NDArray[np.float32], pixels: NDArray[np.int64], radar:
 
 
 def independent_steps(radar: Radar) -> tuple[int, int]:
-    """Numbers of rows and of columns between independent pixels."""
+    """Smallest numbers of rows and of columns between pixels with independent speckle."""
     return (
         max(1, int(np.ceil(_INDEPENDENT * radar.range_resolution_m / radar.range_spacing_m))),
         max(1, int(np.ceil(_INDEPENDENT * radar.azimuth_resolution_m / radar.azimuth_spacing_m))),
@@ -180,9 +181,9 @@ def _window_variances(
 
 
 def most_frequent_variance(variances: NDArray[np.float64]) -> float:
-    """Variance at which the density of the logarithms of the variances is largest."""
+    """Variance at which the estimated density of the logarithms of ``variances`` is largest."""
     logs = np.log(np.maximum(variances, 1e-12))
-    # for normal values; log variances of log-gamma values scatter a little more
+    # standard error for normal values; log variances of log-gamma values scatter a little more
     width = _BANDWIDTH * np.sqrt(2.0 / (SIDE**2 - 3))
     grid = np.arange(logs.min() - width, logs.max() + width, width / 10.0)
     counts, _ = np.histogram(logs, np.append(grid, grid[-1] + width / 10.0) - width / 20.0)
@@ -194,18 +195,20 @@ def most_frequent_variance(variances: NDArray[np.float64]) -> float:
 def check_looks(found: Looks, looks: float, scale: str | None, source: str, filtered: bool = False) -> str:
     """Refuse an image whose estimated looks contradict ``radar.looks``, and describe the estimate in a sentence.
 
-    Amplitude read as power halves every dB value, which quarters the variance of speckle, and power read as amplitude
-    does the opposite. The estimated number of looks is then about three times too large or too small. A dB image read
-    as power has hardly any speckle left.
+    If amplitude is read as power, every dB value is halved, and the variance of speckle is divided by four. If power is
+    read as amplitude, the variance of speckle is multiplied by four. A wrong choice between amplitude and power thus
+    makes the estimated number of looks about three times too large or too small. If a dB image is read as power, hardly
+    any speckle is left.
 
     Parameters
     ----------
     found : Looks
         Looks of the image.
     looks : float
-        Configured looks.
+        Configured number of looks, ``radar.looks``.
     scale : {'db', 'power', 'amplitude', 'complex'} or None
-        Configured scale of the file's numbers; None for a product that says it, so that it is not the reason.
+        Configured scale of the file's numbers; None for a product that defines its scale, so that the scale cannot be
+        wrong.
     source : str
         Name of the image.
     filtered : bool
@@ -214,12 +217,12 @@ def check_looks(found: Looks, looks: float, scale: str | None, source: str, filt
     Returns
     -------
     str
-        Sentence on the looks found.
+        Sentence about the estimated looks.
 
     Raises
     ------
     MeasurementError
-        The looks differ so much that the scale, or ``radar.looks``, must be wrong.
+        The estimated and the configured looks differ so much that the scale, or ``radar.looks``, must be wrong.
     """
     seen = f"the speckle of {source} is that of {found.looks:.3g} looks in its most homogeneous areas"
     said = f"{seen} (95 %: {found.low:.3g} to {found.high:.3g}); radar.looks is {looks}"

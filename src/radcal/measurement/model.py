@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.storage.layout import put, take
+from radcal.storage.dataclass_groups import put, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
 __all__ = ["Measurement", "read_measurement", "write_measurement"]
@@ -17,12 +17,12 @@ __all__ = ["Measurement", "read_measurement", "write_measurement"]
 
 @dataclass(frozen=True)
 class Measurement:
-    """Measured image of the size of the scene's image.
+    """Measured image with as many rows and columns as the simulated image of the scene.
 
     Attributes
     ----------
     image_db : ndarray of float32, shape (slant range, azimuth)
-        Backscatter in the configured radiometry [dB], NaN where there is none.
+        Backscatter in the configured radiometry [dB], NaN where a pixel has no value.
     source : str
         Source of the image in words, for the report.
     hidden : mapping
@@ -31,7 +31,7 @@ class Measurement:
         True displacement of a synthetic measurement, from pixels of the scene's image to those of the measured image
         [pixels]; None for other measurements.
     notes : tuple of str
-        Sentences about the image's file: meaning of its levels, number of unusable pixels.
+        Sentences about the image's file, such as the meaning of its levels and the number of unusable pixels.
     """
 
     image_db: NDArray[np.float32]
@@ -48,6 +48,6 @@ def write_measurement(path: str | Path, measurement: Measurement) -> None:
 
 
 def read_measurement(path: str | Path) -> Measurement:
-    """Read a measurement that :func:`write_measurement` wrote; errors are those of :func:`.read_hdf5`."""
+    """Read a measurement that :func:`write_measurement` wrote; raises the errors of :func:`.read_hdf5`."""
     with read_hdf5(path, "measurement") as file:
         return take(file, Measurement)

@@ -1,4 +1,4 @@
-"""Recognition of a material that is seen at one incidence only, from which no angular law can be known."""
+"""Test whether a material is seen at a single incidence angle, so that its angular law cannot be determined."""
 
 from __future__ import annotations
 
@@ -7,27 +7,29 @@ from numpy.typing import ArrayLike
 
 __all__ = ["LEAST_SPAN_DEG", "incidence_span_deg", "seen_at_one_incidence"]
 
-# Over one degree even the steepest natural surface changes by about 1 dB (calm water, 27 dB between 20 and 44 degrees;
-# land 0.1 to 0.5 dB), which is what fields of one material differ by: a slope is then not told from fields.
+# Over one degree, the level of the steepest natural surface changes by about 1 dB (calm water, 27 dB between 20 and 44
+# degrees), that of land by 0.1 to 0.5 dB. Fields of one material differ as much, so that the slope of the law cannot be
+# separated from differences between fields.
 LEAST_SPAN_DEG = 1.0
 _NORMAL_SPAN = 3.2897  # standard deviations between the 5 % and 95 % quantiles of a normal distribution
 
 
 def incidence_span_deg(incidence_deg: ArrayLike, error_deg: float = 0.0) -> float:
-    """Width of the range of incidence at which a material is seen.
+    """Width of the range of incidence angles at which a material is seen.
 
     Parameters
     ----------
     incidence_deg : array_like, shape (pixels,)
-        Mapped local incidence [deg].
+        Local incidence angle of each pixel, as computed from the scene [deg].
     error_deg : float
-        Standard error of the mapped incidence [deg], such as that of an elevation model in whole metres.
+        Standard error of the computed local incidence angle [deg], for example from heights rounded to whole metres.
 
     Returns
     -------
     float
-        Width between the 5 % and 95 % quantiles [deg], less the part that the error explains: the squares of the
-        widths of independent distributions add.
+        Width between the 5 % and 95 % quantiles [deg], without the part due to the error. The squared width of the
+        error is subtracted from the squared width of the angles, because squared widths of independent distributions
+        add.
 
     References
     ----------
@@ -39,7 +41,7 @@ def incidence_span_deg(incidence_deg: ArrayLike, error_deg: float = 0.0) -> floa
 
 
 def seen_at_one_incidence(incidence_deg: ArrayLike, error_deg: float = 0.0) -> bool:
-    """Whether a material's level can be known, but not its law.
+    """Whether a material is seen at a single incidence angle, so that its level can be determined, but not its law.
 
     Parameters
     ----------
@@ -49,8 +51,8 @@ def seen_at_one_incidence(incidence_deg: ArrayLike, error_deg: float = 0.0) -> b
     Returns
     -------
     bool
-        Whether the width of the range of incidence is below 1 degree, over which the laws of natural surfaces change
-        by 0.1 to 1 dB, no more than fields of one material differ.
+        Whether the range of incidence angles is narrower than 1 degree. Over 1 degree, the laws of natural surfaces
+        change by 0.1 to 1 dB, which is no more than the differences between fields of one material.
 
     References
     ----------

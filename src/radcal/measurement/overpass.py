@@ -1,4 +1,4 @@
-"""Places of a scene in a Sentinel-1 product, and the acquisition of the product there."""
+"""Positions of a scene's pixels in a Sentinel-1 product, and acquisition of the product at the scene."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ Array = NDArray[np.float64]
 _LIGHT_M_S = 299_792_458.0
 _NOISE_ROWS = 9
 _SIDE = 50  # rows and columns of the coarse grid
-# S1_NRB's documentation on the equivalent number of looks, after the Sentinel-1 Product Definition: mean of all swaths
+# equivalent number of looks, mean of all swaths: documentation of S1_NRB, after the Sentinel-1 Product Definition
 _EQUIVALENT_LOOKS = {("IW", (5, 1)): 4.4}
 
 
 @dataclass(frozen=True)
 class Seen:
-    """Places of a scene's image in a product.
+    """Positions of the pixels of a scene's image in a product, and acquisition of the product at the scene.
 
     Attributes
     ----------
     line, pixel : ndarray, shape (rows, columns)
-        Position of each pixel of the scene's image in the product; NaN where the product does not show it.
+        Position, in the product, of each pixel of the scene's image; NaN for pixels that the product does not show.
     acquisition : Acquisition
         Acquisition at the middle of the scene.
     notes : tuple of str
-        Sentence on the heights.
+        Sentence about the heights if the height of the geoid is unknown; else empty.
     """
 
     line: Array
@@ -51,21 +51,21 @@ class Seen:
 
 
 def seen_from(product: Product, scene: Scene, ground: NDArray[np.float32]) -> Seen:
-    """Places of a scene in a product, and the acquisition there.
+    """Positions of a scene's pixels in a product, and acquisition of the product at the scene.
 
     Parameters
     ----------
     product : Product
         Opened product.
     scene : Scene
-        Scene on the map.
+        Scene with a CRS and map coordinates.
     ground : ndarray, shape (2, rows, columns)
-        Scene row and column that each pixel of the scene's image shows, NaN where it shows none.
+        Scene row and column that each pixel of the scene's image shows, NaN where a pixel shows no ground.
 
     Raises
     ------
     MeasurementError
-        The scene is not on the map, or the product does not show it.
+        The scene has no map coordinates, or the product does not show the scene.
     """
     from pyproj import CRS
 
@@ -92,7 +92,7 @@ def seen_from(product: Product, scene: Scene, ground: NDArray[np.float32]) -> Se
 
 
 def told(path: Path, config: FileMeasurement, radar: Radar, scene: Scene) -> Seen:
-    """Places of a coarse grid of the scene, and the acquisition there, for a section ``radar`` that may be wrong.
+    """Positions of a coarse grid of a scene in a product, and acquisition there, without a comparison with ``radar``.
 
     Parameters
     ----------
@@ -101,9 +101,10 @@ def told(path: Path, config: FileMeasurement, radar: Radar, scene: Scene) -> See
     config : FileMeasurement
         Configuration of the image.
     radar : Radar
-        Pass, of which only the polarisation counts; another one is taken where the product lacks it.
+        Pass, of which only the polarisation is used; if the product lacks it, the first polarisation of the product is
+        used.
     scene : Scene
-        Scene on the map.
+        Scene with a CRS and map coordinates.
 
     Raises
     ------
@@ -122,7 +123,7 @@ def told(path: Path, config: FileMeasurement, radar: Radar, scene: Scene) -> See
 def _heights(
     scene: Scene, ground: NDArray[np.float32], longitude: float, latitude: float, product: Product
 ) -> tuple[Array, tuple[str, ...]]:
-    """Heights above the ellipsoid of places of the scene [m], and a sentence where the geoid is unknown."""
+    """Heights of places in the scene above the ellipsoid [m], and a sentence if the height of the geoid is unknown."""
     from scipy.ndimage import map_coordinates
 
     height = map_coordinates(scene.elevation_m, ground.astype(np.float64), order=1, mode="nearest")
@@ -139,7 +140,7 @@ def _heights(
 
 
 def _acquisition(product: Product, middle: Array, line: Array, pixel: Array) -> Acquisition:
-    """Acquisition at the middle of a scene: longitude, latitude and height, each of shape (1,)."""
+    """Acquisition at ``middle``: longitude, latitude and height of the scene's middle, each of shape (1,)."""
     of = product.annotation
     look = of.ground.look(*middle)
     at_line, at_pixel = float(np.median(line)), float(np.median(pixel))
@@ -171,9 +172,9 @@ def _acquisition(product: Product, middle: Array, line: Array, pixel: Array) -> 
 def _noise_over_incidence(
     product: Product, line: float, near: float, far: float, at: float, middle: Array
 ) -> tuple[tuple[float, float], ...]:
-    """Noise-equivalent sigma0 [dB] on a line over the scene's pixels, against incidence [deg]."""
+    """Pairs of incidence angle [deg] and noise-equivalent sigma0 [dB] on one line of a product, across the scene."""
     columns = product.annotation.ground.shape[1]
-    # a table has two rows at least, and its angles two decimals: a margin makes them differ
+    # radar.nesz_db needs two angles that differ after rounding to two decimals: the margin of 100 pixels ensures this
     pixel = np.linspace(max(near - 100.0, 0.0), min(far + 100.0, columns - 1.0), _NOISE_ROWS)
     place = np.full(pixel.shape, line)
     level = 10.0 * np.log10(product.noise.at(place, pixel) / product.calibration.at(place, pixel) ** 2)
@@ -188,9 +189,10 @@ def _noise_over_incidence(
 
 
 def _width(swath: Swath, way: int) -> float:
-    """-3 dB width of a look's response, in units of the inverse of its bandwidth.
+    """-3 dB width of a look's impulse response, in units of the inverse of the look's bandwidth.
 
-    The window a + (1 - a) cos(2 pi f / B) has the response a sinc(x) + (1 - a) / 2 (sinc(x - 1) + sinc(x + 1)).
+    A look of bandwidth B with the spectral window a + (1 - a) cos(2 pi f / B) has, with x in units of 1 / B, the
+    impulse response a sinc(x) + (1 - a) / 2 (sinc(x - 1) + sinc(x + 1)).
     """
     from scipy.optimize import brentq
 

@@ -1,9 +1,9 @@
 """Random effects of the fields (patches) of one material: between-field and within-field variance, and predictions.
 
-A *patch* is a connected area of one material (a field, a pond). A *cell* is the area of a patch that lies in one block
-of the image. The mean level of a cell is the sum of four terms: the level of the law, the random effect of the patch
-(standard deviation ``between``), the random effect of the cell (standard deviation ``within``), and the sampling error
-of a mean over finitely many independent pixels.
+A *patch* is a connected area of one material in the scene (a field, a pond); all passes show the same patches. A
+*cell* is the area of a patch that lies in one block of the image. The mean level of a cell is the sum of four terms:
+the level of the law, the random effect of the patch (standard deviation ``between``), the random effect of the cell
+(standard deviation ``within``), and the sampling error of a mean over finitely many independent pixels.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ __all__ = [
     "label_patches",
     "make_cells",
     "patch_effects",
+    "patches_seen",
+    "pooled",
     "spread_log_likelihood",
     "spreads",
 ]
@@ -37,7 +39,7 @@ _LEAST_DB2 = 1e-6
 
 @dataclass(frozen=True)
 class Cells:
-    """Cells of one material.
+    """Cells of one material, each the area of a patch in one block of the image.
 
     Attributes
     ----------
@@ -57,7 +59,7 @@ class Cells:
     count: NDArray[np.int64]
 
     def mean(self, values: ArrayLike) -> NDArray[np.float64]:
-        """Mean over the pixels of each cell, shape (pixels, ...) to (cells, ...)."""
+        """Mean of values over the pixels of each cell: from shape (pixels, ...) to shape (cells, ...)."""
         v = np.asarray(values, dtype=np.float64)
         flat = v.reshape(v.shape[0], -1)
         sums = np.stack([np.bincount(self.of_pixel, column, self.count.size) for column in flat.T], axis=-1)
@@ -67,7 +69,7 @@ class Cells:
         """Sampling variance of each cell's mean [dB^2] from the pixels' variance inside cells, pooled over cells."""
         v = np.asarray(values, dtype=np.float64)
         left, freedom = v - self.mean(v)[self.of_pixel], v.size - self.count.size
-        if freedom < _FREEDOM:  # cells of one pixel do not show the variance inside; that of all pixels bounds it
+        if freedom < _FREEDOM:  # too few to estimate it; the variance of all pixels is an upper bound
             left, freedom = v - v.mean(), max(v.size - 1, 1)
         pooled = max(float(left @ left) / freedom, _LEAST_DB2)
         return np.asarray(pooled / np.maximum(self.count * independent, 1.0))
@@ -81,6 +83,12 @@ class Spread:
     within: float
 
 
+def pooled(spread: Sequence[Spread]) -> Spread:
+    """Spread of one material over several passes: root mean squares of the standard deviations of the passes."""
+    each = np.array([[one.between, one.within] for one in spread])
+    return Spread(*(float(value) for value in np.sqrt(np.mean(each**2, axis=0))))
+
+
 @dataclass(frozen=True)
 class Effects:
     """Best linear unbiased predictions of the random effects of patches.
@@ -88,11 +96,11 @@ class Effects:
     Attributes
     ----------
     patch : ndarray of int, shape (p,)
-        Labels, increasing.
+        Labels of the patches, increasing.
     effect_db, variance : ndarray, shape (p,)
-        Effect [dB] and its variance [dB^2] for a known law.
+        Predicted effect [dB] and its variance [dB^2], if the law is known without error.
     weight : ndarray, shape (cells,)
-        Weight of each cell's residual in its patch's effect.
+        Weight of each cell's residual in the predicted effect of the cell's patch.
     spread : Spread
         Between-field and within-field standard deviation that the predictions assume.
     """
@@ -112,6 +120,34 @@ def label_patches(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
     return np.asarray(labels, dtype=np.int64)
 
 
+def patches_seen(image: NDArray[np.bool_], scene: NDArray[np.bool_], ground: NDArray[np.float32]) -> NDArray[np.int64]:
+    """Number of the patch of the scene in which each pixel of one material lies.
+
+    Parameters
+    ----------
+    image : ndarray of bool, shape (rows, columns)
+        Pixels of the material.
+    scene : ndarray of bool, shape (y, x)
+        Cells of the material.
+    ground : ndarray of float32, shape (2, rows, columns)
+        Row and column in the scene of the middle of each pixel (:class:`radcal.radar.geometry.Geometry`). NaN for a
+        scene in slant range: the patches are then the connected areas of ``image``.
+
+    Returns
+    -------
+    ndarray of int64, shape (rows, columns)
+        Number of the patch, from 1; 0 for pixels of other materials, or with another material in the middle.
+    """
+    known = np.isfinite(ground[0]) & image
+    if not known.any():
+        return label_patches(image)
+    row, column = (
+        np.clip(np.rint(np.where(known, at, 0.0)).astype(np.intp), 0, size - 1)
+        for at, size in zip(ground, scene.shape, strict=True)
+    )
+    return np.where(known, label_patches(scene)[row, column], 0)
+
+
 def make_cells(patch: NDArray[np.int64], block: NDArray[np.int64]) -> Cells:
     """Cells of a material, from arrays of shape (pixels,) that hold the patch and the block of each pixel."""
     pairs, of_pixel, count = np.unique(np.stack([patch, block]), axis=1, return_inverse=True, return_counts=True)
@@ -120,20 +156,22 @@ def make_cells(patch: NDArray[np.int64], block: NDArray[np.int64]) -> Cells:
 
 @dataclass(frozen=True)
 class Residuals:
-    """Cell means of one material minus its law, and their derivatives by the law's parameters.
+    """Cell means of one material minus the cell means of its law, and derivatives with respect to the law's parameters.
 
     Attributes
     ----------
     residual_db : ndarray, shape (cells,)
-        Means minus law [dB].
+        Measured cell means minus cell means of the law [dB].
     sampling : ndarray, shape (cells,)
         Sampling variances of the cell means [dB^2].
     patch : ndarray of int, shape (cells,)
-        Labels.
+        Label of each cell's patch.
     slopes : ndarray, shape (cells, d)
-        Derivatives of the law's cell means by its parameters.
+        Derivatives of the law's cell means with respect to the law's parameters.
     information : ndarray, shape (d, d)
-        Information on the parameters without the cells (inverse covariance).
+        Inverse covariance matrix of the law's parameters from other knowledge than the cell means, such as a prior.
+    expected : ndarray, shape (d,), optional
+        ``information`` times the change of the parameters that this other knowledge expects; 0 if missing.
     """
 
     residual_db: NDArray[np.float64]
@@ -141,10 +179,14 @@ class Residuals:
     patch: NDArray[np.int64]
     slopes: NDArray[np.float64]
     information: NDArray[np.float64]
+    expected: NDArray[np.float64] | None = None
 
 
 def spread_log_likelihood(data: Residuals) -> NDArray[np.float64]:
-    """Restricted log likelihood on the grid ``GRID_DB`` of (between, within): the law is integrated out."""
+    """Restricted log likelihood of all pairs (between, within) of standard deviations on the grid ``GRID_DB``.
+
+    The parameters of the law are integrated out of the likelihood.
+    """
     labels, of = np.unique(data.patch, return_inverse=True)
     columns = np.column_stack([data.slopes, data.residual_db])
     between = GRID_DB[:, None, None] ** 2
@@ -159,7 +201,7 @@ def spread_log_likelihood(data: Residuals) -> NDArray[np.float64]:
             "tpi,pj->tij", between / shared * pulled, pulled
         )
         known = product[:, :-1, :-1] + data.information
-        cross = product[:, :-1, -1]
+        cross = product[:, :-1, -1] + (0.0 if data.expected is None else data.expected)
         quadratic = product[:, -1, -1] - np.einsum("ti,ti->t", cross, np.linalg.solve(known, cross[..., None])[..., 0])
         determinants = np.log(variance).sum() + np.log(shared).sum(axis=(1, 2)) + np.linalg.slogdet(known)[1]
         table[:, k] = -0.5 * (determinants + quadratic)
@@ -169,19 +211,20 @@ def spread_log_likelihood(data: Residuals) -> NDArray[np.float64]:
 def spreads(residuals: Sequence[Residuals]) -> list[Spread]:
     """Between-patch and within-patch standard deviations of several materials, estimated together.
 
-    Both standard deviations of a material have half-normal priors whose scales the materials share; the scales have a
-    half-normal prior of 1 dB. For a material with a single patch, the estimates thus rely more on the other materials.
-    A material that differs from the other materials (water among fields) keeps estimates of its own.
+    The standard deviations between and within the patches of a material have half-normal priors. All materials share
+    the scales of the two half-normal priors, and each scale has a half-normal prior with a scale of 1 dB. The estimates
+    of a material with a single patch therefore depend more on the other materials. For a material that differs from the
+    others, such as water among fields, the estimates depend mainly on the cells of this material.
 
     Parameters
     ----------
     residuals : sequence of Residuals
-        One entry for each material.
+        Residuals of each material.
 
     Returns
     -------
     list of Spread
-        Posterior means, in the order given.
+        Posterior means of the standard deviations, in the order of ``residuals``.
 
     References
     ----------
@@ -214,11 +257,11 @@ def spreads(residuals: Sequence[Residuals]) -> list[Spread]:
 def gls_mean(
     mean_db: NDArray[np.float64], sampling: NDArray[np.float64], patch: NDArray[np.int64], spread: Spread
 ) -> tuple[float, float]:
-    r"""Generalised least squares mean of cells whose fields and cells have random effects.
+    r"""Generalised least squares mean of cell means, with random effects of the fields and of the cells.
 
-    With :math:`w_f = \sum_c (s_c^2 + \sigma^2)^{-1}` over the cells of a field, sampling variances :math:`s_c^2`,
-    within-field variance :math:`\sigma^2` and between-field variance :math:`\tau^2`, a field's mean has the weight
-    :math:`(\tau^2 + 1 / w_f)^{-1}`.
+    The mean of a field f has the weight :math:`(\tau^2 + 1 / w_f)^{-1}`, where :math:`\tau^2` is the between-field
+    variance and :math:`w_f = \sum_c (s_c^2 + \sigma^2)^{-1}` is a sum over the cells of the field. The mean of cell c
+    has the sampling variance :math:`s_c^2`, and :math:`\sigma^2` is the within-field variance.
 
     Parameters
     ----------
@@ -227,14 +270,14 @@ def gls_mean(
     sampling : ndarray, shape (cells,)
         Sampling variances of the cell means [dB^2].
     patch : ndarray of int, shape (cells,)
-        Labels.
+        Label of each cell's patch.
     spread : Spread
-        Standard deviations of patches and cells.
+        Standard deviations of the random effects of patches and of cells.
 
     Returns
     -------
     mean_db, variance : float
-        Mean [dB] and its variance [dB^2].
+        Weighted mean [dB] and its variance [dB^2].
 
     References
     ----------
@@ -251,18 +294,18 @@ def gls_mean(
 def patch_effects(
     residual_db: NDArray[np.float64], sampling: NDArray[np.float64], patch: NDArray[np.int64], spread: Spread
 ) -> Effects:
-    """Random effects of the patches that have cells.
+    """Predicted random effects of the patches that have at least one cell.
 
     Parameters
     ----------
     residual_db : ndarray, shape (cells,)
-        Cell means minus law [dB].
+        Measured cell means minus cell means of the law [dB].
     sampling : ndarray, shape (cells,)
         Sampling variances of the cell means [dB^2].
     patch : ndarray of int, shape (cells,)
-        Labels.
+        Label of each cell's patch.
     spread : Spread
-        Standard deviations of patches and cells.
+        Standard deviations of the random effects of patches and of cells.
 
     Returns
     -------

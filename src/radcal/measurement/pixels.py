@@ -1,4 +1,4 @@
-"""Masks that select a material's comparable pixels, the same for the measurement and for every run."""
+"""Masks that select a material's pixels for the comparison of the measured image with runs, the same for both."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ __all__ = ["IN_THE_NOISE", "MINIMUM_PIXELS", "Eligible", "eligible_pixels", "noi
 MINIMUM_PIXELS = 50
 IN_THE_NOISE = "in the noise"  # reason for masking
 _LEVEL_PX = 9  # window of the local level
-_GUARD_PX, _REACH_PX = 3, 10  # half-widths: pixels next to a point target, and those that it is compared with
+_GUARD_PX, _REACH_PX = 3, 10  # half-widths of the area next to a point target, and of the area compared with it
 _FALSE_ALARMS = 1e-8
 _IQR_OF_NORMAL = 1.349
 
@@ -35,10 +35,10 @@ class Eligible:
     Attributes
     ----------
     pixels : ndarray of int64
-        Flat image indices, ascending.
+        Flat indices of the pixels in the image, ascending.
     masked : mapping
-        Number of the material's masked visible pixels by reason, in the order in which the reasons are tried; each
-        pixel counts once.
+        Number of the material's visible pixels that are masked, by reason, in the order in which the reasons are
+        tested. A pixel that is masked for several reasons is counted for the first one.
     """
 
     pixels: NDArray[np.int64]
@@ -60,17 +60,17 @@ def noise_limited(image_db: NDArray[np.float32], noise_db: NDArray[np.float64], 
     Parameters
     ----------
     image_db : ndarray, shape (rows, columns)
-        Backscatter with noise [dB], NaN where there is none.
+        Backscatter with noise [dB], NaN where a pixel has no value.
     noise_db : ndarray, shape (rows,)
-        Noise floor of each row at the image's level [dB].
+        Noise floor of each row [dB], shifted to the level of the image.
     snr_db : float
         Required signal-to-noise ratio [dB].
 
     Returns
     -------
     ndarray of bool
-        True where the mean power of the surrounding 9 x 9 pixels is below noise (1 + 10^(snr_db / 10)), since signal
-        and noise add in power.
+        True where the mean power of the surrounding 9 x 9 pixels is below the noise power times 1 + 10^(snr_db / 10),
+        because the powers of signal and noise add.
     """
     level = _local_power(10.0 ** (image_db.astype(np.float64) / 10.0), (_LEVEL_PX, _LEVEL_PX))
     return np.asarray(level < 10.0 ** (noise_db[:, None] / 10.0) * (1.0 + 10.0 ** (snr_db / 10.0)))
@@ -80,15 +80,16 @@ def point_targets(image_db: NDArray[np.float32], material: NDArray[np.uint8], ra
     """Pixels that hold a point target, and the neighbouring pixels that the target's response reaches.
 
     The power of a pixel is divided by the greatest of the mean powers of four blocks around the pixel, so that the edge
-    of a field is not taken for a point target. The threshold for this ratio follows from the spread of the ratio within
-    the pixel's material. Texture widens this spread and is therefore not taken for a point target either.
+    of a field does not count as a point target. The threshold for this ratio of powers follows from the spread of the
+    ratio within the pixel's material. Texture widens the spread, and thus raises the threshold, so that texture does
+    not count as a point target, either.
 
     Parameters
     ----------
     image_db : ndarray, shape (rows, columns)
-        Backscatter [dB], NaN where there is none.
+        Backscatter [dB], NaN where a pixel has no value.
     material : ndarray of uint8, shape (rows, columns)
-        Material id, 0 where there is none or several.
+        Material id of each pixel, 0 where a pixel holds no material or several.
     radar : Radar
         Looks, resolutions and pixel spacings.
 
@@ -99,7 +100,8 @@ def point_targets(image_db: NDArray[np.float32], material: NDArray[np.uint8], ra
     References
     ----------
     Hansen and Sawyers, "Detectability loss due to greatest of selection in a cell-averaging
-    CFAR", IEEE TAES 16 (1980); gamma clutter at a false alarm rate of 1e-8 a pixel: texture has longer tails.
+    CFAR", IEEE TAES 16 (1980). The false alarm rate is 1e-8 per pixel in gamma clutter, because texture has longer
+    tails.
     """
     from scipy.special import gammainccinv
 
@@ -121,7 +123,7 @@ def point_targets(image_db: NDArray[np.float32], material: NDArray[np.uint8], ra
             continue
         low, middle, high = np.percentile(ratio_db[inside], [25.0, 50.0, 75.0])
         looks = min(float(radar.looks), _looks_of_spread(float(high - low)))
-        # the median of the ratio replaces that of speckle, because the greatest of four means exceeds the mean
+        # the observed median replaces the median of speckle, because the greatest of four means exceeds the mean
         reach = 10.0 * np.log10(gammainccinv(looks, _FALSE_ALARMS) / gammainccinv(looks, 0.5))
         bright |= inside & (ratio_db > middle + reach)
     spill = [
@@ -135,7 +137,7 @@ def point_targets(image_db: NDArray[np.float32], material: NDArray[np.uint8], ra
 
 
 def _looks_of_spread(iqr_db: float) -> float:
-    """Looks of gamma speckle from the interquartile range of its dB values [dB]."""
+    """Number of looks of gamma speckle, from the interquartile range of its dB values [dB]."""
     return looks_of_log_variance((max(iqr_db, 1e-3) / _IQR_OF_NORMAL) ** 2)
 
 
@@ -154,26 +156,25 @@ def eligible_pixels(
     name : str
         Material.
     geometry : Geometry
-        Material masks, layover, shadow.
+        Geometry with the material masks and the masks of layover and shadow.
     measurement : Measurement
         Registered image.
     config : TargetConfig
-        Margin to other materials.
+        Configuration of the target, with the margin to other materials.
     uncertainty_px : ndarray, shape (rows, columns), optional
-        Standard error of the length of the registration's displacement [pixels], 0 where there was
-        none: the margin grows by two standard errors of a component, and by the half pixel by which nearest neighbours
-        may be wrong.
+        Standard error of the length of the registration's displacement [pixels], 0 without registration. The margin is
+        widened by two standard errors of one component, and by half a pixel, the largest error of a nearest neighbour.
     flags : mapping of str to ndarray of bool, optional
-        Pixels masked for further reasons, such as point targets.
+        Masks of pixels that are excluded for further reasons, such as point targets, by reason.
 
     Raises
     ------
     MeasurementError
-        The material has no finite pixel or fewer than 50.
+        The material has no finite pixel, or fewer than 50 usable pixels.
     """
     margin: int | NDArray[np.int64] = config.margin_px
     if uncertainty_px is not None:
-        # the margin is counted along rows and columns; the standard error is of the length of two equal components
+        # the margin is counted along rows and columns; one component has 1 / sqrt(2) of the length's standard error
         widened = np.ceil(2.0 * uncertainty_px / np.sqrt(2.0) + 0.5)
         margin = margin + np.where(uncertainty_px > 0, widened, 0).astype(np.int64)
     visible = geometry.pixels(name)

@@ -13,36 +13,38 @@ from radcal.radar.speckle import speckle_correlation
 
 __all__ = ["PointSpread", "estimate_point_spread", "is_filtered", "point_spread_note"]
 
-_WINDOWS = (20, 2000)  # fewer say nothing, more are thinned out
-_HOMOGENEOUS = (0.5, 2.0)  # times the most frequent variance: other windows have edges, texture or point targets
-_FAR = 2.0  # widths beyond which speckle is not correlated; texture, which is correlated further, is taken from there
+_WINDOWS = (20, 2000)  # smallest number of windows, and largest number that is not thinned out
+_HOMOGENEOUS = (0.5, 2.0)  # times the most frequent variance; other windows have edges, texture or point targets
+_FAR = 2.0  # widths beyond which speckle is uncorrelated; what is correlated further is texture
 _DRAWS = 100
 _SHAPE = 0.05  # relative error that other weightings than Taylor's (Hamming 3 %, Kaiser 10 %) and texture leave
 _CERTAIN = 2.0  # standard errors
 _REACH = 7  # distance in pixels over which the correlation area is summed: that of the usual filters
-_MORE_LOOKS, _WIDER = 1.5, 1.5  # looks and area of the point spread of filtered speckle over the configured ones
-# without more looks than configured: an area that only resolutions wrong by half explain, or a smaller one beside a
-# correlation area that otherwise only texture explains, which lowers the looks
+_MORE_LOOKS, _WIDER = 1.5, 1.5  # smallest ratios of looks and of areas to the configured ones for filtered speckle
+# smallest ratios for smoothed speckle that has about the configured looks. An area of the point spread above 2.25 could
+# only come from resolutions that are both wrong by half. A correlation area above 3 could only come from texture, which
+# would also lower the looks below 0.9 times the configured ones.
 _COARSE, _SMOOTHED, _AS_MANY_LOOKS = 2.25, 3.0, 0.9
-# widths over the pixel spacing: from sampling far below the bandwidth to filters far wider than any window
+# trial widths in pixel spacings: from sampling far below the bandwidth to filters far wider than any window
 _WIDTHS = np.geomspace(0.4, 30.0, 600)
 
 
 @dataclass(frozen=True)
 class PointSpread:
-    """Point spread in both directions of the image.
+    """Point spread of an image in slant range and in azimuth.
 
     Attributes
     ----------
     range_m, azimuth_m : float
-        -3 dB widths of the impulse response with the simulator's weighting whose speckle is correlated as the
-        image's [m].
+        -3 dB widths [m] of the impulse response that, with the simulator's weighting, gives speckle the same
+        correlation as in the image.
     range_error_m, azimuth_error_m : float
         Standard errors [m].
     smoothing : float
-        Correlation area of the power, the sum of its autocorrelation over both directions, over that of the configured
-        resolutions. A mean over some area multiplies it by about the number of independent pixels in that area; other
-        than a width, it grows also where a filter leaves a part of each pixel as it was.
+        Ratio of the correlation area of the image's power to the correlation area for the configured resolutions. A
+        correlation area is the sum of the autocorrelation over both directions. Averaging over an area multiplies
+        ``smoothing`` by about the number of independent pixels in this area. Unlike the widths, ``smoothing`` also
+        grows if a filter keeps a part of each pixel's own value.
     windows : int
         Number of windows used.
     """
@@ -55,7 +57,7 @@ class PointSpread:
     windows: int
 
     def cells(self, radar: Radar) -> float:
-        """Area of the point spread over that of the configured resolutions."""
+        """Ratio of the area of the point spread to the area of the configured resolution cell."""
         return self.range_m * self.azimuth_m / (radar.range_resolution_m * radar.azimuth_resolution_m)
 
 
@@ -64,28 +66,30 @@ def estimate_point_spread(
 ) -> PointSpread | None:
     r"""Point spread from the semivariances of the power in homogeneous windows of one material.
 
-    The power of speckle has the autocorrelation :math:`\rho(d) = |\mu(d)|^2`, :math:`\mu` that of its complex
-    amplitude, for any number of looks; :math:`\mu` is the autocorrelation of the impulse response
-    (:func:`radcal.radar.speckle.speckle_correlation`). It is found as :math:`1 - \gamma(d) / \gamma(D)` from the
-    semivariances :math:`\gamma` of the power over the window's mean, with D just beyond the correlation of speckle: the
-    semivariance needs no mean to be removed, and texture that is correlated over longer distances has no effect. The
-    width is that of least squares over the distances up to D.
+    For any number of looks, the power of speckle has the autocorrelation :math:`\rho(d) = |\mu(d)|^2`, where
+    :math:`\mu` is the autocorrelation of the complex amplitude. The same :math:`\mu` is the autocorrelation of the
+    impulse response (:func:`radcal.radar.speckle.speckle_correlation`). The function estimates :math:`\rho(d)` as
+    :math:`1 - \gamma(d) / \gamma(D)`, where :math:`\gamma` is the semivariance of the power divided by the window's
+    mean power, and D is a distance just beyond the correlation of speckle. Semivariances need no removal of a mean, and
+    texture that is correlated over longer distances has no effect. The width is fitted by least squares to
+    :math:`\rho(d)` at the distances below D.
 
     Parameters
     ----------
     image_db : ndarray, shape (rows, columns)
-        Backscatter [dB], NaN where there is none.
+        Backscatter [dB], NaN where a pixel has no value.
     material : ndarray of uint8, shape (rows, columns)
-        Material id of each pixel, 0 where there is none or several.
+        Material id of each pixel, 0 where a pixel holds no material or several.
     radar : Radar
-        Resolutions and pixel spacings.
+        Pass with its resolutions and pixel spacings.
 
     Returns
     -------
     PointSpread or None
-        Point spread found; None where too few windows fit into the materials. Its errors consist of that of the sample
-        of windows (bootstrap) and of 5 % for other weightings and texture. (Without any weighting, the same width gives
-        0.66 to 0.76 of the number.)
+        Estimated point spread; None if fewer than 20 homogeneous windows fit into the materials. The standard errors of
+        the widths combine the sampling error of the windows (bootstrap) with 5 % for other weightings and texture. For
+        an impulse response without any weighting, the estimate is only 0.66 to 0.76 of the estimate for a weighted
+        impulse response of equal width.
 
     References
     ----------
@@ -120,7 +124,7 @@ def estimate_point_spread(
 
 
 def _windows(image_db: NDArray[np.float32], material: NDArray[np.uint8], radar: Radar) -> NDArray[np.float64]:
-    """Power over the window's mean in windows of one material, shape (windows, rows, columns)."""
+    """Power divided by the window's mean power, in windows of one material, shape (windows, rows, columns)."""
     height, width = (SIDE * step for step in independent_steps(radar))
     rows, columns = image_db.shape[0] // height, image_db.shape[1] // width
 
@@ -136,17 +140,17 @@ def _windows(image_db: NDArray[np.float32], material: NDArray[np.uint8], radar: 
 
 
 def _semivariances(windows: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Semivariance at distances of 1 pixel to half a window along axis 1, shape (windows, distances)."""
+    """Semivariances at distances from 1 pixel to half a window along axis 1, shape (windows, distances)."""
     n = windows.shape[1]
     lags = range(1, n // 2 + 1)
     return np.stack([0.5 * np.mean((windows[:, k:] - windows[:, : n - k]) ** 2, axis=(1, 2)) for k in lags], axis=1)
 
 
 def _width(semivariances: NDArray[np.float64], expected: NDArray[np.float64], start: float) -> float:
-    """Width of the impulse response over the pixel spacing; ``start`` is a first guess.
+    """Width of the impulse response in pixel spacings; ``start`` is a first guess.
 
-    The autocorrelation is compared with those ``expected`` of the widths ``_WIDTHS``, shape (widths, distances). The
-    distance at which speckle is taken for uncorrelated grows with the width found.
+    The observed autocorrelation is compared with ``expected``, the autocorrelations for the widths ``_WIDTHS``, shape
+    (widths, distances). The distance beyond which speckle is assumed to be uncorrelated grows with the estimated width.
     """
     width, far = start, 0
     while (wanted := min(semivariances.size - 1, max(2, int(np.ceil(_FAR * width))))) > far:
@@ -157,7 +161,7 @@ def _width(semivariances: NDArray[np.float64], expected: NDArray[np.float64], st
 
 
 def _correlation_length(semivariances: NDArray[np.float64], resolution: float) -> float:
-    """Sum of the autocorrelation over distances of both signs, over that of a resolution [pixels]."""
+    """Ratio of the sums of two autocorrelations over distances of both signs: observed, and for a given resolution."""
     reach = min(semivariances.size - 2, _REACH)
     seen = 1.0 - semivariances[:reach] / semivariances[reach : reach + 2].mean()
     expected = speckle_correlation(np.arange(1, reach + 1) / resolution)
@@ -165,17 +169,16 @@ def _correlation_length(semivariances: NDArray[np.float64], resolution: float) -
 
 
 def is_filtered(found: PointSpread | None, looks: Looks | None, radar: Radar) -> bool:
-    """Whether an image has far more looks and a far larger point spread than configured, as filtered speckle has.
+    """Whether an image is speckle-filtered, that is, has far more looks and a far larger point spread than configured.
 
-    Smoothing of a detected image divides the variance of speckle by about the factor by which it enlarges the
-    correlation area, so that looks and point spread grow together. More looks of the sensor leave the correlation
-    as it is, a coarser resolution leaves the looks, texture lowers them, and a wrong ``measurement.scale`` changes the
-    looks alone.
+    Smoothing of a detected image multiplies the number of looks and the correlation area by about the same factor.
+    Other causes do not raise both: more looks of the sensor do not change the correlation, a coarser resolution does
+    not change the looks, texture lowers the looks, and a wrong ``measurement.scale`` changes only the looks.
 
     Parameters
     ----------
     found, looks : PointSpread, Looks or None
-        Estimates of the image; without them the answer is False.
+        Estimates of point spread and looks of the image; the function returns False if one of them is missing.
     radar : Radar
         Resolutions and looks.
 
@@ -190,11 +193,14 @@ def is_filtered(found: PointSpread | None, looks: Looks | None, radar: Radar) ->
 
 
 def point_spread_note(found: PointSpread, looks: Looks | None, radar: Radar, source: str) -> str | None:
-    """Sentence on a point spread that differs from the configured resolutions; None where it does not.
+    """Sentence about a point spread that differs from the configured resolutions; None if there is no difference.
 
-    Where ``radar.looks`` has been set to what a filter left, the correlation alone shows the filter: the image is said
-    to be smoothed if the area of its point spread is 2.25 times the configured one, or if it is 1.5 times the
-    configured one and the correlation area 3 times, without the loss of looks that texture would cause.
+    If ``radar.looks`` has been set to the number of looks after filtering, only the correlation shows the filter. If
+    the image does not have more looks than configured, the sentence calls the image smoothed in two cases:
+
+    - The area of the point spread exceeds 2.25 times the area of the configured resolution cell.
+    - The area of the point spread exceeds 1.5 times the area of the configured resolution cell, the correlation area
+      exceeds 3 times the configured correlation area, and the number of looks is not reduced, as texture would do.
 
     Parameters
     ----------
@@ -223,4 +229,17 @@ def point_spread_note(found: PointSpread, looks: Looks | None, radar: Radar, sou
         return f"{source} is {guess}: {said}; {area}."
     if all(abs(width - resolution) <= _CERTAIN * error for width, resolution, error in compared):
         return None
-    return f"{said}: set them to the image's, unless it was resampled or has texture of a few pixels."
+    ways = {"range": found.range_m, "azimuth": found.azimuth_m}
+    possible = {way: radar.possible_resolution_m(way, width) for way, width in ways.items()}
+    limits = [
+        f"radar.{way}_spacing_m of {getattr(radar, f'{way}_spacing_m'):g} allows {possible[way]:g} at the finest"
+        for way, width in ways.items()
+        if possible[way] > 1.01 * width  # smaller differences come from rounding
+    ]
+    limited = f" ({' and '.join(limits)})" * bool(limits)
+    if all(abs(possible[way] / getattr(radar, f"{way}_resolution_m") - 1.0) <= _SHAPE for way in ways):
+        return f"{said}: no resolutions nearer to the image's are possible{limited}."
+    return (
+        f"{said}: set them to {possible['range']:g} and {possible['azimuth']:g}{limited}, unless the image was "
+        "resampled or has texture of a few pixels."
+    )

@@ -28,7 +28,7 @@ __all__ = ["Product", "open_product"]
 
 T = TypeVar("T")
 _LARGEST_XML = 100_000_000  # bytes
-# an orbit and a geolocation grid of one product agree within a pixel
+# orbit and geolocation grid of an undamaged product agree within a pixel
 _AGREED_PX = 5.0
 
 
@@ -47,9 +47,9 @@ class Product:
     annotation : Annotation
         Geometry and processing.
     calibration : LookUpTable
-        Table of A.
+        Table of A, the divisor of the digital numbers.
     noise : NoiseTable
-        Table of eta.
+        Table of eta, the thermal noise in squared digital numbers.
     """
 
     name: str
@@ -61,7 +61,7 @@ class Product:
 
 
 def open_product(path: Path, config: FileMeasurement, radar: Radar) -> Product:
-    """Read annotation, calibration and noise of the polarisation of ``radar``.
+    """Read annotation, calibration and noise of the image that has the polarisation of ``radar``.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def open_product(path: Path, config: FileMeasurement, radar: Radar) -> Product:
     config : FileMeasurement
         Configuration.
     radar : Radar
-        Pass, whose polarisation is taken.
+        Pass, whose polarisation selects the image.
 
     Raises
     ------
@@ -120,7 +120,7 @@ def _parsed(path: Path, config: FileMeasurement, called: str, parse: Callable[[A
 
 
 def _check_grid(product: Product) -> None:
-    """Refuse an orbit that does not lead to the places of the geolocation grid."""
+    """Refuse a product whose orbit does not give the positions in its geolocation grid."""
     line, pixel, longitude, latitude, height = product.annotation.grid.T
     found = product.annotation.ground.positions(longitude, latitude, height)
     apart = np.hypot(found[0] - line, found[1] - pixel)

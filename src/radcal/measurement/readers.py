@@ -23,8 +23,9 @@ __all__ = ["ReadImage", "image_file", "image_of", "read_image", "read_raster", "
 
 Values = NDArray[Any]
 Places = Callable[[Any], tuple[NDArray[np.float64], NDArray[np.float64]]]
-# a target of 1,000 pixels loses one at most; a sector of random bytes in a float32 image of 10^6 pixels leaves half of
-# that, and speckle of power whose mean is 29 or more, taken for dB, has this share beyond 200: exp(-200 / 29) = 0.001
+# smallest share of impossible values for which an image is refused. At this share, a target of 1,000 pixels loses one
+# pixel. A sector of random bytes in a float32 image of 10^6 pixels gives half of this share. Single-look power with a
+# mean of 29, read as dB, has this share of values above 200, because exp(-200 / 29) = 0.001.
 _IMPOSSIBLE_SHARE = 1e-3
 
 
@@ -35,11 +36,11 @@ class ReadImage:
     Attributes
     ----------
     image_db : ndarray of float32, shape (rows, columns)
-        Backscatter [dB], NaN where there is none: no-data, zero or negative power.
+        Backscatter [dB], NaN for pixels marked as no data and for zero or negative power.
     counts : Counts
-        Numbers of NaN pixels by reason.
+        Number of NaN pixels for each reason.
     notes : tuple of str
-        Sentences of the file about its levels.
+        Sentences about the levels of the image, from the metadata of the file.
     polarisation : str or None
         Transmitted and received polarisation, such as "VV", where the file gives it.
     frequency_hz : float or None
@@ -64,18 +65,18 @@ def read_image(path: Path, config: FileMeasurement, shape: tuple[int, int] | Non
     path : path
         Path of the file; its ending, and for NITF its header, decides how it is read.
     config : FileMeasurement
-        Scale, and dataset or band.
+        Configuration with the scale of the numbers, and with the dataset or band.
     shape : (int, int), optional
         Size that the image must have.
 
     Raises
     ------
     MeasurementError
-        The file cannot be read, holds something else, or its numbers contradict the scale.
+        The file cannot be read or holds no image, or its numbers contradict the scale.
     """
     if path.suffix.lower() in SICD_ENDINGS and is_sicd(path):
         sicd = read_sicd(path, config, image_file(path, config, shape))
-        # complex pixels are already power, at the level that the file gives them
+        # complex pixels have been converted to power already, at the level that the file gives
         read = image_of(sicd.power, path, config.model_copy(update={"scale": "power"}), shape)
         return replace(
             read,
@@ -88,7 +89,7 @@ def read_image(path: Path, config: FileMeasurement, shape: tuple[int, int] | Non
 
 
 def image_of(values: Values, path: Path, config: FileMeasurement, shape: tuple[int, int] | None = None) -> ReadImage:
-    """Check the numbers of an image and bring them to dB.
+    """Check the numbers of an image and convert them to dB.
 
     Parameters
     ----------
@@ -118,7 +119,7 @@ def image_of(values: Values, path: Path, config: FileMeasurement, shape: tuple[i
 
 
 def read_values(path: Path, config: FileMeasurement) -> Values:
-    """Numbers of a file without conversion; no-data values become NaN where the format marks them.
+    """Numbers of a file without conversion; values that the file format marks as no data become NaN.
 
     Raises
     ------
@@ -138,12 +139,13 @@ def read_raster(path: Path, config: FileMeasurement, places: Places | None = Non
     config : FileMeasurement
         Band.
     places : callable, optional
-        Function from a CRS to the coordinates of interest; only the rectangle around them is read.
+        Function that returns the coordinates of interest in a given CRS; only the rectangle around these coordinates is
+        read.
 
     Returns
     -------
     values : ndarray, shape (rows, columns)
-        Numbers as from :func:`read_values`.
+        Numbers in the same form as from :func:`read_values`.
     transform : affine.Affine
         Affine transform from (column, row) of pixel corners to coordinates; identity where the file has none.
     crs : pyproj.CRS or None
@@ -165,7 +167,7 @@ def read_raster(path: Path, config: FileMeasurement, places: Places | None = Non
 
 
 def _window(raster: Any, x: NDArray[np.float64], y: NDArray[np.float64]) -> Any:
-    """Rectangle of a raster's pixels around coordinates; one pixel where all coordinates are outside."""
+    """Rectangle of a raster's pixels around coordinates; one pixel if all coordinates lie outside the raster."""
     from rasterio.windows import Window
 
     inverse = ~raster.transform
@@ -183,7 +185,7 @@ def _window(raster: Any, x: NDArray[np.float64], y: NDArray[np.float64]) -> Any:
 
 
 def image_file(path: Path, config: FileMeasurement, shape: tuple[int, int] | None = None) -> ImageFile:
-    """File of a measured image, with the keys that messages name; ``shape`` is the size that the image must have."""
+    """File of a measured image, with the keys that error messages name; ``shape`` is the required size of the image."""
     return ImageFile(
         path,
         config,

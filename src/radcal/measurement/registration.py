@@ -10,26 +10,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config import RegistrationConfig
-from radcal.errors import MeasurementError
+from radcal.errors import MeasurementError, RadcalError
 from radcal.measurement.displacement import warp
 from radcal.measurement.gefolki import Flow, Level, find_flow, local_correlation, pyramid, rank_transform
 from radcal.measurement.model import Measurement
 from radcal.measurement.spline_field import Prior
-from radcal.storage.layout import put, take
+from radcal.storage.dataclass_groups import put, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
-__all__ = ["LEAST_CONTRAST_DB", "Registered", "contrast_db", "read_registered", "register", "write_registered"]
+__all__ = [
+    "LEAST_CONTRAST_DB",
+    "Registered",
+    "contrast_db",
+    "read_registered",
+    "register",
+    "registered_as",
+    "write_registered",
+]
 
 _SIGNIFICANT = 4.0  # standard errors
 _SMALLEST_PX = 64
 _LEAST_GAIN = 0.001  # smallest rise of the held-out correlation: the last digit that the sentence shows
 _SIGN_WINDOW_PX = 65
 _CONTRAST_PX = 16  # side of the squares whose levels show a contrast under the speckle
-_TREND = 3  # degree of the polynomial of what depends on the slant range alone
+_TREND = 3  # degree of the polynomial in slant range that is removed from both halves of the squares
 LEAST_CONTRAST_DB = 0.3
-"""Contrast of a simulated image below which there is nothing in it to register an image onto [dB]."""
-_FITS = 3.0  # times the correlation of the image itself: above, the image is mirrored
-_MIRRORED = 1.5  # times the correlation of mirrored images, which is that of chance
+"""Smallest contrast of a simulated image onto which a measured image can be registered [dB]."""
+_FITS = 3.0  # an image is called mirrored if a mirrored version has more than this many times its correlation
+_MIRRORED = 1.5  # times the correlation of mirrored images, which is due to chance
 
 
 @dataclass(frozen=True)
@@ -39,8 +47,8 @@ class Registered:
     Attributes
     ----------
     measurement : Measurement
-        Measurement with the registered image, made of nearest pixels, which keep the statistics of speckle; NaN where
-        the measured image has no pixel.
+        Measurement with the registered image. The registered image takes the values of nearest pixels, which keeps the
+        statistics of speckle, and NaN where the measured image has no pixel.
     unregistered_db : ndarray of float32, shape (rows, columns)
         Image before registration [dB].
     displacement_px : ndarray of float32, shape (2, rows, columns)
@@ -54,7 +62,7 @@ class Registered:
     applied : bool
         Whether the image was moved.
     verdict : str
-        Sentence on the result.
+        Sentence on the result of the registration.
     """
 
     measurement: Measurement
@@ -68,15 +76,16 @@ class Registered:
 
 
 def contrast_db(image_db: NDArray[np.float32]) -> float:
-    """Standard deviation of the level of an image between squares of 16 pixels [dB], without that of speckle.
+    """Contrast of an image [dB]: standard deviation, without speckle, of the mean level of squares of 16 x 16 pixels.
 
-    It is the root of the covariance of the two halves of the squares, in which independent speckle has no part. A
-    smooth change from the first row to the last, such as the fall of a law over the swath, is left out.
+    The contrast is the square root of the covariance between the mean levels of the left and right halves of the
+    squares. Independent speckle does not contribute to the covariance of the halves. A smooth change of the level from
+    the first row to the last, such as the decrease of a law over the swath, is removed first.
 
     Parameters
     ----------
     image_db : ndarray, shape (rows, columns)
-        Image [dB]; NaN where there is none.
+        Image [dB]; NaN where a pixel has no value.
     """
     side = _CONTRAST_PX
     rows, columns = (n // side for n in image_db.shape)
@@ -99,31 +108,32 @@ def contrast_db(image_db: NDArray[np.float32]) -> float:
 def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: RegistrationConfig) -> Registered:
     """Register a measured image onto a simulated one.
 
-    The displacement field is found three times: from all pixels and, with the same smoothness, from the squares of each
-    colour of a chequerboard. The squares of the other colour are held out, and the correlation of the two images on
-    them answers two questions. First, do the images have anything in common? Mirrored images are registered for
-    comparison. Second, does the registration improve the agreement? The held-out correlation must rise by 0.001. The
-    standard error of the field is that of its posterior distribution.
+    The displacement field is estimated three times: from all pixels, and, with the same prior, from the squares of each
+    of the two colours of a chequerboard. The squares of the other colour are held out, and the correlation of the two
+    images on the held-out squares answers two questions. The first question is whether the images have anything in
+    common; for comparison, mirrored images are registered, too. The second question is whether the registration
+    improves the agreement; the correlation on the held-out squares must rise by at least 0.001. The standard error of
+    the displacement field is the standard deviation of its posterior distribution.
 
     Parameters
     ----------
     fixed_db : ndarray, shape (rows, columns)
         Simulated image [dB].
     measurement : Measurement
-        Measured image of the same size.
+        Measured image of the same size as the simulated image.
     config : RegistrationConfig
-        Method and limits.
+        Method and limits of the registration.
 
     Returns
     -------
     Registered
-        Registered image, or the unregistered one with the reason, where the registration does not raise the correlation
-        or moves it further than ``max_displacement_px``.
+        Registered image. If the registration does not raise the correlation, or would move the image by more than
+        ``max_displacement_px``, the image is returned unregistered, with the reason.
 
     Raises
     ------
     MeasurementError
-        The image has nothing in common with the simulated one, or is too small.
+        The measured image has nothing in common with the simulated image, or is too small.
     """
     moving_db, source = measurement.image_db, measurement.source
     nothing = np.zeros((2, *fixed_db.shape))
@@ -149,7 +159,7 @@ def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: Re
     found = f"correlation {before.mean():.3f} before and {after.mean():.3f} after, on squares not used to find it"
     furthest = float(np.hypot(*field).max())
     raised = float((after - before).mean()) >= _LEAST_GAIN
-    # an image that is used unregistered must have something in common as it is
+    # an image that is used unregistered must agree with the simulated image without any displacement
     correlation = after if raised and furthest <= config.max_displacement_px else before
     found_out = f"{found}, standard error {_standard_error(after):.3f}"
     _check_agreement(source, levels, flow, correlation, found_out, contrast_db(fixed_db))
@@ -169,7 +179,7 @@ def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: Re
             f"the registration did not raise the correlation of {source} with the simulated image ({found}): "
             "the image is used unregistered.",
         )
-    # the posterior is that of another method, so that the distance to it is added
+    # the posterior belongs to the field of GeFolki: for another method, the distance between both fields is added
     variance = np.square(flow.standard_error_px()) + np.square(field - both).sum(axis=0)
     uncertainty = np.sqrt(variance)
     typical = float(np.sqrt(np.mean(np.square(field).sum(axis=0))))
@@ -189,7 +199,7 @@ def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: Re
 def _check_agreement(
     source: str, levels: list[Level], flow: Flow, correlation: NDArray[np.float64], found: str, contrast: float
 ) -> None:
-    """Raise if the correlation on the squares is not significant, or not clearly above that with mirrored images."""
+    """Raise an error if the correlation is not significant, or not clearly above the correlation of mirrored images."""
     common = _common((levels[0].fixed, levels[0].moving), flow.displacement_px)
     mirrored = _mirrored(levels, flow.posterior.prior)
     best = max(mirrored, key=lambda name: mirrored[name])
@@ -232,7 +242,7 @@ def _chequerboard(shape: tuple[int, int]) -> NDArray[np.bool_]:
 
 
 def _square(shape: tuple[int, ...]) -> int:
-    """Side of a chequerboard square [pixels], so small that there are enough squares for a standard error."""
+    """Side of a chequerboard square [pixels]; small images get small squares, to have enough for a standard error."""
     return 32 if min(shape) >= 256 else 16
 
 
@@ -241,7 +251,7 @@ def _held_out(
     fields: tuple[NDArray[np.float64], NDArray[np.float64]],
     squares: NDArray[np.bool_],
 ) -> NDArray[np.float64]:
-    """Correlation in each square, with the displacement field that was found from the squares of the other colour."""
+    """Correlation of both images in each square, with the field found from the squares of the other colour."""
     fixed, moving = ranks
     total = np.zeros(fixed.shape)
     for field, used in zip(fields, (squares, ~squares), strict=True):
@@ -313,6 +323,52 @@ def write_registered(path: str | Path, registered: Registered) -> None:
 
 
 def read_registered(path: str | Path) -> Registered:
-    """Read a registered image that :func:`write_registered` wrote; errors are those of :func:`.read_hdf5`."""
+    """Read a registered image that :func:`write_registered` wrote; raises the errors of :func:`.read_hdf5`."""
     with read_hdf5(path, "registered") as file:
         return take(file, Registered)
+
+
+def registered_as(
+    path: Path, predicted_db: NDArray[np.float32], found: Measurement, config: RegistrationConfig
+) -> tuple[Registered, str]:
+    """Registration of a measured image for the comparison with a predicted image.
+
+    If the case of the measured image has already registered this image with this method, that registration is taken.
+    Otherwise the measured image is registered onto the predicted one.
+
+    Parameters
+    ----------
+    path : path
+        ``registered.h5`` of the image's case, which need not exist.
+    predicted_db : ndarray, shape (rows, columns)
+        Predicted image [dB], onto which the measured image is registered if necessary.
+    found : Measurement
+        Measured image.
+    config : RegistrationConfig
+        Method and limits.
+
+    Returns
+    -------
+    registered : Registered
+        Registered measured image.
+    by : str
+        Words that name the simulated image onto which the measured image is registered.
+
+    Raises
+    ------
+    MeasurementError
+        The image has nothing in common with the predicted one.
+    """
+    why = ""
+    if path.is_file():
+        try:
+            stored = read_registered(path)
+            if stored.method != config.method:
+                why = f", not as in {path.parent}, whose registration.method was {stored.method}"
+            elif not np.array_equal(stored.unregistered_db, found.image_db, equal_nan=True):
+                why = f", not as in {path.parent}, which has registered another image"
+            else:
+                return stored, f"as in {path.parent}, onto the image at its start"
+        except RadcalError as error:
+            why = f", because the registration of its case cannot be used: {error}"
+    return register(predicted_db, found, config), f"onto the predicted image{why}"

@@ -1,8 +1,8 @@
 """Measured images from Sentinel-1 ground-range products (GRD), calibrated by the tables of the product.
 
-The pixel value is sigma0 = DN^2 / A^2, where DN is the digital number and A the table ``sigmaNought``. Thermal noise
-(eta / A^2, eta from the noise tables) is not subtracted: the simulated image has noise, too, and sums of signal and
-noise have no negative pixels, which have no value in dB.
+The pixel value is sigma0 = DN^2 / A^2, where DN is the digital number and A the value of the table ``sigmaNought``.
+Thermal noise, which is eta / A^2 with eta from the noise tables, is not subtracted, because the simulated image
+contains noise, too. Subtraction would also give negative pixels, which have no value in dB.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _SLOPES = 250_000  # number of slopes of a scene from which a quantile is taken
 def sigma0_image(
     product: Product, config: FileMeasurement, radar: Radar, geometry: Geometry, scene: Scene | None
 ) -> tuple[Array, Acquisition, tuple[str, ...]]:
-    """Image of sigma0 in the pixels of the scene's image, from the nearest pixels of a product.
+    """Image of sigma0 on the pixel grid of the scene's image, from the nearest pixels of a product.
 
     Parameters
     ----------
@@ -41,20 +41,20 @@ def sigma0_image(
     config : FileMeasurement
         Configuration of the image.
     radar : Radar
-        Configured pass, which is compared with the product's.
+        Configured pass, which is compared with the acquisition of the product.
     geometry : Geometry
-        Pixels of the scene's image.
+        Geometry of the scene's image.
     scene : Scene or None
         Scene of the geometry.
 
     Returns
     -------
     power : ndarray, shape (rows, columns)
-        sigma0 with noise, linear; NaN where the product has no data.
+        sigma0 with thermal noise, in linear units; NaN where the product has no data.
     acquisition : Acquisition
         Acquisition at the scene.
     notes : tuple of str
-        Sentences on what was read.
+        Sentences about acquisition, calibration and noise of the image.
 
     Raises
     ------

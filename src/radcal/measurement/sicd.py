@@ -30,20 +30,20 @@ _LINEAR = frozenset("HV")
 
 @dataclass(frozen=True)
 class SicdImage:
-    """SICD image in radcal's orientation.
+    """SICD image turned to slant range along rows and azimuth along columns.
 
     Attributes
     ----------
     power : ndarray of float64, shape (slant range, azimuth)
-        sigma0, or relative power if ``notes`` say so; row 0 nearest, columns along the flight.
+        sigma0, or relative power if ``notes`` say so; row 0 is nearest to the radar, and columns grow along the flight.
     notes : tuple of str
-        Sentences for the report, on the levels and other properties.
+        Sentences for the report, about the levels and other properties of the image.
     polarisation : str or None
         Transmitted and received polarisation, such as "VV", where the file gives both.
     frequency_hz : float or None
         Centre of the processed band [Hz], where the file gives it.
     radiometry : str or None
-        ``sigma0_ref``, sigma0 for level ground; None for relative power.
+        ``sigma0_ref`` for sigma0 of level ground; None for relative power.
     """
 
     power: NDArray[np.float64]
@@ -54,7 +54,7 @@ class SicdImage:
 
 
 def is_sicd(path: Path) -> bool:
-    """Whether a file's first NITF image segment is labelled SICD, even if later parts of the file are damaged."""
+    """Whether the first NITF image segment of a file is labelled SICD; later parts of the file may be damaged."""
     try:
         with path.open("rb") as file:
             # the first image subheader, "IM" and its identifier IID1, follows the file header
@@ -79,12 +79,12 @@ def read_sicd(path: Path, config: FileMeasurement, file: ImageFile) -> SicdImage
     config : FileMeasurement
         Configuration, whose scale must be complex.
     file : ImageFile
-        File for messages, with the size that the image must have.
+        Description of the file for error messages, with the size that the image must have.
 
     Raises
     ------
     MeasurementError
-        The file is damaged, contradicts itself, or another scale or band is configured.
+        The file is damaged or contradicts itself, or the configured scale or band does not fit the file.
 
     References
     ----------
@@ -153,8 +153,8 @@ def _read(path: Path, checked: ImageFile) -> SicdImage:
 def _check_header(file: BinaryIO) -> None:
     """Refuse a file header that contradicts the length of the file, and image subheaders that are not SICD's.
 
-    The library that reads SICD files trusts the counts in a damaged header, up to 99,999 bands, and then takes minutes
-    or more.
+    The library that reads SICD files trusts the counts in a damaged header, for example 99,999 bands, and then takes
+    minutes or longer.
     """
     header = file.read(_HEADER_BYTES)
     at, segments = 360, []
@@ -189,7 +189,7 @@ def _check_header(file: BinaryIO) -> None:
 
 def _check_image(fields: bytes, number: int) -> None:
     """Refuse an image subheader that is not SICD's."""
-    # comments follow corner coordinates, if there are any (table A-3), compression and bands the comments
+    # comments follow the corner coordinates, if there are any (table A-3); compression and bands follow the comments
     comments = 432 if fields[371:372] != b" " else 372
     compression = comments + 1 + 80 * int(fields[comments : comments + 1])
     found = fields[compression : compression + 3]
@@ -211,7 +211,7 @@ def _needed(xml: Any, name: str) -> Any:
 
 
 def _check_segments(reader: Any, xml: Any, pixel_bytes: int) -> None:
-    """Compare XML and NITF segments, because the library leaves pixels that no segment holds uninitialised."""
+    """Compare the image size in the XML with the NITF segments; the library does not initialise missing pixels."""
     rows, columns = (_needed(xml, f"ImageData/{name}") for name in ("NumRows", "NumCols"))
     segments = [s for s in reader.jbp["ImageSegments"] if s["subheader"]["IID1"].value.startswith("SICD")]
     sizes = [(s["subheader"]["NROWS"].value, s["subheader"]["NCOLS"].value) for s in segments]
@@ -226,7 +226,7 @@ def _check_segments(reader: Any, xml: Any, pixel_bytes: int) -> None:
 
 
 def _power(pixels: NDArray[Any], pixel_type: str, amplitudes: NDArray[np.float64] | None) -> NDArray[np.float64]:
-    """Squared modulus of stored pixels."""
+    """Power (squared modulus) of the complex pixels stored in a file."""
     if pixel_type == "AMP8I_PHS8I":
         # without a table the stored number is the amplitude
         table = np.arange(256.0) if amplitudes is None else np.asarray(amplitudes, dtype=np.float64)
@@ -239,7 +239,7 @@ def _power(pixels: NDArray[Any], pixel_type: str, amplitudes: NDArray[np.float64
 
 
 def _level(xml: Any, name: str) -> tuple[NDArray[np.float64] | None, tuple[str, ...]]:
-    """Factor from pixel power to sigma0, shape (rows, columns), and a sentence about it."""
+    """Factors by which pixel power is multiplied to give sigma0, shape (rows, columns), and a sentence about them."""
     for polynomial, quantity, angle in (
         ("SigmaZeroSFPoly", "sigma0", None),
         ("BetaZeroSFPoly", "beta0", "SlopeAng"),
@@ -276,7 +276,7 @@ def _level(xml: Any, name: str) -> tuple[NDArray[np.float64] | None, tuple[str, 
 
 
 def _flown_backwards(xml: Any) -> bool:
-    """Whether columns grow against the flight direction; raises a ValueError where the metadata are contradictory."""
+    """Whether columns grow against the flight direction; raises a ValueError if the metadata contradict each other."""
     row, column = (_needed(xml, f"Grid/{axis}/UVectECF") for axis in ("Row", "Col"))
     position, velocity = _needed(xml, "SCPCOA/ARPPos"), _needed(xml, "SCPCOA/ARPVel")
     side = _needed(xml, "SCPCOA/SideOfTrack")
@@ -300,7 +300,7 @@ def _polarisation(xml: Any) -> str | None:
 
 
 def _frequency_hz(xml: Any) -> float | None:
-    """Centre of the processed band; None where it is missing or relative to an undisclosed reference frequency."""
+    """Centre of the processed band [Hz]; None if it is missing or relative to an undisclosed reference frequency."""
     low, high = (_value(xml, f"ImageFormation/TxFrequencyProc/{name}") for name in ("MinProc", "MaxProc"))
     if low is None or high is None or _value(xml, "RadarCollection/RefFreqIndex"):
         return None

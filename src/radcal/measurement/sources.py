@@ -1,4 +1,4 @@
-"""Measurement from the configured source, read or synthetic, checked against the scene."""
+"""Measurement from its configured source, a file or a synthetic image, checked against the scene."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from radcal.config import FileMeasurement, Radar, TargetConfig, expand_path, sta
 from radcal.config.measurement import RADIOMETRY_EXPECTED
 from radcal.errors import FitError, MeasurementError, RadcalError
 from radcal.measurement.georeference import (
+    check_spacing,
     is_georeferenced,
     places_on_ground,
     read_georeferenced,
@@ -44,7 +45,7 @@ from radcal.simulators.protocol import Simulator
 __all__ = ["check_image", "make_measurement"]
 
 T = TypeVar("T")
-_LARGEST_ALONE = 20_000_000  # pixels of an image whose numbers are looked at without a scene
+_LARGEST_ALONE = 20_000_000  # largest number of pixels of a raster that is read for a check without the scene
 
 
 def make_measurement(
@@ -54,21 +55,21 @@ def make_measurement(
     scene: Scene | None = None,
     partly: bool = False,
 ) -> Measurement:
-    """Read or make the measurement and check that every calibrated material can be fitted.
+    """Read or simulate the measured image, and check that every calibrated material can be fitted.
 
     Parameters
     ----------
     case : stages.Measurement
-        Source of the image, and what it must suit.
+        Source of the image, with the pass, materials and target settings that the image must suit.
     geometry : Geometry
-        Image grid and material masks.
+        Geometry with the image grid and the material masks.
     simulator : Simulator
-        Simulator of a synthetic measurement; not called for a file.
+        Simulator of a synthetic measurement; it is not used if the measurement is a file.
     scene : Scene, optional
-        Scene of the geometry. Without it every image file is assumed to be in slant range, and no synthetic measurement
-        is made of another scene.
+        Scene of the geometry. If missing, every image file is assumed to be in slant range, and a synthetic measurement
+        cannot have relief or wrong labels.
     partly : bool
-        Whether it is enough that one of the calibrated materials can be fitted; for further passes.
+        Whether one calibrated material that can be fitted is enough, as in the second and later passes.
 
     Raises
     ------
@@ -81,7 +82,7 @@ def make_measurement(
     else:
         measurement = make_synthetic(case, case.measurement.synthetic, geometry, simulator, scene)
     flags = {}
-    if case.target.normalisation == "none":  # otherwise the level of the noise follows from the reference run
+    if case.target.normalisation == "none":  # else the noise level is known after the reference run
         noise_db = noise_floor_db(case.radar, geometry.flat_incidence_deg)
         flags[IN_THE_NOISE] = noise_limited(measurement.image_db, noise_db, case.target.snr_db)
     refused = [_refusal(name, measurement, geometry, case.target, flags) for name in case.calibrated]
@@ -91,8 +92,8 @@ def make_measurement(
     return measurement
 
 
-def check_image(config: FileMeasurement, radar: Radar) -> list[RadcalError]:
-    """What is wrong with the file of a measured image, as far as it shows without the scene.
+def check_image(config: FileMeasurement, radar: Radar, on_map: bool = True) -> list[RadcalError]:
+    """Errors in the file of a measured image that can be found without the scene.
 
     Parameters
     ----------
@@ -100,12 +101,14 @@ def check_image(config: FileMeasurement, radar: Radar) -> list[RadcalError]:
         Section ``measurement``.
     radar : Radar
         Pass.
+    on_map : bool
+        Whether the scene has map coordinates; the pixel spacings are then checked with a georeferenced image.
 
     Returns
     -------
     list of RadcalError
-        Errors that :func:`make_measurement` would raise one after the other; of a very large image only those of its
-        tags.
+        Errors, of which :func:`make_measurement` would raise only the first; for a raster of more than 20 million
+        pixels, only errors in its tags.
     """
     found: list[RadcalError] = []
 
@@ -125,6 +128,10 @@ def check_image(config: FileMeasurement, radar: Radar) -> list[RadcalError]:
         return found
     folders = vrt_folders(config)
     read = None if _is_large(path, folders) else attempt(read_image, path, config)
+    if read is None:
+        found += _whichever_band(path, config, folders)
+    if on_map and is_georeferenced(path, folders):
+        attempt(check_spacing, path, radar, folders)
     seen = read or ReadImage(np.zeros((0, 0), np.float32), Counts(0, 0, 0, 0))
     seen = attempt(_tagged, seen, tags_of(path, config.band, folders), config, path) or seen
     attempt(_check_pass, seen, radar, path)
@@ -133,8 +140,28 @@ def check_image(config: FileMeasurement, radar: Radar) -> list[RadcalError]:
     return found
 
 
+def _whichever_band(path: Path, config: FileMeasurement, folders: Sequence[Path]) -> list[RadcalError]:
+    """Error, such as a wrong scale, that all bands have, if the configured band does not exist; otherwise empty."""
+    if not is_raster(path) or _is_large(path, folders):
+        return []
+    found: list[RadcalError] = []
+    try:
+        with open_raster(path, folders) as raster:
+            bands = raster.indexes
+    except Exception:  # the libraries' exceptions for damaged files have no common base class
+        return []
+    for band in bands if config.band not in (None, *bands) else ():
+        try:
+            read_image(path, config.model_copy(update={"band": band}))
+        except RadcalError as error:
+            found.append(error)
+        else:
+            return []
+    return found[:1]
+
+
 def _is_large(path: Path, folders: Sequence[Path]) -> bool:
-    """Whether a raster has so many pixels that reading them would take long; false of a file that cannot be opened."""
+    """Whether a raster has so many pixels that reading them would take long; false for a file that cannot be opened."""
     if not is_raster(path):
         return False
     try:
@@ -151,7 +178,7 @@ def _refusal(
     config: TargetConfig,
     flags: Mapping[str, NDArray[np.bool_]],
 ) -> MeasurementError | None:
-    """Error of a material that cannot be fitted."""
+    """Error about a material that cannot be fitted; None if it can be fitted."""
     try:
         pixels = eligible_pixels(name, geometry, measurement, config, flags=flags).pixels
         skewnormal.fit(measurement.image_db.ravel()[pixels])
@@ -172,6 +199,7 @@ def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene:
         read = replace(image_of(power, path, config, geometry.shape), notes=said, radiometry="sigma0_ref")
         path = path.with_name(opened.name)
     elif crs is not None and transform is not None and is_georeferenced(path, vrt_folders(config)):
+        check_spacing(path, radar, vrt_folders(config))
         places = partial(places_on_ground, crs, transform, geometry.ground)
         values = values_at_ground(read_georeferenced(path, config, places), crs, transform, geometry.ground)
         read = image_of(values, path, config, geometry.shape)
@@ -189,6 +217,11 @@ def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene:
         notes.append(check_looks(looks, radar.looks, scale, path.name, is_filtered(spread, looks, radar)))
     elif config.scale == "complex" and radar.looks != 1:
         notes.append(f"{path.name}: complex pixels have a single look, radar.looks is {radar.looks}.")
+    else:
+        notes.append(
+            f"radar.looks and the scale of {path.name} could not be checked by the speckle: the areas of single "
+            "materials are too small."
+        )
     if spread is not None and (note := point_spread_note(spread, looks, radar, path.name)) is not None:
         notes.append(note)
     product = None if is_safe_name(config.path) else named_product(config.path)
@@ -205,7 +238,7 @@ def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene:
 
 
 def _tagged(read: ReadImage, tags: Tags, config: FileMeasurement, path: Path) -> ReadImage:
-    """Image with the polarisation of its tags; tags that contradict the configuration are refused."""
+    """Image with the polarisation from its raster tags; tags that contradict the configuration raise an error."""
     if tags.decibels and config.scale != "db":
         raise MeasurementError(
             f"measurement.scale is {config.scale}, the name of the band of {path} says dB: set measurement.scale: db."
@@ -219,7 +252,7 @@ def _tagged(read: ReadImage, tags: Tags, config: FileMeasurement, path: Path) ->
 
 
 def _check_radiometry(of_file: str | None, configured: str | None, radar: Radar, path: Path) -> None:
-    """Refuse an image whose radiometry is unknown, or another one than configured."""
+    """Refuse an image whose radiometry is unknown or differs from the configured radiometry."""
     if of_file is None and configured is None:
         raise MeasurementError(
             f"measurement.radiometry is missing: {path} does not say it (SICD does with a polynomial of sigma0, beta0 "

@@ -22,12 +22,12 @@ __all__ = ["CELL_PX", "Data", "Lattice", "Posterior", "Prior"]
 
 CELL_PX = 8
 _SPACING_PX = 24.0
-_MOST_CONTROLS = 64  # along the longer side: limits the cost of the factorisations
+_MOST_CONTROLS = 64  # largest number along the longer side, which limits the cost of the factorisations
 _ORDER = 3  # power of the Laplacian in the prior's precision, whose band is then as wide as that of the data
 _DRAWS = 64
-_RATIO = 1.5  # ratio between neighbours of the grid of priors
-# Steps on that grid. The data determine the amplitude of high frequencies, spread / length^2, better than either
-# spread or length, so that the evidence has a ridge along (2, 1).
+_RATIO = 1.5  # ratio between neighbouring values on the grid of priors
+# Steps on the grid of priors, in spread and length. The data determine the amplitude of high frequencies, spread /
+# length^2, better than either spread or length, so that the evidence has a ridge along (2, 1).
 _WAYS = ((0, 0), (1, 0), (-1, 0), (1, 1), (-1, -1), (2, 1), (-2, -1))
 _SPREADS_PX = (0.03, 100.0)  # smallest and largest standard deviation
 _SHORTEST = 0.7  # correlation length, in spacings of the control points
@@ -43,11 +43,11 @@ class Prior:
     Attributes
     ----------
     spread_px : float
-        Standard deviation of each component [pixels].
+        Standard deviation of each component of the displacement [pixels].
     length_px : float
-        1/e correlation length of the Gaussian-filtered noise that has the same spectrum at low
-        frequencies [pixels]. The field itself has about 0.7 of this length, because its high frequencies fall off less
-        steeply.
+        1/e correlation length of Gaussian-filtered noise with the same spectrum at low frequencies as the field
+        [pixels]. The correlation length of the field itself is about 0.7 of ``length_px``, because its spectrum falls
+        off less steeply at high frequencies.
     """
 
     spread_px: float
@@ -67,7 +67,7 @@ def _basis(points: NDArray[np.float64], spacing: float, length: float) -> sparse
 
 
 def _laplacian(n: int) -> sparse.csr_array:
-    """Matrix of the quadratic form of squared differences between neighbours along a line."""
+    """Matrix of the quadratic form that sums the squared differences between neighbours along a line."""
     one = sparse.eye_array(n, format="csr")
     difference = one[1:] - one[:-1]
     return sparse.csr_array(difference.T @ difference)
@@ -75,9 +75,9 @@ def _laplacian(n: int) -> sparse.csr_array:
 
 @dataclass(frozen=True)
 class Lattice:
-    """Control points of a B-spline field over an image, the same at every scale of its pyramid.
+    """Control points of a B-spline field over an image, the same at every scale of the image pyramid.
 
-    Coefficients have shape (2, control rows, control columns) and are in pixels of the full image.
+    Coefficients of a field have shape (2, control rows, control columns) and are in pixels of the full image.
     """
 
     shape: tuple[int, int]
@@ -88,7 +88,7 @@ class Lattice:
         return max(_SPACING_PX, max(self.shape) / _MOST_CONTROLS)
 
     def _axes(self, step: float, scale: int) -> tuple[sparse.csr_array, sparse.csr_array]:
-        """B-spline bases at the centres of every ``step`` pixels of an image reduced by the factor ``scale``."""
+        """B-spline bases of both axes at the centres of every ``step`` pixels of an image reduced by ``scale``."""
         bases = []
         for length in self.shape:
             n = int(np.ceil(length // scale / step))
@@ -141,7 +141,7 @@ class Lattice:
 
     @cached_property
     def _roughness(self) -> tuple[NDArray[np.float64], list[Bands]]:
-        """Eigenvalues of the lattice's Laplacian, and the bands of its powers."""
+        """Eigenvalues of the lattice's Laplacian matrix, and the bands of the powers of this matrix."""
         rows, columns = self.size
         laplacian = sparse.csr_array(
             sparse.kron(_laplacian(rows), sparse.eye_array(columns))
@@ -156,8 +156,8 @@ class Lattice:
     def precision(self, prior: Prior) -> tuple[Bands, float]:
         """Bands of the prior's precision matrix, and the log-determinant of this matrix.
 
-        The spectral density is that of a Matern field of smoothness 2, (1 + (k l / 2)^2 / 3)^-3 at the angular
-        frequency k [1 / pixel], where l is the correlation length; it approximates the Gaussian exp(-(k l / 2)^2)
+        The prior is a Matern field of smoothness 2. Its spectral density is (1 + (k l / 2)^2 / 3)^-3 at the angular
+        frequency k [1 / pixel], where l is the correlation length, and approximates the Gaussian exp(-(k l / 2)^2)
         (Lindgren, Rue and Lindstroem, J. R. Statist. Soc. B 73 (2011), eq. 2).
         """
         roughness, powers = self._roughness
@@ -170,16 +170,16 @@ class Lattice:
 
 @dataclass(frozen=True)
 class Data:
-    """Quadratic log-likelihood -x H x / 2 + g x, where x are the coefficients of a field minus those of a start.
+    """Quadratic log-likelihood -x H x / 2 + g x, where x are the coefficients of a field minus those of a start field.
 
     Attributes
     ----------
     lattice : Lattice
         The control points.
     curvature : ndarray
-        Bands of H [1 / pixel^2].
+        Bands of the matrix H [1 / pixel^2].
     pull : ndarray, shape (2 * control points,)
-        g [1 / pixel], in the order of the bands.
+        Vector g [1 / pixel], in the order of the bands.
     """
 
     lattice: Lattice
@@ -192,7 +192,7 @@ class Data:
         Raises
         ------
         scipy.linalg.LinAlgError
-            The prior is so wide or so narrow that the matrix is numerically singular.
+            The prior is so wide or so narrow that the precision matrix is numerically singular.
         """
         precision, log_determinant = self.lattice.precision(prior)
         factor = cholesky_banded(self.curvature + precision, overwrite_ab=True, check_finite=False)
@@ -201,7 +201,7 @@ class Data:
         return Posterior(self.lattice, prior, mean, factor, evidence)
 
     def best(self, near: Prior) -> Posterior:
-        """Posterior under the prior of largest evidence, found by a hill climb on a grid of priors, from ``near``."""
+        """Posterior under the prior of largest evidence, found by hill climbing on a grid of priors from ``near``."""
         lows = _SPREADS_PX[0], _SHORTEST * self.lattice.spacing_px
         highs = _SPREADS_PX[1], _LONGEST * max(self.lattice.shape)
         known: dict[tuple[int, int], float] = {}
@@ -229,7 +229,7 @@ class Data:
 
 
 def _nearest(prior: Prior, lows: tuple[float, float], highs: tuple[float, float]) -> tuple[int, int]:
-    """Indices of that prior on the grid of priors that is nearest to a given prior."""
+    """Indices of the prior, on the grid of priors, that is nearest to a given prior."""
     values = np.clip((prior.spread_px, prior.length_px), lows, highs)
     floors, ceilings = (np.log(limit) / np.log(_RATIO) for limit in (lows, highs))
     places = np.clip(np.round(np.log(values) / np.log(_RATIO)), np.ceil(floors), np.floor(ceilings))
@@ -245,7 +245,7 @@ class Posterior:
     lattice : Lattice
         The control points.
     prior : Prior
-        Prior with which it was found.
+        Prior from which the posterior was computed.
     mean : ndarray, shape (2 * control points,)
         Most probable coefficients [pixels], in the order of the bands.
     factor : ndarray

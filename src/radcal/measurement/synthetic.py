@@ -1,7 +1,7 @@
 """Synthetic measurement: image of a scene, a pass and laws that may differ from those of the runs.
 
-The differences (keys of ``measurement.synthetic``) stand for what a simulator never knows of a real image. The image is
-formed by the built-in simulator itself, from a changed scene, geometry, pass and laws.
+The differences (keys of ``measurement.synthetic``) represent properties of real images that no simulator knows. The
+image is formed by the built-in simulator itself, from a changed scene, geometry, pass and laws.
 """
 
 from __future__ import annotations
@@ -40,25 +40,26 @@ def make_synthetic(
     simulator: Simulator,
     scene: Scene | None = None,
 ) -> Measurement:
-    """Make the synthetic measurement.
+    """Make the synthetic measurement of a case.
 
     Parameters
     ----------
     case : stages.Measurement
         Pass and laws of the runs.
     synthetic : Synthetic
-        Hidden laws, and how scene, pass and image differ from those of the runs.
+        Hidden laws, and differences of scene, pass and image from those of the runs.
     geometry : Geometry
-        Geometry of the runs, whose image grid the measurement has.
+        Geometry of the runs; the measurement has the same image grid.
     simulator : Simulator
-        Simulator of the runs, which makes the image if only its parameters and its seed differ.
+        Simulator of the runs. This simulator also makes the measured image if only parameters and seed differ from
+        those of the runs.
     scene : Scene, optional
         Scene of the runs, needed for relief and wrong labels.
 
     Raises
     ------
     MeasurementError
-        The displacement field folds, or the resolution is too fine for the pixel spacing.
+        The displacement field folds, so that it has no inverse, or the resolution is too fine for the pixel spacing.
     """
     hidden = {name: material.start_parameters for name, material in case.materials.items()}
     hidden.update({name: x for name, x in synthetic.parameters.items() if name in hidden})
@@ -79,7 +80,7 @@ def make_synthetic(
 
 
 def check_synthetic(radar: Radar, synthetic: Synthetic, shape: tuple[int, int]) -> None:
-    """Try the settings of a synthetic measurement without a run.
+    """Check the settings of a synthetic measurement without a simulator run.
 
     Parameters
     ----------
@@ -93,7 +94,7 @@ def check_synthetic(radar: Radar, synthetic: Synthetic, shape: tuple[int, int]) 
     Raises
     ------
     MeasurementError
-        The displacement field folds, or the resolution is too fine for the pixel spacing.
+        The displacement field folds, so that it has no inverse, or the resolution is too fine for the pixel spacing.
     """
     _other_pass(radar, synthetic)
     _displacements(synthetic, shape)
@@ -161,19 +162,19 @@ def _other_pass(radar: Radar, synthetic: Synthetic) -> Radar:
 
 
 def relabelled(scene: Scene, share: float, rng: np.random.Generator) -> Scene:
-    """Scene in which a share of the cells has another material.
+    """Copy of a scene in which a share of the cells has a wrong material.
 
-    Half of these cells lie on borders, where they take the material of the other side, and half in patches of some
-    cells, each of which takes the material of a random cell of the scene.
+    Half of the relabelled cells lie on borders between materials and get the material of the other side. The other half
+    forms patches of several cells, and each patch gets the material of a random cell of the scene.
 
     Parameters
     ----------
     scene : Scene
-        Scene; cells without a material keep none.
+        Original scene; its cells without a material stay without one.
     share : float
-        Share of the cells with another material, between 0 and 1.
+        Share of the cells that get a wrong material, between 0 and 1.
     rng : Generator
-        Random generator of the places.
+        Random generator of the places and of the materials there.
     """
     before = scene.material
     wanted = round(share * np.count_nonzero(before))
@@ -210,7 +211,7 @@ def roughened(scene: Scene, rms_m: float, length_m: float, k: int, rng: np.rando
         Rms height of the relief [m].
     length_m : float
         Correlation length l [m]: the autocorrelation at distance d is exp(-(d/l)^2), and the rms slope along one axis
-        sqrt(2) rms / l. Relief shorter than a divided cell is uncorrelated between these cells.
+        sqrt(2) rms / l. If l is shorter than a divided cell, the relief is uncorrelated between divided cells.
     k : int
         Number of cells into which the side of a cell is divided.
     rng : Generator
@@ -219,7 +220,7 @@ def roughened(scene: Scene, rms_m: float, length_m: float, k: int, rng: np.rando
     Returns
     -------
     Scene
-        Scene of the same extent and mean elevation.
+        Scene of the same extent and mean elevation as the original scene.
     """
     assert scene.elevation_m is not None  # noqa: S101 - the configuration refuses relief in slant range
     fine = refined_elevation(scene.elevation_m, k, scene.cell_m)
@@ -245,7 +246,7 @@ def textured(geometry: Geometry, radar: Radar, sd_db: float, length_m: float, rn
     sd_db : float
         Standard deviation of the texture [dB].
     length_m : float
-        Correlation length on level ground [m] of the Gaussian field whose quantiles the texture has.
+        Correlation length, on level ground [m], of the Gaussian field that is transformed to the texture.
     rng : Generator
         Random generator of the texture.
 

@@ -1,4 +1,4 @@
-"""Statements on the numbers of a raster in its tags and band names."""
+"""Polarisation, normalisation and unit of a raster's numbers, from the raster's tags and band names."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _BAND = re.compile(r"(?:(?:Sigma|Gamma|Beta)0_)?(?P<pol>HH|HV|VH|VV)(?P<db>_db)?
 
 @dataclass(frozen=True)
 class Tags:
-    """What a raster says of one band; None where it says nothing.
+    """Properties of one band of a raster, from tags and band name; None where the raster does not give them.
 
     Attributes
     ----------
@@ -38,16 +38,16 @@ class Tags:
 
 
 def tags_of(path: Path, band: int | None, folders: Sequence[Path] = ()) -> Tags:
-    """Tags of a measured image; empty for files that are no rasters or cannot be read, which their reader says.
+    """Tags of a measured image; empty for a file that is no raster or that cannot be read.
 
     Parameters
     ----------
     path : path
-        Any measured image.
+        Path of a measured image of any format.
     band : int, optional
         Number of the band, from 1.
     folders : sequence of path
-        Folders in which the sources of a VRT may lie, besides its own.
+        Folders that may contain the source files of a VRT, besides the folder of the VRT.
     """
     if not is_raster(path):
         return Tags()

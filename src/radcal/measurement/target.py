@@ -16,7 +16,7 @@ from radcal.measurement.goodness import Goodness
 from radcal.measurement.ground import Ground
 from radcal.measurement.levels import Levels
 from radcal.measurement.one_incidence import LEAST_SPAN_DEG, seen_at_one_incidence
-from radcal.storage.layout import put, take
+from radcal.storage.dataclass_groups import put, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
 __all__ = ["Target", "Targets", "read_targets", "write_targets"]
@@ -32,7 +32,7 @@ class Target:
     Attributes
     ----------
     pixels : ndarray of int64, shape (n,)
-        Flat image indices of the pixels drawn.
+        Flat indices, in the image, of the pixels drawn.
     order : ndarray of int64, shape (n,)
         Indices of the drawn pixels among the material's pixels in a run record.
     values_db : ndarray, shape (n,)
@@ -40,13 +40,13 @@ class Target:
     incidence_deg : ndarray of float32, shape (n,)
         Local incidence angle [deg].
     dp : ndarray, shape (3,)
-        Fitted direct parameters xi [dB], omega [dB], alpha.
+        Direct parameters xi [dB], omega [dB] and alpha of the fitted skew normal.
     eligible : int
         Number of pixels from which the target's pixels were drawn.
     at_boundary : bool
-        Whether the fit has the largest skewness of a skew normal.
+        Whether the fitted skewness has the largest absolute value that a skew normal can have.
     effective : float
-        Effective sample size: number of independent pixels with the same information.
+        Effective sample size: number of independent pixels with the information of the correlated pixels.
     rms_sampling : float
         Density rms that sampling alone causes at the effective sample size [1/dB].
     cp_error : ndarray, shape (3,)
@@ -57,15 +57,15 @@ class Target:
     goodness : Goodness
         Goodness of fit of the density to the pixels.
     left_out : mapping
-        Number of the material's masked visible pixels by reason.
+        Number of the material's visible pixels that are masked, by reason.
     looks : float
-        Equivalent number of looks among neighbouring pixels; NaN where not known.
+        Equivalent number of looks of the material, from neighbouring pixels; NaN if unknown.
     penalised : bool
         Whether the densities of the target and of every run are fitted by penalised likelihood.
     patch, block : ndarray of int, shape (n,)
         Connected area of the material (patch), and part of a block of the image, of each pixel.
     correlation : Correlation or None
-        Correlation of the material's pixels; None for independent ones.
+        Correlation of the material's pixels; None for independent pixels.
     kept_out : Ground or None
         Held-out pixels, to which no law is fitted; None without validation.
     noise_db : float
@@ -111,7 +111,7 @@ class Target:
 
     @property
     def level_only(self) -> bool:
-        """Whether the material is seen at one incidence, so that its level can be known, but not its law."""
+        """Whether the material is seen at one incidence angle, so that its level can be determined, but not its law."""
         error_deg = self.classes.incidence_error_deg if self.classes is not None else 0.0
         return seen_at_one_incidence(self.incidence_deg, error_deg)
 
@@ -144,18 +144,18 @@ class Target:
 
 
 class Targets(dict[str, Target]):
-    """Targets by calibrated material, and the levels at which they are compared with every run.
+    """Target of each calibrated material, with the level normalisation for the comparison with runs.
 
     Parameters
     ----------
     targets : mapping
         Target by material.
     levels : Levels, optional
-        Level normalisation of both images; none if missing.
+        Level normalisation of both images; by default none.
     looks : float
-        Equivalent number of looks of the measured image's homogeneous areas; NaN where not known.
+        Equivalent number of looks of the measured image's homogeneous areas; NaN if unknown.
     further : sequence of Targets
-        Those of the second and later passes, which may lack a material.
+        Targets of the second and later passes, which may lack a material.
     """
 
     def __init__(
@@ -172,11 +172,11 @@ class Targets(dict[str, Target]):
 
     @property
     def passes(self) -> tuple[Targets, ...]:
-        """Targets of all passes, these first."""
+        """Targets of all passes, in the order of the passes."""
         return (self, *self.further)
 
     def level_only(self, name: str) -> bool:
-        """Whether a material is seen at one incidence in each pass that shows it."""
+        """Whether a material is seen at one incidence angle only, in each pass that shows it."""
         return all(one[name].level_only for one in self.passes if name in one)
 
     def textured(self, name: str) -> bool:
@@ -184,12 +184,12 @@ class Targets(dict[str, Target]):
         return self[name].looks < _TEXTURED * self.looks
 
     def score(self, pixels_db: Mapping[str, NDArray[np.float32]]) -> dict[str, tuple[NDArray[np.float64], float]]:
-        """Direct parameters and rms difference [1/dB] of every material, from the visible pixels of a run [dB]."""
+        """Direct parameters and density rms [1/dB] of every material, from the visible pixels of a run [dB]."""
         mapping = self.levels.simulated(pixels_db)
         return {name: target.score(pixels_db[name], mapping) for name, target in self.items()}
 
     def sentences(self) -> list[str]:
-        """Lines for the terminal: levels, target of each material, and warnings."""
+        """Lines for the terminal about levels, the target of each material, and warnings."""
         levels = self.levels
         lines = [f"levels: {levels.sentence}"] if levels.normalisation != "none" or levels.doubtful else []
         for name, target in self.items():
@@ -224,7 +224,7 @@ class Targets(dict[str, Target]):
 
 @dataclass(frozen=True)
 class _Stored:
-    """Content of the file of targets."""
+    """Content of a target file: targets, level normalisation and number of looks of one pass."""
 
     materials: Mapping[str, Target]
     levels: Levels
@@ -232,13 +232,13 @@ class _Stored:
 
 
 def write_targets(path: str | Path, targets: Targets) -> None:
-    """Write the targets of all materials, and the brightness level of both images, to HDF5, atomically."""
+    """Write the targets of all materials, and the level normalisation of both images, to HDF5, atomically."""
     with write_hdf5(path, "target") as file:
         put(file, _Stored(targets, targets.levels, targets.looks))
 
 
 def read_targets(*paths: str | Path) -> Targets:
-    """Read the targets that :func:`write_targets` wrote, from one file for each pass; errors: :func:`.read_hdf5`."""
+    """Read the targets of all passes, one file for each pass; raises the errors of :func:`.read_hdf5`."""
     found = []
     for path in paths:
         with read_hdf5(path, "target") as file:

@@ -18,7 +18,7 @@ from radcal.measurement.ground import Blocks, Ground
 from radcal.measurement.levels import Levels, image_levels, offset_levels
 from radcal.measurement.looks import estimate_looks, local_looks
 from radcal.measurement.model import Measurement
-from radcal.measurement.patches import label_patches
+from radcal.measurement.patches import label_patches, patches_seen
 from radcal.measurement.pixels import IN_THE_NOISE, eligible_pixels, noise_limited, point_targets
 from radcal.measurement.target import Target, Targets
 from radcal.radar.radiometry import noise_floor_db
@@ -27,11 +27,13 @@ from radcal.seeds import derived_rng
 if TYPE_CHECKING:
     from radcal.measurement.registration import Registered
     from radcal.radar.geometry import Geometry
+    from radcal.scene.model import Scene
 
 __all__ = ["HELD_OUT", "make_levels", "make_target", "make_targets", "sampling_rms"]
 
 # Step to which a target's parameters are rounded, relative to its standard deviation; a thousandth of the sampling
-# error of 1,000 pixels. Numerical noise, such as that of another level of the same image, then changes no calibration.
+# error of 1,000 pixels. Numerical noise, for example after a constant is added to the image, then changes no
+# calibration.
 _ROUNDING = 1e-5
 _LEVEL_PIXELS = 1000  # pixels drawn of each reference material
 HELD_OUT = "held out to check the law"  # reason for masking
@@ -58,7 +60,7 @@ def sampling_rms(
     Returns
     -------
     float
-        Median over the samples [1/dB].
+        Median, over the samples, of the density rms [1/dB].
 
     References
     ----------
@@ -69,7 +71,7 @@ def sampling_rms(
 
 
 def _rounded(dp: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Direct parameters after their centred parameters have been rounded."""
+    """Direct parameters computed from the rounded centred parameters of ``dp``."""
     mean, sd, skewness = skewnormal.centred(dp)
     step = _ROUNDING * 2.0 ** np.floor(np.log2(sd))
     rounded = [np.round(mean / step) * step, np.round(sd / step) * step, np.round(skewness / _ROUNDING) * _ROUNDING]
@@ -88,6 +90,7 @@ def make_target(
     flags: Mapping[str, NDArray[np.bool_]] | None = None,
     radar: Radar | None = None,
     validation: Validation | None = None,
+    scene: Scene | None = None,
 ) -> Target:
     """Target of one material: pixels drawn at random without replacement, and the density fitted to their values.
 
@@ -96,14 +99,16 @@ def make_target(
     name, geometry, measurement, config, uncertainty_px, flags
         Arguments of :func:`~radcal.measurement.pixels.eligible_pixels`.
     seed : int
-        Seed of the case, from which that of the draw is derived.
+        Seed of the case, from which the seed of the random draw is derived.
     levels : Levels, optional
-        Level normalisation of the measured values; none if missing.
+        Level normalisation of the measured values; by default none.
     radar : Radar, optional
         Pass with resolutions and pixel spacings, from which the number of looks is estimated; without it, no estimate
         is made.
     validation : Validation, optional
         Blocks to hold out; none if missing.
+    scene : Scene, optional
+        Scene whose connected areas are the material's fields; by default, connected areas of the image are the fields.
 
     Raises
     ------
@@ -126,7 +131,10 @@ def make_target(
     fit = skewnormal.fit(values, penalised)
     correlation = estimate_correlation(measurement.image_db, eligible.pixels, geometry.incidence_deg)
     effective = correlation.effective(drawn)
-    patches = label_patches(geometry.material == geometry.names.index(name) + 1).ravel()
+    number = geometry.names.index(name) + 1
+    shown = geometry.material == number
+    fields = label_patches(shown) if scene is None else patches_seen(shown, scene.material == number, geometry.ground)
+    patches = fields.ravel()
     held_out = None
     if out.any():
         others = {reason: flag for reason, flag in (flags or {}).items() if reason != HELD_OUT}
@@ -176,8 +184,9 @@ def make_targets(
     registered: Registered,
     reference_db: NDArray[np.float32],
     partly: bool = False,
+    scene: Scene | None = None,
 ) -> Targets:
-    """Targets of all calibrated materials, with the levels.
+    """Targets of all calibrated materials, with the level normalisation.
 
     Parameters
     ----------
@@ -191,6 +200,8 @@ def make_targets(
         Image of the reference run [dB].
     partly : bool
         Whether materials with too few pixels are left out, as long as one has enough; for further passes.
+    scene : Scene, optional
+        Scene whose connected areas are the materials' fields; by default, connected areas of the image are the fields.
 
     Raises
     ------
@@ -221,6 +232,7 @@ def make_targets(
                 flags=flags,
                 radar=case.radar,
                 validation=case.validation,
+                scene=scene,
             )
         except MeasurementError:
             if not partly or (number == len(case.calibrated) and not targets):
@@ -242,7 +254,7 @@ def make_targets(
 def make_levels(
     case: stages.Target, geometry: Geometry, registered: Registered, reference_db: NDArray[np.float32]
 ) -> Levels:
-    """Level of the measured image relative to the reference run; arguments as for :func:`make_targets`.
+    """Level normalisation from the measured image and the reference run; parameters as in :func:`make_targets`.
 
     Raises
     ------

@@ -42,7 +42,7 @@ def letter_band(frequency_hz: float) -> str | None:
     Returns
     -------
     str or None
-        Letter of the band; None outside 30 MHz to 110 GHz.
+        Letter of the band; None for a frequency outside of 30 MHz to 110 GHz.
 
     References
     ----------
@@ -65,7 +65,7 @@ def within_band(label: str, frequency_hz: float) -> bool | None:
     Returns
     -------
     bool or None
-        Whether the frequency lies in the band; None if the label is not the name of a known band.
+        Whether the frequency lies in the band; None if the label names no known band.
     """
     for known, (low, high) in LETTER_BANDS_GHZ.items():
         if same_label(label, known):

@@ -1,10 +1,10 @@
 """Compilation by numba, with a cache folder that is named after a hash of all source files of compiled functions.
 
-numba loads a function's machine code from its cache as long as the function's own source file is unchanged. It does not
-notice changes in other source files whose compiled functions or constants the function uses. The cache folder is
-therefore named after a hash of all source files with compiled functions or with constants that compiled functions use.
-Every module with compiled functions imports ``njit`` or ``threaded`` from this module, and :func:`sources` finds these
-modules by this import.
+numba loads a function's machine code from its cache as long as the function's own source file is unchanged. numba does
+not notice changes in other source files, even if the function uses constants or compiled functions of these files. The
+cache folder is therefore named after a hash of all source files with compiled functions or with constants that compiled
+functions use. Every module with compiled functions imports ``njit`` or ``threaded`` from this module, and
+:func:`sources` finds these modules by this import.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ __all__ = ["cache_folder", "njit", "sources", "threaded"]
 
 _config: Any = numba.config  # the names of numba.config are defined only at import, so that mypy does not know them
 _PACKAGE = Path(__file__).resolve().parents[1]
-_KEPT, _IN_USE_S = 8, 24 * 3600.0  # number of folders of other hashes that are kept, besides those of the last day
-_COMPILING = threading.RLock()  # locks on files are those of a process, whichever thread has taken them
-_PATIENCE_S = 60.0  # how long a process waits for another one that compiles the same function
+_KEPT, _IN_USE_S = 8, 24 * 3600.0  # other cache folders that are kept: number, and largest age [s]
+_COMPILING = threading.RLock()  # a file lock belongs to a process, so that threads need a lock of their own
+_PATIENCE_S = 60.0  # longest time for which a process waits while another one compiles the same function
 
 
 def sources(package: Path) -> list[Path]:
@@ -56,7 +56,7 @@ def sources(package: Path) -> list[Path]:
     trees: dict[Path, ast.Module] = {}
     used: set[str] = set()
     known = -1
-    while waiting or len(used) > known:  # until a round finds neither a module nor a name
+    while waiting or len(used) > known:  # until a round finds no further module and no further name
         known = len(used)
         trees |= {path: ast.parse(path.read_bytes()) for path in waiting}
         used |= {name for path in waiting for name in _used(trees[path])}
@@ -70,7 +70,7 @@ def sources(package: Path) -> list[Path]:
 
 
 def _used(tree: ast.Module) -> set[str]:
-    """Identifiers, also of attributes, in a module's decorated functions and in what sets its global variables."""
+    """Names of variables and attributes in a module's decorated functions and in assignments to global variables."""
     makers = [node for node in tree.body if isinstance(node, ast.Assign | ast.AnnAssign)]
     compiled = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef) and node.decorator_list]
     nodes = [node for part in (*makers, *compiled) for node in ast.walk(part)]
@@ -79,7 +79,7 @@ def _used(tree: ast.Module) -> set[str]:
 
 
 def _imports(tree: ast.Module) -> Iterator[tuple[str, str, str]]:
-    """Imports of a module from radcal: imported module, name of the object in it, and name under which it is used."""
+    """Imports from radcal in a module: module and name of the imported object, and its name in the importing module."""
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "radcal":
             yield from ((str(node.module), alias.name, alias.asname or alias.name) for alias in node.names)
@@ -91,7 +91,7 @@ def _imports(tree: ast.Module) -> Iterator[tuple[str, str, str]]:
 
 
 def cache_folder(package: Path = _PACKAGE) -> str | None:
-    """Path of the cache folder for the machine code of a package's current source files; created if it is missing.
+    """Path of the cache folder for machine code of a package's current source files; a missing folder is created.
 
     Parameters
     ----------
@@ -101,11 +101,12 @@ def cache_folder(package: Path = _PACKAGE) -> str | None:
     Returns
     -------
     str or None
-        ``radcal-<hash>`` in the first writable folder of: ``NUMBA_CACHE_DIR`` if it is set, the package's own
-        ``__pycache__``, ``radcal`` in the user's cache (``XDG_CACHE_HOME``, else ``~/.cache``). None if none of them is
-        writable. The hash covers the source files, the versions of numba and llvmlite, and the processor. Nodes of a
-        cluster with a common home directory therefore share a folder only if they run the same machine code. Folders of
-        other hashes are removed, except the eight used most recently and those used within the last day.
+        Path of the folder ``radcal-<hash>`` in the first writable one of the following folders: ``NUMBA_CACHE_DIR`` if
+        it is set; the package's ``__pycache__``; ``radcal`` below ``XDG_CACHE_HOME`` or, if this is not set, below
+        ``~/.cache``. None if none of these folders is writable. The hash covers the source files, the versions of numba
+        and llvmlite, and the processor. Nodes of a cluster with a common home directory therefore share a folder only
+        if they run the same machine code. Cache folders that are named after other hashes are removed, except the eight
+        used most recently and all used within the last day.
     """
     total = hashlib.sha256(f"{numba.__version__} {llvmlite.__version__} {binding.get_host_cpu_name()}".encode())
     total.update(binding.get_host_cpu_features().flatten().encode())
@@ -129,7 +130,7 @@ def _remove_others(folder: Path) -> None:
     """Remove all cache folders beside ``folder``, except the eight used most recently and those used within a day."""
     used = {}
     for path in folder.parent.glob("radcal-" + "[0-9a-f]" * 20):
-        with contextlib.suppress(OSError):  # removed meanwhile
+        with contextlib.suppress(OSError):  # another process has removed the folder
             used[path] = path.stat().st_mtime
     others = sorted((path for path in used if path != folder), key=used.__getitem__)
     for path in others[:-_KEPT]:
@@ -147,7 +148,7 @@ def njit(**options: Any) -> Callable[[_Function], _Function]:
     """Decorator ``numba.njit`` that stores the machine code in the folder of :func:`cache_folder`.
 
     Of several processes that need a function at the same time, one compiles it, and the others wait and load its
-    machine code. Where no such folder is writable, every process compiles the functions again.
+    machine code. If no cache folder is writable, every process compiles the functions again.
 
     Parameters
     ----------
@@ -156,7 +157,8 @@ def njit(**options: Any) -> Callable[[_Function], _Function]:
     """
 
     def compiled(function: _Function) -> _Function:
-        # read when a function is decorated; reset so that other users of numba in this process are not affected
+        # numba reads CACHE_DIR when it decorates a function; the old value is restored for other users of numba in this
+        # process
         theirs, _config.CACHE_DIR = _config.CACHE_DIR, _FOLDER or ""
         try:
             dispatcher: Any = numba.njit(cache=_FOLDER is not None, **options)(function)
@@ -177,23 +179,26 @@ def njit(**options: Any) -> Callable[[_Function], _Function]:
 
 
 def threaded(function: Callable[..., None]) -> Callable[..., None]:
-    """Decorator like :func:`njit` for a loop whose parts run in threads.
+    """Decorator that compiles a loop as :func:`njit` does and runs equal parts of the loop in parallel threads.
 
     Parameters
     ----------
     function : callable
-        Function whose first argument is a part of the loop: the first index, and the index after the last. What it
-        writes for one index must depend on no other index. Compiled functions cannot call it.
+        Function whose first argument is a part of the loop: the first index, and the index after the last. The values
+        that the function writes for one index must not depend on other indices. Compiled functions cannot call the
+        decorated function.
 
     Returns
     -------
     callable
-        Function whose first argument is the number of indices of the whole loop. Each thread gets an equal part. The
-        number of threads is that of numba (``NUMBA_NUM_THREADS``), which is the number of threads of a workflow's rule.
+        Function whose first argument is the number of indices of the whole loop. Each thread runs an equal part of the
+        loop. The number of threads is ``NUMBA_NUM_THREADS``; in a workflow's job, it is the number of threads of the
+        rule.
 
     Notes
     -----
-    This decorator takes the place of ``numba.prange``, whose functions take twice as long to compile.
+    The decorator is used instead of ``numba.prange``, because a function with ``prange`` takes twice as long to
+    compile.
     """
     one_part = njit(nogil=True)(function)
 
@@ -212,7 +217,11 @@ def threaded(function: Callable[..., None]) -> Callable[..., None]:
 
 @contextlib.contextmanager
 def _locked(path: Path) -> Iterator[None]:
-    """Lock on a file; where there are no locks, or after a minute, without it, because no result depends on it."""
+    """Context manager that holds a lock on a file.
+
+    After a minute, or on a file system without locks, the context is entered without the lock. No result depends on the
+    lock.
+    """
     with contextlib.ExitStack() as stack:
         with contextlib.suppress(OSError):
             file = stack.enter_context(path.open("wb"))
@@ -221,6 +230,6 @@ def _locked(path: Path) -> Iterator[None]:
                 try:
                     fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
                     break
-                except (BlockingIOError, PermissionError):  # another process holds it
+                except (BlockingIOError, PermissionError):  # another process holds the lock
                     time.sleep(0.05)
         yield

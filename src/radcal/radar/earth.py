@@ -1,9 +1,10 @@
 """Position of the track relative to the ground, over a flat or a curved earth.
 
-Over a curved earth the ground is a sphere, whose radius is that of the ellipsoid at the scene. The scene is computed in
-the plane that touches the sphere at the scene's centre: heights are lowered by the drop of the sphere below this plane
-along ground range, and the track stays where it is seen from the centre. Along azimuth nothing is lowered, because an
-orbit bends with the earth. ``docs/simulator.md`` gives the errors of this approximation.
+Over a curved earth, the ground is modelled as a sphere with the ellipsoid's radius of curvature at the scene. The scene
+is computed in the plane that touches the sphere at the scene's centre. Elevations are lowered by the depth of the
+sphere below this plane, which depends on ground range alone. At the scene's centre, slant range and incidence angle are
+the same as on the sphere. Elevations are not lowered along azimuth, because an orbit follows the curvature of the
+earth. ``docs/simulator.md`` gives the errors of this approximation.
 """
 
 from __future__ import annotations
@@ -23,16 +24,17 @@ __all__ = ["Sight", "heading_at_scene", "heading_of_sight", "sight"]
 def heading_at_scene(
     heading_deg: float, incidence_deg: float, altitude_m: float, latitude_deg: float, look_side: str = "right"
 ) -> float:
-    """Heading of a track at the scene that it sees, from the heading below the satellite.
+    """Heading of a satellite's track at the scene, computed from the heading at the point below the satellite.
 
-    Meridians converge between the place below the satellite and the scene, by some degrees for an orbit. Annotations of
-    products give the heading below the satellite, ``radar.heading_deg`` is that at the scene. The result is right to
-    0.4 degrees, because the height of an orbit above the ellipsoid is not constant; :func:`heading_of_sight` is exact.
+    For an orbit, the heading at the scene differs from the heading at the point below the satellite by some degrees,
+    because meridians converge between the two places. Annotations of products give the heading below the satellite;
+    ``radar.heading_deg`` is the heading at the scene. The result has an error of up to 0.4 degrees, because the height
+    of an orbit above the ellipsoid is not constant; the result of :func:`heading_of_sight` is exact.
 
     Parameters
     ----------
     heading_deg : float
-        Heading below the satellite, relative to the ground, clockwise from north [deg].
+        Heading at the point below the satellite, relative to the ground, clockwise from north [deg].
     incidence_deg : float
         Incidence on level ground at the scene [deg].
     altitude_m : float
@@ -45,12 +47,13 @@ def heading_at_scene(
     Returns
     -------
     float
-        Heading at the scene, across the direction to the satellite [deg], 0 to 360.
+        Heading at the scene, perpendicular to the direction to the satellite, clockwise from north [deg], 0 to 360.
 
     References
     ----------
-    Napier's analogies for the spherical triangle of pole, place below the satellite, and scene (Snyder, "Map
-    projections: a working manual", USGS Professional Paper 1395 (1987), chapter 5, has the formulas of such triangles).
+    Napier's analogies for the spherical triangle of pole, point below the satellite, and scene. Snyder, "Map
+    projections: a working manual", USGS Professional Paper 1395 (1987), chapter 5, has the formulas of spherical
+    triangles.
     """
     side = 90.0 if look_side == "right" else -90.0
     arc = math.radians(incidence_deg + depression_deg(incidence_deg, altitude_m) - 90.0)
@@ -65,13 +68,13 @@ def heading_at_scene(
 def heading_of_sight(
     satellite_m: ArrayLike, place_m: ArrayLike, longitude_deg: float, latitude_deg: float, look_side: str = "right"
 ) -> float:
-    """Heading of a track at the scene, across the line of sight from a satellite at zero Doppler.
+    """Heading of a track at the scene, perpendicular to the line of sight from a satellite at zero Doppler.
 
     Parameters
     ----------
     satellite_m, place_m : array_like, shape (3,)
-        Earth-centred, earth-fixed coordinates of the satellite, when it sees the scene's centre at zero Doppler, and of
-        the scene's centre [m].
+        Earth-centred, earth-fixed coordinates [m] of the satellite and of the scene's centre, at the time at which the
+        satellite sees the scene's centre at zero Doppler.
     longitude_deg, latitude_deg : float
         Geodetic longitude and latitude of the scene's centre [deg].
     look_side : str
@@ -80,7 +83,7 @@ def heading_of_sight(
     Returns
     -------
     float
-        Heading, clockwise from north [deg], 0 to 360: the value of ``radar.heading_deg``.
+        Heading at the scene, clockwise from north [deg], 0 to 360; the value for the key ``radar.heading_deg``.
     """
     away = np.asarray(place_m, dtype=np.float64) - np.asarray(satellite_m, dtype=np.float64)
     longitude, latitude = math.radians(longitude_deg), math.radians(latitude_deg)
@@ -92,19 +95,18 @@ def heading_of_sight(
 
 @dataclass(frozen=True)
 class Sight:
-    """Position of the track, in the plane across it, relative to the scene's centre.
+    """Position of the track relative to the scene's centre, in the vertical plane across the track.
 
     Attributes
     ----------
     height_m : float
-        Height of the track above the plane that touches the ground at the scene's centre, at the scene's mean
-        elevation [m].
+        Height of the track above the tangent plane of the earth at the scene's centre and mean elevation [m].
     ground_m : float
-        Distance in this plane from the place below the track to the scene's centre [m].
+        Distance in the tangent plane from the point below the track to the scene's centre [m].
     altitude_m : float
-        Height of the track above the ground below it [m]: ``height_m`` over a flat earth.
+        Height of the track above the ground at the point below the track [m]; equal to ``height_m`` over a flat earth.
     radius_m : float
-        Radius of the ground [m]; infinite for a flat earth.
+        Radius of the earth at the scene's mean elevation [m]; infinite for a flat earth.
     """
 
     height_m: float
@@ -113,7 +115,7 @@ class Sight:
     radius_m: float
 
     def flat_incidence_deg(self, slant_m: ArrayLike) -> NDArray[np.float64]:
-        """Incidence on level ground at a slant range [deg]."""
+        """Incidence angle [deg] of level ground at the slant range ``slant_m``."""
         slant = np.asarray(slant_m, dtype=np.float64)
         if math.isinf(self.radius_m):
             return np.asarray(np.degrees(np.arccos(np.minimum(self.height_m / slant, 1.0))))
@@ -123,14 +125,14 @@ class Sight:
         return np.asarray(np.degrees(np.arccos(np.minimum(cosine, 1.0))))
 
     def slant_range_m(self, flat_incidence_deg: float) -> float:
-        """Slant range at which level ground has an incidence [m]."""
+        """Slant range [m] at which level ground has the incidence angle ``flat_incidence_deg``."""
         cosine = np.cos(np.radians(flat_incidence_deg))
         if math.isinf(self.radius_m):
             return float(self.height_m / cosine)
         return _slant_range_m(float(cosine), self.altitude_m, self.radius_m)
 
     def lowered(self, elevation_m: NDArray[np.float64], cell_m: float) -> NDArray[np.float64]:
-        """Heights above the plane that touches the ground at the scene's centre.
+        """Elevations lowered by the depth of a curved earth below its tangent plane at the scene's centre.
 
         Parameters
         ----------
@@ -142,7 +144,8 @@ class Sight:
         Returns
         -------
         ndarray, shape (ny, nx)
-            Elevation less u^2 / 2R at the distance u from the scene's centre along ground range [m].
+            Elevation minus u^2 / 2R [m], where u is the distance from the scene's centre along ground range and R is
+            the radius of the earth.
         """
         if math.isinf(self.radius_m):
             return elevation_m
@@ -152,7 +155,7 @@ class Sight:
 
 
 def _slant_range_m(cosine: float, altitude_m: float, radius_m: float) -> float:
-    """Slant range [m] of a track above a sphere, from the cosine of the incidence on the sphere."""
+    """Slant range [m] from a track to a sphere, computed from the cosine of the incidence angle on the sphere."""
     # the positive root of r^2 + 2 R cos(theta) r = H (H + 2R), in the form without cancellation
     product, half = altitude_m * (altitude_m + 2.0 * radius_m), radius_m * cosine
     return product / (half + math.sqrt(half**2 + product))
@@ -166,7 +169,7 @@ def sight(radar: Radar, radius_m: float = MEAN_RADIUS_M) -> Sight:
     radar : Radar
         Pass.
     radius_m : float
-        Radius of the ground at the scene [m]; without effect for ``earth: flat``.
+        Radius of the earth at the scene's mean elevation [m]; without effect for ``earth: flat``.
     """
     if radar.earth == "flat":
         ground = float(radar.altitude_m / np.tan(np.radians(radar.depression_deg)))

@@ -26,8 +26,8 @@ __all__ = [
 ]
 
 ANGLES_PER_RADIAN = 65535.0 / (np.pi / 2.0)
-VISIBLE, LAID_OVER, OBJECT = 1, 2, 4  # bits of the variable that holds a facet's state
-# cosine of the incidence (89.4 degrees) below which an illuminated area does not decrease; beyond, it is in shadow
+VISIBLE, LAID_OVER, OBJECT = 1, 2, 4  # bit flags of a facet's state
+# smallest cosine of the incidence angle (of 89.4 degrees) in an illuminated area; ground at larger angles is in shadow
 _LEAST_COSINE = 0.01
 
 
@@ -39,8 +39,8 @@ def count_facets(
     """Number of visible facets that reach each pixel, and masks of the pixels in layover and in shadow.
 
     ``near`` and ``far`` are the nearest and furthest image row of each facet, as fractional numbers, shape (lines,
-    facets). ``per_column`` is the number of azimuth lines per image column. ``part`` is the first column and the column
-    after the last.
+    facets). ``per_column`` is the number of azimuth lines per image column. ``part`` is the range of image columns to
+    compute: the first column, and the column after the last.
     """
     lines, facets = near.shape
     for column in range(part[0], part[1]):
@@ -66,7 +66,7 @@ def count_facets(
 
 @njit()
 def shade(line: Any, near: Any, far: Any, per_column: Any, shadow: Any) -> None:
-    """Add the pixels that hidden parts of partly visible facets reach to the mask ``shadow``.
+    """Mark in the mask ``shadow`` the pixels that are covered by hidden parts of partly visible facets.
 
     For each partly visible facet, ``line`` is its azimuth line, and ``near`` and ``far`` are the nearest and furthest
     image row of its hidden part.
@@ -75,7 +75,7 @@ def shade(line: Any, near: Any, far: Any, per_column: Any, shadow: Any) -> None:
     for i in range(line.size):
         first, last = int(line[i] / per_column), int(np.ceil((line[i] + 1) / per_column))
         for column in range(first, min(columns, last)):
-            # as in the count of facets: a line that only touches a column does not belong to it
+            # a line that only touches a column does not belong to this column, as in count_facets
             if min(line[i] + 1.0, (column + 1) * per_column) - max(float(line[i]), column * per_column) >= 1e-6:
                 for row in range(max(0, int(np.floor(near[i]))), min(rows - 1, int(np.floor(far[i]))) + 1):
                     shadow[row, column] = True
@@ -87,13 +87,13 @@ def fill_facets(
     rows: Any, columns: Any, start: Any, by_area: Any, objects: Any, out_material: Any, out_angle: Any,
     out_weight: Any, place: Any,
 ) -> None:  # fmt: skip
-    """Material, incidence angle and weight of the part of each visible facet in each pixel, sorted by pixel.
+    """Material, incidence angle and weight of the part of each visible facet that lies in a pixel, sorted by pixel.
 
     The weight of a part of the ground is its area [m2]. For the radiometry ``sigma0_local``, the weight is instead the
     part's extent in slant range [image rows] times its width in azimuth [lines]. The weight of a part of an object,
-    whose material id is ``objects``, is its share of the radar cross-section [m2] for every radiometry. ``place``
-    receives, for each part, the azimuth line of its facet and the facet's index along the line. ``part`` is the first
-    column and the column after the last.
+    whose material id is ``objects``, is its share of the object's radar cross-section [m2], for every radiometry.
+    ``place`` receives, for each part, the azimuth line of its facet and the facet's index along the line. The argument
+    ``part`` is the range of image columns to compute: the first column, and the column after the last.
     """
     lines, facets = near.shape
     filled = np.zeros(rows, np.int32)
@@ -136,8 +136,9 @@ def order_facets(
     """Sort each pixel's facets by material, scale their weights, and average their incidence and position.
 
     The weights of the ground's facets are multiplied by ``of_ground``, and the weights of objects' facets (material id
-    ``objects``) by ``of_objects``; both factors have the shape (rows,). The averages include objects' facets only in
-    pixels without ground, which have no mean incidence. ``part`` is the first row and the row after the last.
+    ``objects``) by ``of_objects``; both factors have the shape (rows,). The averages do not include objects' facets,
+    except the mean position of a pixel without ground. A pixel without ground has no mean incidence. ``part`` is the
+    range of image rows to compute: the first row, and the row after the last.
     """
     for row in range(part[0], part[1]):
         for pixel in range(row * columns, (row + 1) * columns):
@@ -145,7 +146,7 @@ def order_facets(
             cells[pixel] = 0
             if first == last:
                 continue
-            for i in range(first + 1, last):  # insertion sort, because they are few; it keeps the order of equal ones
+            for i in range(first + 1, last):  # insertion sort, because a pixel has few facets; this sort is stable
                 m, a, w, p, q = material[i], angle[i], weight[i], place[0, i], place[1, i]
                 j = i - 1
                 while j >= first and material[j] > m:
@@ -177,6 +178,12 @@ def order_facets(
                 across += weight[i] * place[1, i]
                 if i > first and material[i] != material[i - 1]:
                     count += 1
+            if total == 0.0:  # the areas of slivers may be 0 in single precision: mean without weights
+                for i in range(first, ground_last):
+                    angles += angle[i]
+                    down += place[0, i]
+                    across += place[1, i]
+                total = float(ground_last - first)
             cells[pixel] = count if ground_last == last else count + 1
             pure[pixel] = material[first] if cells[pixel] == 1 else 0
             mean_deg[pixel] = angles / total * (90.0 / 65535.0)
@@ -188,12 +195,13 @@ def order_facets(
 
 @threaded
 def flatten_terrain(part: Any, start: Any, material: Any, angle: Any, weight: Any, objects: Any) -> None:
-    """Divide each pixel's weights by the ground that the radar illuminates in it, instead of that on level ground.
+    """Divide each pixel's weights by the pixel's illuminated area, as the radiometry ``gamma0_rtc`` requires.
 
-    The weights are areas over any reference area that the facets of a pixel share. The illuminated area is the sum of
-    the areas of the ground's facets across the direction to the radar, area times cosine of the local incidence, so
-    that the weights of a pixel with one facet become 1 / cosine (Small 2011, equation for the area of gamma0). A pixel
-    without ground keeps its weights. ``part`` is the first pixel and the pixel after the last.
+    Before the division, a weight is the ratio of a facet's area to a reference area. The reference area cancels out,
+    because it is the same for all facets of a pixel. The illuminated area is the sum of area times cosine of the local
+    incidence angle over the ground's facets (Small 2011, equation for the area of gamma0). The weight in a pixel with a
+    single facet therefore becomes 1 / cosine of the local incidence angle. A pixel without ground keeps its weights.
+    ``part`` is the range of pixels to compute: the first pixel, and the pixel after the last.
     """
     for pixel in range(part[0], part[1]):
         total = 0.0
@@ -211,7 +219,7 @@ def cells_of(
 ) -> None:  # fmt: skip
     """Material and first facet of every cell; a cell is the contribution of one material to one pixel.
 
-    ``part`` is the first pixel and the pixel after the last.
+    ``part`` is the range of pixels to compute: the first pixel, and the pixel after the last.
     """
     for pixel in range(part[0], part[1]):
         cell = cell_start[pixel] - 1

@@ -1,7 +1,7 @@
 """Objects among the facets of the terrain: boxes that stand on the ground, and point scatterers.
 
 The roof of a box is level. The roof's elevation is the object's height plus the mean elevation of the ground in the
-box's footprint. A box has facets on its roof and on the walls that face the radar. It has none on the other walls:
+box's footprint. A box has facets on its roof and on the walls that face the radar. The other walls have no facets:
 walls parallel to the line of sight are seen edge-on, and walls at the back are hidden. Double bounce between box and
 ground is not modelled, but the configured cross-section of an object may include double bounce.
 """
@@ -54,8 +54,8 @@ class Boxes:
     rcs_m2 : ndarray of float64, shape (n,)
         Cross-section towards the radar [m2].
     extent : ndarray of float64, shape (n,)
-        Extent in slant range of the box's facets, visible or hidden, summed over facets and lines [m]. The sum grows
-        with each block of lines that is computed.
+        Extent in slant range of the box's facets, visible or hidden, summed over facets and lines [m]. The sum is
+        complete after the last block of lines.
     """
 
     place: NDArray[np.float64]
@@ -143,7 +143,7 @@ def to_boxes_and_spots(
 ) -> tuple[Boxes, Spots]:
     """Division of the scene's objects into boxes and point scatterers, with positions in lines and facets of a pass.
 
-    An object becomes a point scatterer if it has no footprint, or if its footprint contains the middle of no facet.
+    An object becomes a point scatterer if it has no footprint, or if no facet has its middle in the object's footprint.
 
     Parameters
     ----------
@@ -154,13 +154,13 @@ def to_boxes_and_spots(
     look_side : str
         ``right`` if the radar looks east, ``left`` if it looks west.
     k : int
-        Number of lines in a cell, and of facets in a cell along a line.
+        Number of azimuth lines in a cell, and of facets along each line in a cell.
     step : float
         Width of a line, and of a facet along a line [m].
     """
     ny, nx = elevation.shape
     right = look_side == "right"
-    # zero Doppler: the radar is due west of the places that it sees in the east
+    # at zero Doppler, a radar that looks east is due west of the places that it sees
     rcs = objects.cross_section_m2(270.0 if right else 90.0)
     place = np.stack([objects.y_m, objects.x_m if right else nx * k * step - objects.x_m], axis=1) / step
     bearing = np.radians(objects.heading_deg)
@@ -196,7 +196,8 @@ class Raised:
     owner : ndarray of int32
         Index of the box that stands on a facet; -1 if no box does.
     roof_m : ndarray of float64
-        Elevation of the box's roof, or of the ground where no box stands or the ground is higher [m].
+        Elevation of the box's roof [m]; elevation of the ground if no box stands on the facet, or if the ground is
+        higher.
     """
 
     owner: NDArray[np.int32]
@@ -217,13 +218,14 @@ class Seen:
     near_m, far_m : ndarray of float64
         Nearest and furthest slant range of each facet's visible part, or of the whole facet if it is hidden [m].
     share : ndarray of float32
-        Visible share of a facet of the ground, 0 to 1. For a facet of a box, 1 if any part is visible, else 0.
+        Visible share of a facet of the ground, 0 to 1. The share of a facet of a box is 1 if any part of the facet is
+        visible, else 0.
     half : ndarray of uint8
         ``NEAR_HALF`` or ``FAR_HALF`` if the visible part of a facet lies in this half alone; else 0.
     hidden_m : ndarray of float64, shape (2, lines, facets)
         Nearest and furthest slant range of the hidden part of a partly visible facet [m]; 0 for other facets.
     horizon : ndarray of float64
-        For each facet, the largest tangent of the angle from nadir of all places nearer to the radar on its line.
+        Largest tangent of the angle from nadir among all places on the facet's line that are nearer to the radar.
     extent_m : ndarray of float64
         Extent in slant range of a whole facet of a box, including its hidden part [m].
     """
@@ -238,7 +240,7 @@ class Seen:
 
     @classmethod
     def room(cls, near_m: NDArray[np.float64], far_m: NDArray[np.float64]) -> Seen:
-        """Arrays that :func:`stand` fills for a block of facets, with the slant ranges of the ground without boxes."""
+        """Arrays for :func:`stand` to fill, with the slant ranges of the ground without boxes as initial values."""
         shape = near_m.shape
         return cls(
             near_m, far_m, np.zeros(shape, np.float32), np.zeros(shape, np.uint8), np.zeros((2, *shape)),
@@ -261,7 +263,7 @@ def _raise(chosen: Any, place: Any, axis: Any, half: Any, reach: Any, top: Any, 
 
 
 def raise_boxes(boxes: Boxes, ground_m: NDArray[np.float64], first: int) -> Raised:
-    """Boxes on a block of lines whose first line is ``first`` and whose ground has the elevation ``ground_m``."""
+    """Boxes that cover the facets of a block of lines with the first line ``first`` and the elevation ``ground_m``."""
     owner = np.full(ground_m.shape, -1, dtype=np.int32)
     low, high = boxes.place[:, 0] - boxes.reach[:, 0], boxes.place[:, 0] + boxes.reach[:, 0]
     chosen = np.flatnonzero((high >= first) & (low <= first + len(ground_m)))
@@ -283,7 +285,7 @@ def stand(
     Parameters
     ----------
     part : (int, int)
-        First line, and line after the last.
+        Range of lines to compute: the first line, and the line after the last.
     owner, roof : ndarray, shape (lines, facets)
         Arrays of :class:`Raised`.
     at_edges : ndarray, shape (lines, facets + 1)
@@ -340,7 +342,7 @@ def _of_box(first: Any, last: Any, start: Any, down: Any, foot_down: Any, before
     if start >= 1.0:
         return whole_near, whole_far, whole_far - whole_near
     nearest, furthest = np.hypot(first + start * (last - first), down), np.hypot(last, down)
-    if before > 0.0:  # the wall is visible above the ray over the highest obstacle before it
+    if before > 0.0:  # the wall is visible above the ray that passes over the highest obstacle in front
         foot_down = min(foot_down, first / before)
     if foot_down > down:
         furthest = max(furthest, np.hypot(first, foot_down))
@@ -372,7 +374,7 @@ def locate(
         line, f = int(place[i, 0]) - first, min(max(int(place[i, 1]), 0), facets - 1)
         up = track - _between(ground, place[i, 0] - first + 0.5, place[i, 1] - 0.5) - height[i]
         away = edges[0] + place[i, 1] * step
-        # only facets before the point's own: that facet's ground would hide points in its near half
+        # the horizon leaves out the point's own facet, whose ground would hide points in the near half of this facet
         if away / up >= horizon[line, f]:
             slant[i] = np.hypot(away, up)
 
@@ -383,8 +385,9 @@ def share_out(part: Any, near: Any, far: Any, state: Any, area: Any, owner: Any,
 
     The cross-section of a box is divided among its facets in proportion to their extent in slant range, so that the box
     is evenly bright in slant range. Hidden facets and hidden parts of facets return no echo: their share of the
-    cross-section is lost. ``owner`` is the index of each facet's box; it uses the same memory as ``area``, which
-    replaces it. ``part`` is the first line and the line after the last.
+    cross-section is lost. ``owner`` is the index of each facet's box. ``owner`` uses the same memory as ``area``, so
+    that the cross-sections overwrite the indices. ``part`` is the range of lines to compute: the first line, and the
+    line after the last.
     """
     for line in range(part[0], part[1]):
         for f in range(near.shape[1]):

@@ -2,8 +2,9 @@
 
 The generator Philox4x32-10 computes uniform random bits from the seed, the place (index of the pixel), the stream
 (material id, or 256 for thermal noise) and the look. The Box-Muller transform turns these bits into complex Gaussian
-numbers. Logarithm, sine and cosine are not library calls, but the single-precision approximations of the Cephes library
-(Moshier 1992). The compiler can therefore vectorise the loops, and every processor gives the same bits.
+numbers. Logarithm, sine and cosine are computed with the polynomials of the Cephes library in single precision (Moshier
+1992), without calls of a mathematical library. The compiler can therefore vectorise the loops, and every processor
+gives the same bits.
 
 References
 ----------
@@ -80,8 +81,9 @@ def gaussian_row(n: Any, place: Any, stream: Any, look: Any, seed: Any, words: A
         a, b, _, _ = philox(place[i], stream[i], look, np.uint32(0), seed[0], seed[1])
         words[0, i] = a
         words[1, i] = b
-    # all 32 bits, centred between neighbours: single precision resolves them near 0, which gives the largest powers (33
-    # ln 2 = 22.9 at most); near 1 they would round to 1, which has no power
+    # A uniform number is the middle of one of 2^32 intervals between 0 and 1. Single precision resolves the intervals
+    # near 0, where the power is largest (33 ln 2 = 22.9 at most). Near 1 the numbers are kept below 1, because the
+    # number 1 would have no power.
     for i in range(n):
         real[i] = min((_F(words[0, i]) + _HALF) * _TWO32, _BELOW_ONE)
     bits = real.view(np.int32)

@@ -20,7 +20,7 @@ from scipy.ndimage import distance_transform_cdt
 from radcal.config import Radar
 from radcal.errors import StoreError
 from radcal.radar import SIMULATOR_VERSION
-from radcal.storage.layout import put, same, take
+from radcal.storage.dataclass_groups import put, same, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
 __all__ = ["Geometry", "Points", "read_geometry", "write_geometry"]
@@ -67,7 +67,7 @@ class Geometry:
     cell_start : ndarray of int32, shape (pixels + 1,)
         First cell of each pixel, by flat image index.
     cell_material : ndarray of uint8, shape (cells,)
-        Material id of each cell. Objects have the id after the last material's, and a sigma0 of 1.
+        Material id of each cell. Objects have the id that follows the last material's id, and a sigma0 of 1.
     facet_start : ndarray of int32, shape (cells + 1,)
         First facet of each cell. A facet is listed in every pixel that it reaches.
     facet_incidence : ndarray of uint16, shape (facets,)
@@ -141,8 +141,8 @@ class Geometry:
         name : str
             Name of the material.
         margin_px : int or ndarray of int, shape ``shape``
-            Width of the margin [pixels], counted in rows or columns. Pixels within this distance of the image's border,
-            or of a pixel that is mixed, invisible or of another material, are left out.
+            Width of the margin [pixels], counted in rows or columns. A pixel is left out if the image's border, or a
+            pixel that is mixed, invisible or of another material, lies within the margin around this pixel.
 
         Returns
         -------
@@ -151,7 +151,8 @@ class Geometry:
         """
         inside = self.material == self.names.index(name) + 1
         if np.any(np.asarray(margin_px) > 0):
-            # the scene is not simulated beyond the image's border, so that resolution cells along it are incomplete
+            # the scene is not simulated beyond the image's border, so that resolution cells at the border are
+            # incomplete
             padded = np.pad(inside, 1)
             distance = distance_transform_cdt(padded, metric="chessboard")[1:-1, 1:-1]
             inside = distance > margin_px
@@ -172,14 +173,14 @@ def write_geometry(
     radar : Radar, optional
         Pass, whose description is stored in the file.
     immaterial : iterable of str, optional
-        Keys of the pass that affect neither the geometry nor any run. The file stays the same if only the values of
-        these keys have changed.
+        Keys of the pass that affect neither the geometry nor any run. If only the values of immaterial keys have
+        changed, the file stays the same.
 
     Raises
     ------
     ConfigError
-        The folder of the file holds the results of a finished calibration that used another geometry. There is no error
-        if the other geometry is of the same pass and of another version of the simulator: its file is replaced.
+        The folder of the file holds the results of a finished calibration that used another geometry. The geometry of
+        the same pass by another version of the simulator causes no error: its file is replaced.
     """
     described = None
     if radar is not None:
@@ -206,7 +207,7 @@ def _outdated(path: str | Path, described: str | None) -> bool:
 
 
 def _recorded_pass(path: Path, ours: str, immaterial: Container[str]) -> str:
-    """Description of the pass in an existing file, if only immaterial keys differ from ``ours``; else ``ours``."""
+    """Description of the pass in an existing file if it equals ``ours`` except for immaterial keys; else ``ours``."""
 
     def material(text: str) -> dict[str, Any]:
         return {key: value for key, value in json.loads(text).items() if key not in immaterial}
@@ -220,6 +221,6 @@ def _recorded_pass(path: Path, ours: str, immaterial: Container[str]) -> str:
 
 
 def read_geometry(path: str | Path) -> Geometry:
-    """Read a geometry that :func:`write_geometry` wrote; errors are those of :func:`.read_hdf5`."""
+    """Read a geometry that :func:`write_geometry` wrote; :func:`.read_hdf5` describes the errors."""
     with read_hdf5(path, "geometry") as file:
         return take(file, Geometry)

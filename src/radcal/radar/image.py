@@ -19,9 +19,9 @@ from radcal.radar.speckle import WIDTH_FACTOR, beta_share, border_gain, impulse_
 
 __all__ = ["ImageFormation", "decibels"]
 
-THERMAL = 256  # stream of the thermal noise; materials are 1 to 255
-_TILE = 256  # pixels a side; the overlap of neighbouring tiles is computed twice, a fifth of the work
-_PATCH = 64  # side of the tiles that are computed again where a law has changed, joined up to a large tile in a row
+THERMAL = 256  # stream of random numbers for thermal noise; streams 1 to 255 are materials
+_TILE = 256  # side of a tile [pixels]; the overlap of neighbouring tiles, a fifth of the work, is computed twice
+_PATCH = 64  # side of the smaller tiles [pixels] that are computed again after a change of a law
 
 
 @threaded
@@ -46,7 +46,7 @@ def _amplitude_row(
     row: Any, left: Any, right: Any, columns: Any, start: Any, material: Any, power: Any, noise: Any, look: Any,
     seed: Any, work: Any, words: Any, parts: Any, out: Any,
 ) -> None:  # fmt: skip
-    """Complex amplitudes of a section of an image row before the band limit; real and imaginary parts alternate."""
+    """Complex amplitudes of a section of an image row before the filters; real and imaginary parts alternate."""
     place, stream = work[0], work[1]
     base = row * columns
     n = right - left
@@ -76,13 +76,13 @@ def _amplitude_row(
 
 @njit()
 def _limit_rows(source: Any, first: Any, taps: Any, out: Any) -> None:
-    """One row filtered in slant range: the sum of rows of ``source``, from row ``first`` on, weighted by ``taps``."""
+    """Image row filtered in slant range: the sum of rows of ``source``, from row ``first`` on, weighted by ``taps``."""
     reach = taps.size // 2
     n = out.size
     middle, tap = source[first + reach], taps[reach]
     for i in range(n):
         out[i] = tap * middle[i]
-    # two pairs of taps at a time, so that each load and store of the line serves four taps
+    # two pairs of taps are applied at a time, so that the line is loaded and stored once for four taps
     pairs = reach - reach % 2
     for k in range(0, pairs, 2):
         a, d = source[first + k], source[first + 2 * reach - k]
@@ -124,7 +124,7 @@ def _limit_line(line: Any, taps: Any, out: Any) -> None:
 
 @njit()
 def _raise(line: Any, first: Any, gain: Any, reach: Any) -> None:
-    """Multiply the columns near the image's border by ``gain`` in a line of alternating real and imaginary parts."""
+    """Multiply the part of a line near the image's border by ``gain``; real and imaginary parts alternate."""
     n = line.size // 2
     for i in range(n):
         if first + i < reach or first + i >= gain.size - reach:
@@ -140,7 +140,7 @@ def _add(spots: Any, line: Any) -> None:
 
 @njit()
 def _detect(field: Any, first: Any, power: Any) -> None:
-    """Write the power of a line of complex numbers to ``power`` for the first look, and add it for later looks."""
+    """Power of a line of complex numbers, written to ``power`` for the first look, and added to it for later looks."""
     for i in range(power.size):
         value = field[2 * i] * field[2 * i] + field[2 * i + 1] * field[2 * i + 1]
         power[i] = value if first else power[i] + value
@@ -153,11 +153,12 @@ def _form(
     point_rows: Any, point_columns: Any, point_values: Any, fine_down: Any, fine_across: Any, intensity: Any,
     field: Any,
 ) -> None:  # fmt: skip
-    """Image of the given tiles: the looks' mean power, written to ``intensity``, or a complex look, to ``field``.
+    """Image of the given tiles: one complex look in ``field``, or the mean power of the looks in ``intensity``.
 
-    For each tile, random amplitudes are computed and then filtered in slant range and in azimuth (the band limit). The
-    amplitudes outside a tile that its filters need are computed again for this tile, and every sum has a fixed order.
-    The value of a pixel therefore depends neither on the choice of tiles nor on the number of threads.
+    For each tile, random amplitudes are computed and then filtered in slant range and in azimuth (the band limit).
+    Amplitudes outside of a tile that are needed by the tile's filters are computed again for this tile, and every sum
+    has a fixed order. The value of a pixel therefore depends neither on the choice of tiles nor on the number of
+    threads.
     """
     reach_down, reach_across = down.size // 2, across.size // 2
     for t in range(part[0], part[1]):
@@ -167,7 +168,7 @@ def _form(
         words = np.empty((2, most), np.uint32)
         parts = np.empty((2, most), np.float32)
         at_border = left < reach_across or right > columns - reach_across
-        # zero beyond the image's border; the gains bring the mean power there back
+        # the amplitudes are zero beyond the image's border; the gains compensate the loss of mean power near the border
         amplitude = np.zeros((bottom - top + 2 * reach_down, 2 * (right - left + 2 * reach_across)), np.float32)
         line = np.empty(amplitude.shape[1], np.float32)
         result = np.empty(2 * (right - left), np.float32)
@@ -272,7 +273,7 @@ class ImageFormation:
         self, reflectivity: Reflectivity, noise_seed: int, before: NDArray[np.float32] | None = None,
         tiles: NDArray[np.int64] | None = None,
     ) -> NDArray[np.float32]:  # fmt: skip
-        """Multilooked intensity, the mean power of the looks; their number is rounded up to a whole one.
+        """Multilooked intensity: mean power of the looks. A number of looks that is not whole is rounded up.
 
         Parameters
         ----------
@@ -281,7 +282,8 @@ class ImageFormation:
         noise_seed : int
             Seed of speckle and thermal noise.
         before, tiles : ndarray, optional
-            Earlier image of the same seed, and those of its tiles (:meth:`touched`) to be computed again, in place.
+            Earlier image of the same seed, and the tiles of this image, from :meth:`touched`, that are computed again
+            in place.
 
         Returns
         -------
@@ -299,11 +301,12 @@ class ImageFormation:
         return field.view(np.complex64)
 
     def thinning(self, noise_seed: int) -> NDArray[np.float32] | None:
-        """Factors that bring the whole looks of :meth:`intensity` down to a number of looks that is not whole.
+        """Factors that reduce the rounded-up number of looks of :meth:`intensity` to the configured number of looks.
 
         A gamma variate of shape n, times an independent beta variate of the shapes L and n - L, is a gamma variate of
-        shape L. For L looks, n is L rounded up, and the beta variates are functions of the power of one further look of
-        uniform ground without noise, so that their correlation is that of speckle.
+        shape L. L is the configured number of looks, and n is L rounded up. The beta variates are computed from the
+        power of one further look at uniform ground without noise. The beta variates therefore have the spatial
+        correlation of speckle.
 
         Parameters
         ----------
@@ -327,7 +330,7 @@ class ImageFormation:
         return beta_share(np.abs(field) ** 2, looks, whole)
 
     def touched(self, reflectivity: Reflectivity, changed: NDArray[np.bool_]) -> NDArray[np.int64]:
-        """Tiles whose image depends on a changed material, shape (tiles, 4); ``changed`` is a mask of material ids."""
+        """Tiles affected by materials with a changed law, shape (tiles, 4); ``changed`` is a mask of material ids."""
         patches = _tiles(self._shape, _PATCH)
         found = np.empty(len(patches), dtype=np.bool_)
         reach = np.array([len(self._down) // 2, len(self._across) // 2])
@@ -340,7 +343,7 @@ class ImageFormation:
     ) -> None:  # fmt: skip
         rows, columns = self._shape
         across, points = self._across, phased(self._points, noise_seed)
-        if field is None:  # mean of the looks: the sum with amplitudes over sqrt(looks)
+        if field is None:  # the mean is the sum over looks with amplitudes divided by sqrt(looks)
             share = np.float32(np.sqrt(looks))
             field, across, points = np.empty((0, 0), dtype=np.float32), across / share, points / share
         stretch = _TILE + len(self._across)

@@ -20,7 +20,7 @@ _HALO = 12  # cells beyond a block that enter its cubic spline; those further aw
 def local_incidence_cosine(
     along: NDArray[np.float64], across: NDArray[np.float64], to_radar: tuple[NDArray[np.float64], NDArray[np.float64]]
 ) -> NDArray[np.float64]:
-    """Cosine of the local incidence angle from the surface's slopes.
+    """Cosine of the local incidence angle, computed from the surface's slopes.
 
     Parameters
     ----------
@@ -58,8 +58,9 @@ class Lines:
     state : ndarray of uint8
         Bit flags of each facet: visible, in layover, part of an object.
     hidden : list of (ndarray, ndarray, ndarray)
-        Line, nearest and furthest slant range (relative to the base [m]) of the hidden parts of partly visible facets;
-        one entry of the list for each block of lines.
+        Hidden parts of partly visible facets, with one entry of the list for each block of lines. An entry holds the
+        line of each facet, and the nearest and furthest slant range of the facet's hidden part, relative to the base
+        slant range [m].
     """
 
     near_m: NDArray[np.float32]
@@ -86,7 +87,7 @@ class Lines:
 def _refined(
     block: NDArray[np.float64], rows: NDArray[np.float64], columns: NDArray[np.float64], cell_m: float
 ) -> NDArray[np.float64]:
-    """Elevation between cell centres, by cubic splines, or bilinear at steep walls, where splines oscillate."""
+    """Elevation interpolated between cell centres: by cubic splines, but bilinear at walls, where splines oscillate."""
     at = np.meshgrid(rows, columns, indexing="ij")
     fine = map_coordinates(block, at, order=3, mode="nearest")
     # a wall has a slope above 3 between the neighbours of a cell, which are two cells apart
@@ -112,7 +113,7 @@ def refined_elevation(elevation: NDArray[np.float64], k: int, cell_m: float) -> 
     Returns
     -------
     ndarray, shape (ny k, nx k)
-        Elevation [m], interpolated as for the facets of an image.
+        Elevation [m], interpolated in the same way as for the facets of an image.
     """
     if k == 1:
         return elevation
@@ -132,7 +133,7 @@ def fill_lines(
     elevation : ndarray, shape (ny, nx)
         Elevation of the scene [m]; ground range grows with the column.
     first, last : int
-        First row of the block, and the row after its last.
+        First row of the block, and the row after the block's last row.
     k : int
         Number of lines, and of facets along a line, per cell of the scene.
     step : float
@@ -146,7 +147,7 @@ def fill_lines(
     spacing_m : float
         Slant-range pixel spacing of the image [m].
     lines : Lines
-        Facets of all lines; those of the block are overwritten.
+        Facets of all lines; the facets of the block are overwritten.
     standing : (Boxes, Spots) or None
         Boxes and point scatterers of the scene; the extents of the boxes and the slant ranges of the points are
         updated.
@@ -162,7 +163,7 @@ def fill_lines(
     beyond = ((_HALO - first + low, _HALO - high + last), (_HALO, _HALO))
     block = np.pad(elevation[low:high], beyond, mode="reflect", reflect_type="odd")
     if k == 1:
-        # contiguous as refined ground is, so that compiled functions see one type of array
+        # contiguous, as refined ground is, so that functions are compiled for one type of array only
         fine = np.ascontiguousarray(block[_HALO - 1 : _HALO + last - first + 1, _HALO:-_HALO])
     else:
         rows = (np.arange(-1, (last - first) * k + 1) + 0.5) / k - 0.5 + _HALO
@@ -211,7 +212,7 @@ def _faces(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
     """Incidence (in units of 90 degrees / 65535) and visible area [m2] of the facets of a block of lines.
 
-    Where only one half of a facet is visible, the slope along ground range is that of the visible half.
+    If only one half of a facet is visible, the slope along ground range is the slope of the visible half.
     """
     slopes: list[NDArray[np.float64]] = list(np.gradient(fine, step))
     along, across = slopes[0][1:-1], slopes[1][1:-1]

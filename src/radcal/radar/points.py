@@ -15,9 +15,9 @@ from radcal.radar.speckle import impulse_response
 
 __all__ = ["FINENESS", "add_points", "fine_taps", "not_pure", "phased"]
 
-FINENESS = 64  # taps of the impulse response in a pixel, linear between them: right to 2e-4 of its peak
-_LOBE = 1.5  # from the peak to the first null, in -3 dB widths
-_PHASE = 257  # stream of the points' phases; materials are 1 to 255, thermal noise is 256
+FINENESS = 64  # taps of the impulse response per pixel; linear interpolation between them errs by 2e-4 of the peak
+_LOBE = 1.5  # distance from the peak of the impulse response to its first null, in -3 dB widths
+_PHASE = 257  # stream of random numbers for the points' phases; streams 1 to 255 are materials, 256 is thermal noise
 
 
 def fine_taps(resolution_m: float, spacing_m: float) -> NDArray[np.float32]:
@@ -93,8 +93,8 @@ def add_points(rows: Any, columns: Any, values: Any, down: Any, across: Any, top
         row, column = int(np.floor(rows[i])) - top, int(np.floor(columns[i])) - left
         first, last = max(0, column - reach_across), min(width, column + reach_across + 2)
         for r in range(max(0, row - reach_down), min(height, row + reach_down + 2)):
-            # relative to whole pixels of the image, not of the part, so that rounding does not depend on the part's
-            # first pixel
+            # offsets are computed in pixels of the whole image, not of the part, so that rounding does not depend on
+            # the part's first pixel
             tap = _tap(down, top + r - rows[i])
             for c in range(first, last):
                 size = tap * _tap(across, left + c - columns[i])

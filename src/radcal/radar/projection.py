@@ -46,17 +46,17 @@ def make_geometry(scene: Scene, radar: Radar, onto: Geometry | None = None) -> G
     radar : Radar
         Pass.
     onto : Geometry, optional
-        Geometry of the same pass over other relief of the same mean elevation and extent, whose image grid is taken. By
-        default the image covers all slant ranges at which every azimuth line has ground.
+        Geometry whose image grid is used: a geometry of the same pass over other relief with the same mean elevation
+        and extent. By default the image covers all slant ranges at which every azimuth line has ground.
 
     Raises
     ------
     ConfigError
         The image would have too many facets or pixels.
     SceneError
-        The terrain reaches the height of the track, the track passes over the scene, the image would have fewer than 8
-        rows or columns or too many parts of facets, no part of the scene is visible, or the grid of the scene is made
-        for another heading of the track.
+        The terrain reaches the height of the track, the track passes over the scene, or no part of the scene is
+        visible. The error is also raised if the image would have fewer than 8 rows or columns, or too many parts of
+        facets, or if the grid of the scene is made for another heading of the track.
     """
     if scene.elevation_m is None:
         return _slant_range_geometry(scene, radar)
@@ -120,7 +120,7 @@ def _terrain_geometry(scene: Scene, radar: Radar, onto: Geometry | None) -> Geom
             f"radar.depression_deg {radar.depression_deg:g} at radar.altitude_m {radar.altitude_m:g} puts the track "
             "over the scene: lower the depression angle or fly higher."
         )
-    # slant ranges are stored relative to this one, near the scene, so that single precision is enough
+    # slant ranges are stored relative to a base slant range near the scene, so that single precision is enough
     base = float(np.hypot(seen.height_m, edges[0]))
     lines = Lines.empty(ny * k, nx * k)
     elevation = seen.lowered(elevation, scene.cell_m)
@@ -143,7 +143,7 @@ def _terrain_geometry(scene: Scene, radar: Radar, onto: Geometry | None) -> Geom
         )  # fmt: skip
         points = _points(spots, radar, seen, near, step)
 
-    # rows from the first to the last range that every azimuth line reaches, so that the image lies within the scene
+    # the rows cover the slant ranges at which every azimuth line has ground, so that the image lies within the scene
     rows = int((far - near) / radar.range_spacing_m) if onto is None else onto.shape[0]
     columns = int(ny * scene.cell_m / radar.azimuth_spacing_m)
     if rows < 8 or columns < 8:
@@ -153,7 +153,7 @@ def _terrain_geometry(scene: Scene, radar: Radar, onto: Geometry | None) -> Geom
 
 
 def _sight(scene: Scene, radar: Radar, mean_m: float) -> Sight:
-    """Position of the track over the ground at the scene's mean elevation."""
+    """Position of the track relative to the scene's centre, over ground at the scene's mean elevation."""
     if radar.earth == "flat":
         return sight(radar)
     radius = MEAN_RADIUS_M
@@ -189,7 +189,7 @@ def _pixels(
     scene: Scene, radar: Radar, seen: Sight, material: NDArray[np.uint8], lines: Lines, k: int, step: float,
     near: float, base: float, shape: tuple[int, int], points: Points,
 ) -> Geometry:  # fmt: skip
-    """Geometry of the image from the facets of all lines; a facet belongs to every pixel that it reaches."""
+    """Geometry of the image, computed from the facets of all lines; a facet belongs to every pixel that it reaches."""
     rows, columns = shape
     per_column = radar.azimuth_spacing_m / step  # number of lines per image column
     near_row, far_row, layover, shadow, counts = _counted(lines, radar, near - base, per_column, shape)
@@ -200,7 +200,7 @@ def _pixels(
     weight = np.empty(total, dtype=np.float32)
     place = np.empty((2, total), dtype=np.float32)
     local = radar.radiometry == "sigma0_local"
-    # id of objects; without objects a number that no id reaches
+    # material id of objects; in a scene without objects, a number above all ids
     objects = len(scene.names) + 1 if scene.objects is not None else 256
     fill_facets(
         columns, near_row, far_row, lines.state, lines.incidence, lines.area, material, k, per_column, rows, columns,
@@ -221,7 +221,7 @@ def _pixels(
     if radar.radiometry == "gamma0_rtc":
         flatten_terrain(rows * columns, start, facet_material, incidence, weight, objects)
     cell_start, cell_material, facet_start = _cells(cells, start, facet_material)
-    # refined lines and facets converted to the scene's cells, with east to the right for either look side
+    # lines and facets are converted to the scene's rows and columns; columns grow eastward for either look side
     ground = (ground + np.float32(0.5)) / np.float32(k) - np.float32(0.5)
     if radar.look_side == "left":
         ground[1] = scene.material.shape[1] - 1 - ground[1]
@@ -251,7 +251,7 @@ def _pixels(
 def _cells(
     cells: NDArray[np.uint16], start: NDArray[np.int32], facet_material: NDArray[np.uint8]
 ) -> tuple[NDArray[np.int32], NDArray[np.uint8], NDArray[np.int32]]:
-    """First cell of each pixel, and material and first facet of each cell, from the number of cells per pixel."""
+    """First cell of each pixel, and material and first facet of each cell, given the number of cells in each pixel."""
     cell_start = np.zeros(cells.size + 1, dtype=np.int32)
     np.cumsum(cells, out=cell_start[1:])
     cell_material = np.empty(int(cell_start[-1]), dtype=np.uint8)
@@ -290,7 +290,7 @@ def _rows(slant_m: NDArray[np.float32], near_m: float, spacing_m: float) -> NDAr
 
 
 def _points(spots: Spots, radar: Radar, seen: Sight, near: float, step: float) -> Points:
-    """Visible point scatterers with their position and amplitude in the image, in ascending rows."""
+    """Visible point scatterers with their position and amplitude in the image, sorted by row."""
     shown = np.isfinite(spots.slant_m)
     slant = np.asarray(spots.slant_m[shown], dtype=np.float64)
     row = (slant - near) / radar.range_spacing_m - 0.5
@@ -305,6 +305,6 @@ def _points(spots: Spots, radar: Radar, seen: Sight, near: float, step: float) -
 
 
 def _per_area(radar: Radar, flat_incidence_deg: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Inverse of a pixel's reference area in the radiometry [1/m2]; ``sigma0_local`` uses the area of sigma0."""
+    """Inverse of a pixel's reference area in the pass's radiometry [1/m2]; ``sigma0_local`` uses the area of sigma0."""
     area = radar.range_spacing_m * radar.azimuth_spacing_m / np.sin(np.radians(flat_incidence_deg))
     return np.asarray(of_sigma0(radar.radiometry, flat_incidence_deg) / area)

@@ -11,18 +11,20 @@ __all__ = ["noise_floor_db", "of_sigma0"]
 
 
 def of_sigma0(radiometry: str, incidence_deg: ArrayLike) -> NDArray[np.float64]:
-    """Factor that converts sigma0 to a radiometry.
+    """Factor that converts sigma0 to another radiometry.
 
     Parameters
     ----------
     radiometry : str
-        ``sigma0_local`` and ``sigma0_ref`` (1), ``beta0`` (1 / sin), ``gamma0`` or ``gamma0_rtc`` (1 / cos).
+        Radiometry, with its factor in brackets: ``sigma0_local`` or ``sigma0_ref`` (1), ``beta0`` (1 / sin), ``gamma0``
+        or ``gamma0_rtc`` (1 / cos).
     incidence_deg : array_like
         Incidence on flat ground at the pixel's slant range, between 0 and 90 [deg].
 
     Returns
     -------
-    ndarray of the shape of ``incidence_deg`` [linear]
+    ndarray of the shape of ``incidence_deg``
+        Factor [linear].
 
     References
     ----------
@@ -52,8 +54,8 @@ def noise_floor_db(radar: Radar, incidence_deg: ArrayLike) -> NDArray[np.float64
     Returns
     -------
     ndarray of the shape of ``incidence_deg``
-        Noise level in the image's radiometry [dB]. A table is interpolated linearly in dB between its rows, and is
-        constant beyond its ends.
+        Noise level in the image's radiometry [dB]. A table ``nesz_db`` is interpolated linearly in dB between its rows,
+        and is constant beyond its ends.
     """
     incidence = np.asarray(incidence_deg, dtype=np.float64)
     if isinstance(radar.nesz_db, float):

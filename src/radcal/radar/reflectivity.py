@@ -52,14 +52,14 @@ class Reflectivity:
 
 
 def uniform(power: NDArray[np.float32]) -> Reflectivity:
-    """Reflectivity of an image of one material, from the power of each pixel [linear], shape (rows, columns)."""
+    """Reflectivity of an image of one material, made from the power of each pixel [linear], shape (rows, columns)."""
     n = power.size
     shape = (power.shape[0], power.shape[1])
     return Reflectivity(
         shape,
         np.arange(n + 1, dtype=np.int32),
         np.ones(n, dtype=np.uint8),
-        np.require(power, np.float32, ["C", "W"]).ravel(),  # for read-only arrays, everything is compiled again
+        np.require(power, np.float32, ["C", "W"]).ravel(),  # functions would be compiled again for read-only arrays
     )
 
 
@@ -78,8 +78,9 @@ def law_tables(
     Returns
     -------
     ndarray of float32, shape (materials + 2, 65536)
-        sigma0 [linear power] at incidence i / 65535 times 90 degrees; row 0 is no material, the
-        last is 1 for objects, whose weights hold their cross-section.
+        sigma0 [linear power]; column i is an incidence angle of i / 65535 times 90 degrees. Row 0 stands for pixels
+        without material. The last row is 1 and stands for objects, whose cross-section is contained in the weights of
+        their facets.
 
     Raises
     ------
@@ -107,7 +108,7 @@ def law_tables(
 def _colour(
     part: Any, material: Any, first: Any, incidence: Any, weight: Any, tables: Any, changed: Any, power: Any
 ) -> None:  # fmt: skip
-    """Expected power of every cell of the changed materials, written to ``power``."""
+    """Expected power of every cell of the materials with a changed law, written to ``power``."""
     for i in range(part[0], part[1]):
         k = material[i]
         if changed[k]:
@@ -131,12 +132,12 @@ def reflectivity(
         Laws from :func:`law_tables`.
     before, changed : optional
         Reflectivity with earlier laws, and mask of the material ids whose law has changed since then, shape (materials
-        + 2,). Only the cells of these materials are computed again, in place.
+        + 2,). Only the cells of materials with a changed law are computed again, in place.
 
     Returns
     -------
     Reflectivity
-        Reflectivity: for each cell the sum of weight times sigma0(phi) over its facets.
+        Reflectivity; the power of a cell is the sum of weight times sigma0(phi) over the facets of the cell.
     """
     power = np.zeros(geometry.cell_material.size, dtype=np.float32) if before is None else before.power
     _colour(

@@ -31,14 +31,14 @@ class ImageSize:
 
 
 def refinement(cell_m: float, radar: Radar) -> int:
-    """Number of facets along each side of a cell, so that no facet is larger than a pixel on level ground.
+    """Smallest number of facets along each side of a cell for which no facet is larger than a pixel on level ground.
 
     Parameters
     ----------
     cell_m : float
         Cell size [m].
     radar : Radar
-        Pixel spacings and angle towards the scene's centre.
+        Pass; its pixel spacings and its incidence angle at the scene's centre are used.
     """
     pixel_m = min(radar.range_spacing_m / radar.slant_per_ground, radar.azimuth_spacing_m)
     return max(1, math.ceil(cell_m / pixel_m - 1e-9))
@@ -52,14 +52,14 @@ def image_size(scene: SceneSize, radar: Radar) -> ImageSize:
     scene : SceneSize
         Size of the scene.
     radar : Radar
-        Pixel spacings and angle towards the scene's centre.
+        Pass; its pixel spacings and its incidence angle at the scene's centre are used.
 
     Returns
     -------
     ImageSize
-        Numbers for level ground far from the track, where a ground distance d corresponds to d sin(incidence) in slant
-        range. The simulated image has fewer pixels, because it covers only the slant ranges at which every azimuth line
-        has ground.
+        Numbers of facets and pixels for level ground far from the track, where a distance d in ground range is a
+        distance d sin(incidence) in slant range. The simulated image has fewer pixels, because it covers only the slant
+        ranges at which every azimuth line has ground.
     """
     if scene.cell_m is None:
         return ImageSize(scene.cells, scene.cells)
@@ -69,14 +69,14 @@ def image_size(scene: SceneSize, radar: Radar) -> ImageSize:
 
 
 def check_size(scene: SceneSize, radar: Radar) -> None:
-    """Raise an error if the pixels are so small that the image of the scene would exceed any computer's memory.
+    """Raise an error if the image of the scene would have too many facets or pixels for the memory of a computer.
 
     Parameters
     ----------
     scene : SceneSize
         Size of the scene.
     radar : Radar
-        Pixel spacings and angle towards the scene's centre.
+        Pass; its pixel spacings and its incidence angle at the scene's centre are used.
 
     Raises
     ------

@@ -16,12 +16,12 @@ __all__ = [
 ]
 
 _NBAR, _SIDELOBE_DB = 4, 35
-# -3 dB width of the Taylor-weighted impulse response times its bandwidth, by linear interpolation of its power on
-# 20,001 points of 0 to 1; a test computes it. The number is fixed because every simulated pixel depends on its last
-# digit, which would differ between BLAS libraries.
+# Product of -3 dB width and bandwidth of the Taylor-weighted impulse response, found by linear interpolation of its
+# power on 20,001 points from 0 to 1; a test computes the product again. The number is fixed because every simulated
+# pixel depends on its last digit, which would differ between BLAS libraries.
 WIDTH_FACTOR = 1.1841552900179924
-_SHARES = 20_001  # rows of a table of beta quantiles
-_REACH = 8.0  # the impulse response is cut at this many resolution widths, below -45 dB
+_SHARES = 20_001  # number of rows in a table of quantiles of the beta distribution
+_REACH = 8.0  # distance [resolution widths] at which the impulse response, there below -45 dB, is cut off
 
 
 def taylor_weights(frequency: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -39,8 +39,8 @@ def taylor_weights(frequency: NDArray[np.float64]) -> NDArray[np.float64]:
 
     Notes
     -----
-    ``scipy.signal.windows.taylor`` gives the same weights (a test compares them). It is not used here, because the
-    import of scipy.signal takes longer than a small run.
+    ``scipy.signal.windows.taylor`` gives the same weights (a test compares them). This function of scipy is not used,
+    because the import of scipy.signal takes longer than a small run.
 
     References
     ----------
@@ -93,13 +93,13 @@ def speckle_correlation(distance: NDArray[np.float64]) -> NDArray[np.float64]:
     Parameters
     ----------
     distance : ndarray
-        Distance over the -3 dB width of the impulse response.
+        Distance divided by the -3 dB width of the impulse response.
 
     Returns
     -------
     ndarray of the same shape
-        Squared autocorrelation of the impulse response, which is the same for any number of looks: 1 at distance 0,
-        0.18 at 1, below 0.002 from 1.8 on.
+        Squared autocorrelation of the impulse response: 1 at the distance 0, 0.18 at the distance 1, and below 0.002
+        from the distance 1.8 on. The autocorrelation is the same for any number of looks.
 
     References
     ----------
@@ -113,7 +113,7 @@ def speckle_correlation(distance: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def border_gain(taps: NDArray[np.floating], n: int) -> NDArray[np.float32]:
-    """Gain of the amplitudes near the image's border, so that even ground has the same mean power up to the border.
+    """Gain of the amplitudes near the image's border, so that uniform ground has the same mean power up to the border.
 
     Parameters
     ----------
@@ -125,9 +125,10 @@ def border_gain(taps: NDArray[np.floating], n: int) -> NDArray[np.float32]:
     Returns
     -------
     ndarray of float32, shape (n,)
-        For each pixel, the inverse square root of the energy of those taps that lie inside the image; 1 if all taps do.
-        Filtered white noise that begins at the border then has the same mean power up to the border. Without the gain,
-        the outermost pixel has 0.85 of this power (-0.7 dB) if the impulse response is 1.5 pixels wide.
+        For each pixel, the inverse square root of the energy of those taps that lie inside the image; 1 if all taps lie
+        inside. With this gain, filtered white noise that begins at the border has the same mean power up to the border.
+        Without the gain, the outermost pixel has 0.85 of the mean power (-0.7 dB) if the impulse response is 1.5 pixels
+        wide.
     """
     reach = len(taps) // 2
     total = np.concatenate([[0.0], np.cumsum(np.asarray(taps, dtype=np.float64) ** 2)])
@@ -138,7 +139,7 @@ def border_gain(taps: NDArray[np.floating], n: int) -> NDArray[np.float32]:
 
 
 def beta_share(power: NDArray[np.float32], looks: float, whole: int) -> NDArray[np.float32]:
-    """Beta variates from the power of speckle.
+    """Random numbers with a beta distribution, computed from the power of speckle.
 
     Parameters
     ----------
@@ -147,18 +148,19 @@ def beta_share(power: NDArray[np.float32], looks: float, whole: int) -> NDArray[
     looks : float
         Number of looks L.
     whole : int
-        Larger number of looks n.
+        Number of looks n, larger than L.
 
     Returns
     -------
     ndarray of float32, shape of ``power``
-        n / L times the quantile, at the probability of each power, of the beta distribution of shapes L and n - L; a
-        monotonic function of the power, of mean 1.
+        Random numbers of mean 1: n / L times a quantile of the beta distribution of shapes L and n - L. The quantile is
+        taken at the probability that the power of speckle is smaller than the given power, so that the random numbers
+        grow with the power.
     """
     from scipy.special import betainccinv
 
-    # exp(-power) is the probability of a larger power; of its fourth root the quantile is smooth at 0, and steep at 1,
-    # where the rows of the table are close to each other
+    # exp(-power) is the probability of a larger power. As a function of the fourth root of this probability, the
+    # quantile is smooth at 0 and steep at 1, and the rows of the table are close to each other at 1.
     root = 1.0 - np.linspace(1.0, 0.0, _SHARES) ** 3
     shares = betainccinv(looks, whole - looks, root**4) * (whole / looks)
     return np.asarray(np.interp(np.exp(-0.25 * power), root, shares), dtype=np.float32)

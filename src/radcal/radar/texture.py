@@ -36,7 +36,7 @@ def log_speckle_cumulants(looks: ArrayLike) -> NDArray[np.float64]:
     logs-cumulants a l'analyse des lois d'images radar", Traitement du Signal 19 (2002).
     """
     n = np.asarray(looks, dtype=np.float64)
-    if n.ndim == 0:  # cached, because a search repeats the same looks
+    if n.ndim == 0:  # cached, because a search asks for the same number of looks many times
         return np.array(_scalar(float(n)))
     from scipy.special import digamma, polygamma
 
@@ -55,7 +55,7 @@ def _scalar(looks: float) -> tuple[float, float, float]:
 
 
 def texture_order(looks: float, effective: float) -> float:
-    r"""Order of the gamma texture that lowers the effective looks of an area from L to L'.
+    r"""Order (shape parameter) of the gamma texture that lowers the effective looks of an area from L to L'.
 
     The K distribution of L looks and order :math:`\nu` has the log-variance :math:`\psi'(L) + \psi'(\nu)`; the function
     solves for the order at which this log-variance is :math:`\psi'(L')`. (Matching the variance of the intensity
@@ -76,8 +76,8 @@ def texture_order(looks: float, effective: float) -> float:
 
     References
     ----------
-    Nicolas (2002), as above; Jakeman and Pusey, "A model for non-Rayleigh sea echo", IEEE Trans.
-    Antennas Propag. 24 (1976): the K distribution.
+    Nicolas (2002), as for :func:`log_speckle_cumulants`; Jakeman and Pusey, "A model for non-Rayleigh sea echo", IEEE
+    Trans. Antennas Propag. 24 (1976): the K distribution.
     """
     from scipy.special import polygamma
 
@@ -85,7 +85,7 @@ def texture_order(looks: float, effective: float) -> float:
 
 
 def order_of_texture(sd_db: float) -> float:
-    r"""Order of the gamma texture with a given standard deviation in dB, :math:`K \sqrt{\psi'(\nu)}`.
+    r"""Order (shape parameter) of the gamma texture with a given standard deviation in dB, :math:`K \sqrt{\psi'(\nu)}`.
 
     Parameters
     ----------
@@ -113,22 +113,23 @@ def _order(log_variance: float) -> float:
 
 
 def equal_texture(looks: float, effective: float, others: float) -> float:
-    r"""Effective looks in an image of other looks, with the texture that an image of L looks shows.
+    r"""Effective looks of an area in a second image, computed from its effective looks L' in a first image of L looks.
 
-    The variances of speckle and texture add in dB: :math:`\psi'(L_2') = \psi'(L_2) + \psi'(L') - \psi'(L)`. Where L' is
-    above L, so that no texture explains it, the ratio of effective to nominal looks is kept.
+    The texture of the area is the same in both images. The variances of speckle and texture add in dB:
+    :math:`\psi'(L_2') = \psi'(L_2) + \psi'(L') - \psi'(L)`. If L' is at least L, no texture explains the effective
+    looks; the ratio L' / L is then kept.
 
     Parameters
     ----------
     looks, effective : float
-        Looks L of the speckle in one image and the effective looks L' of an area.
+        Looks L of the speckle in the first image, and effective looks L' of the area in this image.
     others : float
-        Looks :math:`L_2` of the speckle in another image.
+        Looks :math:`L_2` of the speckle in the second image.
 
     Returns
     -------
     float
-        Effective looks of the area there, at least 0.01.
+        Effective looks of the area in the second image, at least 0.01.
     """
     if others == looks:
         return effective
@@ -151,7 +152,7 @@ def texture_db(uniform: ArrayLike, order: float) -> NDArray[np.float64]:
         Random numbers between 0 and 1, one for each pixel. If every order uses the same random numbers (common random
         numbers), the texture is a smooth function of the order.
     order : float
-        Order of the gamma distribution; infinite for no texture.
+        Order (shape parameter) of the gamma distribution; infinite for no texture.
 
     Returns
     -------

@@ -15,7 +15,7 @@ from radcal.radar.compiled import njit
 
 __all__ = ["FAR_HALF", "NEAR_HALF", "laid_over", "part_seen", "seen_from", "slant_extent"]
 
-NEAR_HALF, FAR_HALF = 1, 2  # the half of a facet of which only one half is visible
+NEAR_HALF, FAR_HALF = 1, 2  # the visible half, for a facet of which only one half is visible
 
 
 @njit()
@@ -29,7 +29,7 @@ def seen_from(near: Any, near_down: Any, far: Any, far_down: Any, horizon: Any) 
     near_down, far_down : float
         Depth of the near and of the far end below the radar [m].
     horizon : float
-        Largest tangent of the angle from nadir of all places nearer to the radar on the same line.
+        Largest tangent of the angle from nadir among all places on the same azimuth line that are nearer to the radar.
 
     Returns
     -------
@@ -83,7 +83,7 @@ def laid_over(slant_m: NDArray[np.float64], visible: NDArray[np.bool_], apart_m:
     slant_m : ndarray, shape (ny, nx)
         Slant range of each facet [m]; axis 1 is ground range, nearest first.
     visible : ndarray of bool, shape (ny, nx)
-        Facets that return an echo; the others are ignored.
+        Mask of the facets that return an echo; other facets are ignored.
     apart_m : float
         Decrease of slant range along ground range above which two facets are in layover [m].
 
@@ -91,8 +91,8 @@ def laid_over(slant_m: NDArray[np.float64], visible: NDArray[np.bool_], apart_m:
     -------
     ndarray of bool, shape (ny, nx)
         True for a visible facet if another visible facet has a larger ground range but a smaller slant range, or a
-        smaller ground range but a larger slant range. These are the two parts, active and passive, of a layover
-        (Schreier, "SAR Geocoding: Data and Systems" (1993), chapter 6).
+        smaller ground range but a larger slant range. Facets of the two kinds are the active and the passive part of a
+        layover (Schreier, "SAR Geocoding: Data and Systems" (1993), chapter 6).
     """
     nearer = np.where(visible, slant_m, -np.inf)
     further = np.where(visible, slant_m, np.inf)

@@ -45,7 +45,7 @@ def read_array(file: ImageFile, kind: str | None = None) -> Values:
 
 
 def is_raster(path: Path) -> bool:
-    """Whether a file is read as a raster; the ending of the file name decides this."""
+    """Whether a file is read as a raster; the ending of the file name decides."""
     return path.suffix.lower() not in _ENDINGS
 
 
@@ -200,7 +200,7 @@ def _mat(file: ImageFile) -> Values:
 
 
 def _check_survival(act: Callable[[], object]) -> None:
-    """Refuse a damaged file that crashes its reader, as MATLAB files can scipy's; a forked process tries the call."""
+    """Refuse a damaged file, such as a MATLAB file, that crashes its reader; a forked process tries the call."""
     with warnings.catch_warnings():
         warnings.simplefilter(
             "ignore"
@@ -211,7 +211,7 @@ def _check_survival(act: Callable[[], object]) -> None:
         try:
             act()
         finally:
-            os._exit(0)  # an error of Python's is raised again by the call in this process
+            os._exit(0)  # the parent process makes the same call, which raises any Python exception again
     if os.WIFSIGNALED(os.waitpid(child, 0)[1]):
         raise ValueError("it is damaged: reading it crashes")
 

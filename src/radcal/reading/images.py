@@ -36,7 +36,7 @@ LARGEST_DB = 200.0
 
 
 class Options(Protocol):
-    """Options of an image file that the configuration contains."""
+    """Configured options of an image file."""
 
     @property
     def scale(self) -> str:
@@ -144,15 +144,16 @@ def to_db(values: Values, file: ImageFile) -> tuple[NDArray[np.float32], Counts]
     Returns
     -------
     image_db : ndarray of float32, shape (rows, columns)
-        10 log10 of the power [dB]; NaN if the power is not positive, not finite or impossible.
+        10 log10 of the power [dB]; NaN if the power is not positive, not finite, or beyond :data:`LARGEST_DB`.
     counts : Counts
-        Numbers of all pixels and of NaN pixels by reason.
+        Number of all pixels, and numbers of NaN pixels by reason.
 
     Raises
     ------
     RadcalError
         The array is not an image, has no finite number or no positive power, or its type contradicts the declared
-        scale. Or too many numbers are negative (power, amplitude) or impossible.
+        scale. The exception is also raised if too many numbers are negative (power, amplitude) or beyond
+        :data:`LARGEST_DB`.
     """
     scale, path = file.options.scale, file.path
     check_header(file, values.shape, values.dtype)
@@ -190,7 +191,7 @@ def to_db(values: Values, file: ImageFile) -> tuple[NDArray[np.float32], Counts]
 
 
 def _without_impossible(image: NDArray[np.float32], file: ImageFile) -> int:
-    """Mask impossible values and return their number; refuse the image if their share is too large."""
+    """Mask values beyond :data:`LARGEST_DB` and return their number; refuse the image if their share is too large."""
     wrong = np.abs(image) > LARGEST_DB  # false for NaN
     count, known = int(np.count_nonzero(wrong)), int(np.count_nonzero(np.isfinite(image)))
     if count > file.impossible_share * known:

@@ -95,7 +95,7 @@ def parse_xml(text: bytes) -> Any:
 
 
 def elsewhere(file: h5py.File) -> str | None:
-    """Text that names the first part of an HDF5 file that refers to another file; None if no part does so.
+    """Text that names the first part of an HDF5 file that refers to another file; None if there is no reference.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Products whose file names say scale, radiometry and polarisation of the numbers in the file."""
+"""Products whose file names state scale, radiometry and polarisation of the numbers in the file."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["NamedProduct", "named_product"]
 
 @dataclass(frozen=True)
 class NamedProduct:
-    """What the name of a file says of its numbers.
+    """Properties of the numbers in a file, as the name of the file states them.
 
     Attributes
     ----------
@@ -21,9 +21,9 @@ class NamedProduct:
     scale : str
         Scale of the numbers: db, power or amplitude.
     radiometry : str or None
-        Radiometry of the numbers; None where the name does not say it.
+        Radiometry of the numbers; None if the name does not state the radiometry.
     polarisation : str or None
-        Transmitted and received polarisation; None where the name does not say it.
+        Transmitted and received polarisation; None if the name does not state the polarisation.
     filtered : bool
         Whether speckle was filtered.
     """
@@ -50,10 +50,10 @@ _HYP3_SCALES = {"p": "power", "d": "db", "a": "amplitude"}
 
 
 def named_product(path: str) -> NamedProduct | None:
-    """Product that the name of a file or SAFE folder belongs to; None for other names.
+    """Product to which a file or SAFE folder belongs, according to its name; None for other names.
 
-    Terrain-flattened sigma0 has no counterpart among radcal's radiometries that a source confirms, so that its
-    radiometry is not taken from the name.
+    The radiometry of terrain-flattened sigma0 is None, because no source confirms that it equals one of radcal's
+    radiometries.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def named_product(path: str) -> NamedProduct | None:
     Normalised Radar Backscatter. OPERA RTC-S1 product specification, JPL D-108758.
     """
     if is_safe_name(path):
-        # digital numbers are amplitudes, calibrated for level ground
+        # the digital numbers are amplitudes; their calibration holds for level ground
         return NamedProduct("a Sentinel-1 product", "amplitude", "sigma0_ref", None)
     name = path.rpartition("/")[2]
     if (found := _HYP3.fullmatch(name)) is not None:

@@ -1,7 +1,8 @@
 """Opening of rasters with an explicit list of GDAL drivers, after a check of every file that a raster refers to.
 
 By default GDAL chooses a driver from the content of a file. GDAL opens a ``.tif`` file that contains XML as a mosaic
-(VRT) or a map service (WMS). Such a file can make GDAL read any file of the machine or send network requests.
+(VRT) or a map service (WMS). A mosaic or a map service can make GDAL read any file of the machine or send network
+requests.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ _MARKS = (
     b"<VRTDataset",
     b"<GDALTileIndexDataset",
 )  # texts by which GDAL recognises a mosaic, anywhere in the first bytes
-_LARGEST_XML = 50_000_000  # bytes
+_LARGEST_XML = 50_000_000  # largest size of an XML file [bytes]
 # XML elements that gdalbuildvrt and gdal_translate write into a mosaic; only SourceFilename names a file
 _ELEMENTS = frozenset(
     """

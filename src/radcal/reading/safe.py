@@ -16,7 +16,7 @@ _PARTS = {"annotation": "", "calibration": "calibration-", "noise": "noise-"}  #
 
 
 class SafeRefused(ValueError):
-    """Refusal of a SAFE folder; the text of the exception is the reason, which error messages quote after the name."""
+    """Refusal of a SAFE folder; the text of the exception is the reason, which error messages quote after the path."""
 
 
 @dataclass(frozen=True)
@@ -50,13 +50,13 @@ class SafeImage:
 
 
 def is_safe_name(text: str) -> bool:
-    """Whether a path is that of a SAFE folder or of its manifest; the ending of the name decides this."""
+    """Whether a path names a SAFE folder or its manifest; the ending of the path decides."""
     name = text.rstrip("/").rpartition("/")[2].lower()
     return name.endswith(".safe")
 
 
 def safe_folder(path: Path) -> Path:
-    """SAFE folder of a path, which is that of the folder or that of its manifest."""
+    """SAFE folder, from the path of the folder itself or of its manifest."""
     return path.parent if path.name.lower() == MANIFEST else path
 
 
@@ -107,7 +107,7 @@ def chosen_image(images: Sequence[SafeImage], polarisation: str) -> SafeImage:
     Raises
     ------
     SafeRefused
-        The product has no such polarisation, or a file of it is missing.
+        The product has no image of the polarisation, or a file of this image is missing.
     """
     for image in images:
         if image.polarisation == polarisation:
@@ -120,7 +120,7 @@ def chosen_image(images: Sequence[SafeImage], polarisation: str) -> SafeImage:
 
 
 def _short(file: Path) -> str:
-    """Path below the SAFE folder."""
+    """Path of a file relative to its SAFE folder, for messages."""
     parts = file.parts
     start = next((k for k in range(len(parts) - 1, 0, -1) if parts[k] in ("annotation", "measurement")), len(parts) - 1)
     return "/".join(parts[start:])
@@ -135,7 +135,7 @@ def _inside(folder: Path, href: str) -> Path:
 
 
 def _image(pixels: Path, files: Mapping[str, Path]) -> SafeImage:
-    """Files of the image in a file of pixels, from whose name those of the others are made."""
+    """Files of an image, whose names all derive from the name of the file of pixels."""
     polarisation = next((part.upper() for part in pixels.stem.split("-") if part.upper() in _POLARISATIONS), None)
     if polarisation is None:
         raise SafeRefused(f"the name of {_short(pixels)} has no polarisation, expected s1a-iw-grd-vv-...")

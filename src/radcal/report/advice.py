@@ -1,7 +1,8 @@
-"""Advice on a further pass: how far each of some passes is expected to narrow the bands of a finished calibration."""
+"""Advice on a further pass: how far each candidate is expected to narrow the 90 % bands of a finished calibration."""
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -23,7 +24,7 @@ from radcal.report.archive import Archive, read_archive
 from radcal.report.tables import write_csv
 from radcal.scene.model import Scene, read_scene
 
-__all__ = ["Advised", "advice_on", "advise", "candidates", "of_archive"]
+__all__ = ["Advised", "advice_on", "advise", "candidates", "common_ratio", "of_archive"]
 
 Doubles = NDArray[np.float64]
 
@@ -32,26 +33,28 @@ _DEPRESSIONS = (10.0, 75.0)
 _INCIDENCES = (15.0, 80.0)
 _SIDES = ("right", "left")
 _EQUAL = 1.05
+_ALL = "all materials"
 _LITTLE = 0.9  # of the half-width now
 COLUMNS = (
     "depression_deg", "look_side", "material", "incidence_p05_deg", "incidence_p95_deg", "half_width_now_db",
-    "half_width_after_db", "over_from_deg", "over_to_deg", "layover", "shadow",
+    "half_width_after_db", "after_over_now", "over_from_deg", "over_to_deg", "layover", "shadow",
 )  # fmt: skip
 _HEADINGS = ("pass", "material", "incidence 5-95 %", "half-width now", "after", "layover", "shadow")
 
 
 @dataclass(frozen=True)
 class Advised:
-    """What one pass is expected to do for the band of one material.
+    """Expected effect of one further pass on the 90 % band of one material.
 
     Attributes
     ----------
     radar : Radar
-        The pass.
+        The further pass.
     material : str
         Calibrated material.
     incidence_deg : (float, float) or None
-        5 and 95 % quantile of the local incidence of its usable pixels [deg]; None for fewer than 50 pixels.
+        5 and 95 % quantile of the local incidence of the material's usable pixels in this pass [deg]; None for fewer
+        than 50 pixels.
     now_db, after_db : float
         Mean half-width of the 90 % band of sigma0 [dB] over ``over_deg``, now and expected after this pass.
     over_deg : (float, float)
@@ -71,22 +74,22 @@ class Advised:
 
     @property
     def name(self) -> str:
-        """Depression and look side in words."""
+        """Depression or incidence angle and look side of the pass, in words."""
         if self.radar.incidence_deg is not None:
             return f"incidence {self.radar.incidence_deg:g} deg {self.radar.look_side}"
         return f"{self.radar.depression_deg:g} deg {self.radar.look_side}"
 
 
 def candidates(case: Case, depressions: Sequence[float] = ()) -> list[Radar]:
-    """Passes to compare: depressions on both look sides, without the passes of the case.
+    """Candidate passes: depression angles on both look sides, without the passes that the case already has.
 
     Parameters
     ----------
     case : Case
-        Its first pass gives the other settings.
+        Case whose first pass gives the other settings.
     depressions : sequence of float
-        Depression angles [deg]; by default that of the first pass, and 15 degrees more and less. Of a case with
-        ``incidence_deg``, the incidences are 90 degrees less these angles.
+        Depression angles [deg]; by default that of the first pass, and 15 degrees more and less. In a case with
+        ``incidence_deg``, a candidate has the incidence 90 degrees minus depression angle.
     """
     first = case.radar
     if first.incidence_deg is not None:
@@ -107,7 +110,7 @@ def candidates(case: Case, depressions: Sequence[float] = ()) -> list[Radar]:
 
 
 def _of_orbit(case: Case, incidence_deg: float, depressions: Sequence[float]) -> list[Radar]:
-    """Passes to compare of a case with ``incidence_deg``: incidences on both look sides, over the curved earth."""
+    """Candidate passes of a case with ``incidence_deg``, as for a satellite: incidence angles on both look sides."""
     given = [90.0 - angle for angle in depressions]
     around = [incidence_deg + step for step in (0.0, -_STEP_DEG, _STEP_DEG)]
     incidences = given or [angle for angle in around if _INCIDENCES[0] <= angle <= _INCIDENCES[1]]
@@ -124,7 +127,7 @@ def _of_orbit(case: Case, incidence_deg: float, depressions: Sequence[float]) ->
 
 
 def _opposite(radar: Radar) -> str:
-    """Sentence on the pass from the other side, which has another heading than the scene's grid."""
+    """Sentence on the heading of a satellite that sees the scene from the other side, with the same look side."""
     heading = (180.0 - radar.heading_deg) % 360.0
     return (
         f"All passes have heading_deg {radar.heading_deg:g}, that of the scene's grid. A satellite that sees the scene "
@@ -142,7 +145,7 @@ def advice_on(
     passes: Sequence[Radar],
     over_deg: tuple[float, float] | None = None,
 ) -> list[Advised]:
-    """Expected narrowing of the bands of calibrated materials by each of some passes, one pass at a time.
+    """Expected half-widths of the bands of calibrated materials after each candidate pass, one pass at a time.
 
     Parameters
     ----------
@@ -151,19 +154,20 @@ def advice_on(
     scene : Scene
         Scene of the calibration, with elevations.
     found : mapping
-        Draws from the posterior of each material, and their curves [dB], shape (m, 361).
+        Draws from the posterior of each material, and the law's curve of each of the m draws [dB], shape (m, 361).
     budget : Budget
-        Standard errors of level and noise.
+        Standard errors of the image's level and of the noise floor, among others.
     passes : sequence of Radar
         Passes to compare.
     over_deg : (float, float), optional
-        Incidence of interest [deg]; by default from the lowest 5 % to the highest 95 % quantile that the material has
-        in one of the passes of the case or of those compared.
+        Incidence of interest [deg]. By default, it reaches from the lowest 5 % quantile to the highest 95 % quantile of
+        the material's incidence, over the passes of the case and the passes compared.
 
     Returns
     -------
     list of Advised
-        Passes in the order of their mean half-width after, the narrowest first; the materials of a pass together.
+        One item for each pass and material. Passes are in ascending order of :func:`common_ratio`; the items of one
+        pass are adjacent.
     """
     geometries = [make_geometry(scene, radar) for radar in passes]
     own = [(one.radar, make_geometry(scene, one.radar)) for one in case.passes]
@@ -182,11 +186,26 @@ def advice_on(
                 after = float(half_widths_after(curves, [sight], fields, looks, budget, of).mean())
             incidence = None if sight is None else _seen(sight)
             each.append(Advised(radar, name, incidence, now, after, over, *_hidden(made)))
-    return [row for each in sorted(rows, key=_mean_after) for row in each]
+    return [row for each in sorted(rows, key=common_ratio) for row in each]
 
 
-def _mean_after(rows: Sequence[Advised]) -> float:
-    return float(np.mean([row.after_db for row in rows]))
+def common_ratio(rows: Sequence[Advised]) -> float:
+    """Ratio of the half-width after one pass to the half-width now: geometric mean over the materials.
+
+    The geometric mean gives the ratios of wide and narrow bands the same weight.
+
+    Parameters
+    ----------
+    rows : sequence of Advised
+        Rows of one pass, one for each material.
+    """
+    return float(np.exp(np.mean([np.log(row.after_db / row.now_db) for row in rows])))
+
+
+def _passes(rows: Sequence[Advised]) -> Iterator[list[Advised]]:
+    """Lists of rows, one list for each pass."""
+    for _, each in itertools.groupby(rows, key=lambda row: id(row.radar)):
+        yield list(each)
 
 
 def _seen(sight: Sight) -> tuple[float, float]:
@@ -204,7 +223,7 @@ def of_archive(archive: Archive, folder: str | Path) -> dict[str, tuple[KeptDraw
     Raises
     ------
     ConfigError
-        No material has such draws.
+        No material has draws and a law with a curve in dB.
     """
     found = {}
     for name, material in archive.materials.items():
@@ -222,7 +241,7 @@ def of_archive(archive: Archive, folder: str | Path) -> dict[str, tuple[KeptDraw
 def advise(
     folder: str | Path, depressions: Sequence[float] = (), over_deg: tuple[float, float] | None = None
 ) -> list[str]:
-    """Lines of a table of further passes, which is also written to ``advice.csv`` in the results folder.
+    """Lines on further passes, with a table that is also written to ``advice.csv`` in the results folder.
 
     Parameters
     ----------
@@ -268,25 +287,35 @@ def advise(
 
 
 def _rows(rows: Sequence[Advised]) -> Iterator[tuple[object, ...]]:
-    for row in rows:
-        seen = row.incidence_deg or (float("nan"), float("nan"))
-        widths = (row.now_db, row.after_db, *row.over_deg, row.layover, row.shadow)
-        yield (float(row.radar.centre_depression_deg), row.radar.look_side, row.material, *seen, *widths)
+    nothing = float("nan")
+    for each in _passes(rows):
+        for row in each:
+            seen = row.incidence_deg or (nothing, nothing)
+            widths = (row.now_db, row.after_db, row.after_db / row.now_db, *row.over_deg, row.layover, row.shadow)
+            yield (float(row.radar.centre_depression_deg), row.radar.look_side, row.material, *seen, *widths)
+        if len(each) > 1:
+            radar, hidden = each[0].radar, (each[0].layover, each[0].shadow)
+            numbers = (*[nothing] * 4, common_ratio(each), nothing, nothing, *hidden)
+            yield (float(radar.centre_depression_deg), radar.look_side, _ALL, *numbers)
 
 
 def _table(rows: Sequence[Advised]) -> Iterator[str]:
     cells = [_HEADINGS]
-    for row in rows:
-        seen = "too few pixels" if row.incidence_deg is None else "{:.1f}-{:.1f} deg".format(*row.incidence_deg)
-        widths = (f"+-{row.now_db:.2f} dB", f"+-{row.after_db:.2f} dB")
-        cells.append((row.name, row.material, seen, *widths, f"{100 * row.layover:.1f} %", f"{100 * row.shadow:.1f} %"))
+    for each in _passes(rows):
+        for row in each:
+            seen = "too few pixels" if row.incidence_deg is None else "{:.1f}-{:.1f} deg".format(*row.incidence_deg)
+            widths = (f"+-{row.now_db:.2f} dB", f"+-{row.after_db:.2f} dB")
+            hidden = (f"{100 * row.layover:.1f} %", f"{100 * row.shadow:.1f} %")
+            cells.append((row.name, row.material, seen, *widths, *hidden))
+        if len(each) > 1:
+            cells.append((each[0].name, _ALL, "", "", f"times {common_ratio(each):.2f}", "", ""))
     sizes = [max(map(len, column)) for column in zip(*cells, strict=True)]
     for line in cells:
         yield "  ".join(cell.ljust(size) for cell, size in zip(line, sizes, strict=True)).rstrip()
 
 
 def _sentences(rows: Sequence[Advised]) -> Iterator[str]:
-    """Advice for each material, in words."""
+    """Sentences that name the best further pass for each material."""
     for name in dict.fromkeys(row.material for row in rows):
         best = min((row for row in rows if row.material == name), key=lambda row: row.after_db)
         over = f"between {best.over_deg[0]:.1f} and {best.over_deg[1]:.1f} degrees"
@@ -300,6 +329,15 @@ def _sentences(rows: Sequence[Advised]) -> Iterator[str]:
             own = [row for row in rows if row.material == name and row is not best]
             if equal := [row.name for row in own if row.after_db <= _EQUAL * best.after_db]:
                 yield f"{name}: as good within 5 %, which the draws do not tell apart: {', '.join(equal)}."
+    passes = list(_passes(rows))
+    if len(passes[0]) > 1:
+        common = [common_ratio(each) for each in passes]
+        best_of_all = f"{_ALL}: a pass of {passes[0][0].name} is expected to narrow the bands most"
+        equal = [
+            each[0].name for each, ratio in zip(passes[1:], common[1:], strict=True) if ratio <= _EQUAL * common[0]
+        ]
+        alike = f"; as good within 5 %: {', '.join(equal)}" * bool(equal)
+        yield f"{best_of_all}, to {common[0]:.2f} times their half-widths (geometric mean over the materials){alike}."
     yield (
         "Expected of a linear-Gaussian model with the draws of the posterior: a law that does not fit, an image that "
         "cannot be registered or a wrong level are not part of it."

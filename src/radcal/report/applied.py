@@ -1,8 +1,7 @@
-"""Laws of a finished calibration on another scene or pass: predicted image, and its comparison with a measured one."""
+"""Prediction of another scene or pass from the laws of a finished calibration, and its comparison with measurements."""
 
 from __future__ import annotations
 
-import contextlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -15,12 +14,12 @@ from numpy.typing import NDArray
 from radcal.assessment.curves import Curves
 from radcal.assessment.posterior import Posterior
 from radcal.assessment.preposterior import Sight, sight_of
-from radcal.config import Case, Material, RegistrationConfig, TargetConfig, Uncertainty, stages
+from radcal.config import Case, Material, TargetConfig, Uncertainty, stages
 from radcal.config.limits import ALL_PIXELS
-from radcal.errors import ConfigError, RadcalError, StoreError
+from radcal.errors import ConfigError, StoreError
 from radcal.measurement.classes import class_of
-from radcal.measurement.model import Measurement
-from radcal.measurement.registration import Registered, read_registered, register
+from radcal.measurement.one_incidence import LEAST_SPAN_DEG
+from radcal.measurement.registration import registered_as
 from radcal.measurement.sources import make_measurement
 from radcal.radar.geometry import Geometry
 from radcal.radar.laws import Law
@@ -35,7 +34,7 @@ from radcal.scene.model import Scene
 from radcal.seeds import derived_rng
 from radcal.simulators.sources import make_simulator
 
-__all__ = ["COLUMNS", "apply", "predictions", "registered_as", "with_laws"]
+__all__ = ["COLUMNS", "apply", "predictions", "where_seen", "with_laws"]
 
 Doubles = NDArray[np.float64]
 
@@ -47,21 +46,21 @@ _QUANTILES = [0.05, 0.5, 0.95]
 
 
 def with_laws(archive: Archive, source: Mapping[str, Any], other: stages.Forward) -> stages.Forward:
-    """Another case's forward run, in which the materials calibrated in an archive have their laws and looks.
+    """Settings of another case's forward run, in which materials have the laws and looks calibrated in an archive.
 
     Parameters
     ----------
     archive : Archive
         Results of a calibration.
     source : mapping
-        Section ``materials`` of its case, as plain data or models.
+        Section ``materials`` of the calibrated case, as plain data or models.
     other : stages.Forward
-        Scene, passes, simulator and other materials.
+        Scene, passes, simulator and materials of the other case.
 
     Raises
     ------
     ConfigError
-        The other case has none of the materials.
+        The other case has none of the calibrated materials.
     """
     own = {name: Material.model_validate(value) for name, value in source.items()}
     found = calibrated_materials(archive, own)
@@ -90,22 +89,22 @@ def predictions(
     """Predicted level of a material in each incidence-angle bin of a pass.
 
     The simulated image at the calibrated X gives the mean of each bin, with area term, noise and speckle. Each draw of
-    the posterior moves it by the difference of its law from the calibrated one over the bin's angles. To this come, at
-    random, the effects of fields and blocks with the draw's standard deviations, the speckle of measured and simulated
-    pixels, and the level of the image.
+    the posterior moves this mean by the difference between the draw's law and the calibrated law at the bin's angles.
+    Random errors are added: effects of fields and blocks with the draw's standard deviations, speckle of measured and
+    simulated pixels, and the error of the image's level.
 
     Parameters
     ----------
     name : str
         Material.
     posterior : Posterior
-        With draws.
+        Posterior of the law, with its draws.
     law : Law
-        Its law.
+        Law of the material.
     calibrated : array_like, shape (d,)
-        X of the simulated image.
+        Calibrated X, with which the image was simulated.
     sight : Sight
-        What the pass sees of the material.
+        Usable pixels of the material in the pass, with their incidence and bins.
     image_db : ndarray, shape (p,)
         Simulated pixels, in the order of ``sight.incidence_deg`` [dB].
     level_db : float
@@ -115,7 +114,7 @@ def predictions(
     seed : int
         Seed of the random effects.
     measured_db : ndarray, shape (p,), optional
-        Measured pixels [dB], NaN where there is none.
+        Measured pixels [dB]; NaN for a pixel without a measured value.
     """
     draws = posterior.draws
     assert draws is not None  # noqa: S101 - asked for by the caller
@@ -128,10 +127,10 @@ def predictions(
     for spread, shared in ((between, sight.patches), (within, sight.cells)):
         moved = moved + spread[:, None] * rng.multivariate_normal(np.zeros(n), shared, m, method="eigh")
     speckle = np.array([float(log_speckle_cumulants(float(looks))[1]) for looks in draws.looks])
-    # of the measured and of the simulated pixels
+    # twice the variance: speckle of the measured and of the simulated pixels
     moved += np.sqrt(2.0 * speckle[:, None] / sight.independent) * rng.standard_normal((m, n))
     moved += level_db * rng.standard_normal((m, 1))
-    # looks of a draw change the mean of the logarithm of speckle
+    # the mean of log speckle depends on the looks, which differ between draws
     moved += np.array([float(log_speckle_cumulants(float(x))[0]) for x in draws.looks])[:, None]
     moved -= float(log_speckle_cumulants(looks)[0])
     return list(_bins(name, posterior, sight, image_db, moved, measured_db))
@@ -167,7 +166,7 @@ def _known(posterior: Posterior, angle_deg: float) -> str:
 
 @dataclass(frozen=True)
 class _Pass:
-    """Predicted and, where there is one, measured image of one pass [dB]."""
+    """Predicted image of one pass and, if there is one, its measured image [dB]."""
 
     geometry: Geometry
     predicted_db: NDArray[np.float32]
@@ -178,7 +177,7 @@ class _Pass:
 def apply(
     folder: str | Path, other: stages.Forward, measured: Case | None, out: str | Path, runs: str | Path
 ) -> list[str]:
-    """Laws of a finished calibration on another case's scene and passes, compared with its measured images.
+    """Predict the images of another case from the laws of a finished calibration, and compare them with measurements.
 
     Parameters
     ----------
@@ -187,7 +186,7 @@ def apply(
     other : stages.Forward
         The other case.
     measured : Case or None
-        The other case with its measured images; None without.
+        The other case with its measured images; None if it has none.
     out : path
         Folder of the files written: ``predicted.tif``, masks, ``predictions.csv`` and ``predictions.png``.
     runs : path
@@ -201,7 +200,7 @@ def apply(
     Raises
     ------
     ConfigError
-        No material in common, or no posterior in dB.
+        The two cases have no material in common, or no material has both a posterior in dB and 50 usable pixels.
     StoreError
         The calibration is not finished.
     RadcalError
@@ -222,6 +221,10 @@ def apply(
         lines += one.said
         files += _images(out, number, other.passes[number - 1], scene, one)
         rows += [(number, row) for row in _of_pass(archive, config, changed, number, one)]
+    rows, left_out = where_seen(archive, rows)
+    lines += left_out
+    if not rows and left_out:
+        raise ConfigError(f"{folder}: nothing can be predicted of {other.case}: {' '.join(left_out)}")
     if not rows:
         raise ConfigError(f"{folder}: no calibrated material with a band in dB has 50 usable pixels in {other.case}.")
     files += [out / "predictions.csv", out / "predictions.png"]
@@ -230,8 +233,45 @@ def apply(
     return [*_table(rows, len(passes) > 1), *lines, *_conclusion(rows), *map(str, files)]
 
 
+def where_seen(
+    archive: Archive, rows: Sequence[tuple[int, Prediction]]
+) -> tuple[list[tuple[int, Prediction]], list[str]]:
+    """Predictions without those at incidences where a level is not known, and sentences on the bins left out.
+
+    The level of a material that was seen at one incidence is known only within 1 degree of the incidence seen.
+
+    Parameters
+    ----------
+    archive : Archive
+        Results of a calibration.
+    rows : sequence of (int, Prediction)
+        Number of the pass, and prediction of a bin.
+
+    Returns
+    -------
+    rows : list of (int, Prediction)
+        Predictions that are kept: all bins, except those of a material seen at one incidence that are too far from it.
+    left_out : list of str
+        One sentence for each material with bins that are left out.
+    """
+    kept, count = list[tuple[int, Prediction]](), dict[str, int]()
+    for number, one in rows:
+        material = archive.materials[one.material]
+        seen = np.empty((0, 2)) if material.posterior is None else material.posterior.seen_deg
+        near = any(low - LEAST_SPAN_DEG <= one.incidence_deg <= high + LEAST_SPAN_DEG for low, high in seen)
+        if material.fitted.level_only and not near:
+            count[one.material] = count.get(one.material, 0) + 1
+        else:
+            kept.append((number, one))
+    return kept, [
+        f"{name}: {number} bin{'s' if number > 1 else ''} left out, more than {LEAST_SPAN_DEG:g} degree from the one "
+        "incidence at which the calibration has seen it: its level is known there alone."
+        for name, number in count.items()
+    ]
+
+
 def _measured(case: Case | None, number: int, made: Forward, scene: Scene, out: Path, own: Path) -> _Pass:
-    """Measured image of a pass, registered as its case has it, whose results folder is ``own``."""
+    """Measured image of a pass, registered as in the results folder ``own`` of its case or onto the predicted image."""
     if case is None:
         return _Pass(made.geometry, made.image_db, None, ())
     one = case.passes[number - 1]
@@ -244,45 +284,8 @@ def _measured(case: Case | None, number: int, made: Forward, scene: Scene, out: 
     return _Pass(made.geometry, made.image_db, registered.measurement.image_db, said)
 
 
-def registered_as(
-    path: Path, predicted_db: NDArray[np.float32], found: Measurement, config: RegistrationConfig
-) -> tuple[Registered, str]:
-    """Registration of a measured image, which is that of its own case where this has registered the same image.
-
-    Parameters
-    ----------
-    path : path
-        ``registered.h5`` of the image's case, which need not exist.
-    predicted_db : ndarray, shape (rows, columns)
-        Predicted image, onto which another image is registered [dB].
-    found : Measurement
-        Measured image.
-    config : RegistrationConfig
-        Method and limits.
-
-    Returns
-    -------
-    registered : Registered
-    by : str
-        By which simulated image.
-
-    Raises
-    ------
-    MeasurementError
-        The image has nothing in common with the predicted one.
-    """
-    if path.is_file():
-        with contextlib.suppress(RadcalError):
-            stored = read_registered(path)
-            if stored.method == config.method and np.array_equal(
-                stored.unregistered_db, found.image_db, equal_nan=True
-            ):
-                return stored, f"as in {path.parent}, onto the image at its start"
-    return register(predicted_db, found, config), "onto the predicted image"
-
-
 def _images(out: Path, number: int, case: stages.Forward, scene: Scene, one: _Pass) -> list[Path]:
-    """GeoTIFFs of a pass."""
+    """Write the GeoTIFFs of a pass, and return their paths."""
     ending, tags = f"_pass{number}" if number > 1 else "", {"case": case.case, "radiometry": case.radar.radiometry}
     layers = {"predicted": Layer(one.predicted_db, "dB", "image predicted from the laws of another case", tags)}
     if one.measured_db is not None:
@@ -297,7 +300,7 @@ def _images(out: Path, number: int, case: stages.Forward, scene: Scene, one: _Pa
 def _of_pass(
     archive: Archive, config: Mapping[str, Any], changed: stages.Forward, number: int, one: _Pass
 ) -> Iterator[Prediction]:
-    """Predictions of all materials in a pass."""
+    """Predictions of all calibrated materials in a pass."""
     case = changed.passes[number - 1]
     target = TargetConfig.model_validate({**config["target"], "pixels": ALL_PIXELS})
     budget = Uncertainty.model_validate(config["uncertainty"])
@@ -338,7 +341,7 @@ def _table(rows: Sequence[tuple[int, Prediction]], several: bool) -> Iterator[st
 
 
 def _conclusion(rows: Sequence[tuple[int, Prediction]]) -> Iterator[str]:
-    """What the comparison has shown, by material."""
+    """Sentences on how many bins of each material lie inside the predicted 90 % interval."""
     for name in dict.fromkeys(one.material for _, one in rows):
         for known, where in (
             (KNOWN, "where sigma0 is known"),

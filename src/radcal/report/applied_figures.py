@@ -1,4 +1,4 @@
-"""Level of a material in one incidence-angle bin of another image, predicted and measured, and its figure."""
+"""Predicted and measured level of a material in one incidence-angle bin of another image, and a figure of both."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ class Prediction:
     edges_deg : (float, float)
         Edges of the bin [deg].
     incidence_deg : float
-        Mean local incidence of its pixels [deg].
+        Mean local incidence of the bin's pixels [deg].
     pixels : int
-        Number of usable pixels.
+        Number of usable pixels of the bin.
     known : str
-        Of the bin's mean incidence: ``known``, ``not known`` (seen by the calibration, where sigma0 is not called
-        known) or ``not seen`` by the calibration.
+        Knowledge of sigma0 at the bin's mean incidence: ``known``; ``not known`` if the calibration has seen this
+        incidence, but does not call sigma0 known there; or ``not seen`` by the calibration.
     predicted_db, p05_db, p95_db : float
-        Median and 90 % interval of the mean of the bin's pixels, which are in dB.
+        Median and 90 % interval of the predicted mean of the bin's pixels in dB.
     measured_db : float
-        Mean of the measured pixels in dB; NaN without a measured image.
+        Mean of the bin's measured pixels in dB; NaN without measured pixels.
     """
 
     material: str
@@ -51,7 +51,7 @@ class Prediction:
 
     @property
     def inside(self) -> bool | None:
-        """Whether the measured mean lies inside of the interval; None without one."""
+        """Whether the measured mean lies inside the predicted 90 % interval; None without measured pixels."""
         return None if np.isnan(self.measured_db) else self.p05_db <= self.measured_db <= self.p95_db
 
 
@@ -65,7 +65,7 @@ def draw_predictions(path: str | Path, rows: Sequence[Prediction], source: str, 
     rows : sequence of Prediction
         Bins of all materials and passes.
     source, other : str
-        Names of the cases of laws and image.
+        Name of the case that gives the laws, and of the case that gives the image.
     """
     import matplotlib as mpl
 

@@ -1,6 +1,6 @@
 """Archive of all results of a calibration, ``calibration.h5``; the classes of this module define its layout.
 
-``python -m radcal.report.archive`` prints the table of this layout that ``docs/records.md`` contains.
+``python -m radcal.report.archive`` prints the layout as a table, which ``docs/records.md`` contains.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from radcal.assessment.posterior import Posterior
 from radcal.radar.laws import Law, law_for
 from radcal.report.fitted import Fitted
 from radcal.report.held_out_blocks import HeldOutBlocks, LeftOutFields
-from radcal.storage.layout import About, Attribute, Inline, Main, put, table, take
+from radcal.report.search_front import SearchFront
+from radcal.storage.dataclass_groups import About, Attribute, Inline, Main, put, table, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
 __all__ = [
@@ -38,7 +39,7 @@ __all__ = [
 ]
 
 _KIND = "calibration"
-_UNIT = "dB or IQR"  # levels.unit holds which of the two
+_UNIT = "dB or IQR"  # levels.unit says which of the two applies
 _DENSITY = "1/dB or 1/IQR"
 
 Bytes = NDArray[np.uint8]
@@ -71,7 +72,7 @@ class LawParameters:
     formula: Annotated[str | None, About("formula of a law of the case file, phi in radians")] = None
 
     def curve(self) -> Law:
-        """Law as a function of incidence angle and parameters, with its conditions bound to it.
+        """Law as a function of incidence angle and parameters, for the stored polarisation, frequency and knots.
 
         Raises
         ------
@@ -112,15 +113,17 @@ class Check:
 
 @dataclass(frozen=True)
 class Fidelity:
-    """Predictions of the surrogate for each infill run, and the results of this run; NaN if not predicted."""
+    """Predictions of the surrogate for each infill run, and results of the run; NaN without a prediction."""
 
     predicted_cost: Annotated[Doubles, About("cost that the surrogate predicted", shape="m")]
     verified_cost: Annotated[Doubles, About("cost of the run", shape="m")]
     predicted: Annotated[
         Doubles, About("predicted mean, log sd and skewness of each incidence-angle bin", _UNIT, "m, b, 3")
     ]
-    error: Annotated[Doubles, About("kriging standard deviations of these", _UNIT, "m, b, 3")]
-    verified: Annotated[Doubles, About("the same statistics of the run", _UNIT, "m, b, 3")]
+    error: Annotated[Doubles, About("kriging standard deviation of each predicted statistic", _UNIT, "m, b, 3")]
+    verified: Annotated[
+        Doubles, About("mean, log sd and skewness of each incidence-angle bin in the run", _UNIT, "m, b, 3")
+    ]
     q2: Annotated[Doubles, About("leave-one-out Q2 of the surrogate, by statistic", shape="m, 3")]
 
 
@@ -176,7 +179,7 @@ class MaterialResult:
     ]
     floor_rms: Annotated[
         Doubles,
-        About("smallest rms inside the bounds less two standard errors; NaN if unknown", _DENSITY, "m"),
+        About("smallest rms that the surrogate allows within two standard errors; NaN if unknown", _DENSITY, "m"),
     ]
     mode: Annotated[tuple[str, ...], About("mode of each proposal: exploit, explore, exhausted or ended", shape="m")]
     hidden: Annotated[Doubles | None, About("true X of a synthetic measurement", shape="d")] = None
@@ -187,7 +190,8 @@ class MaterialResult:
         Doubles | None, About("effective number of looks at which each run fits the target best", shape="n")
     ] = None
     fidelity: Annotated[Fidelity | None, About("predictions of the surrogate and the runs that verified them")] = None
-    posterior: Annotated[Posterior | None, About("what is known of the law")] = None
+    front: Annotated[SearchFront | None, About("front of the last search, if it had several objectives")] = None
+    posterior: Annotated[Posterior | None, About("posterior of the law")] = None
 
 
 @dataclass(frozen=True)
@@ -253,7 +257,7 @@ class LevelSummary:
     normalisation: Annotated[str, About("normalisation: none, offset or image")]
     offset_db: Annotated[float, About("level of the measured image above the simulated; NaN if unknown", "dB")]
     offset_error_db: Annotated[float, About("standard error of `offset_db`", "dB")]
-    scale: Annotated[float, About("interquartile range of the measured image over that of the simulated, or 1")]
+    scale: Annotated[float, About("ratio of the interquartile ranges of measured and simulated image, or 1")]
     sentence: Annotated[str, About("level and its consequences in words")]
     doubtful: Annotated[bool, About("level of the measured image in doubt")]
     unit: Annotated[str, About("unit of densities and of the target's pixels: dB or IQR")]
@@ -267,18 +271,21 @@ class PassLaw:
     high_deg: Annotated[float, About("95 % quantile of the local incidence of the target's pixels", "deg")]
     rms: Annotated[float, About("rms difference of the best run's density from the target's in this pass", _DENSITY)]
     sd_first_db: Annotated[
-        float, About("largest standard deviation of the law there, from the first pass alone; NaN if unknown", "dB")
+        float,
+        About("largest standard deviation of the law over the pass's incidence, by pass 1 alone; NaN if unknown", "dB"),
     ]
-    sd_all_db: Annotated[float, About("the same from all passes", "dB")]
+    sd_all_db: Annotated[
+        float, About("largest standard deviation of the law over the pass's incidence, by all passes", "dB")
+    ]
     pixels: Annotated[int, About("number of the target's pixels")]
     difference_db: Annotated[
-        float | None, About("largest difference from the hidden law of a synthetic measurement", "dB")
+        float | None, About("largest difference of the law from the hidden law of a synthetic measurement", "dB")
     ] = None
 
 
 @dataclass(frozen=True)
 class PassSummary:
-    """One pass of a case of several."""
+    """Summary of one pass of a case of several passes."""
 
     depression_deg: Annotated[float, About("depression angle", "deg")]
     look_side: Annotated[str, About("look side")]
@@ -360,7 +367,12 @@ def read_archive(path: str | Path, images: bool = True) -> Archive:
     Returns
     -------
     Archive
-        Results of the calibration, with the materials in the order of the configuration; errors: :func:`.read_hdf5`.
+        Results of the calibration, with the materials in the order of the configuration.
+
+    Raises
+    ------
+    DamagedError, StoreError
+        As for :func:`.read_hdf5`.
     """
     with read_hdf5(path, _KIND) as file:
         return take(file, Archive, without=() if images else ("images",))

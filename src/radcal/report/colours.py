@@ -1,4 +1,4 @@
-"""Colours of materials in maps and legends: configured, usual for the name, or the next of a fixed order."""
+"""Colours of materials in maps and legends: configured, usual for the material's name, or from a fixed list."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FILLS = (
 )  # fmt: skip
 
 # usual colours of kinds of ground, and darker or lighter ones for further materials of a kind. The kinds differ in
-# lightness, too: of the reds and greens that a colour-blind reader takes for each other none are equally light.
+# lightness, too: no red is as light as a green, because a colour-blind reader may take one for the other.
 _USUAL: Mapping[str, tuple[str, str, str]] = {
     "wetlands? marsh(es)? bogs? swamps? mangroves? peat": ("#44AA99", "#2B7A6D", "#8FD0C4"),
     "water sea ocean lakes? rivers? lagoons? estuar(y|ies)": ("#2C6FBB", "#123E73", "#7FB2E5"),
@@ -44,16 +44,16 @@ def material_colours(names: Sequence[str], configured: Mapping[str, str] | None 
     Parameters
     ----------
     names : sequence of str
-        All materials, in the order of their ids.
+        Names of all materials, in the order of their ids.
     configured : mapping, optional
         Colours by material, as ``#RRGGBB``.
 
     Returns
     -------
     list of str
-        Configured colours first; then that of the kind of ground that a word of the name says, with other shades for
-        further materials of the kind; else, for names of no known kind, the colour of the fixed order that has the
-        material's place in it, or the next one that no other material has.
+        The configured colour of a material, if there is one. Else the usual colour of the kind of ground that a word of
+        its name says; further materials of this kind have other shades. Else the colour of the fixed list at the
+        material's place, or the next colour there that no other material has.
     """
     given = configured or {}
     found: dict[str, str] = {name: given[name] for name in names if name in given}
@@ -64,7 +64,7 @@ def material_colours(names: Sequence[str], configured: Mapping[str, str] | None 
         if colour is not None:
             found[name] = colour
             used.add(colour)
-    # places in the fixed order are kept where they are free, as in scenes without any usual name
+    # a material gets the colour at its own place in the fixed list if that is free, as in a scene without usual names
     for number, name in enumerate(names):
         if name not in found:
             order = [FILLS[(number + k) % len(FILLS)] for k in range(len(FILLS))]
@@ -86,13 +86,13 @@ def colour_of(case: Archive, name: str) -> str:
 
 
 def head(axes: Axes, case: Archive, name: str, text: str = "") -> None:
-    """Title of a material's panel, with a square in the colour that the material has in the maps."""
+    """Set the title of a material's panel, and draw a square in the colour that the material has in the maps."""
     axes.set_title(titled(name, text))
     mark(axes, colour_of(case, name))
 
 
 def _shades(name: str) -> tuple[str, ...]:
-    """Usual colours of the kind of ground that a word of the name says."""
+    """Usual colours of the kind of ground that a word of a material's name says; empty if no word says one."""
     words = re.split(r"[^A-Za-z]+", name)
     for kind, shades in _WORDS:
         if any(pattern.fullmatch(word) for pattern in kind for word in words):

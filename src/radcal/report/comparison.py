@@ -28,7 +28,7 @@ _HEADINGS = ("material", "seen by both", "mean B-A", "largest", "bands meet", "f
 
 @dataclass(frozen=True)
 class _Band:
-    """Sigma0 of one material: median and 90 % band [dB], the incidence seen, and where sigma0 is known [deg]."""
+    """Sigma0 of one material: median and 90 % band [dB], incidence seen [deg], incidence of known sigma0 [deg]."""
 
     incidence_deg: Doubles
     median_db: Doubles
@@ -38,7 +38,7 @@ class _Band:
     known_deg: tuple[float, ...] | None
 
     def at(self, degrees: Doubles) -> tuple[Doubles, Doubles, Doubles]:
-        """Median, 5 % and 95 % quantile at some incidence [dB]."""
+        """Median, 5 % and 95 % quantile of sigma0 [dB] at the incidence angles ``degrees``."""
         low, middle, high = (
             np.interp(degrees, self.incidence_deg, db) for db in (self.p05_db, self.median_db, self.p95_db)
         )
@@ -54,9 +54,9 @@ class LawDifference:
     seen_deg : (float, float)
         Incidence seen by both: 5 to 95 % quantile of the pixels' local incidence.
     mean_db, largest_db : float
-        Mean of the difference of the medians, the second less the first, and the difference of largest size [dB].
+        Difference between the medians, second minus first: its mean, and its value where its magnitude is largest [dB].
     bands_meet : float
-        Share of this incidence at which the two 90 % bands overlap; NaN if one of them is unknown.
+        Share of the incidence ``seen_deg`` at which the two 90 % bands overlap; NaN if one of the bands is unknown.
     """
 
     seen_deg: tuple[float, float]
@@ -66,7 +66,7 @@ class LawDifference:
 
 
 def _band(archive: Archive, name: str) -> _Band | None:
-    """Sigma0 of a material; the law at the calibrated X without a band, if there is no posterior in dB."""
+    """Sigma0 of a material; without a posterior in dB it is the law at the calibrated X, without a band."""
     material, law = archive.materials[name], archive.laws[name].curve()
     posterior = material.posterior
     if posterior is not None and posterior.curve is not None:
@@ -96,7 +96,7 @@ def law_difference(first: Archive, second: Archive, name: str) -> LawDifference 
     Returns
     -------
     LawDifference or None
-        None if a law has no curve, or if the two have seen no incidence in common.
+        None if a law has no curve, or if the two calibrations have seen no incidence in common.
     """
     a, b = _band(first, name), _band(second, name)
     if a is None or b is None:
@@ -114,7 +114,7 @@ def law_difference(first: Archive, second: Archive, name: str) -> LawDifference 
 
 
 def compare(folders: Sequence[str | Path], figure: str | Path) -> list[str]:
-    """Lines of a table that compares two calibrations, and a figure of the laws with their bands.
+    """Compare two calibrations: return a table as lines, and write a figure of the laws with their bands.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def compare(folders: Sequence[str | Path], figure: str | Path) -> list[str]:
     Raises
     ------
     ConfigError
-        The cases have no calibrated material in common, or an image is not in dB.
+        The cases have no calibrated material in common, or the levels of a case are not in dB.
     DamagedError, StoreError
         An archive is damaged, or is missing because the calibration is not finished.
     """
@@ -165,7 +165,7 @@ def compare(folders: Sequence[str | Path], figure: str | Path) -> list[str]:
 
 
 def _row(first: Archive, second: Archive, name: str) -> tuple[str, ...]:
-    """Cells of one material."""
+    """Cells of the table for one material."""
     found = law_difference(first, second, name)
     cells = ("-",) * 4
     if found is not None:
@@ -185,7 +185,7 @@ def _known(material: MaterialResult) -> str:
 
 
 def _draw(first: Archive, second: Archive, names: Sequence[str], path: str | Path) -> None:
-    """Draw one panel for each material."""
+    """Draw the laws in one panel for each material, and write the figure as PNG."""
     import matplotlib as mpl
 
     with mpl.rc_context(STYLE):
@@ -207,7 +207,7 @@ def _draw(first: Archive, second: Archive, names: Sequence[str], path: str | Pat
 
 
 def _panel(axes: Axes, band: _Band | None, label: str, style: Mapping[str, Any]) -> None:
-    """Draw one law: thick over the incidence seen, with its 90 % band; a dashed law lies on top."""
+    """Draw one law with its 90 % band; the line is thick over the incidence seen, and dashed lines lie on top."""
     if band is None:
         return
     inside = np.linspace(*band.seen_deg, 101)

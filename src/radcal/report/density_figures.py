@@ -1,4 +1,4 @@
-"""Figures of backscatter densities: those of the target, of design runs, and before and after calibration."""
+"""Figures of backscatter densities: of the target, of design runs, and of the runs before and after calibration."""
 
 from __future__ import annotations
 
@@ -41,7 +41,10 @@ def _reach(dp: Array) -> tuple[float, float]:
 
 
 class _Densities:
-    """Axes for the target density and other densities, with limits near the target, which may cut off the others."""
+    """Axes that show the target density and other densities.
+
+    The limits of the axes lie near the target density, so that other densities may be cut off.
+    """
 
     def __init__(self, axes: Axes, material: MaterialResult) -> None:
         self._axes = axes
@@ -127,7 +130,7 @@ def histogram(case: Archive, name: str) -> tuple[Canvas, str, str]:
 
 
 def densities(case: Archive, name: str) -> tuple[Canvas, str, str]:
-    """Figure of three densities: those of the target, the start and the calibrated law."""
+    """Figure of three densities: of the target, of the run at the start, and of the calibrated run."""
     material = case.materials[name]
     canvas = new_canvas(6.2, 4.2)
     axes = canvas.subplots()
@@ -155,7 +158,7 @@ def _before_after(axes: Axes, material: MaterialResult) -> _Densities:
 
 
 def overview(case: Archive) -> tuple[Canvas, str, str]:
-    """Figure of the densities of all materials, one small panel each."""
+    """Figure of the densities of all materials, with one small panel for each material."""
     n = len(case.materials)
     columns = 2 if n <= 4 else 3 if n <= 9 else 4
     rows = -(-n // columns)

@@ -30,6 +30,14 @@ PALE = "#D0D0D0"
 DESIGN = "#56B4E9"
 MUTED = "#7A7A7A"
 
+# label and style of the runs of each kind
+RUNS: dict[str, tuple[str, dict[str, Any]]] = {
+    "reference": ("reference (start)", {"color": START["color"], "marker": "s", "s": 62}),
+    "reused": ("earlier case", {"color": MUTED, "marker": "D", "s": 26}),
+    "design": ("design", {"color": DESIGN, "marker": "o", "s": 30}),
+    "infill": ("infill", {"color": FOUND["color"], "marker": "^", "s": 40}),
+}
+
 STYLE: Any = {
     "font.family": "DejaVu Sans",
     "font.size": 11.0,
@@ -69,7 +77,7 @@ def titled(name: str, text: str = "") -> str:
 
 
 def mark(axes: Axes, colour: str) -> None:
-    """Square in a material's colour at the upper right corner of a panel, by which the panel is found in the maps."""
+    """Draw a square at the upper right corner of a panel, in the colour that its material has in the maps."""
     from matplotlib.patches import Rectangle
 
     box = axes.get_window_extent()
@@ -111,7 +119,7 @@ def new_canvas(width: float, height: float, layout: Literal["constrained", "comp
 
 
 def add_legend(canvas: Canvas, entries: tuple[Sequence[Any], Sequence[str]], columns: int) -> None:
-    """Legend below the axes, in as many columns as fit."""
+    """Add a legend below the axes, with ``columns`` columns or, if these are too wide, with as many as fit."""
     while True:
         legend = canvas.legend(
             *entries,

@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 
 from radcal.config import Radar, stages
 from radcal.errors import StoreError
-from radcal.measurement.levels import Levels
+from radcal.measurement.levels import Levels, without_level
 from radcal.measurement.registration import Registered
 from radcal.radar.geometry import Geometry
 from radcal.report.archive import Archive
 from radcal.report.geotiff import Layer, map_grid, write_geotiff
-from radcal.report.results import without_level
 from radcal.report.summary import sentences
 from radcal.report.tables import (
     LAWS,
@@ -43,7 +42,7 @@ _INPUT = "simulator_input"
 
 @dataclass(frozen=True)
 class PassImages:
-    """Images of the second or a later pass [dB], as those of the first that the archive holds."""
+    """Images of the second or a later pass [dB]; the archive contains those of the first pass alone."""
 
     radar: Radar
     geometry: Geometry
@@ -59,7 +58,7 @@ def pass_images(
     final: str | Path,
     runs: str | Path,
 ) -> list[PassImages]:
-    """Images of the second and later passes.
+    """Measured and calibrated images of the second and later passes.
 
     Parameters
     ----------
@@ -73,7 +72,7 @@ def pass_images(
     Raises
     ------
     StoreError
-        The record of a final run lacks its image.
+        The record of a final run is missing or lacks its image.
     """
     found, store, index = [], RunStore(runs), read_index(final)
     each = zip(case.passes, geometries, registered, levels, strict=True)
@@ -118,7 +117,7 @@ def write_export(
     Returns
     -------
     list of path
-        The files.
+        Paths of the files.
 
     Raises
     ------
@@ -159,12 +158,12 @@ def _tags(archive: Archive, radar: Radar) -> dict[str, str]:
 def image_layers(
     measured_db: NDArray[np.float32] | None, calibrated_db: NDArray[np.float32] | None, tags: Mapping[str, str]
 ) -> dict[str, Layer]:
-    """Measured, simulated and difference image of a pass by the name of their file; an unknown image is absent.
+    """Measured, calibrated and difference image of a pass, by file name; an image that is not known has no entry.
 
     Parameters
     ----------
     measured_db : ndarray, shape (rows, columns), optional
-        Registered measured image without its assumed level [dB].
+        Registered measured image after subtraction of its assumed level [dB].
     calibrated_db : ndarray, shape (rows, columns), optional
         Simulated image with the calibrated laws and textures [dB].
     tags : mapping
@@ -182,7 +181,7 @@ def image_layers(
 
 
 def ground_layers(geometry: Geometry, tags: Mapping[str, str]) -> dict[str, Layer]:
-    """Local incidence, materials and masks of a pass by the name of their file, in slant range.
+    """Images of local incidence, materials and mask of a pass in slant range, by file name.
 
     Parameters
     ----------

@@ -16,13 +16,16 @@ if TYPE_CHECKING:
 __all__ = ["differences", "fidelity"]
 
 _STATISTICS = (("mean", "#0072B2", "o"), ("log sd", "#D55E00", "s"), ("skewness", "#009E73", "^"))
-_MOST = 6.0  # standard deviations at which larger differences are drawn
+_MOST = 6.0  # largest difference drawn [standard deviations]; larger differences are drawn at this value
 _NARROW = 0.13
-_EACH = 8  # runs that have a tick each
+_EACH = 8  # largest number of runs with a tick for each run
 
 
 def differences(found: Fidelity) -> Array:
-    """Verified minus predicted statistics in kriging standard deviations, shape (m, n, 3); NaN if not predicted."""
+    """Verified minus predicted statistics of m runs and b bins, in kriging standard deviations, shape (m, b, 3).
+
+    The difference is NaN for a statistic that was not predicted.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         values = (found.verified - found.predicted) / found.error
     return np.where(np.isfinite(values), values, np.nan)
@@ -37,19 +40,23 @@ def fidelity(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     canvas = new_canvas(6.2, 6.2)
     upper, lower = canvas.subplots(2, 1, sharex=True)
     runs = np.flatnonzero(case.runs.kind == "infill")
-    positive = np.concatenate([found.predicted_cost, found.verified_cost])
+    # same unit as in the figure of the misfits of all runs; the cost of bins is half the sum of squared residuals
+    bins = material.cost is not None
+    what = "squared residuals, priors included" if bins else f"densities, rms [1/{case.levels.unit}]"
+    predicted, verified = ((2.0 if bins else 1.0) * cost for cost in (found.predicted_cost, found.verified_cost))
+    positive = np.concatenate([predicted, verified])
     positive = positive[np.isfinite(positive) & (positive > 0)]
     bottom = float(positive.min()) if positive.size else 1e-6
     for values, label, style in (
-        (found.predicted_cost, "predicted cost", {"color": START["color"], "marker": "D", "markerfacecolor": "none"}),
-        (found.verified_cost, "verified cost", {"color": FOUND["color"], "marker": "^"}),
+        (predicted, "predicted", {"color": START["color"], "marker": "D", "markerfacecolor": "none"}),
+        (verified, "verified", {"color": FOUND["color"], "marker": "^"}),
     ):
         upper.plot(runs, np.maximum(values, bottom), linestyle="none", markersize=7, label=label, **style)
     upper.set_yscale("log")
     if positive.size:  # at least a decade, so that equal costs are seen to be equal
         middle, reach = np.log10(positive).mean(), max(0.5, 0.6 * float(np.ptp(np.log10(positive))))
         upper.set_ylim(10.0 ** (middle - reach), 10.0 ** (middle + reach))
-    upper.set_ylabel("cost")
+    upper.set_ylabel(what.replace(", ", ",\n", 1))
     head(upper, case, name, "surrogate's predictions and verifying runs")
     lower.axhspan(-2.0, 2.0, color=PALE, alpha=0.6, linewidth=0, label="two standard deviations")
     lower.axhline(0.0, color=MUTED, linewidth=0.8)
@@ -76,7 +83,7 @@ def fidelity(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     inside = f"{int((np.abs(values[known]) <= 2.0).sum())} of {int(known.sum())}"
     q2 = found.q2[np.isfinite(found.q2).all(axis=1)]
     caption = (
-        "Above: the cost that the surrogate predicted for each infill run, and the cost that the run has. Below: the "
+        f"Above: {what}, as the surrogate predicted it for each infill run, and as the run has it. Below: the "
         "statistics of the run minus their prediction, in kriging standard deviations, one point for each statistic"
         f"{' and incidence-angle bin' if values.shape[1] > 1 else ''}; {inside} lie within two. The kriging standard "
         "deviation guides the search; it is not the uncertainty of the law."

@@ -11,6 +11,7 @@ from radcal.report.archive import Archive
 from radcal.report.density_figures import densities, histogram, overview, quality
 from radcal.report.drawing import STYLE, slugs
 from radcal.report.fidelity_figures import fidelity
+from radcal.report.front_figures import front
 from radcal.report.held_out_figures import held_out
 from radcal.report.law_figures import cost, law
 from radcal.report.map_figures import images, registration, residual
@@ -36,7 +37,7 @@ class Figure:
     title, caption, alt : str
         Texts for the report: heading, explanation, and description for readers who cannot see the figure.
     png, pdf : Path
-        The files.
+        Paths of the PNG file and of the PDF file.
     material : str or None
         Material that the figure shows; None for a figure of the whole case.
     """
@@ -91,6 +92,7 @@ def write_figures(archive: Archive, folder: str | Path) -> list[Figure]:
             ("law", "The law found", law),
             ("held_out", "Held-out ground", held_out),
             ("cost", "Cost of each run", cost),
+            ("front", "Front of the search", front),
             ("fidelity", "Predicted and verified", fidelity),
             ("histogram", "Measured pixels and the design", histogram),
             ("quality", "Fit of a skew normal to the pixels", quality),
@@ -107,7 +109,7 @@ def _save(canvas: Canvas, path: Path) -> Path:
     metadata = {"png": {"Software": None}, "pdf": {"CreationDate": None, "Creator": None, "Producer": None}}[ending]
     with atomic(path) as partial:
         canvas.savefig(partial, format=ending, dpi=_DPI, metadata=metadata, facecolor="white")
-    # the second file keeps the layout of the first; with an engine left, even one that does nothing, matplotlib draws
-    # once more before it saves
+    # the second file keeps the layout of the first; as long as the figure has a layout engine, even one without effect,
+    # matplotlib draws once more before it saves
     canvas.set_layout_engine(None)
     return path

@@ -19,7 +19,7 @@ __all__ = ["SLANT_RANGE", "Layer", "MapGrid", "map_grid", "pixel_at_cell", "writ
 
 SLANT_RANGE = "slant range, not georeferenced"
 _MAP = "map of the scene"
-_REACH = 0.75  # of the diagonal of a pixel on the ground: half of it is needed, the rest bridges uneven spacing
+_REACH = 0.75  # share of a pixel's diagonal on the ground: one half is needed, the rest bridges uneven spacing
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Layer:
     unit : str
         Unit of the values.
     description : str
-        What the values are.
+        Meaning of the values.
     tags : mapping
         Further tags of the file.
     """
@@ -46,7 +46,7 @@ class Layer:
 
 @dataclass(frozen=True)
 class MapGrid:
-    """Grid of a georeferenced scene, with north up, and the image's pixel that shows each of its cells.
+    """Grid of a georeferenced scene, with north up, and for each of its cells the image pixel that shows the cell.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class MapGrid:
 
 
 def map_grid(scene: Scene, geometry: Geometry) -> MapGrid | None:
-    """Grid of the scene's map; None for a scene without a CRS."""
+    """Grid of the scene's map, with the image pixel that shows each cell; None for a scene without a CRS."""
     if scene.crs is None or scene.transform is None:
         return None
     ny = scene.material.shape[0]
@@ -83,24 +83,24 @@ def map_grid(scene: Scene, geometry: Geometry) -> MapGrid | None:
 
 
 def pixel_at_cell(ground: NDArray[np.float32], layover: NDArray[np.bool_], shape: tuple[int, int]) -> NDArray[np.int64]:
-    """Pixel of a slant-range image that shows each cell of the scene's grid: the one with the nearest ground.
+    """Pixel of a slant-range image that shows each cell of the scene's grid: the pixel whose ground is nearest.
 
-    The nearest pixel is taken, and no mean, because a mean of n neighbours has 1/n of the variance of speckle.
+    The nearest pixel is taken instead of a mean, because a mean of n neighbours has only 1/n of the speckle variance.
 
     Parameters
     ----------
     ground : ndarray, shape (2, rows, columns)
         Scene row and column that each pixel shows, with cell centres at whole numbers; NaN where it shows none.
     layover : ndarray of bool, shape (rows, columns)
-        Pixels that show several places, whose mean is no place of theirs.
+        Mask of pixels that show several places; their ``ground`` is a mean, which may be none of these places.
     shape : (int, int)
         Cells of the scene, row 0 in the south.
 
     Returns
     -------
     ndarray of int64, shape ``shape``
-        Flat index of the pixel; -1 in shadow, in layover and outside of the image, where the nearest pixel is farther
-        away than three quarters of its diagonal on the ground.
+        Flat index of the pixel; -1 if the nearest pixel is farther away than three quarters of its diagonal on the
+        ground. This is so in shadow, in layover and outside of the image.
     """
     from scipy.spatial import KDTree
 
@@ -119,7 +119,7 @@ def pixel_at_cell(ground: NDArray[np.float32], layover: NDArray[np.bool_], shape
 def _spacing(places: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
     """Distance on the ground to the nearer of a pixel's two neighbours along an axis [cells]; 0 if both are unknown.
 
-    The nearer neighbour is the one on this side of a shadow or of a fold.
+    At a shadow or a fold of the image, the nearer neighbour lies on the same side as the pixel.
     """
     step = np.sqrt((np.diff(places, axis=axis) ** 2).sum(axis=0))
     edge = [(0, 0), (0, 0)]
@@ -160,7 +160,7 @@ def write_geotiff(path: str | Path, layer: Layer, grid: MapGrid | None) -> None:
     }  # fmt: skip
     if grid is not None:
         profile |= {"crs": CRS.from_user_input(grid.crs), "transform": Affine(*grid.transform)}
-    # an overview keeps values that occur, because a mean of dB is no level
+    # an overview is made of single pixels, because a mean of values in dB is no level
     cloud = {"driver": "COG", "predictor": "yes", "overview_resampling": "nearest"}
     with warnings.catch_warnings(), atomic(path) as partial, MemoryFile() as memory:
         warnings.simplefilter("ignore", NotGeoreferencedWarning)

@@ -1,4 +1,4 @@
-"""Archived predictions of held-out ground."""
+"""Errors of predictions for held-out ground, as the archive contains them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.storage.layout import About
+from radcal.storage.dataclass_groups import About
 
 __all__ = ["HeldOutBlocks", "LeftOutFields"]
 
@@ -31,24 +31,32 @@ class HeldOutBlocks:
     rmse_constant_patch_db: Annotated[
         float, About("rms error of the constant with random effects of fields that hold calibrated ground", "dB")
     ]
-    rmse_best_db: Annotated[float, About("rms error of the same law after a fit to the held-out means", "dB")]
+    rmse_best_db: Annotated[float, About("rms error of the law after a fit to the held-out means themselves", "dB")]
     rmse_start_db: Annotated[float, About("rms error of the starting law; NaN where it has no curve", "dB")]
     ks_law: Annotated[
         float, About("Kolmogorov-Smirnov distance of held-out pixels from the density predicted by the law")
     ]
-    ks_constant: Annotated[float, About("the same distance from the density of the calibrated ground")]
-    ks_start: Annotated[float, About("the same distance from the density predicted by the starting law")]
+    ks_constant: Annotated[
+        float, About("Kolmogorov-Smirnov distance of held-out pixels from the density of the calibrated ground")
+    ]
+    ks_start: Annotated[
+        float, About("Kolmogorov-Smirnov distance of held-out pixels from the density predicted by the starting law")
+    ]
     tail_law_db: Annotated[float, About("predicted minus measured 99 % quantile: prediction by the law", "dB")]
-    tail_constant_db: Annotated[float, About("the same difference for the density of the calibrated ground", "dB")]
-    tail_start_db: Annotated[float, About("the same difference for the starting law", "dB")]
+    tail_constant_db: Annotated[
+        float, About("predicted minus measured 99 % quantile: density of the calibrated ground as prediction", "dB")
+    ]
+    tail_start_db: Annotated[
+        float, About("predicted minus measured 99 % quantile: prediction by the starting law", "dB")
+    ]
     coverage_90: Annotated[float, About("share of block means inside of the 90 % prediction band")]
     n_blocks: Annotated[int, About("number of held-out blocks that are compared")]
-    n_fields: Annotated[int, About("number of fields in them")]
+    n_fields: Annotated[int, About("number of fields in the held-out blocks that are compared")]
     law_gain: Annotated[
         float, About("mean over fields of ln(rms error of the constant / rms error of the law), without effects")
     ]
     law_gain_error: Annotated[float, About("standard error of `law_gain`; infinite for one field")]
-    patch_gain: Annotated[float, About("the same mean, law and constant both with random effects of fields")]
+    patch_gain: Annotated[float, About("as `law_gain`, with random effects of fields in both law and constant")]
     patch_gain_error: Annotated[float, About("standard error of `patch_gain`; infinite for one field")]
     block: Annotated[Integers, About("numbers of the held-out blocks", shape="b")]
     mean_db: Annotated[Doubles, About("measured means of the held-out blocks", "dB", "b")]
@@ -62,11 +70,13 @@ class HeldOutBlocks:
 
 @dataclass(frozen=True)
 class LeftOutFields:
-    """Predictions of whole fields from the other fields (:class:`radcal.assessment.recommendation.FieldCheck`)."""
+    """Errors of predictions for fields that were left out (:class:`radcal.assessment.recommendation.FieldCheck`)."""
 
     rmse_law_db: Annotated[float, About("rms error of the law's prediction of cell means; NaN for one field", "dB")]
-    rmse_constant_db: Annotated[float, About("the same error of the generalised least squares constant", "dB")]
+    rmse_constant_db: Annotated[
+        float, About("rms error of the generalised least squares constant for cell means; NaN for one field", "dB")
+    ]
     gain: Annotated[float, About("mean over fields of ln(rms error of the constant / rms error of the law)")]
     gain_error: Annotated[float, About("standard error of `gain`; infinite for one field")]
     n_fields: Annotated[int, About("number of fields compared")]
-    power: Annotated[float, About("gain that a right law is expected to show, in its standard errors")]
+    power: Annotated[float, About("gain that a right law is expected to show, in standard errors of the gain")]

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 __all__ = ["held_out"]
 
-_BAND = 1.645  # 90 % of a normal distribution lie within so many standard deviations
+_BAND = 1.645  # 90 % of a normal distribution lie within this many standard deviations
 
 
 def held_out(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
@@ -41,7 +41,7 @@ def held_out(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     axes.use_sticky_edges = False
     axes.margins(x=0.01, y=0.06)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    # like against like: both with the effects of fields
+    # law and constant are compared with equal knowledge: both have the effects of fields
     errors = f"{held.rmse_law_patch_db:.2f} dB off, a constant {held.rmse_constant_patch_db:.2f} dB"
     head(axes, case, name, f"held-out ground {errors}")
     axes.set_xlabel("block, in the order of its prediction")

@@ -22,6 +22,7 @@ from radcal.storage.files import atomic
 __all__ = ["write_report"]
 
 _AT_BOUND = 1e-3  # share of the interval between bounds within which a value is at its bound
+_AGREE = 1.4  # largest ratio of rms to sampling error at which two densities count as equal
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _MINUS = "\N{MINUS SIGN}"
 _TIMES = "\N{NARROW NO-BREAK SPACE}\N{MULTIPLICATION SIGN}\N{NARROW NO-BREAK SPACE}"
@@ -105,7 +106,7 @@ def _material(name: str, summary: Mapping[str, Any], result: MaterialResult) -> 
         "reason": words.clause,
         "short_reason": words.cell,
         "parameters": parameters,
-        # at a bound that neither misfit nor curve suffer from is nothing to warn of
+        # warning only of a bound that limits the fit or, if the fit was not tested, of any bound after a failed search
         "at_bounds": [p for p in parameters if p["at"] and (p["name"] in summary["misfit"]["bounds"] or missed)],
         "target": _theta(summary["target"]),
         "calibrated": _theta(summary["calibrated"]),
@@ -116,7 +117,7 @@ def _material(name: str, summary: Mapping[str, Any], result: MaterialResult) -> 
         "eligible": result.eligible,
         "at_boundary": result.at_boundary,
         "known": "law_difference_db" in summary,
-        # also for hidden parameters of an external law
+        # true for hidden parameters of an external law, too
         "truth": bool(hidden),
     }
 
@@ -127,7 +128,10 @@ def _who(found: Sequence[Mapping[str, Any]], total: int) -> str:
 
 
 def _belief(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) -> str:
-    """Sentence on what was compared where that is the histogram alone, and on laws that are not identified."""
+    """Sentences that say if only the histogram was compared, and which laws are not identified.
+
+    A further sentence names the materials for which a constant is the recommended predictor of other fields.
+    """
     curves = [m for m in materials if m["identified"] is not None]
     lost = [m for m in curves if not m["identified"]]
     constant = [m for m in curves if m["recommended_predictor"] == "constant"]
@@ -149,7 +153,7 @@ def _belief(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) 
 
 
 def _search(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) -> str:
-    """Line after the verdict: how the search ended, and what was compared."""
+    """Line below the verdict of the report: how the search ended, what was compared, and which laws are in doubt."""
     return f"{_ending(summary, materials)} {_belief(summary, materials)}".rstrip()
 
 
@@ -204,7 +208,7 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) 
     Parameters
     ----------
     page : path
-        The file.
+        Path of the file.
     archive : Archive
         Results of a calibration.
     figures : sequence of Figure
@@ -231,12 +235,15 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) 
         search=_search(summary, materials),
         materials=materials,
         within=[m for m in materials if m["within"]],
+        with_law=[m for m in materials if not m["level_only"]],
+        level_only=[m["name"] for m in materials if m["level_only"]],
+        agreeing=[m["name"] for m in materials if m["rms"] <= _AGREE * m["rms_sampling"]],
         checked=[m for m in materials if m["validation"]],
         left_out=[m for m in materials if m["fields_left_out"]],
         law_sentences=[sentence for m in materials for sentence in m["law_sentences"]],
         known=[m for m in materials if m["known"]],
         external=[m for m in materials if m["truth"] and not m["known"]],
-        unknown=[m for m in materials if not m["truth"]],
+        unknown=[m for m in materials if not m["truth"] and not m["level_only"]],
         overall=[figure for figure in figures if figure.material is None],
         figures={m["name"]: [figure for figure in figures if figure.material == m["name"]] for m in materials},
         reasons=list(dict.fromkeys(reason for m in materials for reason in m["left_out"])),

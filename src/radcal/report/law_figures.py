@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radcal.config.objectives import OBJECTIVES
 from radcal.measurement.one_incidence import LEAST_SPAN_DEG
@@ -13,11 +12,11 @@ from radcal.radar.laws import Law
 from radcal.report.archive import Archive, MaterialResult
 from radcal.report.colours import head
 from radcal.report.drawing import (
-    DESIGN,
     FOUND,
     HIDDEN,
     MUTED,
     PALE,
+    RUNS,
     SAMPLING,
     START,
     TOLERANCE,
@@ -34,7 +33,8 @@ if TYPE_CHECKING:
 __all__ = ["cost", "law"]
 
 _GRAZING_DB = -60.0
-_ANGLES_DEG = np.linspace(0.0, 90.0, 361)
+_LAST_DEG = 85.0  # largest incidence at which bands and curves are drawn
+_CONTEXT_DEG = 5.0  # smallest margin of the angle axis on each side of the incidence seen
 
 
 def _runs(axes: Axes, case: Archive, material: MaterialResult, shown: Array) -> None:
@@ -45,14 +45,8 @@ def _runs(axes: Axes, case: Archive, material: MaterialResult, shown: Array) -> 
     axes.step(runs[counted], best, where="post", color="black", linewidth=1.6, label="best so far")
     ended = np.zeros(shown.size, dtype=bool)
     ended[np.flatnonzero(case.runs.kind == "infill")[[mode == "ended" for mode in material.mode]]] = True
-    markers: tuple[tuple[str, NDArray[np.bool_], dict[str, Any]], ...] = (
-        ("reference (start)", case.runs.kind == "reference", {"color": START["color"], "marker": "s", "s": 62}),
-        ("earlier case", case.runs.kind == "reused", {"color": MUTED, "marker": "D", "s": 26}),
-        ("design", case.runs.kind == "design", {"color": DESIGN, "marker": "o", "s": 30}),
-        ("infill", (case.runs.kind == "infill") & ~ended, {"color": FOUND["color"], "marker": "^", "s": 40}),
-        ("infill after it ended", ended, {"color": PALE, "marker": "^", "s": 26}),
-    )
-    for label, which, style in markers:
+    markers = [(label, (case.runs.kind == kind) & ~ended, style) for kind, (label, style) in RUNS.items()]
+    for label, which, style in (*markers, ("infill after it ended", ended, {"color": PALE, "marker": "^", "s": 26})):
         if which.any():
             axes.scatter(
                 runs[which], shown[which], label=label, edgecolors="black", linewidths=0.4, zorder=3, clip_on=False,
@@ -77,16 +71,18 @@ def cost(case: Archive, name: str) -> tuple[Canvas, str, str]:
 
 
 def _law_cost(case: Archive, name: str, costs: Array) -> tuple[Canvas, str, str]:
-    """Draw each run's misfit of the incidence-angle bins, and its rms difference of the densities."""
+    """Draw, for each run, the misfit of the incidence-angle bins and the rms difference from the target density."""
     material = case.materials[name]
     canvas = new_canvas(6.2, 6.2)
     upper, lower = canvas.subplots(2, 1, sharex=True)
     squares = np.maximum(2.0 * costs, 1e-3)
     _runs(upper, case, material, squares)
+    fitted = material.fitted
     numbers = OBJECTIVES[case.objective].values * material.check.class_deg.size
-    if numbers:
-        upper.axhline(numbers, label="a right law", **SAMPLING)
-    upper.set_ylabel("squared residuals")
+    tested = bool(numbers) and np.isfinite(fitted.expected)
+    if tested:
+        upper.axhline(fitted.expected, label="expected of a right law", **SAMPLING)
+    upper.set_ylabel("squared residuals,\npriors included")
     head(upper, case, name, f"best misfit {short(squares[material.best])} in run {material.best}")
     rms = material.rms
     _runs(lower, case, material, np.where(rms > 0, rms, rms[rms > 0].min() / 3.0 if (rms > 0).any() else 1.0))
@@ -102,10 +98,13 @@ def _law_cost(case: Archive, name: str, costs: Array) -> tuple[Canvas, str, str]
     add_legend(canvas, (list(entries.values()), list(entries)), 3)
     caption = (
         "Above: sum of the squared residuals of the incidence-angle bins, in standard deviations, at the effective "
-        "looks that suit each run best. "
+        "looks that suit each run best, with the squares of the priors' residuals. "
     )
-    if numbers:
-        caption += f"For a right law it is about {numbers}, the number of values compared (dotted). "
+    if tested:
+        caption += (
+            f"The verdict counts the bins alone: {fitted.residual_sum:.0f} for the best run, where "
+            f"{fitted.expected:.0f} are expected of a right law (dotted), {numbers} values less what the fit takes up. "
+        )
     caption += (
         "Below: root mean square difference of the simulated and the target density, which the search does not "
         f"minimise; another sample of {material.measured_db.size:,} pixels would move the target itself by about "
@@ -169,16 +168,17 @@ def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     canvas = new_canvas(6.2, 4.2 + 0.4 * sum(shares[1:]))
     panels = canvas.subplots(len(shares), 1, sharex=True, height_ratios=shares)
     low, high = (float(v) for v in np.percentile(incidence_deg, [5.0, 95.0]))
-    seen = np.linspace(low, high, 101)
+    seen, view = np.linspace(low, high, 101), _view(low, high)
+    angles = np.linspace(*view, 361)
     for axes in panels:
         axes.axvspan(low, high, color="#EFEFEF", zorder=0, linewidth=0)
-    _curves(panels[0], material, seen)
+    _curves(panels[0], material, seen, angles)
     if material.hidden is None:
         one = high - low < LEAST_SPAN_DEG
         title = "seen at one incidence, a level and no law" if one else "no truth to compare with"
         remark = "The image alone cannot tell whether the law found is right."
     else:
-        difference = _truth(panels[1], material, material.hidden, incidence_deg, seen)
+        difference = _truth(panels[1], material, material.hidden, incidence_deg, (angles, seen))
         title = f"at most {difference:.2g} dB from the truth over the incidence seen"
         remark = (
             f"Over the incidence seen the law found differs from the hidden truth (green, dotted; middle panel) by at "
@@ -186,7 +186,7 @@ def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
         )
     head(panels[0], case, name, title)
     panels[0].set_ylabel("\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} [dB]")
-    _pixels(panels[-1], incidence_deg)
+    _pixels(panels[-1], incidence_deg, view)
     add_legend(canvas, panels[0].get_legend_handles_labels(), 3)
     caption = (
         "Backscatter against local incidence at the starting parameters (orange, dashed) and as found (blue). Shaded, "
@@ -208,7 +208,13 @@ def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     return canvas, caption, f"Backscatter laws of {name} in dB against local incidence in degrees."
 
 
-def _curves(axes: Axes, material: MaterialResult, seen: Array) -> None:
+def _view(low_deg: float, high_deg: float) -> tuple[float, float]:
+    """Ends of the angle axis [deg]; each margin is as wide as the incidence interval seen, at least 5 degrees."""
+    margin = max(_CONTEXT_DEG, high_deg - low_deg)
+    return max(0.0, np.floor(low_deg - margin)), min(_LAST_DEG, np.ceil(high_deg + margin))
+
+
+def _curves(axes: Axes, material: MaterialResult, seen: Array, angles: Array) -> None:
     """Draw starting, calibrated and true law, with thick lines at the image's angles [deg], and the bins' levels."""
     parameters, start, check = material.parameters, material.start, material.check
     # where the first run has no X of the calibrated law, the start has another law
@@ -219,9 +225,9 @@ def _curves(axes: Axes, material: MaterialResult, seen: Array) -> None:
     ]
     if material.hidden is not None:
         curves.append(("hidden truth", parameters.curve(), material.hidden, HIDDEN))
-    _band(axes, material)
+    _band(axes, material, angles)
     for label, curve, x, style in curves:
-        axes.plot(_ANGLES_DEG, curve(np.radians(_ANGLES_DEG), x), **style | {"linewidth": 1.0})
+        axes.plot(angles, curve(np.radians(angles), x), **style | {"linewidth": 1.0})
         axes.plot(seen, curve(np.radians(seen), x), label=label, **style | {"linewidth": 3.2})
     if check.class_deg.size:
         axes.errorbar(
@@ -230,32 +236,33 @@ def _curves(axes: Axes, material: MaterialResult, seen: Array) -> None:
         )  # fmt: skip
     axes.margins(x=0)
     if axes.get_ylim()[0] < _GRAZING_DB:  # a law that falls steeply at grazing incidence would flatten all other curves
-        shown = np.radians(_ANGLES_DEG[_ANGLES_DEG <= 85.0])
-        values = np.concatenate([curve(shown, x) for _, curve, x, _ in curves])
+        values = np.concatenate([curve(np.radians(seen), x) for _, curve, x, _ in curves])
         axes.set_ylim(float(values.min()) - 3.0, float(values.max()) + 3.0)
 
 
-def _band(axes: Axes, material: MaterialResult) -> None:
-    """Draw the 90 % band of sigma0, pale, and again darker where it is known."""
+def _band(axes: Axes, material: MaterialResult, angles: Array) -> None:
+    """Draw the 90 % band of sigma0 in a pale colour, and in a darker colour where sigma0 is known."""
     posterior = material.posterior
     if posterior is None or posterior.curve is None:
         return
-    angle, low, high = posterior.curve.incidence_deg, posterior.curve.p05_db, posterior.curve.p95_db
-    axes.fill_between(angle, low, high, color=FOUND["color"], alpha=0.13, linewidth=0, label="90 % band")
-    if posterior.known_between_deg is not None:
-        first, last = posterior.known_between_deg
-        there = np.linspace(first, last, 101)
-        axes.fill_between(
-            there, np.interp(there, angle, low), np.interp(there, angle, high), color=FOUND["color"], alpha=0.35,
-            linewidth=0, label="known there",
-        )  # fmt: skip
+    curve, parts = posterior.curve, [(angles, 0.13, "90 % band")]
+    if (known := posterior.known_between_deg) is not None:
+        parts.append((np.linspace(known[0], known[1], 101), 0.35, "known there"))
+    for there, alpha, label in parts:
+        low, high = (np.interp(there, curve.incidence_deg, edge) for edge in (curve.p05_db, curve.p95_db))
+        axes.fill_between(there, low, high, color=FOUND["color"], alpha=alpha, linewidth=0, label=label)
 
 
-def _truth(axes: Axes, material: MaterialResult, hidden: Array, incidence_deg: Array, seen: Array) -> float:
-    """Draw the calibrated minus the true law, and return their largest difference over the image's angles [dB]."""
+def _truth(
+    axes: Axes, material: MaterialResult, hidden: Array, incidence_deg: Array, drawn: tuple[Array, Array]
+) -> float:
+    """Draw the calibrated minus the true law, and return their largest difference over the image's angles [dB].
+
+    ``drawn`` contains all angles of the axis, drawn as a thin line, and the angles seen, drawn as a thick line [deg].
+    """
     curve, found = material.parameters.curve(), material.parameters.values[material.best]
     difference = curve.largest_difference_db(found, hidden, incidence_deg)
-    for angles, width in ((_ANGLES_DEG, 1.0), (seen, 3.2)):
+    for angles, width in zip(drawn, (1.0, 3.2), strict=True):
         gap = curve(np.radians(angles), found) - curve(np.radians(angles), hidden)
         axes.plot(angles, gap, **FOUND | {"linewidth": width})
     axes.axhline(0.0, **HIDDEN)
@@ -265,10 +272,9 @@ def _truth(axes: Axes, material: MaterialResult, hidden: Array, incidence_deg: A
     return difference
 
 
-def _pixels(axes: Axes, incidence_deg: Array) -> None:
+def _pixels(axes: Axes, incidence_deg: Array, view: tuple[float, float]) -> None:
     """Draw a histogram of the pixels' incidence, and label the axis of the angles."""
-    axes.hist(incidence_deg, bins=np.arange(0.0, 90.5, 1.0).tolist(), color=MUTED)
+    axes.hist(incidence_deg, bins=np.linspace(*view, 86).tolist(), color=MUTED)
     axes.set_ylabel("pixels")
     axes.set_xlabel("local incidence [deg]")
-    axes.set_xlim(0.0, 90.0)
-    axes.set_xticks(np.arange(0, 91, 15).tolist())
+    axes.set_xlim(*view)

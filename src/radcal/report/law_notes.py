@@ -1,4 +1,4 @@
-"""Notes on laws used outside their valid incidence angles or parameters, and on X outside of its own interval."""
+"""Notes on laws used outside their valid incidence angles or parameters, and on X outside its own 90 % interval."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from radcal.radar.geometry import Geometry
 __all__ = ["law_notes", "outside_interval"]
 
 _AT_BOUND = 1e-3  # share of the interval between bounds within which a value is at its bound
-_SHARE = 0.05  # share of a material's pixels outside the law's angles above which a note is made
+_SHARE = 0.05  # share of a material's pixels outside the law's valid angles above which a note is made
 
 
 def law_notes(case: stages.Archive, geometry: Geometry, parameters: Mapping[str, Sequence[float]]) -> list[str]:
-    """Sentences about laws that are used outside their valid angles or the parameters of their data.
+    """Sentences about laws that are used outside their valid incidence angles or parameters.
 
     Parameters
     ----------
@@ -55,19 +55,19 @@ def outside_interval(
     bounds: Sequence[Sequence[float]],
     interval: Sequence[Sequence[float]],
 ) -> str:
-    """Sentence on calibrated parameters that lie outside of their own 90 % interval; empty without such.
+    """Sentence on calibrated parameters that lie outside their own 90 % intervals; empty if all lie inside.
 
-    The X of the best run is where the misfit is least; the interval is that of all X that the pixels allow. Where many
-    X give nearly the same law, the one need not lie in the other.
+    The best run has the X with the smallest misfit, while a 90 % interval comes from all X that agree with the pixels.
+    If many X give nearly the same law, the X of the best run may lie outside the intervals.
 
     Parameters
     ----------
     names : sequence of str
-        Parameters.
+        Names of the d parameters.
     values : sequence of float, shape (d,)
         X of the best run.
     bounds, interval : sequence, shape (d, 2)
-        Bounds, and 5 % and 95 % quantile of each.
+        Bounds of each parameter, and its 5 % and 95 % quantile.
     """
     said = []
     for name, x, (low, high), (p05, p95) in zip(names, values, bounds, interval, strict=True):

@@ -21,7 +21,7 @@ __all__ = ["axis_labels", "image_extent", "images", "panels_for", "registration"
 Aspect = Literal["equal", "auto"]
 
 _BOXCAR = 9  # side of the blocks over which the residual is averaged [pixels]
-_LARGEST = 1600  # pixels per side of an image shown; larger ones are averaged
+_LARGEST = 1600  # largest number of pixels per side of an image in a figure; larger images are averaged
 
 
 def _power(image_db: NDArray[Any]) -> tuple[Array, NDArray[np.bool_]]:
@@ -57,7 +57,7 @@ def _shown(image_db: NDArray[Any]) -> NDArray[Any]:
 
 
 def panels_for(shape: tuple[int, ...], n: int, below: float = 0.0) -> tuple[Canvas, list[Axes], bool, Aspect]:
-    """Figure with n empty panels, side by side or, for wide images, stacked; very long images are stretched."""
+    """Figure with n empty panels: stacked for wide images, else side by side; very long images are stretched."""
     ratio = shape[0] / shape[1]
     aspect: Aspect = "equal" if 0.2 <= ratio <= 2.5 else "auto"
     ratio = float(np.clip(ratio, 0.2, 2.5))
@@ -77,7 +77,7 @@ def panels_for(shape: tuple[int, ...], n: int, below: float = 0.0) -> tuple[Canv
 
 
 def axis_labels(panels: Sequence[Axes], stacked: bool) -> None:
-    """Label the axes of an image."""
+    """Label the axes of image panels with azimuth and slant range [pixel]."""
     for panel in panels if not stacked else panels[-1:]:
         panel.set_xlabel("azimuth [pixel]")
     for panel in panels if stacked else panels[:1]:
@@ -168,7 +168,7 @@ def registration(case: Archive) -> tuple[Canvas, str, str] | None:
 
 
 def _levelled(image_db: NDArray[Any]) -> Array:
-    """Image averaged over 5 x 5 pixels, with zero median, in units of half the width of the middle 68 %."""
+    """Image averaged over 5 x 5 pixels, shifted to zero median, and divided by half the width of the middle 68 %."""
     from scipy.ndimage import uniform_filter
 
     power, valid = _power(image_db)
@@ -202,7 +202,8 @@ def residual(case: Archive) -> tuple[Canvas, str, str] | None:
         canvas.set_layout_engine("compressed", wspace=0.05, h_pad=0.08)
     _numbered_legend(canvas, [colours[number] for number in present], labels, columns)
     axis_labels(panels, stacked)
-    # Oliver and Quegan 2004: variance of log intensity is trigamma(looks); neighbours are correlated, so at least
+    # Oliver and Quegan 2004: variance of log intensity is trigamma(looks); neighbours are correlated, so that this is a
+    # lower bound
     speckle = 10.0 / np.log(10.0) * np.sqrt(2.0 * float(polygamma(1, case.looks))) / _BOXCAR
     caption = (
         f"Left: calibrated minus measured image, mean of the dB values over {_BOXCAR} x {_BOXCAR} pixels; red: "
@@ -265,7 +266,7 @@ def _material_map(
 
 
 def _numbered_legend(canvas: Canvas, colours: Sequence[str], labels: Sequence[str], columns: int) -> None:
-    """Legend of the numbers of materials."""
+    """Legend that names the material of each number on the map."""
     from matplotlib.patches import Patch
 
     handles = [Patch(facecolor=colour, edgecolor="black", linewidth=0.5) for colour in (*colours, "#FFFFFF")]

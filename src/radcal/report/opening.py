@@ -1,4 +1,4 @@
-"""Results of a finished calibration for scripts: tables of pandas, and images with their units."""
+"""Results of a finished calibration for Python scripts: pandas tables, and images with their units."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _INSTALL = "pip install 'radcal[xarray]'"
 
 @dataclass(frozen=True)
 class Results:
-    """Results of a finished calibration, read from its folder when they are asked for.
+    """Results of a finished calibration; a file of the results folder is read when its content is used.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class Results:
 
     @property
     def verdict(self) -> str:
-        """First line on all materials."""
+        """Verdict on the laws of all materials, in a sentence."""
         return str(self.summary["verdict"])
 
     @cached_property
@@ -57,12 +57,12 @@ class Results:
 
     @cached_property
     def runs(self) -> pd.DataFrame:
-        """Table of all runs, indexed by run and material: the reference run, and those of the search."""
+        """Table of the reference run and of all runs of the search, indexed by run and material."""
         return self._table("runs.csv").set_index(["run", "material"])
 
     @property
     def run_counts(self) -> dict[str, int]:
-        """Number of simulator runs: of the search (design and infill), and of each kind (``docs/records.md``)."""
+        """Number of simulator runs of each kind, and of the search (design and infill); keys: ``docs/records.md``."""
         return dict(self.summary["runs"])
 
     @property
@@ -81,18 +81,18 @@ class Results:
         Returns
         -------
         ndarray, shape (rows, columns)
-            North is up on a map; in slant range, row 0 is nearest to the radar. The unit is :meth:`unit`. NaN, or 0 in
-            the image of materials, where nothing is known.
+            Pixels in the unit that :meth:`unit` gives. North is up on a map; in slant range, row 0 is nearest to the
+            radar. Pixels of which nothing is known are NaN, or 0 in images of whole numbers.
 
         Raises
         ------
         StoreError
-            There is no such image, or it cannot be read.
+            No exported image has this name, or the file cannot be read.
         """
         return self._read(name)[0]
 
     def unit(self, name: str) -> str:
-        """Unit of an exported image: dB, deg, or 1 for numbers of materials; errors as for :meth:`array`."""
+        """Unit of an exported image: dB, deg, or 1 for whole numbers; errors as for :meth:`array`."""
         return str(self._read(name)[1]["unit"])
 
     def image(self, name: str) -> Any:
@@ -114,7 +114,7 @@ class Results:
         ImportError
             xarray is not installed; the message says how to install it.
         StoreError
-            There is no such image, or it cannot be read.
+            No exported image has this name, or the file cannot be read.
         """
         try:
             import xarray
@@ -144,7 +144,7 @@ class Results:
             raise _missing(self.folder / name, error) from error
 
     def _read(self, name: str) -> tuple[NDArray[Any], dict[str, Any], tuple[float, ...]]:
-        """Values, tags with the CRS, and coefficients of the transform of an exported image."""
+        """Values of an exported image, its tags and CRS, and the six coefficients of its affine transform."""
         from rasterio.errors import RasterioError
 
         from radcal.reading.rasters import open_raster
@@ -176,7 +176,7 @@ def open_results(folder: str | Path) -> Results:
     Raises
     ------
     StoreError
-        The folder has no ``summary.json``, so that it is no folder of results or its calibration is not finished.
+        The folder has no ``summary.json``: it is no results folder, or its calibration is not finished.
     """
     folder = Path(folder)
     if not (folder / "summary.json").is_file():

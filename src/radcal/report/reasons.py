@@ -10,7 +10,7 @@ __all__ = ["REASONS", "Words"]
 
 @dataclass(frozen=True)
 class Words:
-    """Texts for one reason, each for another place in the report.
+    """Texts for one reason why a calibration ended, for different places in the report.
 
     Attributes
     ----------

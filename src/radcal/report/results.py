@@ -18,7 +18,7 @@ from radcal.calibration.history import History, Run
 from radcal.calibration.passes import pass_laws
 from radcal.config import Material, Radar, Stop, stages
 from radcal.config.sections import FURTHER
-from radcal.measurement.levels import Levels
+from radcal.measurement.levels import Levels, without_level
 from radcal.measurement.registration import Registered
 from radcal.measurement.target import Targets
 from radcal.radar.geometry import Geometry
@@ -41,11 +41,12 @@ from radcal.report.archive import (
 from radcal.report.fitted import Fitted
 from radcal.report.held_out_blocks import HeldOutBlocks, LeftOutFields
 from radcal.report.law_notes import law_notes
+from radcal.report.search_front import search_fronts
 from radcal.scene.model import Scene
 from radcal.storage.disclosure import disclosed
 from radcal.storage.runs import Record
 
-__all__ = ["gather", "without_level"]
+__all__ = ["gather"]
 
 _LARGEST_SCENE = 1200  # largest number of archived cells per side
 _MOST_OBJECTS = 20_000  # largest number of archived objects; a figure cannot show more as separate dots
@@ -76,9 +77,9 @@ def gather(
     scene : Scene
         Scene of the case.
     geometry : Geometry
-        Geometry of the pass.
+        Geometry of the first pass.
     registered : Registered
-        Registered measured image.
+        Registered measured image of the first pass.
     targets : Targets
         Targets of the calibrated materials.
     conclusion : Conclusion
@@ -95,6 +96,7 @@ def gather(
     """
     parameters = _final_parameters(case, history, targets)
     measurement, decision = registered.measurement, conclusion.decision
+    fronts = search_fronts(case, targets, history)
     return Archive(
         case=case.case,
         config=json.dumps(disclosed(_as_written(case, stop))),
@@ -122,6 +124,7 @@ def gather(
             name: replace(
                 _material(name, case, history, targets, conclusion, measurement.hidden.get(name)),
                 posterior=conclusion.posteriors.get(name),
+                front=fronts.get(name),
             )
             for name in targets
         },
@@ -138,18 +141,18 @@ def gather(
 
 
 def _pass_note(targets: Targets) -> list[str]:
-    """Remark on what is shown of several passes."""
+    """Remark that says which results belong to all passes, and which to pass 1 alone; empty in a case of one pass."""
     if not targets.further:
         return []
     count = len(targets.passes)
     return [
         f"The laws are those of {count} passes together; densities, images, pixels and checks on held-out ground are "
-        "shown of pass 1. The field effects of a material are taken as independent from pass to pass."
+        "shown of pass 1. The effect of a field is one in all passes."
     ]
 
 
 def _as_written(case: stages.Archive, stop: Stop) -> dict[str, Any]:
-    """Configuration, with lists of the passes as in a case file."""
+    """Configuration in the form of a case file, in which sections of several passes are lists."""
     data = {**case.sections(*case.__dict__), "stop": stop.model_dump(mode="json")}
     for section, further in FURTHER.items():
         if further in data:
@@ -166,7 +169,7 @@ def _passes(
     images: Sequence[Registered],
     final: Sequence[Record],
 ) -> dict[str, PassSummary]:
-    """Passes of a case of several, by their number from 1."""
+    """Summaries of the passes of a case, by the number of the pass from 1."""
     laws = pass_laws(case, targets, history)
     found = {}
     known = {key for run in history.runs for key in (run.key, *run.further_keys)}
@@ -207,7 +210,10 @@ def _passes(
 def _difference_db(
     law: Law, found: Sequence[float], hidden: Sequence[float] | None, incidence_deg: Any
 ) -> float | None:
-    """Largest difference from a hidden law over a pass's incidence [dB]; None where there is none, or no curve."""
+    """Largest difference of the law from the hidden law over a pass's incidence [dB].
+
+    None if there is no hidden law, or if the law has no curve.
+    """
     if hidden is None or not law.has_curve:
         return None
     seen = seen_rad(incidence_deg)
@@ -221,7 +227,7 @@ def _final_parameters(case: stages.Archive, history: History, targets: Targets) 
 
 
 def _law(values: Any, material: Material, radar: Radar) -> LawParameters:
-    """Parameters of a material's law in one or several runs, with the conditions of the law."""
+    """Parameters of a material's law in one or several runs, with polarisation, frequency and knots of the law."""
     named = material.law in (EXTERNAL, FORMULA)
     return LawParameters(
         values=np.array(values, dtype=np.float64),
@@ -236,7 +242,7 @@ def _law(values: Any, material: Material, radar: Radar) -> LawParameters:
 
 
 def _runs(history: History) -> Runs:
-    """Runs in the order reference, reused, design, infill."""
+    """Kind, number, hash and time of all runs, in the order reference, reused, design, infill."""
     return Runs(
         kind=np.array([run.kind for run in history.runs]),
         index=np.array([run.index for run in history.runs]),
@@ -262,11 +268,6 @@ def _registration(registered: Registered) -> RegistrationSummary:
 def _levels(levels: Levels) -> LevelSummary:
     """Level of the measured image relative to the simulated image."""
     return LevelSummary(**{item.name: getattr(levels, item.name) for item in fields(LevelSummary)})
-
-
-def without_level(image_db: NDArray[np.float32], levels: Levels) -> NDArray[np.float32]:
-    """Measured image [dB] after subtraction of its assumed level."""
-    return image_db - np.float32(0.0 if levels.normalisation == "none" else levels.offset_db)
 
 
 def _scene(scene: Scene) -> SceneView:
@@ -335,7 +336,7 @@ def _material(
         calibrated_db=found.calibrated,
         fresh_db=found.fresh,
         check=_check(check),
-        fitted=Fitted(verdict=conclusion.verdicts[name], **vars(conclusion.fits[name])),
+        fitted=_fitted(name, targets, conclusion),
         final_dp=found.calibrated_dp,
         fresh_dp=found.fresh_dp,
         predicted_rms=_numbers(None if of_classes else proposal.cost for proposal in proposals),
@@ -368,6 +369,10 @@ def _fidelity(infill: Sequence[Run], name: str) -> Fidelity | None:
 def _numbers(values: Iterable[float | None]) -> NDArray[np.float64]:
     """Numbers as an array, with NaN in place of None."""
     return np.array(list(values), dtype=np.float64)
+
+
+def _fitted(name: str, targets: Targets, conclusion: Conclusion) -> Fitted:
+    return Fitted(conclusion.verdicts[name], **vars(conclusion.fits[name]), level_only=targets.level_only(name))
 
 
 def _check(check: LawCheck) -> Check:

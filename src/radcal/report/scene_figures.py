@@ -64,7 +64,7 @@ def scene(case: Archive) -> tuple[Canvas, str, str] | None:
 
 @dataclass(frozen=True)
 class _Directions:
-    """Words for the axes of the scene's grid: across, along, and the corners from which light and view come."""
+    """Words for directions of the scene's grid: its two axes, and the corners from which light and view come."""
 
     across: str = "east [km]"
     along: str = "north [km]"
@@ -73,7 +73,7 @@ class _Directions:
 
 
 def _directions(case: Archive) -> _Directions:
-    """Words for a grid that is turned to the track, or that points to the north."""
+    """Words for directions of a scene's grid, which points north or, with a heading, along the track."""
     radar = json.loads(case.config).get("radar", {})
     heading = float((radar[0] if isinstance(radar, list) else radar).get("heading_deg", 0.0))
     if not heading:
@@ -104,11 +104,13 @@ def _plans(
     colours: tuple[Any, Any],
     directions: _Directions,
 ) -> None:
-    """Relief, materials with objects, and elevation, seen from above."""
+    """Draw three plans of the scene: shaded relief, materials with objects, and elevation."""
     sides = _sides_km(elevation.shape, cell_m)
     cmap, norm = colours
     flat = [canvas.add_subplot(2, 2, k) for k in (1, 2, 3)]
-    flat[0].imshow(_light().hillshade(elevation, dx=cell_m, dy=cell_m), cmap="gray", origin="lower", extent=sides)
+    shade = _light().hillshade(elevation, dx=cell_m, dy=cell_m)
+    # shades of relief lie between 0 and 1; without these limits, the single shade of level ground would be black
+    flat[0].imshow(shade, cmap="gray", origin="lower", extent=sides, vmin=0.0, vmax=1.0)
     flat[0].set_title(f"shaded relief, light from {directions.light}")
     flat[1].imshow(material, cmap=cmap, norm=norm, origin="lower", extent=sides, interpolation="nearest")
     if objects_m is not None:
@@ -136,7 +138,7 @@ def _view(
     colours: tuple[Any, Any],
     directions: _Directions,
 ) -> None:
-    """Terrain with its materials, seen from the south-west."""
+    """Draw the terrain in three dimensions, in the colours of its materials."""
     solid = cast(Any, canvas.add_subplot(2, 2, 4, projection="3d"))
     ny, nx = elevation.shape
     sides = _sides_km(elevation.shape, cell_m)
@@ -164,7 +166,7 @@ def _view(
 
 
 def _expected_db(case: Archive, incidence_deg: NDArray[Any], material: NDArray[Any]) -> Array:
-    """Backscatter [dB] by the calibrated laws at each pixel's mean incidence, no speckle; NaN for no material."""
+    """Sigma0 [dB] by the calibrated or fixed law of each pixel, at its mean incidence; NaN without a law's curve."""
     angle = np.radians(incidence_deg.astype(np.float64))
     expected = np.full(angle.shape, np.nan)
     for k, name in enumerate(case.names, start=1):
@@ -176,7 +178,7 @@ def _expected_db(case: Archive, incidence_deg: NDArray[Any], material: NDArray[A
 
 
 def incidence(case: Archive) -> tuple[Canvas, str, str] | None:
-    """Figure of the local incidence, its distribution by material, and the laws' backscatter."""
+    """Figure of two maps: local incidence angle, and sigma0 that the calibrated laws give at this angle."""
     angle, material = case.images.incidence_deg, case.images.material
     if angle is None or material is None:
         return None
@@ -226,7 +228,7 @@ def _incidence_words(case: Archive, angle: NDArray[Any], material: NDArray[Any],
 
 
 def _scale(values: NDArray[Any]) -> tuple[float, float]:
-    """Ends of a scale from the 1 to the 99 % quantile, at least 1 wide, about the middle of both."""
+    """Ends of a colour scale: 1 % and 99 % quantile of the values, widened about their middle to at least 1."""
     low, high = (float(v) for v in np.percentile(values, [1.0, 99.0]))
     middle = 0.5 * (low + high)
     return (low, high) if high - low >= 1.0 else (middle - 0.5, middle + 0.5)

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import json
+import socket
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from radcal.errors import StoreError
+from radcal.running.time_left import duration
+from radcal.storage.lock import holder
 
 __all__ = ["results_folder", "show"]
 
-# steps of the flow by a file that each of them writes, in every case
+# names of the workflow's steps, by a file that the step writes in every case
 _STEPS = {
     "scene.h5": "scene",
     "reference.json": "reference run",
@@ -24,6 +28,8 @@ _STEPS = {
 }
 _FILES = {"report.html": "report", "export": "exports", "summary.json": "summary", "runs.csv": "table of runs"}
 
+_SAID = " INFO radcal: "  # text that precedes a line of progress in a job's log file
+_RECENT_LOGS = 20
 _AGAIN = "type the command that began the case again (radcal run with its YAML file): finished runs are kept"
 
 
@@ -42,7 +48,7 @@ def results_folder(case: str | Path, results: str | Path = "results") -> Path:
     ConfigError
         The case file is wrong.
     StoreError
-        There is no such folder.
+        The results folder does not exist.
     """
     path = Path(case)
     if path.is_file():
@@ -81,18 +87,38 @@ def show(folder: str | Path) -> list[str]:
     folder = Path(folder)
     missing = [name for file, name in _STEPS.items() if not (folder / file).is_file()]
     there = [f"{title}: {folder / file}" for file, title in _FILES.items() if (folder / file).exists()]
-    failed = _failure(folder)
+    failed, running = _failure(folder), _running(folder)
     if not missing:
-        return [*_finished(_read(folder / "summary.json")), *there, *failed]
+        return [*_finished(_read(folder / "summary.json")), *there, *failed, *running]
     kept = len(list((folder / "runs").glob("[!.]*.h5")))
     iterations = len(list((folder / "iterations").glob("*/verified.json")))
     lines = [f"{folder.name}: not finished; missing: {', '.join(missing)}."]
     lines.append(f"records of runs: {kept} in {folder / 'runs'}; iterations verified: {iterations}.")
-    return [*lines, *there, *(failed or [f"To continue, {_AGAIN}."])]
+    return [*lines, *there, *(running or failed or [f"To continue, {_AGAIN}."])]
+
+
+def _running(folder: Path) -> list[str]:
+    """Lines on the command that is working on a case, and on its progress; empty if no command is working on it."""
+    found = holder(folder)
+    if found is None:
+        return []
+    place = "" if found.host == socket.gethostname() else f" on {found.host}"
+    lines = [f"running now: process {found.process}{place}, for {duration(time.time() - found.since)}."]
+    logs = sorted((folder / "logs").rglob("*.log"), key=lambda path: path.stat().st_mtime)
+    recent = [path for path in logs[-_RECENT_LOGS:] if path.stat().st_mtime >= found.since]
+    if recent:
+        names = ", ".join(path.relative_to(folder / "logs").with_suffix("").as_posix() for path in recent[:-4:-1])
+        ago = duration(max(0.0, time.time() - recent[-1].stat().st_mtime))
+        lines.append(f"jobs that wrote a log last: {names} ({ago} ago).")
+    said = [line for path in recent for line in path.read_text("utf-8", "replace").splitlines() if _SAID in line]
+    if said:
+        # each line begins with its time, so that the largest is the latest
+        lines.append(f"last progress: {max(said).partition(_SAID)[2].strip()}")
+    return lines
 
 
 def _failure(folder: Path) -> list[str]:
-    """Lines on the failure that ended the last command on a case, and on what to type; none without a failure."""
+    """Lines on the failure that ended the last command on a case, and on what to type next; empty without failure."""
     try:
         said = (folder / "logs" / "failure.txt").read_text(encoding="utf-8").split("\n")[0].strip()
     except (OSError, ValueError):
@@ -113,7 +139,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def _finished(summary: Mapping[str, Any]) -> list[str]:
-    """Lines on a finished calibration."""
+    """Lines on verdict, parameters and runs of a finished calibration."""
     materials, runs = summary["materials"], summary["runs"]
     reused = f"; {runs['reused']} reused" if runs.get("reused") else ""
     lines = [str(summary["verdict"])]
@@ -122,8 +148,7 @@ def _finished(summary: Mapping[str, Any]) -> list[str]:
         # in a case of one material, the first line is its verdict
         said = f"{material['verdict']}" if len(materials) > 1 else f"{name}:"
         law = material.get("formula", material["law"])
-        known = "." if "sigma0" in material["verdict"] else f"; {_known(material)}"
-        lines.append(f"{said} {law} with {parameters}{known}")
+        lines.append(f"{said} {law} with {parameters}{_unknown(material)}")
         if remark := material.get("parameters_remark"):
             lines.append(f"{name}: {remark}")
     search = runs["design"] + runs["infill"]
@@ -134,10 +159,8 @@ def _finished(summary: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def _known(material: Mapping[str, Any]) -> str:
-    """Where sigma0 is known, and how well it is known there."""
-    known, curve = material.get("known_between_deg"), material.get("sigma0_curve")
-    if known is None or curve is None:
-        return "sigma0 is known nowhere." if curve is not None else "nothing is known of a curve in dB."
-    half = material["posterior"]["known_half_width_db"]
-    return f"sigma0 is known to +-{half:.1f} dB (90 %) from {known[0]:.4g} to {known[1]:.4g} degrees."
+def _unknown(material: Mapping[str, Any]) -> str:
+    """End of the sentence on a law: no curve in dB, or no known sigma0 for lack of fit; else a full stop."""
+    if material.get("sigma0_curve") is None:
+        return "; nothing is known of a curve in dB."
+    return "; sigma0 is known nowhere." if material["fits"] is False else "."

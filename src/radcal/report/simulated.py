@@ -1,4 +1,4 @@
-"""Forward run of a scene with given materials: simulated image, incidence and masks, without a measurement."""
+"""Forward run of a case with given materials, without a measurement: simulated images, incidence and masks."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ __all__ = ["Forward", "forward", "simulate"]
 
 @dataclass(frozen=True)
 class Forward:
-    """One pass of a forward run.
+    """Geometry and simulated image of one pass of a forward run.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class Forward:
     key : str
         Hash of the run, which names its record.
     kept : bool
-        Whether the record was there before, so that nothing was simulated.
+        Whether the run store had the record already, so that nothing was simulated.
     """
 
     geometry: Geometry
@@ -48,14 +48,14 @@ class Forward:
 
 
 def forward(case: stages.Forward, folder: str | Path, runs: str | Path) -> tuple[Scene, list[Forward]]:
-    """Simulate all passes of a case at the parameters of its materials, with the noise seed of final check runs.
+    """Simulate all passes of a case at the parameters of its materials, with the noise seed of the final check run.
 
     Parameters
     ----------
     case : stages.Forward
         Scene, passes, simulator and materials. A material to be calibrated has its starting parameters.
     folder : path
-        Folder of ``scene.h5`` and ``geometry.h5``, in ``passes/<p>/`` of pass p from 2 on.
+        Folder of ``scene.h5`` and ``geometry.h5``. From pass 2 on, ``geometry.h5`` of pass p lies in ``passes/<p>/``.
     runs : path
         Folder of the run store; a run that has a record there is not simulated.
 
@@ -93,18 +93,18 @@ def forward(case: stages.Forward, folder: str | Path, runs: str | Path) -> tuple
 
 
 def simulate(case: stages.Forward, folder: str | Path, runs: str | Path) -> list[str]:
-    """Forward run of a case, and its images as GeoTIFF.
+    """Simulate all passes of a case, and write the images as GeoTIFF.
 
     Parameters
     ----------
     case, folder, runs
         As for :func:`forward`. ``folder`` receives ``simulated.tif``, ``incidence.tif``, ``material.tif`` and
-        ``mask.tif``; of pass p from 2 on, the names end in ``_pass<p>``.
+        ``mask.tif``; from pass 2 on, the file names of pass p end in ``_pass<p>``.
 
     Returns
     -------
     list of str
-        Lines on the runs and paths.
+        Lines on the simulated passes, and the paths of the images.
     """
     folder = Path(folder)
     scene, passes = forward(case, folder, runs)

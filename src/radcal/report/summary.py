@@ -25,7 +25,7 @@ __all__ = ["numbered_jobs", "sentences", "summarise", "wall_seconds"]
 
 
 def numbered_jobs(archive: Archive) -> dict[str, int]:
-    """Number of jobs of each stage whose jobs are numbered.
+    """Number of jobs of each workflow stage whose jobs are numbered.
 
     Parameters
     ----------
@@ -74,7 +74,10 @@ def wall_seconds(folder: str | Path, jobs: Mapping[str, int] | None = None) -> d
 
 
 def sentences(archive: Archive) -> list[str]:
-    """First line on all materials, verdicts of several, reasons why the search ended, and warnings about each law."""
+    """Sentences on a calibration: verdicts, reasons why the search ended, and warnings about each law.
+
+    The first sentence is the verdict on all materials; in a case of several materials, a verdict on each follows.
+    """
     each = [material.fitted.verdict for material in archive.materials.values()]
     verdicts = [_overall(archive)["verdict"], *(each if len(each) > 1 else [])]
     warnings = [said for material in archive.materials.values() for said in material.check.sentences]
@@ -83,7 +86,7 @@ def sentences(archive: Archive) -> list[str]:
 
 
 def _overall(archive: Archive) -> dict[str, Any]:
-    """Whether all laws fit, and the first line on all materials."""
+    """Whether all laws fit, and the verdict on all materials."""
     return overall({name: material.fitted for name, material in archive.materials.items()}, archive.converged)
 
 
@@ -105,7 +108,7 @@ def _check(check: Check) -> dict[str, Any]:
 
 
 def _posterior(material: MaterialResult) -> dict[str, Any]:
-    """Interval of incidence in which sigma0 is known, its curve, and intervals of the parameters."""
+    """Posterior of a law: incidence at which sigma0 is known, curve of sigma0, and 90 % intervals of the parameters."""
     known = material.posterior
     if known is None:
         return {}
@@ -115,6 +118,7 @@ def _posterior(material: MaterialResult) -> dict[str, Any]:
         "sigma0_curve": None
         if curve is None
         else {key: getattr(curve, key).tolist() for key in ("incidence_deg", "median_db", "p05_db", "p95_db")},
+        "levels": [dict(vars(level)) for level in known.levels()] if material.fitted.level_only else None,
         "parameters_p05": dict(zip(names, map(float, known.parameters_p05), strict=True)),
         "parameters_p95": dict(zip(names, map(float, known.parameters_p95), strict=True)),
         "parameters_remark": _outside(material) or None,
@@ -132,7 +136,7 @@ def _posterior(material: MaterialResult) -> dict[str, Any]:
 
 
 def _outside(material: MaterialResult) -> str:
-    """Sentence on parameters outside of their own interval; empty without such, or without a posterior."""
+    """Sentence on parameters outside their own 90 % intervals; empty if all lie inside, or without a posterior."""
     if material.posterior is None:
         return ""
     interval = list(zip(material.posterior.parameters_p05, material.posterior.parameters_p95, strict=True))
@@ -165,6 +169,7 @@ def _material(material: MaterialResult, counted: NDArray[np.bool_], tolerance: f
         **_check(material.check),
         **_posterior(material),
         "fits": material.fitted.fits,
+        "level_only": material.fitted.level_only,
         "verdict": material.fitted.verdict,
         "misfit": misfit(material.fitted),
         "target": _theta(target),
@@ -216,7 +221,7 @@ def _registration(registration: RegistrationSummary) -> dict[str, Any]:
 
 
 def _pass(one: PassSummary) -> dict[str, Any]:
-    """One pass of several, and what is known of the laws over its incidence."""
+    """Summary of one pass of several, with the standard deviations of the laws over its incidence."""
     known = {key: value for key, value in vars(one).items() if key not in ("keys", "materials", "final_runs")}
     return {
         **known,

@@ -74,9 +74,9 @@ def parameter_rows(archive: Archive) -> Iterator[Sequence[Any]]:
     Yields
     ------
     sequence
-        One row for each parameter of each calibrated material: its unit, calibrated value, 5 % and 95 % quantile,
-        bounds; and of its material the effective looks, whether the law fits, and the incidence between which sigma0 is
-        known [deg].
+        One row for each parameter of each calibrated material, with unit, calibrated value, 5 % and 95 % quantile, and
+        bounds. Each row also contains the effective looks of the material, whether its law fits, and the lowest and
+        highest incidence at which sigma0 is known [deg].
     """
     for name, material in archive.materials.items():
         posterior = material.posterior
@@ -96,7 +96,7 @@ def parameter_rows(archive: Archive) -> Iterator[Sequence[Any]]:
 
 
 def _known(material: MaterialResult) -> tuple[float, float]:
-    """Incidence between which sigma0 is known [deg]; NaN where it is known nowhere."""
+    """Lowest and highest incidence at which sigma0 of a material is known [deg]; NaN if it is known at none."""
     known = None if material.posterior is None else material.posterior.known_between_deg
     return (math.nan, math.nan) if known is None else (known[0], known[1])
 
@@ -120,20 +120,20 @@ def _cell(value: Any) -> str:
 
 
 def calibrated_materials(archive: Archive, materials: Mapping[str, Material]) -> dict[str, dict[str, Any]]:
-    """Materials of a case with the laws and effective looks that were found, none of them to be calibrated.
+    """Materials of a case with their calibrated laws and effective looks, as materials that are not to be calibrated.
 
     Parameters
     ----------
     archive : Archive
         Results of a calibration.
     materials : mapping
-        Section ``materials`` of its case.
+        Section ``materials`` of the calibrated case.
 
     Returns
     -------
     dict
-        Section ``materials`` as plain data. ``looks`` is given where the calibration found texture, ``colour`` where
-        the case gives it.
+        Section ``materials`` as plain data. A material has ``looks`` if the calibration found texture, and ``colour``
+        if the case gives one.
     """
     found, written = {}, json.loads(archive.config).get("materials", {})
     for name, material in materials.items():
@@ -145,7 +145,7 @@ def calibrated_materials(archive: Archive, materials: Mapping[str, Material]) ->
         looks = material.looks
         if name in archive.materials:
             result = archive.materials[name]
-            # at the looks of the best run, with which the calibrated image was textured; a density has no such looks
+            # looks of the best run, which gave the calibrated image its texture; objective density finds no looks
             effective = np.inf if result.run_looks is None else float(result.run_looks[result.best])
             looks = effective if effective < archive.looks else None
         found[name] = data if looks is None else {**data, "looks": looks}
@@ -162,7 +162,7 @@ def calibrated_yaml(archive: Archive, materials: Mapping[str, Mapping[str, Any]]
     materials : mapping
         From :func:`calibrated_materials`.
     verdict : str
-        First line on all materials.
+        Verdict on all materials.
     noise_seed : int
         Seed of the calibrated image's speckle.
     """

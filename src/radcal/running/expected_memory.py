@@ -1,8 +1,8 @@
-"""Memory that the jobs of a case will probably take, from measured peaks.
+"""Expected memory of the jobs of a case, from measured peaks.
 
-A job's peak is that of its process, VmHWM of proc(5): a constant for the libraries, and a number of bytes for each
-value of the arrays that it grows with (docs/cluster.md lists what was measured). What a cluster is asked for is larger
-(:mod:`radcal.running.memory_and_time`).
+The peak of a job is the peak memory of its process, VmHWM of proc(5). The expected peak is a constant for the libraries
+plus a number of bytes for each value of certain arrays (docs/cluster.md lists the measurements). From a cluster, jobs
+request more memory than the expected peak (:mod:`radcal.running.memory_and_time`).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ __all__ = ["expected_mb", "peaks_mb"]
 
 @dataclass(frozen=True)
 class _Peak:
-    """Peak of a job: constant [MB], bytes for each value, and the arrays whose values count."""
+    """Peak memory of a job: constant [MB], bytes for each array value, and the arrays whose values are counted."""
 
     base_mb: float
     value_bytes: float
@@ -45,7 +45,7 @@ _EXPORT_IN_SLANT_RANGE = _Peak(100, 140, "pixels of all passes")  # no image is 
 
 
 def expected_mb(case: Case) -> dict[str, float]:
-    """Memory that the largest job of each kind will probably take [MB].
+    """Expected memory of the largest job of each kind [MB].
 
     Parameters
     ----------
@@ -55,12 +55,12 @@ def expected_mb(case: Case) -> dict[str, float]:
     Returns
     -------
     dict
-        Peak of the process by kind of job; of an external simulator's own process nothing is known.
+        Peak memory of the process by kind of job, without the unknown memory of an external simulator's own process.
 
     Raises
     ------
     ConfigError, SceneError
-        The scene's files do not determine the size.
+        The scene's files do not determine the size of the scene.
     """
     scene = scene_size(case.scene)
     images = [image_size(scene, one.radar) for one in case.passes]
@@ -76,7 +76,7 @@ def expected_mb(case: Case) -> dict[str, float]:
 def peaks_mb(
     scene: SceneSize, images: Sequence[ImageSize], registered: bool, on_map: bool, simulated: bool
 ) -> dict[str, float]:
-    """Memory that the largest job of each kind will probably take [MB].
+    """Expected memory of the largest job of each kind [MB].
 
     Parameters
     ----------
@@ -87,9 +87,9 @@ def peaks_mb(
     registered : bool
         Whether the measured image is moved onto the simulated one.
     on_map : bool
-        Whether images are exported on the map.
+        Whether images are exported in map coordinates.
     simulated : bool
-        Whether a measured image is synthetic.
+        Whether the measured image of any pass is synthetic.
     """
     facets, pixels = [image.facets for image in images], [image.pixels for image in images]
     values = {

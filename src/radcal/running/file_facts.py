@@ -1,4 +1,4 @@
-"""What the files of a new case say of themselves: size, CRS, pixel spacing, codes, bands and scale."""
+"""Properties of the input files of a new case: size, CRS, pixel spacing, codes, bands and scale."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 from radcal.errors import ConfigError
 from radcal.reading.arrays import is_raster
 from radcal.reading.rasters import check_blocks, open_raster
-from radcal.scene.crs import METRES, crs_of, horizontal, label, vertical_datum
+from radcal.scene.crs import crs_of, horizontal, label, pixel_size_m, vertical_datum
 
 if TYPE_CHECKING:
     from radcal.measurement.acquisition import Acquisition
@@ -22,13 +22,13 @@ __all__ = ["RasterFacts", "code_counts", "product_acquisition", "raster_facts"]
 
 _POLARISATIONS = ("HH", "HV", "VH", "VV")
 _SAMPLE_PX = 1024  # side of the sample from which the range of an image's numbers is read
-_HEIGHTS_PX = 100  # side of the sample of heights of which a product tells its acquisition
+_HEIGHTS_PX = 100  # side of the sample of heights for which the acquisition of a product is computed
 _STRIP_VALUES = 20_000_000
 
 
 @dataclass(frozen=True)
 class RasterFacts:
-    """What a raster says of itself.
+    """Properties of a raster, from its header and from a sample of its numbers.
 
     Attributes
     ----------
@@ -37,13 +37,14 @@ class RasterFacts:
     bands : tuple of str
         Polarisation or description of each band; empty text where the file gives none.
     crs : str or None
-        Horizontal CRS; None in a file without georeference.
+        Horizontal CRS; None for a file without georeference.
     datum : str or None
-        Vertical datum, where the CRS names it.
+        Vertical datum; None if the CRS does not name it.
     pixel_m : (float, float) or None
         Size of a pixel on the ground [m], east and north, in the middle of the raster.
     numbers : dict
-        By band, from 1: lowest, median and highest number, or "complex", or None without any number.
+        For each band, from 1: lowest, median and highest number of a sample, or "complex", or None if the sample holds
+        no number.
     """
 
     rows: int
@@ -64,7 +65,7 @@ class RasterFacts:
 
 @cache
 def raster_facts(path: Path, key: str, numbers: bool = False) -> RasterFacts | None:
-    """Facts of a raster; None of a file that is no raster, such as an array of numpy.
+    """Properties of a raster; None for a file that is no raster, such as a file with a numpy array.
 
     Parameters
     ----------
@@ -73,7 +74,7 @@ def raster_facts(path: Path, key: str, numbers: bool = False) -> RasterFacts | N
     key : str
         Configuration key of the file, for messages.
     numbers : bool
-        Whether a sample of each band is read.
+        Whether a sample of the numbers of each band is read.
 
     Raises
     ------
@@ -93,7 +94,7 @@ def raster_facts(path: Path, key: str, numbers: bool = False) -> RasterFacts | N
                 tuple(_name(text) for text in raster.descriptions),
                 None if crs is None else label(horizontal(crs)),
                 None if crs is None else vertical_datum(crs),
-                None if crs is None else _pixel_m(raster, horizontal(crs)),
+                None if crs is None else pixel_size_m(raster, horizontal(crs)),
                 {band: _numbers(raster, band) for band in raster.indexes} if numbers else {},
             )
     except ConfigError:
@@ -113,7 +114,7 @@ def product_acquisition(path: Path, heights: Path, polarisation: str | None) -> 
     heights : path
         Georeferenced raster of heights [m].
     polarisation : str, optional
-        By default the first of the product.
+        Polarisation of the image; by default the first one in the product.
 
     Raises
     ------
@@ -148,12 +149,12 @@ def product_acquisition(path: Path, heights: Path, polarisation: str | None) -> 
 
 
 def code_counts(path: Path) -> dict[int, int]:
-    """Number of pixels of each code in the first band of a raster of land cover, without those of no data.
+    """Number of pixels of each code in the first band of a land-cover raster, without pixels marked as no data.
 
     Raises
     ------
     ConfigError
-        The file cannot be read or holds something else than whole numbers.
+        The file cannot be read, or its numbers are of no integer type.
     """
     from rasterio.windows import Window
 
@@ -179,20 +180,6 @@ def code_counts(path: Path) -> dict[int, int]:
 def _name(description: str | None) -> str:
     text = (description or "").strip()
     return next((name for name in _POLARISATIONS if name in text.upper().replace("_", " ").split()), text)
-
-
-def _pixel_m(raster: Any, plane: Any) -> tuple[float, float]:
-    """Ground size of the middle pixel [m], east and north, along the ellipsoid of a geographic CRS."""
-    from pyproj import Geod
-
-    t = raster.transform
-    if not plane.is_geographic:
-        unit = plane.axis_info[0].unit_conversion_factor if plane.axis_info[0].unit_name not in METRES else 1.0
-        return float(np.hypot(t.a, t.d) * unit), float(np.hypot(t.b, t.e) * unit)
-    column, row = raster.width / 2, raster.height / 2
-    x, y = t.c + t.a * column + t.b * row, t.f + t.d * column + t.e * row
-    geod = Geod(ellps="WGS84")
-    return float(geod.inv(x, y, x + t.a, y + t.d)[2]), float(geod.inv(x, y, x + t.b, y + t.e)[2])
 
 
 def _numbers(raster: Any, band: int) -> tuple[float, float, float] | str | None:

@@ -28,6 +28,7 @@ __all__ = [
     "RESULTS",
     "STARTED",
     "Follower",
+    "clock",
     "die_with_parent",
     "elapsed",
     "logged",
@@ -66,8 +67,9 @@ def die_with_parent() -> None:
 def logged(path: str | Path, config: Mapping[str, Any] | None = None) -> Iterator[None]:
     """Context that logs to a file; after an exception it prints a one-line error message and exits.
 
-    The message of a :class:`RadcalError` is printed unchanged. For every other exception, the printed message names the
-    log file, which contains the traceback.
+    The message of a :class:`RadcalError` is printed unchanged. After a lack of memory, the printed message names ways
+    to need less memory. For every other exception, the printed message names the log file, which contains the
+    traceback.
 
     Parameters
     ----------
@@ -126,8 +128,12 @@ def _fail(sentence: str) -> NoReturn:
 
 def elapsed() -> str:
     """Time since the start of the Snakemake command, as minutes and seconds."""
-    seconds = int(time.time() - float(os.environ.get(STARTED, time.time())))
-    return f"{seconds // 60}:{seconds % 60:02d}"
+    return clock(time.time() - float(os.environ.get(STARTED, time.time())))
+
+
+def clock(seconds: float) -> str:
+    """Text that gives a time [s] in minutes and seconds."""
+    return f"{int(seconds) // 60}:{int(seconds) % 60:02d}"
 
 
 def progress(line: str) -> None:

@@ -58,7 +58,7 @@ def values_of(case: Case) -> dict[str, int]:
     Raises
     ------
     ConfigError, SceneError
-        The scene's files do not determine the size.
+        The scene's files do not determine the size of the scene.
     """
     scene = scene_size(case.scene)
     images = [image_size(scene, one.radar) for one in case.passes]

@@ -1,41 +1,36 @@
-"""A new case as commented YAML, from the answers of a user and from what the files say of themselves."""
+"""New case file in commented YAML, made from the answers of a user and from the properties of the input files."""
 
 from __future__ import annotations
 
 import json
 import math
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from radcal.config import FILL_IN
-from radcal.config.landcover import LANDCOVERS, starting_keys, starting_levels
+from radcal.config import FILL_IN, Uncertainty
+from radcal.config.landcover import LANDCOVERS, landcover_remark
 from radcal.config.sections import check_case_name
 from radcal.config.sensors import SENSORS
 from radcal.config.undecided import EXAMPLES
 from radcal.errors import ConfigError
 from radcal.measurement.acquisition import radar_keys
 from radcal.radar.bands import letter_band
+from radcal.radar.speckle import WIDTH_FACTOR
 from radcal.reading.safe import is_safe_name
 from radcal.running.file_facts import RasterFacts, code_counts, product_acquisition, raster_facts
+from radcal.running.new_materials import Raw, fixed_laws, material_lines, scalar
 from radcal.scene.names import read_names
 from radcal.storage.files import atomic
 
 __all__ = ["NewCase", "case_path"]
 
-# bounds for real surfaces in dB; those of the law are for levels above 0 dB
-_X1, _INSIDE_DB = (-40.0, 0.0), 2.0  # bounds of X1, and least distance of a start from them
-_BOUNDS = f"[[{_X1[0]:g}, {_X1[1]:g}], [0, 20], [0, 25], [0, 12]]"
-_HIDDEN = "[-24, 10, 14, 5]"  # inside of these bounds
 _DEPRESSION_DEG, _SAMPLING = 45.0, 1.4  # of the default pass: depression, and resolution over pixel spacing
 _FILES = ("scene.elevation", "scene.materials", "scene.labels", "measurement.path")
-_PLAIN = re.compile(r"[A-Za-z./~$][A-Za-z0-9_./${}-]*")
-_NOT_TEXT = ("y", "n", "yes", "no", "on", "off", "true", "false", "null", "~")
 
 
 def case_path(case: str) -> Path:
-    """Path of a new case: a YAML file as typed, else a file of that name in ``config``, or here without that folder."""
+    """Path of a new case file: a path that ends in .yaml as typed, else ``<case>.yaml``, in ``config`` if it exists."""
     path = Path(case)
     if path.suffix.lower() in (".yaml", ".yml"):
         return path
@@ -43,14 +38,8 @@ def case_path(case: str) -> Path:
     return folder / f"{path.name}.yaml"
 
 
-class _Raw(str):
-    """Text that is YAML already."""
-
-    __slots__ = ()
-
-
 class NewCase:
-    """A new case.
+    """New case file, with its content and its path.
 
     Parameters
     ----------
@@ -59,19 +48,22 @@ class NewCase:
     answers : mapping
         Values by key, such as ``radar.looks``; ``measurement.path`` may be ``synthetic``.
     keys : mapping
-        Whether a key is optional, by key, in the order of the lines of section ``radar``.
+        For each configuration key, whether it is optional; the order of the keys is that of the lines in section
+        ``radar``.
 
     Attributes
     ----------
     undecided : list of str
         Keys without a value, whose lines are marked.
+    offered : str
+        Remark on the land-cover maps that contain all codes; empty if there is none, or if the case names a map.
     materials : list of str
         Names of the materials in the land cover.
 
     Raises
     ------
     ConfigError
-        The case exists, its name is none, or a file cannot be read.
+        The case file exists, its name is no valid case name, or an input file cannot be read.
     """
 
     def __init__(self, path: Path, answers: Mapping[str, Any], keys: Mapping[str, bool]) -> None:
@@ -84,6 +76,7 @@ class NewCase:
         self._names: dict[int, str] = {}
         self._counts: dict[int, int] = {}
         self.undecided: list[str] = []
+        self.offered = ""
         self._read_scene()
         self._read_image()
         self._derive()
@@ -120,7 +113,7 @@ class NewCase:
             self._notes["scene.labels"] = self._notes["scene.materials"]
         if heights is not None and heights.datum is not None:
             self._notes["scene.elevation"] += f", heights above {heights.datum}"
-            self._values.setdefault("scene.vertical_datum", "")  # known from the file, no line
+            self._values.setdefault("scene.vertical_datum", "")  # known from the file: no line is needed
         if cover is not None:
             path = Path(self._values["scene.materials"]).expanduser()
             self._counts = {code: count for code, count in code_counts(path).items() if code != 0}
@@ -131,22 +124,21 @@ class NewCase:
                 self._read_preset()
 
     def _read_preset(self) -> None:
-        """Names of the codes by a land-cover map with known codes, or the maps that have all codes, as a remark."""
+        """Take the names of codes from the given land-cover map, or note the maps that contain all codes."""
         preset = self._values.get("scene.landcover")
         if preset is None:
-            fits = [name for name, known in LANDCOVERS.items() if self._counts and self._counts.keys() <= known.keys()]
-            if fits and not self._slant:
-                self._notes["scene.names"] = f"the codes are also those of {' and '.join(fits)} (--landcover-preset)"
+            if not self._slant and (said := landcover_remark(self._counts)):
+                self._notes["scene.names"] = self.offered = said
             return
         if preset not in LANDCOVERS:
             raise ConfigError(f"--landcover-preset is {preset}, expected one of {', '.join(LANDCOVERS)}.")
         if unknown := [str(code) for code in self._counts if code not in LANDCOVERS[preset]]:
             raise ConfigError(f"--landcover-preset is {preset}, which has no code {', '.join(unknown)}: give --names.")
         self._names = {code: LANDCOVERS[preset][code].name for code in self._counts}
-        self._values["scene.names"] = ""  # known by the map, no line
+        self._values["scene.names"] = ""  # known from the preset: no line is needed
 
     def _read_product(self) -> None:
-        """Section radar by the annotation of a SAFE folder, at the scene's heights."""
+        """Fill section ``radar`` from the annotation of a SAFE folder, computed for the scene's heights."""
         self._values |= {"measurement.band": "", "measurement.scale": "", "measurement.radiometry": ""}
         if "scene.elevation" not in self._values:
             return
@@ -160,7 +152,7 @@ class NewCase:
         for key, (value, remark) in radar_keys(found).items():
             if f"radar.{key}" in given or (key == "incidence_deg" and "radar.depression_deg" in given):
                 continue
-            self._values[f"radar.{key}"] = _Raw(str(value)) if isinstance(value, list) else value
+            self._values[f"radar.{key}"] = Raw(str(value)) if isinstance(value, list) else value
             self._notes[f"radar.{key}"] = "; ".join(text for text in ("of the product", remark) if text)
 
     def _read_image(self) -> None:
@@ -186,7 +178,7 @@ class NewCase:
         band = self._values.get("measurement.band")
         if len(facts.bands) == 1:
             band = 1
-            self._values.setdefault("measurement.band", "")  # the only one, no line
+            self._values.setdefault("measurement.band", "")  # the only band: no line is needed
         elif band is None and (wanted := self._values.get("radar.polarisation")) in facts.bands:
             band = self._values["measurement.band"] = facts.bands.index(wanted) + 1
         listed = ", ".join(f"{k} {name or 'without a name'}" for k, name in enumerate(facts.bands, start=1))
@@ -206,13 +198,23 @@ class NewCase:
             self._values.setdefault("measurement.scale", "complex")
         depression = self._values.get("radar.depression_deg")
         if (incidence := self._values.get("radar.incidence_deg")) is not None:
-            depression = 90.0 - incidence  # of what counts here, the angle between slant range and level ground
+            depression = 90.0 - incidence  # used here as the angle between slant range and level ground
         if facts.pixel_m is not None:
             self._note_spacing(facts.pixel_m, depression, "the image's pixels")
 
     def _note_spacing(self, pixel_m: tuple[float, float], depression_deg: float | None, of: str) -> None:
-        """Spacings of the simulated image whose pixels are as large as those of a raster on the map."""
+        """Set the pixel spacings with which simulated pixels are as large as the pixels of a raster on the map."""
         east, north = pixel_m
+        incidence_deg = 90.0 - (_DEPRESSION_DEG if depression_deg is None else depression_deg)
+        sensor = SENSORS.get(self._values.get("radar.sensor", ""))
+        known = {} if sensor is None else sensor.values_at(incidence_deg)
+        # an image whose pixels are too large for the sensor's resolution was resampled: the sensor's spacing stays
+        pixels = {"range": east * math.sin(math.radians(incidence_deg)), "azimuth": north}
+        if any(
+            f"{way}_spacing_m" in known and size * WIDTH_FACTOR > known.get(f"{way}_resolution_m", math.inf)
+            for way, size in pixels.items()
+        ):
+            return
         self._values.setdefault("radar.azimuth_spacing_m", float(f"{north:.4g}"))
         self._notes["radar.azimuth_spacing_m"] = f"as {of}"
         angle = "sine of the incidence" if "radar.incidence_deg" in self._values else "cosine of the depression angle"
@@ -238,9 +240,9 @@ class NewCase:
     def _measurement_keys(self) -> list[str]:
         if self._synthetic:
             return ["source", "synthetic"]
-        # an array's name is needed only where the file has several
+        # the name of an array is needed only if the file has several arrays
         optional = ["dataset"] if "measurement.dataset" in self._values else []
-        if self._values.get("measurement.radiometry") == "":  # of a product that tells it
+        if self._values.get("measurement.radiometry") == "":  # the product defines it
             return ["source", "path"]
         self._values["measurement.radiometry"] = self._values.get("radar.radiometry", FILL_IN)
         self._notes["measurement.radiometry"] = "the same as in section radar"
@@ -248,7 +250,8 @@ class NewCase:
 
     def _radar_keys(self) -> list[str]:
         # a land cover in slant range has no track, and of an invented pass the defaults are as good as any
-        unseen = {"radar.altitude_m", "radar.depression_deg", "radar.look_side"} if self._slant else set[str]()
+        track = {"radar.altitude_m", "radar.depression_deg", "radar.look_side", "radar.heading_deg"}
+        unseen = track if self._slant else set[str]()
         keys, needed = {**self._keys, "radar.band": True}, set[str]()
         if "radar.incidence_deg" in self._values:
             keys["radar.depression_deg"] = True
@@ -256,7 +259,7 @@ class NewCase:
             if name not in SENSORS:
                 raise ConfigError(f"--sensor is {name}, expected one of {', '.join(SENSORS)}.")
             sensor = SENSORS[name]
-            # what the sensor gives is asked for by nothing; radiometry is no value of a sensor
+            # keys that the sensor gives are optional; radiometry is not given by a sensor
             keys |= {f"radar.{key}": True for key in (*sensor.values, "depression_deg", "frequency_ghz")}
             missing = {f"radar.{key}" for key in sensor.missing(self._given_radar())}
             needed = missing | ({"radar.heading_deg"} if sensor.orbit and not self._slant else set())
@@ -268,61 +271,28 @@ class NewCase:
             and (key in self._values or key in needed or not (may_lack or self._synthetic or key in unseen))
         ]
 
+    def decided_by_sensors(self) -> list[str]:
+        """Undecided keys that a sensor may give; empty if the case already names a sensor."""
+        known = {f"radar.{key}" for sensor in SENSORS.values() for key in sensor.values}
+        return [] if "radar.sensor" in self._values else [key for key in self.undecided if key in known]
+
     def _given_radar(self) -> dict[str, Any]:
         return {key.removeprefix("radar."): x for key, x in self._values.items() if key.startswith("radar.")}
 
     def _material_lines(self) -> list[str]:
-        """Lines of the materials: those to calibrate with bounds, the others with a constant gamma."""
-        fixed = {}
-        for word in self._values.get("materials.fixed", ()):
-            name, equals, level = word.partition("=")
-            if not equals or not re.fullmatch(r"[-+]?\d+(\.\d*)?", level.strip()):
-                raise ConfigError(f"--fixed {word}: expected NAME=DB such as water=-17.")
-            fixed[name.strip()] = float(level)
-        chosen = self._values.get("materials.calibrated") or [n for n in self._names.values() if n not in fixed]
-        for name in [*chosen, *fixed]:
-            if self._names and name not in self._names.values():
-                known = ", ".join(self._names.values())
-                raise ConfigError(f"there is no material {name!r} in the land cover (known: {known}).")
-        total = sum(self._counts.values())
-        lines, hidden = [], list[str]()
-        levels = starting_levels([name for name in self._names.values() if name in chosen], self._taken(chosen, fixed))
-        for code, name in self._names.items():
-            count = self._counts.get(code, 0)
-            share = f"  # code {code}: {count:,} of {total:,} pixels"
-            lines.append(f"  {_scalar(name)}:{share}")
-            if name in chosen:
-                hidden.append(name)
-                lines.append("    calibrate: true")
-                lines.append("    law: mangia  # or another one of docs/laws.md")
-                lines.append(f"    bounds: {_BOUNDS}  # wide ones for levels of real surfaces in dB: narrow them")
-                start = ", ".join(f"{x:g}" for x in levels[name].start(_X1[0] + _INSIDE_DB, _X1[1] - _INSIDE_DB))
-                lines.append(f"    start: [{start}]  # {levels[name]}: the image at the start needs contrast")
-                continue
-            if name not in fixed and "scene.landcover" in self._values:
-                lines.append("    calibrate: false  # with the starting law of docs/landcover.md: a guess of its level")
-                continue
-            level = f"{fixed[name]:g}" if name in fixed else FILL_IN
-            if name not in fixed:
-                self.undecided.append("materials.fixed")
-            lines.append("    law: constant_gamma  # not calibrated")
-            such = ", for example parameters: [-15]" * (level == FILL_IN)
-            lines.append(f"    parameters: [{level}]  # gamma [dB]{such}")
+        """Lines of section ``materials``; a synthetic image gets hidden laws of the materials to calibrate."""
+        made = material_lines(
+            self._names,
+            self._counts,
+            self._values.get("materials.calibrated", ()),
+            fixed_laws(self._values.get("materials.fixed", ())),
+            self._values.get("scene.landcover"),
+        )
+        self.undecided += made.undecided
         if self._synthetic:
-            laws = ", ".join(f"{_scalar(name)}: {_HIDDEN}" for name in hidden)
             self._notes["measurement.synthetic"] = "hidden laws, which the calibration is to find"
-            self._values["measurement.synthetic"] = _Raw(f"{{parameters: {{{laws}}}}}")
-        if not lines:
-            self.undecided.append("materials")
-            lines = [f"  {FILL_IN}: {{calibrate: true}}  # name of a material, and its law (docs/laws.md)"]
-        return lines
-
-    def _taken(self, chosen: Sequence[str], fixed: Mapping[str, float]) -> list[float]:
-        """Gamma of the materials that are not calibrated, where it is known [dB]."""
-        landcover = self._values.get("scene.landcover")
-        others = [name for name in self._names.values() if name not in chosen and name not in fixed]
-        presets = [starting_keys(landcover, name, {}) for name in others] if landcover else []
-        return [*fixed.values(), *(keys["parameters"][0] for keys in presets if keys)]
+            self._values["measurement.synthetic"] = Raw(f"{{parameters: {{{made.hidden}}}}}")
+        return made.lines
 
     def write(self, comments: Mapping[str, str]) -> list[str]:
         """Write the case, and the names of the codes if no file of names was given.
@@ -330,12 +300,12 @@ class NewCase:
         Parameters
         ----------
         comments : mapping
-            What each key is, by its name with dots.
+            Description of each key, by the full name of the key with dots.
 
         Returns
         -------
         list of str
-            Lines on the files written.
+            Sentences about the files that were written.
         """
         said = []
         self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -368,19 +338,14 @@ class NewCase:
                 value = self._values.get(name, FILL_IN)
                 if value == "":
                     continue
-                # of a file that is given its content matters, not what it was asked for
+                # the remark on a given file describes the file's content instead of the key
                 told = name in self._notes and name in (*_FILES, "measurement.band", "measurement.scale")
                 such = f"for example {key}: {EXAMPLES[name]}" if value == FILL_IN and name in EXAMPLES else ""
                 about = [text for text in ("" if told else comments.get(name), self._notes.get(name), such) if text]
-                lines.append(f"  {key}: {_scalar(value)}" + (f"  # {'; '.join(about)}" if about else ""))
+                lines.append(f"  {key}: {scalar(value)}" + (f"  # {'; '.join(about)}" if about else ""))
+        if not self._synthetic:
+            lines += [
+                f"uncertainty:\n  level_db: {Uncertainty().level_db:g}  # standard error of the image's absolute level "
+                "[dB], often most of a band; the default is a third of Sentinel-1's 1 dB"
+            ]
         return [*lines, "materials:", *self._materials]
-
-
-def _scalar(value: object) -> str:
-    """A value in YAML."""
-    if isinstance(value, _Raw):
-        return value
-    if isinstance(value, str):
-        plain = _PLAIN.fullmatch(value) and value.lower() not in _NOT_TEXT
-        return value if plain else json.dumps(value, ensure_ascii=False)
-    return f"{value:.10g}" if isinstance(value, float) else str(value)

@@ -43,7 +43,7 @@ def files_of(folder: str | Path, patterns: Iterable[str]) -> Iterator[Path]:
 def salvage(folder: str | Path, case: str, patterns: Iterable[str]) -> list[str]:
     """Rename damaged files of a results folder, and remove each index of runs that lists a missing run.
 
-    Modification times in the future are set to the present; such times remain after a clock was set back.
+    Modification times in the future, which remain after a clock was set back, are set to the present.
 
     Files of up to 16 MiB are read completely and compared with their checksums. In larger files, only the header and
     the size are checked here; a job that reads a larger file checks the content.

@@ -1,4 +1,4 @@
-"""Session of one Snakemake command on a case: lock, damaged files, remaining Slurm jobs, and messages."""
+"""Session of one Snakemake command on a case, which handles lock, damaged files, old Slurm jobs and messages."""
 
 from __future__ import annotations
 
@@ -72,14 +72,14 @@ def is_dry_run(words: Iterable[str]) -> bool:
 
 
 def is_planned(workflow: Any) -> bool:
-    """Whether a Snakemake command is a dry run whose jobs are known.
+    """Whether a Snakemake command is a dry run for which Snakemake has planned the jobs.
 
     Parameters
     ----------
     workflow : snakemake.workflow.Workflow
         Workflow at the end of its command.
     """
-    # a command that lists rules or unlocks has no executor, and one that failed no scheduler
+    # a command that lists rules or unlocks has no executor, and a command that failed early has no scheduler
     return workflow._executor_plugin is not None and workflow.dryrun and workflow.scheduler is not None
 
 

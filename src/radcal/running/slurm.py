@@ -33,7 +33,7 @@ def job_name(workflow: Any) -> str | None:
 
 
 def remember(file: str | Path, name: str) -> None:
-    """Write the common name of a command's Slurm jobs to a file. Call this before submitting a job.
+    """Write the common name of a command's Slurm jobs to a file, before the first of these jobs is submitted.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def remember(file: str | Path, name: str) -> None:
 def cancel_leftovers(file: str | Path) -> int:
     """Cancel the jobs of an earlier command that remain in Slurm's queue, and wait until they have ended.
 
-    Without the cancellation, these jobs would write the same files as the jobs of the present command.
+    Without the cancellation, the jobs of the earlier command would write the same files as the present jobs.
 
     Parameters
     ----------

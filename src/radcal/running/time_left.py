@@ -1,4 +1,4 @@
-"""Largest number of simulator runs of a case, and how long those that may still come take at most."""
+"""Largest number of simulator runs of a case, and longest time that the remaining runs may take."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ __all__ = [
     "FINAL_RUNS", "at_most", "duration", "iteration_seconds", "largest_runs", "most_need", "reference_count",
 ]  # fmt: skip
 
-FINAL_RUNS = 2  # of each pass: with the random numbers of all runs, and with others
+FINAL_RUNS = 2  # of each pass: one with the noise seed of all runs, one with another noise seed
 _SHORT_S = 60.0
-_SEARCH_RUNS = 16  # most infill runs that any of the 53 hidden laws in the table of docs/right_law.md needed
-_RECENT = 5  # iterations whose median stands for the next ones: training takes longer as runs come
+_SEARCH_RUNS = 16  # largest number of infill runs for any of the 53 hidden laws in the table of docs/right_law.md
+_RECENT = 5  # latest iterations, whose median predicts the next ones: training takes longer with more runs
 
 
 def reference_count(simulator: SimulatorConfig) -> int:
-    """Number of reference runs of a pass: two where it must be found out whether a run can be repeated."""
+    """Number of reference runs of a pass: two if it is unknown whether a repeated run gives equal images, else one."""
     return 2 if isinstance(simulator, CommandSimulation) and simulator.deterministic is None else 1
 
 
 def largest_runs(case: Case) -> dict[str, int]:
-    """Largest number of simulator runs of a case in all passes, by kind: reference, design, infill, final."""
+    """Largest number of simulator runs of a case over all passes, for each kind: reference, design, infill, final."""
     passes = len(case.passes)
     return {
         "reference": passes * reference_count(case.simulator),
@@ -39,7 +39,7 @@ def largest_runs(case: Case) -> dict[str, int]:
 
 
 def duration(seconds: float) -> str:
-    """A duration in the unit that suits it, with two digits."""
+    """Text of a duration in a suitable unit (s, min, h or days), with two digits or, above 99, in whole units."""
     for size, unit in ((86_400.0, "days"), (3600.0, "h"), (60.0, "min")):
         if seconds >= 1.5 * size:
             return f"{seconds / size:.2g} {unit}" if seconds < 99.5 * size else f"{seconds / size:.0f} {unit}"
@@ -47,12 +47,12 @@ def duration(seconds: float) -> str:
 
 
 def most_need(design: int, max_runs: int) -> int:
-    """Number of runs of design and infill within which most searches end, by those of ``docs/right_law.md``.
+    """Number of design and infill runs within which most searches end, according to ``docs/right_law.md``.
 
     Parameters
     ----------
     design : int
-        Runs of the design.
+        Number of runs in the design.
     max_runs : int
         ``stop.max_runs``.
     """
@@ -60,7 +60,7 @@ def most_need(design: int, max_runs: int) -> int:
 
 
 def at_most(runs: int, seconds: float | None, usual: int, of: str = "") -> str:
-    """Words on the runs that may still come and on their time, to be put after a line of progress.
+    """Text about the largest number of further runs and their time, to be appended to a progress line.
 
     Parameters
     ----------
@@ -69,14 +69,15 @@ def at_most(runs: int, seconds: float | None, usual: int, of: str = "") -> str:
     seconds : float or None
         Measured time of one run [s]; None before any has been measured.
     usual : int
-        Number of further runs within which most searches end; 0 or less where this one has passed it.
+        Number of further runs within which most searches end; 0 or less if the search has already made more runs.
     of : str
-        What the time is of, where it is not all that passes.
+        Text that says which part of the time is meant, such as " of simulation in this pass"; empty if the time
+        includes all steps.
 
     Returns
     -------
     str
-        Empty if no run can come, no time is known, or it is less than a minute.
+        Text to append; empty if no further run is possible, no time is known, or the time is below one minute.
     """
     if runs <= 0 or seconds is None or runs * seconds < _SHORT_S:
         return ""
@@ -88,19 +89,19 @@ def at_most(runs: int, seconds: float | None, usual: int, of: str = "") -> str:
 
 
 def iteration_seconds(files: Sequence[str | Path], now: float | None = None) -> float | None:
-    """Time of one iteration [s], training, proposal and start of jobs included, as this command has measured it.
+    """Time of one iteration of the present command [s], including training, proposal and start of jobs.
 
     Parameters
     ----------
     files : sequence of path
-        Outputs of the steps before this one, one for each iteration in turn; the first is that of the design.
+        Output files of the earlier steps in order: first the output of the design, then one output for each iteration.
     now : float, optional
         End of the present iteration [s since 1970]; by default the present time.
 
     Returns
     -------
     float or None
-        Median of the last iterations; None if none began in this command.
+        Median of the last five iterations; None if no iteration began in this command.
     """
     started = float(os.environ.get(STARTED, "inf"))
     ends = [Path(file).stat().st_mtime for file in files]

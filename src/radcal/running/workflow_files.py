@@ -1,4 +1,4 @@
-"""Folder of radcal's workflow: the current one in a clone, else the one that was installed with radcal."""
+"""Folder of radcal's workflow: the current folder if it is a clone, else the folder installed with radcal."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ def holds_workflow(folder: Path) -> bool:
 
 
 def workflow_folder(here: Path) -> Path:
-    """Folder with the Snakefile that a command of radcal runs.
+    """Folder with the Snakefile that radcal's commands run.
 
     Parameters
     ----------
     here : path
-        Current folder, which is taken if it is the folder of a clone.
+        Current folder; it is returned if it is the folder of a clone.
 
     Raises
     ------
@@ -41,7 +41,7 @@ def workflow_folder(here: Path) -> Path:
     if holds_workflow(clone):
         return clone
     for file in metadata.files("radcal") or ():
-        # the wheel's data files lie where the installation has put them, of which its list of files knows
+        # the list of installed files says where the installation has put the wheel's data files
         if file.name == "Snakefile" and holds_workflow(folder := Path(str(file.locate())).parent.resolve()):
             return folder
     raise ConfigError(
@@ -51,7 +51,7 @@ def workflow_folder(here: Path) -> Path:
 
 
 def carried_case(path: Path) -> Path:
-    """Path of a case file: as typed, or below radcal's own ``config`` where only that has it."""
+    """Path of a case file: as typed, or in radcal's own folder ``config`` if the file exists only there."""
     if path.exists() or path.is_absolute() or path.parts[:1] != ("config",):
         return path
     try:

@@ -1,13 +1,14 @@
 """The built-in scene: real SRTM terrain, seven materials and a dyke.
 
-The elevation is the SRTM model of the Jacksboro fault (Tennessee), a sample file of matplotlib. It is cut to 2 km by 2
-km of valley floor at the foot of a ridge, and interpolated to 5 m by cubic splines. Two details finer than SRTM's 3
-arc-seconds are added: a dyke beside a channel, and a random roughness of each material. Owing to this roughness, the
-incidence angle varies within a material as on real ground.
+The elevation is the SRTM model of the Jacksboro fault (Tennessee), a sample file of matplotlib. The elevation model is
+cut to 2 km by 2 km of valley floor at the foot of a ridge, and interpolated to cells of 5 m by cubic splines. Two
+details finer than SRTM's 3 arc-seconds are added: a dyke beside a channel, and a random roughness of each material.
+Owing to the roughness, the incidence angle varies within a material as on real ground.
 
-The scene exists in two landscapes. ``open`` has level fields and a dyke of one slope. ``enclosed`` has ridge and furrow
-in the fields, hedges between them, a forest as tall as its trees, and a dyke whose height, and with it the slope of its
-face, varies along its axis. The edges of the forest cast shadows and cause layover.
+The scene exists in two landscapes. In the landscape ``open``, the fields have neither furrows nor hedges, and the slope
+of the dyke's face is constant. In the landscape ``enclosed``, the fields have ridge and furrow, and hedges stand
+between them. The surface of the forest is raised by the height of the trees, so that the forest's edges cast shadows
+and cause layover. The height of the dyke, and with it the slope of its face, varies along the dyke's axis.
 """
 
 from __future__ import annotations
@@ -42,11 +43,11 @@ _SIDE_M = 2000.0
 CELLS = round(_SIDE_M / CELL_M) ** 2
 _SRTM_NORTH_M = 92.6  # 3 arc-seconds of latitude
 _SRTM_EAST_M = 74.4  # 3 arc-seconds of longitude at 36.6 degrees north
-_SOUTH_ROW, _WEST_COLUMN = 141.0, 264.0  # the cut's corner in the SRTM array (row 0 is north)
+_SOUTH_ROW, _WEST_COLUMN = 141.0, 264.0  # the scene's corner in the SRTM array (row 0 is north)
 
 _FACE_M, _CREST_M, _LEE_M, _HEIGHT_M = 42.0, 6.0, 54.0, 25.8  # the dyke's cross-section
-_LOWEST = 0.35  # smallest height of the dyke in the enclosed landscape over its largest height
-_WAVE_M = 700.0  # distance along the axis between two high parts of this dyke
+_LOWEST = 0.35  # ratio of the dyke's smallest to its largest height in the landscape ``enclosed``
+_WAVE_M = 700.0  # distance along the axis between two high parts of the dyke in the landscape ``enclosed``
 _RIDGE_M, _RIDGES_M = 0.2, (18.0, 28.0)  # amplitude and range of periods of ridge and furrow
 _HEDGE_M, _CANOPY_M = 3.5, 12.0  # heights of hedges and of the forest
 _STEP_M = 220.0  # distance between the middles of the fields
@@ -62,18 +63,18 @@ def _terrain(east_m: NDArray[np.float64], north_m: NDArray[np.float64]) -> NDArr
         srtm = archive["elevation"].astype(np.float64)
     rows = _SOUTH_ROW - north_m / _SRTM_NORTH_M
     columns = _WEST_COLUMN + east_m / _SRTM_EAST_M
-    # the one-metre steps of the integer model would become terraces at 5 m
+    # without smoothing, the one-metre steps of the integer elevations would become terraces
     smooth = gaussian_filter(srtm, 0.8)
     return np.asarray(map_coordinates(smooth, [rows, columns], order=3, mode="nearest"))
 
 
 def _dyke_axis_m(north_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """East coordinate [m] of the foot of the dyke's face, which bends gently, as a function of the north coordinate."""
+    """East coordinate [m] of the foot of the dyke's face, a gently bent line, as a function of the north coordinate."""
     return 1000.0 + 60.0 * np.sin(2.0 * np.pi * (north_m - 250.0) / _SIDE_M)
 
 
 def _dyke_profile_m(across_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Height of the dyke above the ground [m], as a function of the distance to the east of the foot of its face."""
+    """Height of the dyke above the ground [m], as a function of the eastward distance from the foot of its face."""
     crest = _FACE_M + _CREST_M
     return np.interp(across_m, [0.0, _FACE_M, crest, crest + _LEE_M], [0.0, _HEIGHT_M, _HEIGHT_M, 0.0])
 
@@ -82,14 +83,15 @@ def _correlated(rng: np.random.Generator, shape: tuple[int, int], length_m: floa
     """Random Gaussian surface of unit variance, with the autocorrelation exp(-(d/length)^2) at the distance d."""
     sigma = length_m / 2.0 / CELL_M  # white noise smoothed by exp(-x^2 / 2s^2) has correlation length 2s
     field = gaussian_filter(rng.standard_normal(shape), sigma, mode="wrap", truncate=6.0)
-    # the closed form of the filter's gain would not hold for the sampled filter
+    # the field is divided by its own standard deviation, because the sampled filter has another gain than the
+    # continuous one
     return np.asarray(field / field.std())
 
 
 def _parcels(
     rng: np.random.Generator, east_m: NDArray[np.float64], north_m: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Random fields, the Voronoi cells of a jittered grid: land cover (0 grass, 1 crops, 2 bare soil) and number."""
+    """Land cover (0 grass, 1 crops, 2 bare soil) and number of each cell's field; fields are random Voronoi cells."""
     from scipy.spatial import cKDTree
 
     grid = np.arange(_STEP_M / 2 - 2 * _STEP_M, _SIDE_M + 2 * _STEP_M, _STEP_M)
@@ -112,7 +114,7 @@ def _ridges_m(
 
 
 def _hedges(rng: np.random.Generator, field: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Mask of hedges, one cell wide, along half of the borders between the fields."""
+    """Mask of hedges, one cell wide, along about half of the borders between the fields, chosen at random."""
     hedge = np.zeros(field.shape, dtype=np.bool_)
     has_hedge = rng.random((int(field.max()) + 1,) * 2) < 0.5
     for axis in (0, 1):
@@ -146,7 +148,8 @@ def builtin_scene(seed: int, landscape: Literal["enclosed", "open"] = "open") ->
     kind, field = _parcels(layout, east, north)
     material = _materials(ground, across, kind)
 
-    # the channel is level across, so that the ground of channel and dyke is that below the foot of the face
+    # the ground below channel and dyke is level across the dyke's axis: it has the elevation at the foot of the dyke's
+    # face
     beside = _terrain(_dyke_axis_m(north), north)
     crest = _FACE_M + _CREST_M
     weight = np.clip(1.0 - np.maximum(-across - 90.0, across - crest - _LEE_M - 40.0) / 150.0, 0.0, 1.0)

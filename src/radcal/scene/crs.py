@@ -25,6 +25,7 @@ __all__ = [
     "horizontal",
     "label",
     "named_datum",
+    "pixel_size_m",
     "same_datum",
     "same_place",
     "transformation_note",
@@ -105,7 +106,8 @@ def turned(crs: CRS, place: tuple[float, float], heading_deg: float) -> CRS:
     crs : pyproj.CRS
         Projected CRS.
     place : (float, float)
-        Coordinates in ``crs`` of the place that becomes the origin; the scale is 1 on the line through it.
+        Coordinates in ``crs`` of the place that becomes the origin; the scale is 1 on the central line through this
+        place.
     heading_deg : float
         Heading of the track at this place, clockwise from north [deg].
 
@@ -117,8 +119,8 @@ def turned(crs: CRS, place: tuple[float, float], heading_deg: float) -> CRS:
     References
     ----------
     PROJ, "Oblique Mercator" (omerc): ``alpha`` is the azimuth of the central line, ``gamma`` the angle from the
-    rectified to the skew grid. With gamma = 0 the central line is the second axis. PROJ does so for alpha from -90 to
-    90 degrees only, so that other headings take the opposite direction of the line and gamma = 180 degrees.
+    rectified to the skew grid. With gamma = 0, the second axis points along the central line. In PROJ, this holds only
+    for alpha from -90 to 90 degrees; for other headings, alpha is the opposite direction and gamma is 180 degrees.
     """
     from pyproj import Transformer
     from pyproj.crs import ProjectedCRS
@@ -138,14 +140,14 @@ def turned(crs: CRS, place: tuple[float, float], heading_deg: float) -> CRS:
 
 
 def earth_radius_m(crs: str, place: tuple[float, float], azimuth_deg: float) -> float:
-    """Radius of curvature of the ellipsoid along a direction.
+    """Radius of curvature of the ellipsoid at a place, along a given direction.
 
     Parameters
     ----------
     crs : str
         Projected CRS, with its ellipsoid.
     place : (float, float)
-        Coordinates in the CRS.
+        Coordinates of the place in the CRS [m].
     azimuth_deg : float
         Direction, clockwise from north [deg].
 
@@ -163,7 +165,7 @@ def earth_radius_m(crs: str, place: tuple[float, float], azimuth_deg: float) -> 
     plane = CRS.from_user_input(crs)
     _, latitude = Transformer.from_crs(plane, plane.geodetic_crs, always_xy=True).transform(*place)
     ellipsoid = plane.ellipsoid
-    assert ellipsoid is not None  # noqa: S101 - every geodetic datum has one
+    assert ellipsoid is not None  # noqa: S101 - every geodetic datum has an ellipsoid
     major, ratio = ellipsoid.semi_major_metre, 1.0 - (ellipsoid.semi_minor_metre / ellipsoid.semi_major_metre) ** 2
     root = math.sqrt(1.0 - ratio * math.sin(math.radians(latitude)) ** 2)
     meridian, vertical = major * (1.0 - ratio) / root**3, major / root
@@ -178,7 +180,7 @@ def vertical_unit(crs: CRS) -> str | None:
 
 
 def vertical_datum(crs: CRS) -> str | None:
-    """Name of the vertical datum of a CRS, or None if the CRS names none.
+    """Name of the vertical datum of a CRS, or None if the CRS names no vertical datum.
 
     Parameters
     ----------
@@ -194,7 +196,7 @@ def vertical_datum(crs: CRS) -> str | None:
     if crs.is_compound:
         vertical = crs.sub_crs_list[-1]
         names = (vertical.name, vertical.datum.name if vertical.datum is not None else "")
-        # GeoTIFFs may name a unit of heights and no datum: libraries call that "unknown"
+        # a GeoTIFF may name a unit of heights but no vertical datum; libraries then call the datum "unknown"
         return next((name for name in names if name.lower() not in _UNNAMED), None)
     if len(crs.axis_info) == 3:
         return f"{crs.ellipsoid.name if crs.ellipsoid is not None else crs.name} ellipsoid"
@@ -202,7 +204,7 @@ def vertical_datum(crs: CRS) -> str | None:
 
 
 def named_datum(text: str) -> str:
-    """Standard name of the vertical datum that the configuration key ``scene.vertical_datum`` names.
+    """Standard name of the vertical datum that the configuration gives as ``scene.vertical_datum``.
 
     Parameters
     ----------
@@ -237,7 +239,7 @@ def named_datum(text: str) -> str:
     if "ellips" in text.lower() or _key(text) == "local":
         return text.strip()
     known: dict[str, str] = {}
-    # the shortest name first, because others add the unit
+    # shortest name first, because longer names add the unit
     for name in sorted((info.name for info in query_crs_info("EPSG", PJType.VERTICAL_CRS)), key=len):
         known.setdefault(_key(name), name)
     if _key(text) not in known:
@@ -288,19 +290,20 @@ def transformation_note(source: CRS, target: CRS, name: str) -> str | None:
 
 
 def geoid_m(datum: str, longitude_deg: float, latitude_deg: float) -> float | None:
-    """Height of the zero level of a vertical datum above the ellipsoid WGS 84 at a place [m].
+    """Height [m] of the zero level of a vertical datum above the WGS 84 ellipsoid, at a given place.
 
     Parameters
     ----------
     datum : str
         Name of the datum, as in :attr:`.Scene.vertical_datum`.
     longitude_deg, latitude_deg : float
-        Place on WGS 84 [deg].
+        Longitude and latitude of the place on WGS 84 [deg].
 
     Returns
     -------
     float or None
-        0 for an ellipsoid; None where PROJ lacks the grid of the geoid, or the datum has none.
+        Height [m]; 0 for an ellipsoid. None if the grid of the geoid is not installed or does not cover the place, or
+        if the datum is not in the EPSG database.
     """
     from pyproj import CRS, Transformer
     from pyproj.crs import CompoundCRS
@@ -312,7 +315,7 @@ def geoid_m(datum: str, longitude_deg: float, latitude_deg: float) -> float | No
     if "ellips" in datum.lower():
         return 0.0
     found = [info for info in query_crs_info("EPSG", PJType.VERTICAL_CRS) if _key(info.name) == _key(datum)]
-    for info in sorted(found, key=lambda info: len(info.name)):  # the shortest name first, because others add the unit
+    for info in sorted(found, key=lambda info: len(info.name)):  # shortest first, because longer names add the unit
         above = CompoundCRS("heights", [CRS.from_epsg(4326), CRS.from_authority(info.auth_name, info.code)])
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -325,3 +328,25 @@ def geoid_m(datum: str, longitude_deg: float, latitude_deg: float) -> float | No
             return None
         return float(height)
     return None
+
+
+def pixel_size_m(raster: Any, plane: CRS) -> tuple[float, float]:
+    """Size on the ground of the middle pixel of an open raster [m]: width along a row, and height along a column.
+
+    Parameters
+    ----------
+    raster : rasterio.DatasetReader
+        Raster with a transform.
+    plane : pyproj.CRS
+        Horizontal CRS of the raster. With a geographic CRS, the lengths are geodesics of WGS84 (:class:`pyproj.Geod`).
+    """
+    from pyproj import Geod
+
+    t = raster.transform
+    if not plane.is_geographic:
+        unit = plane.axis_info[0].unit_conversion_factor if plane.axis_info[0].unit_name not in METRES else 1.0
+        return float(math.hypot(t.a, t.d) * unit), float(math.hypot(t.b, t.e) * unit)
+    column, row = raster.width / 2, raster.height / 2
+    x, y = t.c + t.a * column + t.b * row, t.f + t.d * column + t.e * row
+    geod = Geod(ellps="WGS84")
+    return float(geod.inv(x, y, x + t.a, y + t.d)[2]), float(geod.inv(x, y, x + t.b, y + t.e)[2])

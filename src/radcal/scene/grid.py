@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 __all__ = ["LARGEST_CELLS", "Grid", "Source", "box_in", "opened", "pixel_m", "scene_grid", "subdivision"]
 
-LARGEST_CELLS = LARGEST_VALUES  # largest number of cells of the grid, and of pixels read of a raster
-_SMALLEST_SIDE = 8  # cells
+LARGEST_CELLS = LARGEST_VALUES  # largest number of cells of the grid, and of pixels read from a raster
+_SMALLEST_SIDE = 8  # smallest number of rows and of columns of the grid
 _SCALE_ERROR = 0.01  # largest relative error of lengths on the map
 
 Box = tuple[float, float, float, float]  # west, south, east, north
@@ -79,7 +79,7 @@ class Grid:
     rows, columns : int
         Number of cells to the north and to the east.
     turned : bool
-        Whether the axes of the CRS are turned to a track, so that they are those of no raster.
+        Whether the second axis of the CRS points along a track; no raster has this CRS.
     """
 
     crs: CRS
@@ -103,14 +103,14 @@ class Grid:
 
 @contextmanager
 def opened(key: str, config: RasterScene) -> Iterator[Source]:
-    """Open the raster of a configuration key and check it.
+    """Open the raster whose path a configuration key contains, and check the raster.
 
     Parameters
     ----------
     key : str
         Configuration key of the raster's path.
     config : RasterScene
-        The paths.
+        Section ``scene``, which contains the path.
 
     Raises
     ------
@@ -121,7 +121,7 @@ def opened(key: str, config: RasterScene) -> Iterator[Source]:
     path = expand_path(getattr(config, key.removeprefix("scene.")), key)
     with ExitStack() as stack:
         try:
-            # GDAL drops the vertical part of the CRS of GeoTIFF 1.0 unless told otherwise
+            # without this option, GDAL drops the vertical part of the CRS of GeoTIFF 1.0
             raster = stack.enter_context(open_raster(path, vrt_folders(config), GTIFF_REPORT_COMPD_CS="YES"))
             crs, transform = crs_of(raster), raster.transform
         except Exception as error:  # the libraries' exceptions for damaged files have no common base class
@@ -149,7 +149,7 @@ def box_in(box: Box, source: CRS, target: CRS) -> Box:
     Parameters
     ----------
     box : (float, float, float, float)
-        West, south, east and north.
+        West, south, east and north bounds in the CRS ``source``.
     source, target : pyproj.CRS
         CRS of the box, and CRS of the result.
 
@@ -189,7 +189,8 @@ def _overlap(elevation: Source, materials: Source) -> tuple[Box, Box]:
         west, south, east, north = box_in(source.box, source.plane, globe)
         return (east - west) * (north - south)
 
-    # the smaller one first: the box of a continent in the other's projection may be nonsense
+    # the smaller box is transformed first, because the box of a continent may be undefined in the other raster's
+    # projection
     small, large = sorted((elevation, materials), key=area)
     of_large = _common(large.box, box_in(small.box, small.plane, large.plane))
     of_small = of_large if _empty(of_large) else _common(small.box, box_in(of_large, large.plane, small.plane))
@@ -221,12 +222,12 @@ def scene_grid(elevation: Source, materials: Source, config: RasterScene, headin
     Parameters
     ----------
     elevation, materials : Source
-        The rasters.
+        Rasters of elevation and of material ids.
     config : RasterScene
         Section ``scene``, with optional CRS, cell size and bounds.
     heading_deg : float
-        Heading of the track [deg]. Unless it is 0, the grid is turned so that its rows follow each other along the
-        track, and lies inside of the configured bounds or of the area that both rasters cover.
+        Heading of the track [deg]. If the heading is not 0, the grid is turned so that axis 0 points along the track.
+        The turned grid lies inside of the configured bounds or, without bounds, of the area that both rasters cover.
 
     Raises
     ------
@@ -258,7 +259,7 @@ def scene_grid(elevation: Source, materials: Source, config: RasterScene, headin
     pixel = float(np.sqrt(np.prod(pixel_m(elevation, crs, box))))
     # three digits are enough for the size of a pixel in another projection
     cell = config.cell_m or (pixel if same else float(f"{pixel:.3g}"))
-    # whole cells inside the box, on the lattice that has a corner at (west, south)
+    # the grid consists of whole cells inside the box; its corner lies a whole number of cells away from (west, south)
     west += np.ceil((box[0] - west) / cell - 1e-6) * cell
     south += np.ceil((box[1] - south) / cell - 1e-6) * cell
     columns, rows = (int((high - low) / cell + 1e-6) for low, high in ((west, box[2]), (south, box[3])))
@@ -276,17 +277,17 @@ def scene_grid(elevation: Source, materials: Source, config: RasterScene, headin
 
 
 def _turned(crs: CRS, box: Box, heading_deg: float) -> tuple[CRS, Box]:
-    """CRS turned to the heading of a track, and the box of largest area in it that lies inside of a box of ``crs``."""
+    """CRS turned to the heading of a track, and the largest box in this CRS that lies inside of a box in ``crs``."""
     from pyproj import Transformer
 
     middle = _middle(box)
     turned_crs = turned(crs, middle, heading_deg)
     to_map = Transformer.from_crs(turned_crs, crs, always_xy=True)
     x, y = Transformer.from_crs(crs, turned_crs, always_xy=True).transform(*middle)
-    # the map's north is not that of the ellipsoid: the angle is that between the axes of the two CRSs
+    # the angle is taken between the axes of the two CRSs, because the map's north differs from true north
     (left, right), (below, above) = to_map.transform([x, x], [y - 1.0, y + 1.0])
     wide, high = _inscribed(box[2] - box[0], box[3] - box[1], float(np.arctan2(right - left, above - below)))
-    # a line that is straight in one CRS is bent in the other: the box is reduced until its border is inside
+    # a line that is straight in one CRS is curved in the other; the box is therefore reduced until its border is inside
     along = np.linspace(-0.5, 0.5, 21)
     side = np.full_like(along, 0.5)
     across, up = np.concatenate([along, along, side, -side]) * wide, np.concatenate([side, -side, along, along]) * high
@@ -300,11 +301,12 @@ def _turned(crs: CRS, box: Box, heading_deg: float) -> tuple[CRS, Box]:
 
 
 def _inscribed(width: float, height: float, angle: float) -> tuple[float, float]:
-    """Width and height of the largest rectangle, turned by an angle [rad], inside of a rectangle."""
+    """Width and height of the largest rectangle, turned by ``angle`` [rad], that lies inside of a given rectangle."""
     sine, cosine = abs(float(np.sin(angle))), abs(float(np.cos(angle)))
     short, long = min(width, height), max(width, height)
     if short <= 2.0 * sine * cosine * long or abs(sine - cosine) < 1e-9:
-        # two corners touch the long sides, and the area is largest where the others lie half-way between them
+        # two corners touch the long sides, and the area is largest if the other two corners lie half-way between these
+        # sides
         first, second = 0.5 * short / sine, 0.5 * short / cosine
         return (first, second) if width >= height else (second, first)
     double = cosine**2 - sine**2
@@ -356,7 +358,7 @@ def _unfit(crs: CRS, longitude: float, latitude: float) -> str | None:
     # the semi-axes of Tissot's indicatrix: the largest and the smallest scale in any direction
     scales = (factors.tissot_semimajor, factors.tissot_semiminor)
     worst = max(scales, key=lambda scale: abs(scale - 1.0))
-    if not abs(worst - 1.0) <= _SCALE_ERROR:  # NaN outside the projection's domain
+    if not abs(worst - 1.0) <= _SCALE_ERROR:  # the scale is NaN outside the projection's domain
         return (
             f"whose metre is {worst:.4g} times one at longitude {longitude:.4g}, latitude {latitude:.4g}, expected "
             f"within {_SCALE_ERROR:.0%}, as in a UTM zone of the place"
@@ -378,6 +380,6 @@ def pixel_m(source: Source, crs: CRS, box: Box) -> tuple[float, float]:
 
 
 def subdivision(source: Source, grid: Grid) -> int:
-    """Number of parts into which each side of a cell is divided so that no part is longer than a pixel's side."""
-    # a cell that differs from the pixel only by rounding is not cut
+    """Number of parts into which the side of a cell is divided so that no part is longer than a raster pixel's side."""
+    # a cell whose size differs from the pixel's only by rounding is not divided
     return max(1, int(np.ceil(grid.cell_m / min(pixel_m(source, grid.crs, grid.box)) - 1e-3)))

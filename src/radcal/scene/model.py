@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from radcal.errors import SceneError
 from radcal.scene.objects import Objects
-from radcal.storage.layout import put, same, take
+from radcal.storage.dataclass_groups import put, same, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
 __all__ = ["Scene", "read_scene", "write_scene"]
@@ -105,6 +105,6 @@ def write_scene(path: str | Path, scene: Scene) -> None:
 
 
 def read_scene(path: str | Path) -> Scene:
-    """Read a scene that :func:`write_scene` wrote; errors are those of :func:`.read_hdf5`."""
+    """Read a scene that :func:`write_scene` wrote; :func:`.read_hdf5` describes the errors."""
     with read_hdf5(path, "scene") as file:
         return take(file, Scene)

@@ -54,14 +54,14 @@ def read_names(path: Path, present: Iterable[int], raster: Path) -> dict[int, st
 
 
 def landcover_names(landcover: str, path: Path | None, present: Iterable[int], raster: Path) -> dict[int, str]:
-    """Names of the codes of a land-cover map that occur in a raster.
+    """Names of the land-cover codes that occur in a raster.
 
     Parameters
     ----------
     landcover : str
         Name of the land-cover map, a key of :data:`radcal.config.landcover.LANDCOVERS`.
     path : path, optional
-        File with names that replace those of the map, or name further codes.
+        File with names that replace names of the land-cover map, or with names of further codes.
     present : iterable of int
         Codes in the raster; 0 means no material.
     raster : path
@@ -75,7 +75,8 @@ def landcover_names(landcover: str, path: Path | None, present: Iterable[int], r
     Raises
     ------
     SceneError
-        The file is not a JSON object of codes and names, two codes have one name, or a code has none.
+        The file is not a JSON object of codes and names, two codes have the same name, or a code in the raster has no
+        name.
     """
     codes = sorted(set(present) - {0})
     own = read_names(path, (), raster) if path is not None else {}

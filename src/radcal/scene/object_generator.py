@@ -18,7 +18,7 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True)
 class Kind:
-    """Sizes and cross-section of a kind of objects; each size is drawn from a uniform distribution.
+    """Sizes and cross-section of a kind of object; the sizes of each object are drawn from uniform distributions.
 
     Attributes
     ----------
@@ -41,7 +41,8 @@ class Kind:
 TREE = Kind((3.0, 9.0), (3.0, 9.0), (4.0, 20.0), -6.0, 3.0)
 # about 100 m2 for a footprint of 8 m2, as textbooks of radar give it (Skolnik, "Introduction to Radar Systems")
 CAR = Kind((3.8, 5.0), (1.7, 1.95), (1.4, 1.9), 11.0, 5.0)
-# buildings have no typical number, because it depends on walls and corners; this one exceeds the ground's
+# the cross-section of a building depends on its walls and corners, and has no typical value; the value here exceeds
+# that of the ground
 BUILDING = Kind((8.0, 24.0), (7.0, 14.0), (3.0, 15.0), 3.0, 4.0)
 
 
@@ -72,10 +73,10 @@ def generate_objects(
     Raises
     ------
     SceneError
-        The scene has no space for the number of buildings, or the buildings leave none for trees and cars.
+        The scene has no space for the buildings, or the buildings leave no space for trees and cars.
     """
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3)]
-    plot = float(np.hypot(building.length_m[1], building.width_m[1]))  # a plot holds any building
+    plot = float(np.hypot(building.length_m[1], building.width_m[1]))  # a plot is large enough for any building
     plots = (int(size_m[0] / plot), int(size_m[1] / plot))
     if buildings > plots[0] * plots[1]:
         raise SceneError(

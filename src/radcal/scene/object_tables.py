@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["Place", "read_objects"]
 
 _KEY = "scene.objects.path"
-# column: smallest, largest, unit
+# column: smallest value, largest value, unit
 _LIMITS: dict[str, tuple[float, float, str]] = {
     "length_m": (0.0, 10_000.0, "m"),
     "width_m": (0.0, 10_000.0, "m"),
@@ -71,9 +71,10 @@ def read_objects(
         Position and extent of the scene. Positions in the table are in the scene's CRS or, if the scene has no CRS,
         relative to the scene's south-west corner.
     layer : str, optional
-        Layer to be read of a GeoPackage that has several layers.
+        Layer to be read from a GeoPackage that has several layers.
     curves : mapping, optional
-        Curve of cross-section by aspect for each aspect class in the table: pairs of degrees and dBsm.
+        For each aspect class in the table, curve of the cross-section over the aspect angle: pairs of aspect [deg] and
+        cross-section [dBsm].
 
     Returns
     -------
@@ -119,7 +120,7 @@ def _csv(path: Path) -> pd.DataFrame:
 
 
 def _hdf5(path: Path, place: Place) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Table of objects from the group ``objects`` of an HDF5 file, and curves from its group ``aspect``."""
+    """Table of objects and curves of cross-section, from the groups ``objects`` and ``aspect`` of an HDF5 file."""
     import pandas as pd
 
     try:
@@ -189,7 +190,7 @@ def _short(crs: str) -> str:
 
 
 def _geopackage(path: Path, layer: str | None, place: Place) -> pd.DataFrame:
-    """Table of objects from a layer of points or polygons; of a polygon, the smallest rectangle around it is used."""
+    """Table of objects from a layer of points or polygons; the smallest rectangle around a polygon replaces it."""
     import pandas as pd
 
     try:
@@ -215,7 +216,7 @@ def _geopackage(path: Path, layer: str | None, place: Place) -> pd.DataFrame:
             (name,),
         ).fetchone() or (0, "", 0, "")
         kind = connection.execute("SELECT type FROM sqlite_master WHERE name = ?", (name,)).fetchone()
-        if kind != ("table",):  # a view may need endless computation
+        if kind != ("table",):  # the computation of a view may never end
             raise _error(path, f"layer {name!r} is a {kind[0] if kind else 'name without a table'}, expected a table.")
         quoted = name.replace('"', '""')
         # the name is that of a table in the file, quoted by the rules of SQL
@@ -271,7 +272,7 @@ def _rectangles(path: Path, blobs: list[Any], table: pd.DataFrame) -> dict[str, 
     along = sides[every, longer]
     columns["length_m"][polygon], columns["width_m"][polygon] = size[every, longer], size[every, 1 - longer]
     axis = np.degrees(np.arctan2(along[:, 0], along[:, 1]))
-    # the front of a rectangle is the end nearer to the given heading
+    # of the two directions along a rectangle, the heading is the one that is closer to the given heading
     turned = np.abs((columns["heading_deg"][polygon] - axis + 180.0) % 360.0 - 180.0) > 90.0
     columns["heading_deg"][polygon] = (axis + 180.0 * turned) % 360.0
     return columns

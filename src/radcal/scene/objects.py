@@ -76,14 +76,14 @@ class Objects:
         Parameters
         ----------
         bearing_deg : float
-            Direction from the objects to the radar, clockwise from the grid's north [deg]. This direction is the same
+            Direction from the objects to the radar, clockwise from the grid's north [deg]. The direction is the same
             for all objects, because the plane of zero Doppler is across the track.
 
         Returns
         -------
         ndarray, shape (n,)
-            Cross-section [m2]. Between the aspects of a curve, it is interpolated linearly in dB, with a period of 360
-            degrees.
+            Cross-section [m2]. Between the aspects of a curve, the cross-section is interpolated linearly in dB, with a
+            period of 360 degrees.
 
         References
         ----------

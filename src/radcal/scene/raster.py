@@ -32,8 +32,9 @@ __all__ = ["check_elevation", "raster_scene"]
 
 _LOWEST_M, _HIGHEST_M = -1000.0, 9000.0  # lowest and highest land, with a margin for mines and ellipsoidal heights
 _MISSING_SHARE = 0.5
-_NEAR_CELLS = 100  # distance over which gaps are interpolated; beyond it, the nearest height is taken
-# error of GDAL's interpolated transformation [pixels]; its default, 1/8, is a metre of height on a slope of SRTM
+_NEAR_CELLS = 100  # distance [cells] up to which gaps are interpolated; beyond, they take the nearest height
+# tolerance of GDAL's approximate coordinate transformation [pixels]; with the default, 1/8, heights on a slope in SRTM
+# data have errors of a metre
 _TOLERANCE_PX = 0.001
 _MARGIN_PX = 3  # margin [pixels] that is read around the scene: cubic convolution reaches 2 pixels
 
@@ -41,17 +42,18 @@ _MARGIN_PX = 3  # margin [pixels] that is read around the scene: cubic convoluti
 def raster_scene(config: RasterScene, heading_deg: float = 0.0) -> Scene:
     """Scene from a raster of elevation and a raster of material ids, both resampled to one grid.
 
-    Elevation is interpolated by cubic convolution, and the material of a cell is that of the nearest pixel. A cell
-    larger than the pixels of a raster is divided into parts no larger than a pixel. Such a cell takes the mean
-    elevation or the most frequent material of its parts. A cell without elevation data takes an elevation from
-    neighbouring cells, and has no material.
+    Elevation is interpolated by cubic convolution, and a cell has the material of the nearest pixel. A cell larger than
+    the pixels of a raster is divided into parts no larger than a pixel. The divided cell has the mean elevation or the
+    most frequent material of its parts. A cell without elevation data has no material; its elevation is filled in from
+    neighbouring cells.
 
     Parameters
     ----------
     config : RasterScene
         Section ``scene``: files, CRS, cell size, bounds and vertical datum.
     heading_deg : float
-        Heading of the track, clockwise from north [deg]; unless it is 0, the grid is turned to it.
+        Heading of the track, clockwise from north [deg]; unless it is 0, the grid is turned so that axis 0 points along
+        the track.
 
     Returns
     -------
@@ -79,7 +81,7 @@ def raster_scene(config: RasterScene, heading_deg: float = 0.0) -> Scene:
         grid = scene_grid(elevation, materials, config, heading_deg)
         heights, filled, how_heights, step = _heights(elevation, grid)
         ids, how_ids = _ids(materials, grid)
-        # interpolated heights are no steeper than the raster's own from pixel to pixel
+        # slopes of interpolated heights are no steeper than slopes between the raster's own pixels
         posting = max(grid.cell_m, *pixel_m(elevation, grid.crs, grid.box))
         slope_error, about_steps = _slope_error_deg(config.elevation_error_m, step, posting)
         ids, names = _named(ids, materials, config)
@@ -130,7 +132,7 @@ def raster_scene(config: RasterScene, heading_deg: float = 0.0) -> Scene:
 
 
 def check_elevation(config: RasterScene) -> None:
-    """Raise an error if the raster of elevation cannot be that of a scene, by its header and the keys about it.
+    """Raise an error if the header of the elevation raster or its vertical datum is not suitable for a scene.
 
     Parameters
     ----------
@@ -140,7 +142,7 @@ def check_elevation(config: RasterScene) -> None:
     Raises
     ------
     SceneError
-        The file cannot be read or holds something else than heights in metres, or the vertical datum is missing or
+        The file cannot be read, its values are not heights in metres, or the vertical datum is missing or
         contradictory.
     """
     with opened("scene.elevation", config) as elevation:
@@ -161,7 +163,7 @@ def _named(ids: NDArray[np.uint8], materials: Source, config: RasterScene) -> tu
 
 
 def _slope_error_deg(error_m: float, step_m: float, posting_m: float) -> tuple[float, list[str]]:
-    """Standard error of the slopes [deg] from that of heights and from their steps, and a note on the steps."""
+    """Standard error of slopes [deg], from the error and the rounding step of heights, and a note on the step."""
     rounding_m = rounding_error_m(step_m)
     total_m = float(np.hypot(error_m, rounding_m))
     slope_deg = float(np.degrees(np.arctan(np.sqrt(2.0) * total_m / posting_m)))
@@ -185,7 +187,7 @@ def _check_heights(elevation: Source) -> None:
 
 
 def _datum(elevation: Source, config: RasterScene) -> tuple[str, str]:
-    """Vertical datum of the elevation, and a phrase that says whether the file or the configuration names it."""
+    """Vertical datum of the elevation, and a phrase that says whether the file or the configuration gives the datum."""
     of_file = vertical_datum(elevation.crs)
     given = named_datum(config.vertical_datum) if config.vertical_datum is not None else None
     if of_file is not None and given is not None and not same_datum(of_file, given):
@@ -245,10 +247,11 @@ def _warped(
             f"expected at most {LARGEST_CELLS:.0e}: give smaller scene.bounds or a coarser raster."
         )
     west, _, _, north = grid.box
-    # GDAL takes the extent of a turned grid in pixels for their ratio of sizes, and smooths: cells are no larger here
+    # For a turned grid, GDAL overestimates the ratio of cell size to pixel size, and smooths too much. Here cells are
+    # no larger than pixels, so that the ratio is set to 1.
     extras = {"XSCALE": 1, "YSCALE": 1} if grid.turned else {}
-    # Env gives GDAL the path of PROJ's database, without which all datums count as equal. A WarpedVRT, which needs a
-    # file, is used because rasterio.warp.reproject() ignores a tolerance
+    # Env gives GDAL the path of PROJ's database; without this database, GDAL treats all datums as equal. A WarpedVRT,
+    # which needs a file, is used because rasterio.warp.reproject() ignores the tolerance.
     with rasterio.Env(), MemoryFile() as memory:
         with memory.open(
             driver="GTiff",
@@ -285,7 +288,7 @@ def _blocks(fine: NDArray[Any], parts: int) -> NDArray[Any]:
 
 
 def _heights(elevation: Source, grid: Grid) -> tuple[NDArray[np.float64], NDArray[np.bool_], str, float]:
-    """Elevation with gaps filled, mask of the gaps, method of resampling in a word, and step of rounded heights [m]."""
+    """Elevation with gaps filled, mask of the gaps, name of the resampling method, and step of rounded heights [m]."""
     from rasterio.fill import fillnodata
     from scipy.ndimage import distance_transform_edt
 
@@ -301,8 +304,8 @@ def _heights(elevation: Source, grid: Grid) -> tuple[NDArray[np.float64], NDArra
             "no-data value, declare it with gdal_edit -a_nodata."
         )
     parts = subdivision(elevation, grid)
-    # GDAL's own averages of a plane are off by some hundredths of a pixel times its slope: half a degree of
-    # incidence; means of interpolated parts are not
+    # GDAL's own averages of a plane have errors of some hundredths of a pixel times the plane's slope, which change the
+    # incidence angle by half a degree. Means of interpolated parts do not have these errors.
     fine = _warped(elevation, scaled, transform, grid.cut(parts), "cubic", np.nan)
     blocks = _blocks(fine, parts)
     known = np.isfinite(blocks).sum(axis=-1)
@@ -313,7 +316,7 @@ def _heights(elevation: Source, grid: Grid) -> tuple[NDArray[np.float64], NDArra
             f"has no elevation in {np.count_nonzero(gaps)} of {gaps.size} cells, expected in at most half."
         )
     if gaps.any():
-        # fillnodata() computes in single precision: only the gaps are taken from it
+        # fillnodata() computes in single precision, so that only the values of gaps are taken from its result
         heights = np.where(gaps, fillnodata(heights.copy(), mask=~gaps, max_search_distance=_NEAR_CELLS), heights)
         nearest = distance_transform_edt(np.isnan(heights), return_distances=False, return_indices=True)
         heights = heights[tuple(nearest)]

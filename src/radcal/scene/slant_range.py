@@ -67,7 +67,7 @@ def _labels(path: Path, folders: Sequence[Path]) -> NDArray[Any]:
 
 
 def read_labels(config: SlantRangeScene) -> tuple[NDArray[Any], list[int]]:
-    """Labels of a scene in slant range, shape (rows, columns), and the ids that occur.
+    """Labels of a scene in slant range, shape (rows, columns), and the material ids that occur in them.
 
     Raises
     ------

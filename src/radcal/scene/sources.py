@@ -25,7 +25,7 @@ def make_scene(config: SceneConfig, materials: list[str] | None, heading_deg: fl
     config : SceneConfig
         Section ``scene``.
     materials : list of str or None
-        Names of the configured materials; None if they are not compared with those of the scene.
+        Names of the configured materials; None if these materials are not compared with the scene's materials.
     heading_deg : float
         Heading of the track, clockwise from north [deg], to which the grid of a raster scene is turned.
 

@@ -23,9 +23,10 @@ __all__ = ["BuiltinSimulator"]
 
 @dataclass(frozen=True)
 class _Last:
-    """Seed, parameters, reflectivity, image and factors of the last run, parts of which the next run reuses.
+    """Seed, parameters, reflectivity, image and thinning factors of the last run, which the next run partly reuses.
 
-    The image has whole looks; ``thinning`` brings it to a number of looks that is not whole.
+    The image has a whole number of looks. If the configured number of looks is not whole, ``thinning`` contains the
+    factors that reduce the image's number of looks to the configured number; else ``thinning`` is None.
     """
 
     noise_seed: int

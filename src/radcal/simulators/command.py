@@ -56,7 +56,7 @@ class CommandSimulator:
     materials : mapping
         Materials by name, with the names of their parameters.
     radar : Radar
-        Pass, which may be written into the input file.
+        Pass; its description may be written into the input file.
     geometry : Geometry
         Image grid and pixels of the materials.
     geometry_path : path
@@ -166,19 +166,19 @@ class CommandSimulator:
                     shutil.rmtree(folder, ignore_errors=True)
 
     def write_input(self, folder: Path, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> list[Path]:
-        """Write the program's input files and command line as a run has them, each atomically, without a run.
+        """Write the input files and the command line of a run, each file atomically, without starting the program.
 
         Parameters
         ----------
         folder : path
-            The folder; the command line names files in it.
+            Folder of the files; the command line contains paths in this folder.
         parameters, noise_seed
             As for :meth:`run`.
 
         Returns
         -------
         list of path
-            The input files, and ``command.txt``, one line for a POSIX shell.
+            Paths of the input files, and of ``command.txt`` with the command line for a POSIX shell.
         """
         command, texts = self._filled(folder.absolute(), parameters, noise_seed)
         texts["command.txt"] = (shlex.join(command) + "\n").encode()
@@ -190,7 +190,7 @@ class CommandSimulator:
     def _filled(
         self, folder: Path, parameters: Mapping[str, Sequence[float]], noise_seed: int
     ) -> tuple[list[str], dict[str, bytes]]:
-        """Command line, and content of each input file by its name in a folder."""
+        """Command line of a run in a folder, and content of each input file by file name."""
         config = self._config
         output = folder / config.output.file
         values: dict[str, float | int | str] = {

@@ -88,7 +88,7 @@ class CommandPlan:
         return [(marked.where, place) for marked in self._texts for place in marked.places(SEED)]
 
     def stage(self, folder: Path) -> None:
-        """Copy the configured files into a run's folder, and make the configured symbolic links there."""
+        """Copy the configured files into a run's folder, and make the configured symbolic links in this folder."""
         for path in self.files:
             shutil.copy2(path, folder / path.name)
         for path in self.links:

@@ -3,8 +3,8 @@
 In arguments, placeholders are written in braces, ``{dyke.X1}``; ``{{`` and ``}}`` stand for literal braces. In
 templates, placeholders are markers between two delimiters, ``@dyke.X1@``, as in PEST's template files (PEST++ users
 manual, section 2.3). A number format may follow after a colon: ``@dyke.X1:14.6e@``. A number without a format is
-written with enough digits to recover the same double. A seed can be mapped into a range, both ends included:
-``@noise_seed:1..30000@``. A format for the mapped seed follows the range: ``@noise_seed:1..30000:6d@``.
+written with enough digits to recover the same number in double precision. A seed can be mapped into a range, both ends
+included: ``@noise_seed:1..30000@``. A format for the mapped seed follows the range: ``@noise_seed:1..30000:6d@``.
 """
 
 from __future__ import annotations

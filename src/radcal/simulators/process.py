@@ -58,7 +58,7 @@ def run_program(arguments: Sequence[str], folder: Path, environment: Mapping[str
         Absolute path of the program and its arguments.
     folder : path
         Working directory of the program. The files ``radcal.stdout``, ``radcal.stderr`` and ``radcal.log`` are written
-        there.
+        into this folder.
     environment : mapping
         Environment variables for the program, in addition to the variables of this process.
     timeout_s : float
@@ -94,7 +94,7 @@ def run_program(arguments: Sequence[str], folder: Path, environment: Mapping[str
             with contextlib.suppress(subprocess.TimeoutExpired):
                 code = process.wait(timeout_s)
         finally:
-            # this kills also processes that the program has started in the background
+            # this also kills processes that the program has started in the background
             with contextlib.suppress(ProcessLookupError, PermissionError):
                 os.killpg(process.pid, signal.SIGKILL)
             process.wait()

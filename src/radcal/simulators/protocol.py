@@ -16,7 +16,7 @@ class Simulator(Protocol):
 
     @property
     def identity(self) -> Mapping[str, Any]:
-        """Plain data that identify the simulator; they differ if equal parameters and seed may give another image."""
+        """Plain data that identify the simulator; they differ between simulators that may give different images."""
         ...
 
     def run(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> NDArray[np.float32]:

@@ -35,11 +35,12 @@ def _law_description(material: Material, first: Radar, radar: Radar, seed: int) 
     if material.angles_deg:
         description["angles_deg"] = material.angles_deg
     if material.law == FORMULA:
-        description["formula"] = material.unbound_law.formula  # without blanks, which change nothing
+        description["formula"] = material.unbound_law.formula  # in a form that does not depend on blanks
     if material.law in (EXTERNAL, FORMULA):
         description["names"] = list(material.parameter_names)
     if material.looks is not None:
-        # the texture depends on all of these; an external program's pass is described without its looks
+        # the texture depends on all four values; the description of an external program's pass does not contain the
+        # looks
         description["looks"] = [material.looks, first.looks, radar.looks, seed]
     if any(material.integers):
         description["integer"] = [
@@ -66,7 +67,8 @@ class Runner:
     further : sequence of Runner
         Runners of the second and later passes.
     first : Radar, optional
-        First pass of the case, for whose image the keys ``looks`` of the materials hold; by default that of ``case``.
+        First pass of the case; the keys ``looks`` of the materials are effective looks in the image of this pass. By
+        default the pass of ``case``.
     """
 
     def __init__(
@@ -98,7 +100,7 @@ class Runner:
 
     def description(self, parameters: Parameters, noise_seed: int, repeat: bool = False) -> dict[str, Any]:
         """Plain data that determine the pixel values of a run, and whose hash is the hash of the run."""
-        # If no frequency is configured, the key is omitted. Runs recorded before the key existed keep their hashes.
+        # If no frequency is configured, the key is omitted, so that runs from before the key existed keep their hashes.
         left_out = self._not_told | ({"frequency_ghz"} if self._radar.frequency_ghz is None else set())
         radius = self._geometry.earth_radius_m
         return {
@@ -155,8 +157,8 @@ class Runner:
         Returns
         -------
         bool
-            Whether this store now has the record. False if the other store lacks the record, or if the record lacks the
-            pixels of a calibrated material.
+            Whether this store now has the record. The result is False if the other store lacks the record, or if the
+            record lacks the pixels of a calibrated material.
         """
         if self._store.get(key, self._recorded) is None:
             record = other.get(key, self._recorded)
@@ -195,7 +197,7 @@ class Runner:
             return found if found is not None else self._simulate(key, description, parameters, noise_seed, image)
 
     def is_recorded(self, parameters: Parameters, noise_seed: int) -> bool:
-        """Whether the run store has a file of the run; whether it can be read is not checked."""
+        """Whether the run store has a file of the run; the content of the file is not checked."""
         return self._store.path(digest(self.description(parameters, noise_seed))).is_file()
 
     def _found(self, key: str, image: bool) -> Record | None:

@@ -75,12 +75,12 @@ def check_seeds(case: Case, places: Iterable[tuple[str, Marker]]) -> None:
     case : Case
         The configuration.
     places : iterable of (str, Marker)
-        Every placeholder of the seed, after the name of its text in error messages.
+        For every placeholder of the seed, the name of the placeholder's text in error messages, and the placeholder.
 
     Raises
     ------
     ConfigError
-        Two of these would receive the same number: the runs of the calibration, the final run with fresh random
+        Two of the following would receive the same number: the runs of the calibration, the final run with fresh random
         numbers, the synthetic measurement.
     SimulatorError
         The text of a seed is wider than the field of its placeholder.

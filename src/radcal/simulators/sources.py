@@ -22,7 +22,7 @@ def make_simulator(case: stages.Simulator, geometry: Geometry, geometry_path: st
     Parameters
     ----------
     case : stages.Simulator
-        Sections for simulator, pass and materials.
+        Configuration of simulator, pass and materials.
     geometry : Geometry
         Geometry of the pass.
     geometry_path : path
@@ -38,7 +38,7 @@ def make_simulator(case: stages.Simulator, geometry: Geometry, geometry_path: st
         plan = CommandPlan(case.simulator, case.materials)
         work = Path(geometry_path).parent / "external"
         return CommandSimulator(plan, case.materials, case.radar, geometry, geometry_path, work)
-    from radcal.simulators.builtin import BuiltinSimulator  # with compiled functions
+    from radcal.simulators.builtin import BuiltinSimulator  # imported here, because it loads compiled functions
 
     return BuiltinSimulator(geometry, case.radar, case.laws)
 
@@ -46,12 +46,13 @@ def make_simulator(case: stages.Simulator, geometry: Geometry, geometry_path: st
 def make_runner(
     case: stages.Simulation, scene_path: str | Path, geometry_path: str | Path | Sequence[str | Path], runs: str | Path
 ) -> Runner:
-    """Runner of the configured simulator: a run in the case's run store is read, a new run is simulated and stored.
+    """Runner that reads runs from the case's run store, and simulates new runs with the configured simulator.
 
-    ``geometry_path`` may be a list, with the geometry of each pass of the case: the runner has those of the others.
+    ``geometry_path`` may be a list with the geometry file of each pass of the case. The result is the runner of the
+    first pass; its attribute ``further`` contains the runners of the other passes.
     """
     paths = [geometry_path] if isinstance(geometry_path, str | Path) else list(geometry_path)
-    each = [case] if len(paths) == 1 else case.passes  # type: ignore[misc]  # a stage of all passes has them
+    each = [case] if len(paths) == 1 else case.passes  # type: ignore[misc]  # a stage of all passes has this attribute
     identity = read_scene(scene_path).identity
     further: list[Runner] = []
     for one, path in reversed(list(zip(each, paths, strict=True))):

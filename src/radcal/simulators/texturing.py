@@ -16,21 +16,22 @@ __all__ = ["orders_of", "textured", "with_textures"]
 
 
 def orders_of(materials: Mapping[str, Material], first: Radar, radar: Radar) -> dict[str, float]:
-    """Order of the gamma texture of each material with the key ``looks``.
+    """Order (shape parameter) of the gamma texture of each material with the key ``looks``.
 
     Parameters
     ----------
     materials : mapping
         Section ``materials``.
     first : Radar
-        First pass, for whose image the key states the effective looks.
+        First pass; the key ``looks`` is the effective number of looks in the image of this pass.
     radar : Radar
-        Pass of the image, whose speckle may have other looks.
+        Pass of the simulated image; its speckle may have another number of looks.
 
     Returns
     -------
     dict
-        Order by material (:func:`radcal.radar.texture.texture_order`), infinite where the looks need no texture.
+        Order of the texture by material, from :func:`radcal.radar.texture.texture_order`; infinite if the effective
+        looks need no texture.
     """
     return {
         name: texture_order(radar.looks, equal_texture(first.looks, material.looks, radar.looks))
@@ -49,19 +50,19 @@ def textured(
     pixels_db : ndarray of float32, shape (n,)
         All visible pixels of the material [dB].
     order : float
-        Order of the texture; infinite for none.
+        Order of the gamma texture; infinite for no texture.
     seed : int
-        Seed of the case, from which the random numbers derive: the same in every run, so that the texture is a smooth
-        function of its order.
+        Seed of the case, from which the random numbers are derived. The random numbers are the same in every run, so
+        that the texture is a smooth function of its order.
     name : str
         Name of the material.
     fresh : bool
-        Whether the random numbers are those of the final check run, instead of those of all other runs.
+        Whether the random numbers are for the final check run, which has other random numbers than all other runs.
 
     Returns
     -------
     ndarray of float32, shape (n,)
-        The same array if there is no texture.
+        Pixels with texture [dB]; the array ``pixels_db`` itself if there is no texture.
     """
     if not np.isfinite(order):
         return pixels_db
@@ -72,14 +73,14 @@ def textured(
 def with_textures(
     image_db: NDArray[np.float32], geometry: Geometry, orders: Mapping[str, float], seed: int, fresh: bool
 ) -> NDArray[np.float32]:
-    """Image with the texture of each textured material, on all pixels that contain this material alone.
+    """Simulated image with texture on all pixels that contain a textured material alone.
 
     Parameters
     ----------
     image_db : ndarray of float32, shape ``geometry.shape``
         Simulated image [dB].
     geometry : Geometry
-        Geometry of the pass, which states the pixels of each material.
+        Geometry of the pass, which determines the pixels of each material.
     orders : mapping
         Order of the texture by material (:func:`orders_of`).
     seed, fresh : int, bool
@@ -88,7 +89,7 @@ def with_textures(
     Returns
     -------
     ndarray of float32, shape ``geometry.shape``
-        The same array if no material of the image has a texture.
+        Image with texture [dB]; the array ``image_db`` itself if no material of the image has a texture.
     """
     orders = {name: order for name, order in orders.items() if np.isfinite(order) and name in geometry.names}
     if not orders:

@@ -42,7 +42,7 @@ def _common_grid(dp: ArrayLike, target_dp: ArrayLike) -> NDArray[np.float64]:
 def hellinger(dp: ArrayLike, target_dp: ArrayLike) -> float:
     """Hellinger distance of two densities, 0 (equal) to 1 (disjoint)."""
     t = _common_grid(dp, target_dp)
-    # 1 - overlap, in a form without cancellation
+    # the squared distance is 1 - overlap, computed in a form without cancellation
     squared = 0.5 * np.trapezoid((np.sqrt(density(t, dp)) - np.sqrt(density(t, target_dp))) ** 2, t)
     return float(np.sqrt(min(1.0, max(0.0, squared))))
 

@@ -11,7 +11,7 @@ __all__ = ["MAX_R", "MAX_SKEWNESS", "B", "cdf", "centred", "density", "direct", 
 B = np.sqrt(2.0 / np.pi)  # mean of the half-normal
 # skewness of the half-normal, the limit of large |alpha|
 MAX_SKEWNESS = float((4.0 - np.pi) / 2.0 * B**3 / (1.0 - B**2) ** 1.5)
-MAX_R = float(B / np.sqrt(1.0 - B**2))  # mean over sd of the half-normal
+MAX_R = float(B / np.sqrt(1.0 - B**2))  # ratio of mean to standard deviation of the half-normal
 
 
 def direct(cp: ArrayLike) -> NDArray[np.float64]:
@@ -20,7 +20,7 @@ def direct(cp: ArrayLike) -> NDArray[np.float64]:
     Parameters
     ----------
     cp : array_like, shape (..., 3)
-        Mean [dB], standard deviation [dB], skewness, |skewness| < 0.99527.
+        Mean [dB], standard deviation [dB], and skewness, which is below 0.99527 in size.
 
     Returns
     -------

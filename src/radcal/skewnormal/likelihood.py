@@ -14,17 +14,18 @@ from radcal.skewnormal.distribution import MAX_R, MAX_SKEWNESS, B, centred, log_
 
 __all__ = ["Fit", "covariance", "farthest", "fit", "objective", "search", "standardised"]
 
-_ALPHA_LIMIT = 1e7  # stands for infinity
-# the penalty c1 log(1 + c2 alpha^2) has the slope alpha / (2 (e1 + e2 alpha^2)) of the modified score, e1 = 1/3 from
-# small alpha, e2 = int u^2 N(u)^2 / Phi(u) du / int u^4 N(u)^2 / Phi(u) du from large: c1 = 1 / (4 e2), c2 = e2 / e1
+_ALPHA_LIMIT = 1e7  # alpha of the half-normal limit, in place of infinity
+# The penalty c1 log(1 + c2 alpha^2) has the slope alpha / (2 (e1 + e2 alpha^2)), as the modified score has. e1 = 1/3
+# follows from small alpha, e2 = (int u^2 N(u)^2 / Phi(u) du) / (int u^4 N(u)^2 / Phi(u) du) from large alpha. Then c1 =
+# 1 / (4 e2) and c2 = e2 / e1.
 _C1 = 0.8759126
 _C2 = 0.8562498
 _NORMAL = 0.5 * float(np.log(2.0 * np.pi) + 1.0)  # negative mean log-likelihood of a normal fit
-_SCAN = (-1.0, -0.3, 0.1, 0.4, 0.8, 1.2, 1.7, 2.3, 3.0, 4.0)  # start of v: artanh of the share of the largest skewness
+_SCAN = (-1.0, -0.3, 0.1, 0.4, 0.8, 1.2, 1.7, 2.3, 3.0, 4.0)  # starting values of v, with skewness = 0.99527 tanh v
 _STEPS = 60
 _GRADIENT = 1e-9
 _ROUNDING = 1e-14  # tolerance of a mean log-likelihood of standardised values
-# a smaller skewness changes no density by more than rounding, but divides by zero on the way to alpha
+# smallest |tanh v|; a smaller value changes the density only by rounding errors, but causes a division by zero
 _SHARE_FLOOR = 1e-6
 
 
@@ -69,7 +70,8 @@ def _unpack(
     root3 = math.copysign(abs(t) ** (1.0 / 3.0), t)
     r = MAX_R * root3
     root = math.sqrt(1.0 + r**2)
-    # alpha = r / (b sqrt(rest)); without cancellation alpha grows as exp(v), so that v is of use up to any alpha
+    # alpha = r / (b sqrt(rest)), where rest is computed without cancellation, so that alpha grows as exp(v) without
+    # limit
     rest = -math.expm1(2.0 / 3.0 * log_t)
     bend = 1.0 / math.cosh(v) ** 2
     r1 = MAX_R / 3.0 / root3**2 * bend
@@ -99,15 +101,15 @@ def objective(
     x : ndarray, shape (n,)
         Standardised values.
     penalty : float
-        Factor of c1 log(1 + c2 alpha^2): 1/n in a penalised fit of n values.
+        Factor of the penalty c1 log(1 + c2 alpha^2): 1/n in a penalised fit of n values, 0 in a fit without penalty.
 
     Returns
     -------
     value : float
     gradient : ndarray, shape (3,)
-        First derivatives of the value by u.
+        First derivatives of the value with respect to u.
     hessian : ndarray, shape (3, 3)
-        Second derivatives of the value by u.
+        Second derivatives of the value with respect to u.
 
     References
     ----------
@@ -121,7 +123,7 @@ def objective(
     n = x.size
     ratio = np.exp(-0.5 * w * w - 0.5 * math.log(2.0 * math.pi) - log_phi)  # N(w) / Phi(w)
     curved = -ratio * (w + ratio)  # derivative of the ratio
-    powers, terms = np.empty((3, n)), np.empty((n, 4))  # half the time of np.stack
+    powers, terms = np.empty((3, n)), np.empty((n, 4))  # this takes half the time of np.stack
     powers[0], powers[1], powers[2] = 1.0, z, z * z
     terms[:, 0], terms[:, 1], terms[:, 2], terms[:, 3] = z, ratio, curved, log_phi
     sums = powers @ terms / n
@@ -158,7 +160,7 @@ def search(
 ) -> tuple[NDArray[np.float64], float]:
     """Minimise :func:`objective` by Newton's method, with the Hessian made positive definite and with step halving.
 
-    Without a penalty, which keeps alpha finite, the search also ends where alpha is so large that the sample does not
+    A penalty keeps alpha finite. Without a penalty, the search also ends if alpha is so large that the sample does not
     distinguish the density from the half-normal limit (see :func:`_limit`).
 
     Parameters
@@ -175,7 +177,7 @@ def search(
     Returns
     -------
     u : ndarray, shape (3,)
-        Coordinates where the search ended.
+        Coordinates at the end of the search.
     value : float
         Objective at ``u``.
     """
@@ -190,7 +192,7 @@ def search(
         scales = np.maximum(np.abs(scales), 1e-6 * np.abs(scales).max())
         step = np.zeros(3)
         step[moving] = -directions @ ((directions.T @ slope) / scales)
-        step *= min(1.0, 2.0 / np.abs(step).max())  # far out in v the likelihood is flat
+        step *= min(1.0, 2.0 / np.abs(step).max())  # at large v the likelihood is flat, and Newton steps are too long
         expected = gradient @ step
         while -expected > _ROUNDING:
             trial = objective(u + step, x, penalty)
@@ -198,12 +200,12 @@ def search(
                 break
             step *= 0.5
             expected *= 0.5
-        else:  # no step lowers the objective by more than rounding; only the gradient shows the rest
+        else:  # no step lowers the objective by more than rounding; the gradient decides about the last step
             trial = objective(u + step, x, penalty)
             if np.abs(trial[1][moving]).max() < np.abs(slope).max():
                 u, value = u + step, trial[0]
             break
-        # the cusp of the penalty at alpha = 0 is approached by ever shorter steps from both sides
+        # the penalty has a cusp at alpha = 0, which the search would approach from both sides in ever shorter steps
         caught = penalty > 0.0 and u[2] * (u[2] + step[2]) < 0.0 and max(abs(u[2]), abs(u[2] + step[2])) < 0.1
         u = u + step
         value, gradient, hessian = trial
@@ -215,7 +217,7 @@ def search(
 def farthest(n: int) -> float:
     """Value of v beyond which a sample of n values does not distinguish the density from the half-normal limit.
 
-    At this v, alpha times the smallest z of the sample is about 10.
+    At this value of v, alpha (x - xi) / omega is about 10 for the smallest value x of the sample.
 
     Parameters
     ----------
@@ -246,7 +248,7 @@ def _limit(x: NDArray[np.float64], sign: float) -> NDArray[np.float64]:
     """Direct parameters of the fitted half-normal distribution, which is the limit of the density for large alpha."""
     y = sign * x
     omega = float(np.sqrt(np.mean((y - y.min()) ** 2)))
-    # at the smallest value Phi(alpha z) has just reached 1
+    # xi is chosen so that alpha z is 6, and Phi(alpha z) practically 1, at the smallest value of the sample
     return np.array([sign * (y.min() - 6.0 * omega / _ALPHA_LIMIT), omega, sign * _ALPHA_LIMIT])
 
 
@@ -284,10 +286,10 @@ def fit(sample: ArrayLike, penalised: bool = False) -> Fit:
     the half-normal distribution, which is the limit of infinite alpha, is the result if its likelihood is at least as
     large as the maximum found.
 
-    The penalised log-likelihood is the log-likelihood less c1 log(1 + c2 alpha^2), a penalty that corrects the bias of
-    alpha to first order. The maximum of the penalised log-likelihood is at a finite alpha for every sample. At alpha =
-    0 the penalised log-likelihood always has a cusp, which is a local maximum. A sample whose skewness is less than
-    about 0.8 standard errors is therefore fitted by a normal density.
+    The penalised log-likelihood is the log-likelihood minus the penalty c1 log(1 + c2 alpha^2), which corrects the bias
+    of alpha to first order. The maximum of the penalised log-likelihood is at a finite alpha for every sample. At alpha
+    = 0 the penalised log-likelihood always has a cusp, which is a local maximum. A sample whose skewness is smaller
+    than about 0.8 standard errors is therefore fitted by a normal density.
 
     Parameters
     ----------
@@ -318,10 +320,10 @@ def fit(sample: ArrayLike, penalised: bool = False) -> Fit:
     limit = _limit(y, sign)
     limit_value = -log_likelihood(y, limit) / y.size
     u, lowest = search(np.array([0.0, 0.0, np.arctanh(np.clip(skewness, -0.9, 0.9))]), y, penalty)
-    # small or very skewed samples may have several maxima, or none before the limit
+    # the likelihood of a small or very skewed sample may have several maxima, or no maximum at a finite alpha
     if y.size < 200 or abs(skewness) > 0.7 or limit_value < lowest + 0.05:
         for start, (below, above) in _valleys(y, sign, penalty):
-            if not below < sign * u[2] < above:  # the first one is known already
+            if not below < sign * u[2] < above:  # the minimum in this interval is already known
                 other, value = search(start, y, penalty)
                 if value < lowest:
                     u, lowest = other, value
@@ -329,14 +331,14 @@ def fit(sample: ArrayLike, penalised: bool = False) -> Fit:
     at_boundary = not penalised and bool(limit_value < lowest + _GRADIENT)
     if at_boundary:
         dp = limit
-    elif lowest >= _NORMAL:  # the search divides by alpha
+    elif lowest >= _NORMAL:  # the best is the normal density (alpha = 0), where the search would divide by zero
         dp = np.array([0.0, 1.0, 0.0])
     dp = np.array([centre + scale * dp[0], scale * dp[1], dp[2]])
     return Fit(dp=dp, cp=centred(dp), n=y.size, at_boundary=at_boundary, penalised=penalised)
 
 
 def covariance(sample: ArrayLike, found: Fit, effective: float | None = None) -> NDArray[np.float64]:
-    """Covariance of a fit's centred parameters, from the observed information.
+    """Covariance of a fit's centred parameters, computed from the observed information.
 
     Parameters
     ----------
@@ -355,8 +357,7 @@ def covariance(sample: ArrayLike, found: Fit, effective: float | None = None) ->
 
     References
     ----------
-    Azzalini and Capitanio 2014, section 3.1.4: the information is regular in these
-    parameters, at alpha = 0 too.
+    Azzalini and Capitanio 2014, section 3.1.4: the information is regular in the centred parameters, even at alpha = 0.
     """
     if found.at_boundary:
         return np.full((3, 3), np.nan)
@@ -364,8 +365,9 @@ def covariance(sample: ArrayLike, found: Fit, effective: float | None = None) ->
     mean, sd, skewness = found.cp
     y = (x - mean) / sd
     u = np.array([0.0, 0.0, np.arctanh(skewness / MAX_SKEWNESS)])
-    # near alpha = 0 the likelihood has a term in |skewness|^(4/3) times the sample's excess kurtosis, whose second
-    # derivative is infinite there: the curvature is taken over the reach of the skewness' standard error instead
+    # Near alpha = 0 the likelihood has a term in |skewness|^(4/3) times the sample's excess kurtosis, whose second
+    # derivative is infinite at 0. The curvature is therefore a difference quotient over about one standard error of the
+    # skewness.
     reach = np.array([0.0, 0.0, min(0.3, math.sqrt(6.0 / x.size))])
     information = objective(u, y)[2]
     information[2] = (objective(u + reach, y)[1] - objective(u - reach, y)[1]) / (2.0 * reach[2])

@@ -1,4 +1,4 @@
-"""Confidence intervals of a fit: Wald intervals for large samples, profile likelihood otherwise."""
+"""Confidence intervals of a fit: Wald intervals for large samples, profile-likelihood intervals for other samples."""
 
 from __future__ import annotations
 
@@ -14,12 +14,14 @@ from radcal.skewnormal.likelihood import Fit, covariance, farthest, fit, objecti
 
 __all__ = ["intervals", "likelihood_ratio"]
 
-# up to this skewness, and from this number of values, Wald intervals hold the truth in 93 to 97 % of samples
+# for skewnesses up to this size, and for at least this number of values, 95 % Wald intervals contain the true value in
+# 93 to 97 % of samples
 _WALD_SKEWNESS = 0.9
 _WALD_SIZE = 1000.0
-# 95 % quantile of the likelihood ratio of the true skewness over that of chi square, by sample size and skewness;
-# 2,000 samples each, so about 4 %: python benchmarks/skewnormal_fit.py --critical. At the limit it is 0, because
-# 95 % of half-normal samples have their maximum there
+# Ratio of two 95 % quantiles, by sample size and skewness: the quantile of the likelihood ratio at the true skewness,
+# divided by the quantile of chi-square. Each ratio is determined from 2,000 samples, and is accurate to about 4 %:
+# python benchmarks/skewnormal_fit.py --critical. At the half-normal limit the ratio is 0, because 95 % of half-normal
+# samples have their maximum likelihood at this limit.
 _SIZES = np.array([50.0, 100.0, 200.0, 400.0, 800.0])
 _SKEWNESSES = np.array([0.0, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 0.993, 0.9945, 0.9951, MAX_SKEWNESS])
 _RATIOS = np.array(
@@ -31,14 +33,15 @@ _RATIOS = np.array(
         [0.957, 0.982, 1.041, 1.017, 0.980, 1.078, 0.959, 1.025, 1.393, 1.828, 1.565, 0.000],
     ]
 )
-_LEAST_RATIO = 1e-3  # for rounding
-_HOPELESS = 2.5  # excess of the root of a likelihood ratio over its critical value
+_LEAST_RATIO = 1e-3  # lower limit of the ratio, against rounding errors
+_HOPELESS = 2.5  # root of a likelihood ratio minus root of its critical value, at which a search ends
 
 
 def likelihood_ratio(sample: ArrayLike, skewness: float) -> float:
-    """Twice the log of the ratio of the likelihood's maximum over all parameters to its maximum at a given skewness.
+    """Likelihood-ratio statistic of a given skewness for a sample.
 
-    The value does not change if the sample is shifted or scaled.
+    The statistic is twice the logarithm of a ratio: the maximum of the likelihood over all parameters, divided by the
+    maximum at the given skewness. The statistic does not change if the sample is shifted or scaled.
 
     Parameters
     ----------
@@ -84,21 +87,23 @@ def intervals(
 
     For at least 1,000 independent values and a skewness of at most 0.9 in size, the intervals are the normal (Wald)
     intervals from :func:`covariance`. Otherwise an interval is the set of all values of a parameter whose likelihood
-    ratio is below a critical value. The likelihood ratio of a value is twice the log of the likelihood's maximum over
-    all parameters, divided by its maximum at this value. For mean and standard deviation, the critical value is the
-    squared quantile of Student's t distribution with n - 3 degrees of freedom. For the skewness neither t nor
-    chi-square is accurate: the critical value is the quantile, at ``level``, of the likelihood ratio's own
-    distribution, found by simulation (below).
+    ratio is below a critical value. The likelihood ratio of a value is twice the logarithm of the maximum of the
+    likelihood over all parameters, divided by the maximum with the parameter fixed at this value. For mean and standard
+    deviation, the critical value is the squared quantile of Student's t distribution with n - 3 degrees of freedom. For
+    the skewness, critical values from the t or chi-square distribution are not accurate. The critical value of the
+    skewness is therefore the quantile, at the probability ``level``, of the distribution of the likelihood ratio.
 
-    The distribution of the skewness' likelihood ratio depends on sample size and skewness alone. For large samples it
-    approaches the chi-square distribution with 1 degree of freedom. A simulation (``benchmarks/skewnormal_fit.py
-    --critical``) determined the factor between its 95 % quantile and the 95 % quantile of chi-square. The same factor
-    is assumed for all other quantiles.
+    The distribution of the skewness' likelihood ratio depends on sample size and skewness alone. For large samples, the
+    distribution approaches the chi-square distribution with 1 degree of freedom. A simulation
+    (``benchmarks/skewnormal_fit.py --critical``) determined the ratio of the likelihood ratio's 95 % quantile to the 95
+    % quantile of chi-square. The critical value at any ``level`` is the quantile of chi-square at this level times the
+    ratio found at 95 %.
 
-    The likelihood in these intervals excludes the penalty, because an interval describes the parameter and not the
-    penalised estimate. If the likelihood ratio does not reject the largest possible skewness, the interval of the
-    skewness is one-sided and ends at the largest skewness. This interval contains all values of the skewness that a
-    test of size ``1 - level`` does not reject. Its confidence level is therefore ``level``, too.
+    The intervals are computed from the likelihood without penalty, because an interval describes the parameter and not
+    the penalised estimate. If the likelihood ratio does not reject the largest possible skewness, the interval of the
+    skewness is one-sided and ends at the largest skewness. A one-sided interval contains all values of the skewness
+    that a test of size ``1 - level`` does not reject. The confidence level of a one-sided interval is therefore also
+    ``level``.
 
     Parameters
     ----------
@@ -107,10 +112,10 @@ def intervals(
     found : Fit
         Fit to the sample.
     level : float
-        Confidence, between 0 and 1.
+        Confidence level, between 0 and 1.
     effective : float, optional
-        Effective sample size: the log-likelihood of the n values is scaled to this number of independent values. By
-        default n; a number below 8 is replaced by 8.
+        Effective sample size: the log-likelihood of the n values is scaled to this number of independent values. The
+        default is n; a number below 8 is replaced by 8.
 
     Returns
     -------
@@ -152,7 +157,7 @@ def intervals(
 
 
 class _Profile:
-    """Profile likelihood of a standardised sample for each of the parameters mean, log sd and v."""
+    """Profile likelihood of a standardised sample for the mean, for log sd, and for v (skewness = 0.99527 tanh v)."""
 
     def __init__(self, y: NDArray[np.float64], size: float, cp: NDArray[np.float64]) -> None:
         self._y, self._size = y, size
@@ -163,15 +168,16 @@ class _Profile:
         self._least = min(objective(self._top, y)[0], self._limit(math.copysign(1.0, skewness)))
 
     def _limit(self, sign: float, mean: float | None = None, sd: float | None = None) -> float:
-        """Smallest objective at the half-normal limit; ``mean`` or ``sd`` is varied only if it is None."""
+        """Minimum of the objective at the half-normal limit; ``mean`` and ``sd`` are varied unless they are given."""
         y = sign * self._y
         edge = float(y.min())
         if mean is None:
-            # the likelihood grows as the edge approaches the smallest value
+            # the likelihood grows as the edge of the half-normal density approaches the smallest value of the sample
             squares = float(np.mean((y - edge) ** 2))
             omega2 = squares if sd is None else sd**2 * (1.0 + MAX_R**2)
         else:
-            # edge = mean - R sd: the root of the derivative in sd, and no value beyond the edge
+            # edge = mean - MAX_R sd; sd is the root of the derivative with respect to sd, or larger, so that no value
+            # lies beyond the edge
             offset, squares = float(y.mean()) - sign * mean, float(np.mean((y - sign * mean) ** 2))
             curve = 1.0 + MAX_R**2
             sd = (MAX_R * offset + math.sqrt((MAX_R * offset) ** 2 + 4.0 * curve * squares)) / (2.0 * curve)
@@ -181,7 +187,7 @@ class _Profile:
         return 0.5 * (math.log(omega2) + squares / omega2 - math.log(2.0 / math.pi))
 
     def _ratio(self, k: int, value: float, near: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-        """Likelihood ratio at a value of the k-th parameter, and the parameters of the largest likelihood there."""
+        """Likelihood ratio of a value of the k-th parameter, and parameters of the maximum likelihood at this value."""
         free = tuple(j for j in range(3) if j != k)
         start = near.copy()
         start[k] = value
@@ -189,7 +195,8 @@ class _Profile:
         if k != 2:
             sign = math.copysign(1.0, near[2])
             least = self._limit(sign, value) if k == 0 else self._limit(sign, sd=math.exp(value))
-            # for large v the likelihood is flat in v: a smaller skewness may be likelier with another mean or sd
+            # the likelihood is flat at large v; the search starts at a smaller v, because a smaller skewness may have a
+            # larger likelihood together with another mean or sd
             start[2] = sign * min(abs(start[2]), 2.0)
             if self._y.size < 200 and abs(start[2]) > 1.2:
                 starts.append(np.array([start[0], start[1], 0.7 * sign]))
@@ -204,28 +211,29 @@ class _Profile:
         return self._ratio(2, v, self._top)[0]
 
     def bound(self, k: int, side: float, critical: Callable[[float], float]) -> float:
-        """Upper (side 1) or lower (side -1) bound of the k-th parameter, where the ratio reaches its critical value."""
+        """Upper (side 1) or lower (side -1) bound of the k-th parameter, where the likelihood ratio is ``critical``."""
         from scipy.optimize import brentq
 
         near = self._top
 
-        @cache  # kept, because the search starts from the previous value and might end elsewhere when repeated
+        @cache  # cached, because a search starts from the previous result, and might end elsewhere if repeated
         def excess(value: float) -> float:
             nonlocal near
             ratio, near = self._ratio(k, value, near)
-            # interpolation of square roots, which are nearly linear
+            # square roots, because these are nearly linear functions of the value and therefore easy to interpolate
             return math.sqrt(max(ratio, 0.0)) - math.sqrt(critical(value))
 
         if k == 2 and self.of_skewness(side * np.inf) <= critical(side * np.inf):
             return side * np.inf
         step = (2.2, 1.8, 3.0)[k] / math.sqrt(self._size)
-        # the likelihood of a skewness may rise again beyond one that is rejected, unless it is far below
+        # beyond a rejected skewness the likelihood may rise again, unless it is far below the maximum
         hopeless, end = (_HOPELESS, side * farthest(self._y.size)) if k == 2 else (0.0, side * np.inf)
         tried = [float(near[k])]
         while excess(tried[-1]) <= hopeless and side * tried[-1] < side * end:
             tried.append(tried[-1] + side * step)
             step *= 1.4
-        # close to the half-normal limit the critical value is so small that the maximum itself may exceed it
+        # close to the half-normal limit, the critical value is so small that even the ratio at the estimate may exceed
+        # it
         last = max((place for place, value in enumerate(tried) if excess(value) <= 0.0), default=len(tried) - 1)
         if last == len(tried) - 1:
             return tried[last] if excess(tried[last]) <= 0.0 else tried[0]

@@ -15,22 +15,22 @@ __all__ = ["attach_scales", "label_dimensions"]
 
 
 def label_dimensions(made: h5py.Dataset | h5py.Group, labels: Sequence[str]) -> None:
-    """Label the dimensions of a dataset, if there is a label for each."""
+    """Label the dimensions of a dataset, if there is one label for each dimension."""
     if isinstance(made, h5py.Dataset) and len(labels) == made.ndim:
         for place, label in enumerate(labels):
             made.dims[place].label = label
 
 
 def attach_scales(group: h5py.Group, fields: Mapping[str, tuple[Sequence[str], bool]]) -> None:
-    """Make dimension scales of some datasets of a group, and attach them to the dimensions with their labels.
+    """Turn some datasets of a group into dimension scales, and attach each scale to the dimensions with its label.
 
     Parameters
     ----------
     group : h5py.Group
-        The group.
+        Group that contains the datasets.
     fields : mapping
-        By the name of a dataset, which may be absent: labels of its dimensions, and whether it is a scale, which has
-        one dimension.
+        For each dataset, by its name: labels of its dimensions, and whether the dataset is a scale, which has one
+        dimension. A dataset may be absent from the group.
     """
     held = {name: labels for name, (labels, _) in fields.items() if isinstance(group.get(name), h5py.Dataset)}
     for name, (labels, is_scale) in fields.items():

@@ -142,7 +142,7 @@ def unwritable(folder: str | Path, besides: str = "external") -> Path | None:
     folder : path
         ``results/<case>``.
     besides : str
-        Name of a subfolder of ``folder`` that is not checked.
+        Name of the only subfolder of ``folder`` that is not checked.
     """
     for path, folders, _ in os.walk(folder):
         if not os.access(path, os.W_OK | os.X_OK):
@@ -155,8 +155,9 @@ def unwritable(folder: str | Path, besides: str = "external") -> Path | None:
 def clamp_future_mtimes(folder: str | Path) -> int:
     """Set modification times in the future to the present, without changing their order; return the number changed.
 
-    Such times remain after the computer's clock was set back. Snakemake would then fail every job whose output is older
-    than its input. Run records, which Snakemake does not use, and the targets of links are not changed.
+    Modification times in the future remain after the computer's clock was set back. With such files, Snakemake would
+    fail every job whose output is older than its input. Run records, which Snakemake does not use, and the targets of
+    links are not changed.
 
     Parameters
     ----------

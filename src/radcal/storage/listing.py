@@ -20,8 +20,8 @@ def write_listing(path: str | Path, files: Iterable[str | Path]) -> None:
     Parameters
     ----------
     path : path
-        Path of the list. One workflow rule must write both the files and the list. Snakemake then removes both before
-        the rule runs again, so that the list always belongs to the present files.
+        Path of the list. One workflow rule must write both the listed files and the list. Snakemake then removes both
+        before the rule runs again, so that the list always belongs to the present files.
     files : iterable of path
         Files in the folder of the list or in its subfolders.
 

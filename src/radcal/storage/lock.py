@@ -9,15 +9,56 @@ import os
 import socket
 import sys
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn, TextIO
 
 from radcal.errors import StoreError
 from radcal.storage.files import alive, sweep
 
-__all__ = ["CaseLock", "claimed", "leave"]
+__all__ = ["CaseLock", "Holder", "claimed", "holder", "leave"]
 
 logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Holder:
+    """Snakemake command that works on a case at this moment.
+
+    Attributes
+    ----------
+    process : int
+        Number of the command's process on ``host``.
+    host : str
+        Name of the machine on which the command runs.
+    since : float
+        Time at which the command began [s since 1970].
+    """
+
+    process: int
+    host: str
+    since: float
+
+
+def holder(folder: str | Path) -> Holder | None:
+    """Command that has locked a case's results folder; None if the folder is not locked.
+
+    Parameters
+    ----------
+    folder : path
+        ``results/<case>``; the function changes no file in it.
+    """
+    path = Path(folder) / ".lock"
+    with contextlib.suppress(OSError, ValueError), path.open(encoding="ascii") as file:
+        process, _, host = file.read().strip().partition(" ")
+        # after the command's process has ended, its jobs may hold the lock for a moment
+        if host == socket.gethostname() and not alive(int(process)):
+            return None
+        try:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return Holder(int(process), host, path.stat().st_mtime)
+    return None
 
 
 class CaseLock:
@@ -77,8 +118,8 @@ class CaseLock:
 def claimed(folder: str | Path, key: str) -> Iterator[None]:
     """Context that locks one run; this process first waits until no process on any machine holds the run's lock.
 
-    Jobs of a killed workflow may still run, especially on a cluster. If such a job is simulating a run, the next
-    command waits for the result instead of simulating the run again.
+    Jobs of a killed workflow may still run, especially on a cluster. If a job of a killed workflow is simulating a run,
+    the next command waits for the result instead of simulating the run again.
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ _origin: ContextVar[Origin] = ContextVar("origin", default=_UNKNOWN)
 
 
 def origin() -> Origin:
-    """Origin that is recorded in files written inside the present :func:`provenance` context."""
+    """Case name and configuration that are recorded in files written inside the present :func:`provenance` context."""
     return _origin.get()
 
 

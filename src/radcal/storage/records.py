@@ -60,8 +60,9 @@ def write_hdf5(
         Whether to raise a ConfigError if the folder has a finished calibration that was made with an earlier file of
         other content. The environment variable :data:`REPLACE` switches this protection off.
     alike : callable, optional
-        Function that receives an earlier protected file and returns whether this file has the same values, in the
-        layout of an earlier version. If the function returns true, the earlier file is replaced without an error.
+        Function that receives an earlier protected file, which may have the layout of an earlier version, and returns
+        whether this file has the same values as the new file. If the function returns true, the earlier file is
+        replaced without an error.
 
     Raises
     ------

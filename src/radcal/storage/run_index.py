@@ -36,7 +36,7 @@ class IndexedRun:
 
     @classmethod
     def of(cls, record: Record, parameters: Parameters, difference_db: float | None = None) -> IndexedRun:
-        """Entry of the run to which a record belongs."""
+        """Index entry of the run to which a stored record belongs."""
         return cls(record.key, parameters, difference_db, tuple(draw.key for draw in record.draws))
 
 
@@ -87,12 +87,12 @@ def indexed(
 def in_all_passes(
     passes: Iterable[Iterable[tuple[Record, Parameters]]],
 ) -> Iterator[tuple[Record, Parameters]]:
-    """Records of the first pass, each with those of the other passes, from the records of each pass in one order.
+    """Records of the first pass, each combined with the records of the same run in the other passes.
 
     Raises
     ------
     StoreError
-        The passes have other parameters, or another number of runs.
+        The passes differ in the parameters or in the number of their runs.
     """
     first, *others = [list(found) for found in passes]
     for found in others:

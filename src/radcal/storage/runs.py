@@ -38,7 +38,7 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Record:
-    """Result of one simulator run.
+    """Result of one simulator run, as the run store keeps it.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class Record:
     draws : tuple of Record
         Records of further speckle draws with the same parameters, each with a separate file in the run store.
     further : tuple of Record
-        Runs of the second and later passes with the same parameters.
+        Records of the second and later passes with the same parameters.
     """
 
     key: str
@@ -65,7 +65,7 @@ class Record:
 
     @property
     def passes(self) -> tuple[Record, ...]:
-        """Runs of all passes with these parameters, this one first."""
+        """Records of all passes with these parameters, in the order of the passes."""
         return (self, *self.further)
 
     @property

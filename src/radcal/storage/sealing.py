@@ -1,8 +1,8 @@
 """Checksums stored in the first bytes of HDF5 and JSON files.
 
-An HDF5 file starts with a user block of 512 bytes, which HDF5 libraries skip. The block contains the SHA-256 of all
-bytes after the block, and the number of these bytes. The second line of a JSON file contains the SHA-256 of all bytes
-after this line.
+An HDF5 file starts with a user block of 512 bytes, which HDF5 libraries skip. The user block contains the SHA-256 of
+all bytes after the block, and the number of these bytes. The second line of a JSON file contains the SHA-256 of all
+bytes after this line.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ def seal(path: str | Path) -> None:
     Parameters
     ----------
     path : path
-        Path of a file with a user block of 512 bytes. Such a file was written by
+        Path of a file with a user block of 512 bytes. The file was written by
         :func:`~radcal.storage.records.write_hdf5` and then changed intentionally.
 
     Raises

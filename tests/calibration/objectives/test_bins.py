@@ -49,6 +49,7 @@ def laws_are_right(objectives, history):
         assert abs(error.mean()) < 1.0, name
 
 
+@pytest.mark.slow
 def test_it_settles_on_the_laws_in_a_few_runs(objectives, calibrated):
     history, decision = calibrated
     assert decision.reason == "settled"
@@ -189,12 +190,12 @@ def test_parts_are_levels_and_spreads_and_sum_to_all(objectives):
     higher = statistics + [1.0, 0.0, 0.0]
     points = Points(np.array([statistics, higher]), np.array([x, x]), np.array([3.0, 3.0]))
     residuals = objective.residuals(points)
-    found = objective.parts(residuals)
+    found = objective.parts(points)
     np.testing.assert_allclose(found.sum(axis=1), (residuals**2).sum(axis=1), rtol=1e-9)
     np.testing.assert_allclose(objective.cost(points), 0.5 * (residuals**2).sum(axis=1), rtol=1e-12)
     likelihood = Likelihood(objective.material)
     residuals = likelihood.residuals(points)
-    np.testing.assert_allclose(likelihood.parts(residuals).sum(axis=1), (residuals**2).sum(axis=1), rtol=1e-9)
+    np.testing.assert_allclose(likelihood.parts(points).sum(axis=1), (residuals**2).sum(axis=1), rtol=1e-9)
 
 
 def test_the_scale_is_that_of_the_measured_bins(objectives):
@@ -278,6 +279,7 @@ def test_what_a_run_shows_besides_the_law_is_kept_at_other_parameters(objectives
         np.testing.assert_allclose(found, objective.residuals(shown)[0, : found.size], rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_likelihood_of_the_pixels_finds_the_laws_too(parts, tmp_path):
     """The objective that knows nothing of patches, through the same loop and the same targets."""
     case, simulator, geometry, scene, targets = parts

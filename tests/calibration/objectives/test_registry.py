@@ -137,6 +137,7 @@ class Quartiles(Objective):
         return f"quartiles of {len(ended)} of {len(materials)} materials agree best"
 
 
+@pytest.mark.slow
 def test_a_fourth_objective_is_one_class_and_two_entries(parts, monkeypatch, tmp_path):
     """From the configuration to the check of its laws, with whole runs of the simulator in between."""
     given, simulator, geometry, scene, both = parts

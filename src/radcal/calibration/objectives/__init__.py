@@ -1,8 +1,9 @@
-"""Objectives: what is compared between runs and target, one class each, behind one contract."""
+"""Objectives: classes with a common interface that compare runs with the target."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,7 +12,8 @@ from radcal.calibration.objectives.density import Density
 from radcal.calibration.objectives.joint import Joint
 from radcal.calibration.objectives.objective import Comparison, Material, Objective
 from radcal.config import stages
-from radcal.measurement.target import Targets
+from radcal.measurement.patches import pooled
+from radcal.measurement.target import Target, Targets
 
 __all__ = ["OBJECTIVES", "Comparison", "Objective", "make_objectives"]
 
@@ -27,25 +29,39 @@ def make_objectives(case: stages.Scores | stages.Archive, targets: Targets) -> M
     case : stages.Scores or stages.Archive
         Name of the objective, laws, bounds and looks.
     targets : Targets
-        By calibrated material, with those of further passes.
+        Targets of the calibrated materials in all passes.
 
     Returns
     -------
     mapping
-        By material, in the order of the targets.
+        Objective by material, in the order of the targets.
     """
     if not targets.further:
         return _of_pass(case, targets)
     passes: Sequence[stages.Scores | stages.Archive] = case.passes
     each = [
         _of_pass(one, found, priors=number == 0)
-        for number, (one, found) in enumerate(zip(passes, targets.passes, strict=True))
+        for number, (one, found) in enumerate(zip(passes, _of_common_spread(targets), strict=True))
     ]
     return {name: Joint([objectives.get(name) for objectives in each]) for name in targets}
 
 
+def _of_common_spread(targets: Targets) -> list[Targets]:
+    """Targets of all passes, with one spread of fields for each material: all passes show the same fields."""
+
+    def common(name: str, target: Target) -> Target:
+        if target.classes is None:
+            return target
+        each = [one[name].classes for one in targets.passes if name in one]
+        spread = pooled([bins.spread for bins in each if bins is not None])
+        return replace(target, classes=replace(target.classes, spread=spread))
+
+    each = ({name: common(name, target) for name, target in one.items()} for one in targets.passes)
+    return [Targets(found, one.levels, one.looks) for found, one in zip(each, targets.passes, strict=True)]
+
+
 def _of_pass(case: stages.Scores | stages.Archive, targets: Targets, priors: bool = True) -> dict[str, Objective]:
-    """Objectives of one pass."""
+    """Objective of each material in one pass; ``priors`` tells whether the priors enter."""
     laws, kind = case.laws, OBJECTIVES[case.objective]
     return {
         name: kind(

@@ -1,4 +1,4 @@
-"""Objectives in incidence-angle bins: ``classes`` (statistics of each bin) and ``likelihood`` (their pixels)."""
+"""Objectives in incidence-angle bins: ``classes`` (statistics of each bin), ``likelihood`` (pixels of each bin)."""
 
 from __future__ import annotations
 
@@ -31,16 +31,17 @@ from radcal.errors import MeasurementError
 
 __all__ = ["Bins", "Likelihood"]
 
-_SETTLED = 0.05  # of half the sum of squares: the law is a third of its standard error from the minimum
+_SETTLED = 0.05  # difference in cost for a law that is a third of its standard error from the minimum
 
 
 class Bins(Objective):
-    """Mean, log sd and skewness of each incidence-angle bin, with free looks and weak priors."""
+    """Objective ``classes``: mean, log sd and skewness of each incidence-angle bin, with weak priors."""
 
     looks_ahead = True
     tolerance = 1e-6
     improvement: ClassVar[float] = _SETTLED
     misfit: ClassVar[type[Misfit]] = BinMisfit
+    part_names = ("means and priors", "log sds and skewnesses")
 
     def __init__(self, material: Material) -> None:
         super().__init__(material)
@@ -69,8 +70,13 @@ class Bins(Objective):
 
     @cached_property
     def moments(self) -> BinMisfit:
-        """Misfit of mean, log sd and skewness of the measured bins, whichever misfit is minimised."""
+        """Misfit of mean, log sd and skewness in each bin, also if the objective minimises another misfit."""
         return BinMisfit.of(self.ground, self.bins.classes, self.method, self.bins.spread)
+
+    @property
+    def of_fields(self) -> BinMisfit | None:
+        """Attribute :attr:`moments`, if the minimised misfit includes effects of fields; otherwise None."""
+        return self.moments if self.misfit.of_fields else None
 
     @property
     def scale(self) -> Doubles:
@@ -78,7 +84,7 @@ class Bins(Objective):
         return np.asarray(np.sqrt(np.diag(self.moments.covariance)).reshape(3, -1).T)
 
     def compared(self) -> Compared:
-        """Measured pixels and the statistics of their bins."""
+        """Measured pixels of the material, with the statistics of their incidence-angle bins."""
         measured = from_cumulants(self.bins.classes.cumulants)
         prior = law_prior(self.ground, self.method)
         return Compared(self.ground, self.bins.classes, self.method, measured, prior, self.method.priors)
@@ -88,7 +94,7 @@ class Bins(Objective):
         return from_cumulants(self.bins.cumulants(values_db, pixels))
 
     def residuals(self, points: Points) -> Doubles:
-        """Residuals of the misfit, then those of the priors."""
+        """Residuals of the misfit, followed by the residuals of the priors, shape (m, k)."""
         slack = np.broadcast_to(points.slack, points.statistics.shape)
         each = zip(to_cumulants(points.statistics), points.parameters, points.looks, slack, strict=True)
         return np.stack(
@@ -98,23 +104,23 @@ class Bins(Objective):
             ]
         )
 
-    def parts(self, residuals: Doubles) -> Doubles:
+    def parts(self, points: Points) -> Doubles:
         """Squares of the means with the priors, and of the other statistics, shape (m, 2)."""
         n = self.bins.classes.size
-        squares = residuals**2
+        squares = self.residuals(points) ** 2
         first, second, weak = np.split(squares, [n, 3 * n], axis=1)
         return np.stack([first.sum(axis=1) + weak.sum(axis=1), second.sum(axis=1)], axis=-1)
 
     def worth(self, parameters: Sequence[float], statistics: Doubles) -> tuple[float, float | None]:
-        """Looks that suit a run best, and half the sum of squared residuals there, priors included."""
+        """Number of looks that minimises the cost of a run, and this cost: half the sum of squared residuals."""
         return suited_looks(self, parameters, statistics)
 
     def promising(self, costs: Doubles, best: float) -> NDArray[np.bool_]:
-        """Which costs are clearly below the best, and as good as the smallest."""
+        """Mask of the costs that are clearly below the best verified cost, and about as good as the smallest one."""
         return costs <= min(best - _SETTLED, float(costs.min()) + _SETTLED)
 
     def _simulated(self, score: Score) -> Forward:
-        """Cumulants of each bin by X; what the run's bins hold besides law and speckle is kept."""
+        """Function from X to the cumulants of each bin: baseline plus the difference between run and baseline."""
         x, statistics, baseline = np.asarray(score.parameters), np.asarray(score.statistics), self.baseline
         if baseline is None:
             return lambda _: to_cumulants(statistics)
@@ -122,23 +128,23 @@ class Bins(Objective):
         return lambda at: to_cumulants(baseline(at) + discrepancy)
 
     def evidence(self, score: Score) -> Residuals:
-        """Residuals by X and looks; those of a law without a curve are the run's at any X."""
+        """Function from X and looks to residuals; for a law without a curve, they do not depend on X."""
         return ground_residuals(self.ground, self.bins.classes, self.method, self.bins.spread, self._simulated(score))
 
     def moment_residuals(self, score: Score) -> Residuals:
-        """The same of mean, log sd and skewness, whichever misfit is minimised."""
+        """Function from X and looks to residuals of mean, log sd and skewness, also if another misfit is minimised."""
         simulated = self._simulated(score)
         return lambda x, looks: self.moments(x, looks, simulated(x))
 
     def law(self, score: Score, residuals: Residuals | None = None) -> GroundLaw:
-        """Law of a run with its uncertainty; what its bins hold besides law and speckle is its correction."""
+        """Law of a run with its uncertainty; its correction is the run's mean minus the law's mean in each bin."""
         x, statistics = np.asarray(score.parameters, dtype=np.float64), np.asarray(score.statistics)
         classes, method, free_looks = self.bins.classes, self.method, self.method.free_looks
         found = residuals or self.evidence(score)
         fit = fit_law(found, method.bounds, method.looks, free_looks, (x, score.looks), score.looks, self._prior, False)
         fit = replace(fit, parameters=x, looks=score.looks)
         correction = statistics[:, 0] - LawForward(method.law, classes.nodes_deg, method.looks)(x)[:, 0]
-        # part of how it differs from bin to bin is the run's own speckle
+        # the run's own speckle causes a part of the differences between bins, which is removed
         common = correction.mean()
         noise = float(np.mean(np.exp(2.0 * statistics[:, 1]) / ((1.0 + self.bins.draws) * classes.effective)))
         correction = common + max(0.0, 1.0 - noise / max(float(np.var(correction)), 1e-12)) * (correction - common)
@@ -146,7 +152,7 @@ class Bins(Objective):
 
     @classmethod
     def ending(cls, progress: Progress, stop: Stop) -> Verdict | None:
-        """End where the surrogate of all runs promises no better law, or hardly another one."""
+        """End of a search if the surrogate of all runs predicts no better law, or one that hardly differs."""
         score, name = progress.score, progress.name
         if progress.proposal.mode == "exhausted":
             text = "every combination of whole parameters inside the bounds has been simulated."
@@ -168,12 +174,12 @@ class Bins(Objective):
 
     @classmethod
     def standing(cls, name: str, best: float, stop: Stop) -> str:
-        """Stop criterion not met."""
+        """Start of the sentence which says that a material does not meet the stop criterion."""
         return f"{name}: stop criterion not met"
 
     @classmethod
     def progress_line(cls, history: History, materials: Sequence[str], ended: Sequence[str], stop: Stop) -> str:
-        """Laws that meet the stop criterion, and the law that may still change most."""
+        """Text on the number of laws that meet the stop criterion, and on the law that may still change most."""
         text = f"{len(ended)} of {len(materials)} laws meet the stop criterion"
         moved = {name: history.infill[-1].scores[name].moved_db for name in materials}
         known = {name: value for name, value in moved.items() if value is not None}
@@ -184,16 +190,17 @@ class Bins(Objective):
 
 
 class Likelihood(Bins):
-    """Gamma likelihood of the pixels of each bin."""
+    """Objective ``likelihood``: gamma likelihood of the pixels in each incidence-angle bin."""
 
     misfit: ClassVar[type[Misfit]] = LikelihoodMisfit
+    part_names = ("pixels of small incidence, priors", "pixels of large incidence")
 
-    def parts(self, residuals: Doubles) -> Doubles:
-        """Squares of the bins of small incidence with the priors, and of those of large incidence, shape (m, 2)."""
+    def parts(self, points: Points) -> Doubles:
+        """Sums of squared residuals: bins of small incidence with priors, and bins of large incidence, shape (m, 2)."""
         n = self.bins.classes.size
         weak = self._prior(self.material.box.mean(axis=1), self.material.looks).size
-        data = residuals.shape[1] - weak
-        squares = residuals**2
+        squares = self.residuals(points) ** 2
+        data = squares.shape[1] - weak
         half = n // 2 * (data // n)
         first, second, rest = np.split(squares, [half, data], axis=1)
         return np.stack([first.sum(axis=1) + rest.sum(axis=1), second.sum(axis=1)], axis=-1)

@@ -14,7 +14,7 @@ from radcal.calibration.expected import LawForward
 from radcal.calibration.grounds import GroundLaw, bins_of, ground_residuals
 from radcal.calibration.history import History, Proposal, Score
 from radcal.calibration.law_fit import Residuals, fit_law
-from radcal.calibration.misfit import Method
+from radcal.calibration.misfit import BinMisfit, Method
 from radcal.calibration.moments import from_cumulants, from_dp, to_dp
 from radcal.calibration.objectives.objective import (
     Compared,
@@ -33,20 +33,21 @@ from radcal.measurement.patches import Spread
 
 __all__ = ["UNREACHABLE_SHARE", "Density"]
 
-UNREACHABLE_SHARE = 0.9  # of the best verified rms: with a floor above it nothing nearer exists
+UNREACHABLE_SHARE = 0.9  # share of the best verified rms; with a floor above it, no X is clearly better
 _PROMISING_SHARE = 0.5
-_ALONE = Spread(0.8, 0.4)  # until the materials have been looked at together
+_ALONE = Spread(0.8, 0.4)  # [dB], in place of an estimate from all materials together
 _GRID = 200  # points on which the search compares densities; the score uses 1,000
 _NODES = 64  # incidence angles that represent the pixels
-_OF_SAMPLING = 1.0 / 3.0  # of the sampling error: less adds no more than a ninth to the variance that sampling leaves
-_PATIENCE = 5  # runs without a better point there
+_OF_SAMPLING = 1.0 / 3.0  # share of the sampling error; an rms below it adds at most a ninth to the variance
+_PATIENCE = 5  # runs without improvement after which a search below that rms ends
 _KEPT = 0.2  # relative difference of predicted and verified rms, up to which the prediction was right
 
 
 class Density(Objective):
-    """Rms difference of the material's density from the target's; searched in (mean, log sd, skewness), scaled.
+    """Objective ``density``: rms difference between a material's density and the target's density.
 
-    Where the scaled differences vanish, so does the rms, which is flat far from its minimum.
+    The search first minimises scaled differences of mean, log sd and skewness, because the rms hardly changes with X
+    far from its minimum. The rms is 0 if the differences of the statistics are 0.
     """
 
     def __init__(self, material: Material) -> None:
@@ -72,12 +73,17 @@ class Density(Objective):
 
     @property
     def scale(self) -> Doubles:
-        """Asymptotic standard errors of a normal sample's moments, without their common factor 1/sqrt(n)."""
+        """Standard errors of mean, log sd and skewness of n normal values, times sqrt(n), shape (1, 3)."""
         return np.array([[np.exp(self._target[1]), np.sqrt(0.5), np.sqrt(6.0)]])
+
+    @cached_property
+    def of_fields(self) -> BinMisfit:
+        """Misfit of one bin that contains all pixels."""
+        return BinMisfit.of(self.material.target.ground, self._classes.compared(1), self._method, _ALONE)
 
     def compared(self) -> Compared:
         """Measured pixels and the centred parameters of their density."""
-        # the simulated density has speckle of its own
+        # the simulated pixels have their own speckle, which adds to the variance of the difference
         classes = self._classes.compared(1)
         return Compared(self.material.target.ground, classes, self._method, self._target[None], None, True)
 
@@ -87,17 +93,17 @@ class Density(Objective):
         return from_dp(skewnormal.fit(values, self.material.target.penalised).dp)[None]
 
     def residuals(self, points: Points) -> Doubles:
-        """Scaled differences of mean, log sd and skewness, shape (m, 3)."""
+        """Differences of mean, log sd and skewness from the target's, divided by ``scale``, shape (m, 3)."""
         return (drawn(points.statistics, self._target, points.slack) / self.scale)[:, 0]
 
     def _differences(self, points: Points) -> Doubles:
-        """Differences of the densities on the grid over the target's largest value, shape (m, 200)."""
+        """Differences of predicted densities from the target's, divided by the target's maximum, shape (m, 200)."""
         dp = to_dp(self._target + drawn(points.statistics, self._target, points.slack)[:, 0])
         found = np.stack([skewnormal.density(self._grid, row) for row in dp])
         return np.asarray((found - self._density) / self._density.max())
 
     def refinements(self) -> Sequence[Callable[[Points], Doubles]]:
-        """Differences of the densities: they weigh the statistics otherwise, where these cannot all be met."""
+        """Function for residuals of a second search: differences of densities, if the statistics cannot be matched."""
         return (self._differences,)
 
     def cost(self, points: Points) -> Doubles:
@@ -106,25 +112,25 @@ class Density(Objective):
         return np.asarray(np.sqrt(np.mean(differences**2, axis=1)))
 
     def worth(self, parameters: Sequence[float], statistics: Doubles) -> tuple[float, float | None]:
-        """Looks of the speckle; the cost is the density rms."""
+        """Number of looks of the simulated speckle, and None, because the cost is the density rms."""
         return self.material.looks, None
 
     def promising(self, costs: Doubles, best: float) -> NDArray[np.bool_]:
-        """Which costs are below half of the best."""
+        """Mask of the costs that are below half of the best verified cost."""
         return costs < _PROMISING_SHARE * best
 
     def together(self, costs: Doubles) -> Doubles:
-        """Root mean square over the passes."""
+        """Root mean square of the costs of several passes."""
         return np.asarray(np.sqrt(np.mean(costs**2, axis=0)))
 
     def evidence(self, score: Score) -> Residuals:
-        """Residuals of one bin by X and looks."""
-        # the simulated density has speckle of its own, and there may be texture, which moves looks and skewness
+        """Function from X and looks to residuals of mean, log sd and skewness, with all pixels as one bin."""
+        # the simulated pixels have their own speckle, and there may be texture, which changes looks and skewness
         compared = self._classes.compared(1)
         return ground_residuals(self.material.target.ground, compared, self._method, _ALONE)
 
     def law(self, score: Score, residuals: Residuals | None = None) -> GroundLaw:
-        """Law of a run with what one density says of its uncertainty."""
+        """Law of a run, with the uncertainty that the density of all pixels leaves."""
         m, x = self.material, np.asarray(score.parameters, dtype=np.float64)
         ground, method, classes = m.target.ground, self._method, self._classes
         fit = fit_law(
@@ -141,7 +147,7 @@ class Density(Objective):
 
     @classmethod
     def ending_before_infill(cls, name: str, best: float, stop: Stop) -> Verdict | None:
-        """End within the tolerance."""
+        """End of a search if the rms of the best run is within the tolerance."""
         if best <= stop.rms:
             sentence = f"{name}: rms {best:.2g} within the tolerance {stop.rms:.2g} before any infill."
             return Verdict("rms", sentence)
@@ -149,7 +155,7 @@ class Density(Objective):
 
     @classmethod
     def ending(cls, progress: Progress, stop: Stop) -> Verdict | None:
-        """End within the tolerance, at a floor that keeps above it, or at the sampling error."""
+        """End of a search: rms within the tolerance, target unreachable, or rms well below the sampling error."""
         name, best, proposal = progress.name, progress.best, progress.proposal
         if best <= stop.rms:
             sentence = f"{name}: rms {best:.2g} within the tolerance {stop.rms:.2g} after {progress.runs} runs."
@@ -179,12 +185,12 @@ class Density(Objective):
 
     @classmethod
     def standing(cls, name: str, best: float, stop: Stop) -> str:
-        """Best rms and tolerance."""
+        """Start of the sentence on the state of a search: best rms of the material, and tolerance."""
         return f"{name}: rms {best:.2g}, above the tolerance {stop.rms:.2g}"
 
     @classmethod
     def progress_line(cls, history: History, materials: Sequence[str], ended: Sequence[str], stop: Stop) -> str:
-        """Best rms, of several materials the worst."""
+        """Text on the best rms; of several materials, on the material whose best rms is largest."""
         best = {name: history.best(name).scores[name].cost for name in materials}
         if len(best) == 1:
             text = f"best rms {next(iter(best.values())):.2e}"
@@ -196,6 +202,6 @@ class Density(Objective):
 
 
 def _kept(proposal: Proposal, rms: float) -> bool:
-    """Whether a verified rms is the predicted one: only then is the surrogate's floor credible."""
+    """Whether a verified rms agrees with its prediction; otherwise the floor of the surrogate is not used."""
     predicted = proposal.cost
     return proposal.mode == "exploit" and predicted is not None and abs(rms - predicted) <= _KEPT * predicted

@@ -1,4 +1,4 @@
-"""Objective of one material in several passes: the objectives of the single passes, side by side."""
+"""Objective of one material in several passes, made up of the objectives of the single passes."""
 
 from __future__ import annotations
 
@@ -11,23 +11,25 @@ from numpy.typing import ArrayLike, NDArray
 from radcal.calibration.grounds import GroundLaw
 from radcal.calibration.history import Score
 from radcal.calibration.objectives.objective import Comparison, Doubles, Objective, Points, suited_looks
+from radcal.calibration.shared_fields import SharedFields
 from radcal.radar.texture import equal_texture
 
 __all__ = ["Joint"]
 
 
 class Joint(Comparison):
-    """Comparison of one material in several passes.
+    """Comparison of one material's runs with its targets in several passes.
 
     Law and texture are shared: all passes have the same X, and looks that follow from the same texture
-    (:func:`radcal.radar.texture.equal_texture`). Field effects are independent from pass to pass. The bins of all
-    passes are stacked, in the order of the passes; the priors enter once, with the first pass.
+    (:func:`radcal.radar.texture.equal_texture`). A field that lies in several passes has the same effect in all of them
+    (:mod:`radcal.calibration.shared_fields`). The statistics of the bins are stacked in the order of the passes. The
+    priors enter only once, with the first pass.
 
     Parameters
     ----------
     passes : sequence of Objective or None
-        Objective of each pass, None for a pass in which the material has too few pixels; the first is there, and it
-        alone was made with priors.
+        Objective of each pass, None for a pass in which the material has too few pixels. The first pass always has an
+        objective, and only this objective includes the priors.
     """
 
     def __init__(self, passes: Sequence[Objective | None]) -> None:
@@ -36,6 +38,7 @@ class Joint(Comparison):
         self.passes = passes
         self.first, self.material = first, first.material
         self._parts = [part for part in passes if part is not None]
+        self.part_names = [f"pass {k}" for k, part in enumerate(passes, start=1) if part is not None]
         self.free_looks, self.explores = first.free_looks, any(part.explores for part in self._parts)
         self.looks_ahead, self.tolerance = first.looks_ahead, first.tolerance
         self.starts = [(x, self._back(part, looks)) for part in self._parts for x, looks in part.starts]
@@ -43,17 +46,22 @@ class Joint(Comparison):
         known = [base for base in bases if base is not None]
         self.baseline = (lambda x: np.concatenate([base(x) for base in known])) if len(known) == len(bases) else None
         self._ends = np.cumsum([len(part.scale) for part in self._parts])
+        fields = [part.of_fields for part in self._parts]
+        shown = [one for one in fields if one is not None]
+        self._fields = SharedFields(shown) if len(shown) == len(fields) else None
+        # an objective without bins minimises other residuals than those of its evidence, so that fields are not shared
+        self._minimised = self._fields if first.misfit is not None else None
 
     def _back(self, part: Objective, looks: float) -> float:
-        """Looks in the first pass of a material with these looks in another one."""
+        """Effective looks in the first pass of a material that has ``looks`` in the pass of ``part``."""
         return equal_texture(part.material.looks, looks, self.material.looks)
 
     def _there(self, part: Objective, looks: float) -> float:
-        """Looks in a pass of a material with these looks in the first one."""
+        """Effective looks in the pass of ``part`` of a material that has ``looks`` in the first pass."""
         return equal_texture(self.material.looks, looks, part.material.looks)
 
     def _split(self, points: Points) -> list[tuple[Objective, Points]]:
-        """Points of each pass."""
+        """Objective of each pass, with the points restricted to the statistics of this pass."""
         slack = np.broadcast_to(points.slack, points.statistics.shape)
         each = zip(
             self._parts,
@@ -72,17 +80,21 @@ class Joint(Comparison):
         return np.concatenate([part.scale for part in self._parts])
 
     def residuals(self, points: Points) -> Doubles:
-        """Residuals of all passes, shape (m, k)."""
-        return np.concatenate([part.residuals(at) for part, at in self._split(points)], axis=1)
+        """Residuals of the statistics of all passes, followed by the residuals of the priors, shape (m, k)."""
+        found = [part.residuals(at) for part, at in self._split(points)]
+        if self._minimised is None:
+            return np.concatenate(found, axis=1)
+        sizes = [3 * len(part.scale) for part in self._parts]
+        data = [one[:, :size] for one, size in zip(found, sizes, strict=True)]
+        rest = [one[:, size:] for one, size in zip(found, sizes, strict=True)]
+        return np.concatenate([self._minimised.residuals(data), *rest], axis=1)
 
-    def parts(self, residuals: Doubles) -> Doubles:
-        """Sum of squares of each pass, shape (m, k) to (m, passes)."""
-        one = Points(self.scale[None], self.material.box.mean(axis=1)[None], np.array([self.material.looks]))
-        ends = np.cumsum([part.residuals(at).shape[1] for part, at in self._split(one)])
-        return np.stack([(part**2).sum(axis=1) for part in np.split(residuals, ends[:-1], axis=1)], axis=-1)
+    def parts(self, points: Points) -> Doubles:
+        """Sum of squared residuals of each pass, computed from this pass alone, shape (m, passes)."""
+        return np.stack([(part.residuals(at) ** 2).sum(axis=1) for part, at in self._split(points)], axis=-1)
 
     def refinements(self) -> Sequence[Callable[[Points], Doubles]]:
-        """Further residuals of all passes."""
+        """Functions that give further residuals of all passes, minimised one after the other."""
         count = len(self.first.refinements())
 
         def of(number: int) -> Callable[[Points], Doubles]:
@@ -94,23 +106,25 @@ class Joint(Comparison):
 
     def cost(self, points: Points) -> Doubles:
         """Cost of all passes together, shape (m,)."""
+        if self._minimised is not None:
+            return super().cost(points)
         return self.first.together(np.stack([part.cost(at) for part, at in self._split(points)]))
 
     def together(self, costs: Doubles) -> Doubles:
-        """Cost of several passes, from that of each."""
+        """Cost of all passes together, from the cost of each pass."""
         return self.first.together(costs)
 
     def worth(self, parameters: Sequence[float], statistics: Doubles) -> tuple[float, float | None]:
-        """Looks that suit a run best in all passes, and its cost there; None where the cost is the density rms."""
+        """Looks that minimise the cost of a run in all passes, and this cost; None if the cost is the density rms."""
         looks, cost = self.first.worth(parameters, statistics[: self._ends[0]])
         return (looks, None) if cost is None else suited_looks(self, parameters, statistics)
 
     def promising(self, costs: Doubles, best: float) -> NDArray[np.bool_]:
-        """Which costs are worth a run, as in the first pass."""
+        """Mask of the costs that are worth a run, by the rule of the first pass's objective."""
         return self.first.promising(costs, best)
 
     def in_pass(self, number: int, score: Score) -> Score:
-        """Score of one pass: its statistics, its density, and the looks that its texture gives there."""
+        """Score of one pass alone: statistics, density, and effective number of looks in this pass."""
         part = self.passes[number]
         assert part is not None  # noqa: S101
         density = score.further[number - 1] if number else None
@@ -124,19 +138,21 @@ class Joint(Comparison):
         )
 
     def law_in(self, number: int, score: Score) -> GroundLaw:
-        """Law of a run with its uncertainty from all passes, on the ground of one of them."""
+        """Law of a run for the pixels of one pass, with its uncertainty from all passes."""
         each = [(one, one.evidence(self.in_pass(k, score))) for k, one in enumerate(self.passes) if one is not None]
-        joined = self.first.law(
-            self.in_pass(0, score),
-            lambda x, looks: np.concatenate([found(x, self._there(one, looks)) for one, found in each]),
-        )
+
+        def residuals(x: Doubles, looks: float) -> Doubles:
+            found = [evidence(x, self._there(one, looks)) for one, evidence in each]
+            return np.concatenate(found) if self._fields is None else self._fields.residuals(found)
+
+        joined = self.first.law(self.in_pass(0, score), residuals)
         part = self.passes[number]
         assert part is not None  # noqa: S101
         own = part.law(self.in_pass(number, score))
         return replace(own, fit=replace(joined.fit, looks=own.fit.looks))
 
     def moved_db(self, first: ArrayLike, second: ArrayLike) -> float | None:
-        """Largest difference of the laws over the incidence of all passes [dB]; None for a law without a curve."""
+        """Largest difference of two laws over the incidence of all passes [dB]; None for a law without a curve."""
         moved = [part.moved_db(first, second) for part in self._parts]
         known = [value for value in moved if value is not None]
         return max(known) if known else None

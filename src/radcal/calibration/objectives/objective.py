@@ -1,4 +1,4 @@
-"""Contract of an objective: statistics of a run, their residuals from the target, and the end of the search."""
+"""Interface of an objective: statistics of a run, their residuals from the target, and the end of the search."""
 
 from __future__ import annotations
 
@@ -40,33 +40,33 @@ __all__ = [
 Doubles = NDArray[np.float64]
 
 Baseline = Callable[[Doubles], Doubles]
-"""X, shape (d,), to the statistics expected of law, speckle and noise, shape (n, 3)."""
+"""Function from X, shape (d,), to the statistics expected from law, speckle and noise, shape (n, 3)."""
 
 Reason = Literal["rms", "settled", "unreachable", "stagnation", "max_runs"]
 
 
 @dataclass(frozen=True)
 class Material:
-    """Material to calibrate, as an objective sees it.
+    """Material to calibrate: target, law, bounds and looks, which its objective needs.
 
     Attributes
     ----------
     name : str
-        Name.
+        Name of the material.
     target : Target
-        Measured pixels.
+        Target of the material, with its measured pixels.
     law : Law
-        Law, with or without a curve.
+        Backscatter law, with or without a curve.
     box : ndarray, shape (d, 2)
         Bounds of X.
     integer : ndarray of bool, shape (d,)
-        Which parameters are whole numbers.
+        Whether each parameter is a whole number.
     looks : float
-        Looks of the simulated speckle.
+        Number of looks of the simulated speckle.
     decibels : bool
-        Whether compared values are in dB, and not those of normalised images.
+        Whether the compared values are backscatter [dB], not values of normalised images.
     priors : bool
-        Whether the priors enter; with several passes they enter with the first.
+        Whether the priors enter the objective; of several passes, only the first includes them.
     """
 
     name: str
@@ -81,18 +81,18 @@ class Material:
 
 @dataclass(frozen=True)
 class Points:
-    """Statistics at m points of X and looks.
+    """Predicted statistics at m points, each with its X and its number of looks.
 
     Attributes
     ----------
     statistics : ndarray, shape (m, n, 3)
         Mean [dB], log sd and skewness of n incidence-angle bins.
     parameters : ndarray, shape (m, d)
-        X.
+        Parameters X of the points.
     looks : ndarray, shape (m,)
         Effective number of looks.
     slack : ndarray, shape (m, n, 3), or 0
-        By how much each of the statistics may be moved to the target.
+        Largest shift of each statistic towards the target.
     """
 
     statistics: Doubles
@@ -103,22 +103,22 @@ class Points:
 
 @dataclass(frozen=True)
 class Compared:
-    """Measured pixels of one pass, and what an objective compares of them.
+    """Measured pixels of one material in one pass, with the statistics that an objective compares.
 
     Attributes
     ----------
     ground : Ground
-        Pixels.
+        Measured pixels.
     classes : Classes
-        Incidence-angle bins, with the effective sample size of the difference of target and run.
+        Incidence-angle bins, with the effective sample size for differences between target and run.
     method : Method
-        Law, looks and error of the incidence.
+        Law, number of looks, and error of the local incidence.
     statistics : ndarray, shape (n, 3)
-        Mean [dB], log sd and skewness of the bins.
+        Mean [dB], log sd and skewness of the pixels in each bin.
     prior : CurvePrior or None
-        Prior on the curve.
+        Prior on the curve of the law.
     looks_prior : bool
-        Whether the looks have a prior.
+        Whether the effective number of looks has a prior.
     """
 
     ground: Ground
@@ -136,19 +136,19 @@ class Progress:
     Attributes
     ----------
     name : str
-        Material.
+        Name of the material.
     runs : int
-        Design and infill runs so far.
+        Number of design and infill runs so far.
     best : float
         Smallest verified cost so far.
     idle : int
-        Infill runs since.
+        Number of infill runs since the last improvement of the cost.
     score : Score
-        The run's.
+        Score of the infill run.
     proposal : Proposal
-        What was predicted of it.
+        Proposal that the infill run verifies.
     sampling : float
-        Density rms of a sample as large as the target's [1/dB].
+        Sampling error of the target's density, as rms [1/dB].
     """
 
     name: str
@@ -162,14 +162,14 @@ class Progress:
 
 @dataclass(frozen=True)
 class Verdict:
-    """State of a material.
+    """State of a material's search.
 
     Attributes
     ----------
     reason : str or None
-        Why it ended, None while it goes on.
+        Reason why the search ended; None while it goes on.
     sentence : str
-        The same for people.
+        Sentence for the user that describes the state of the search.
     """
 
     reason: Reason | None
@@ -184,7 +184,7 @@ class Comparison(ABC):
     material : Material
         Target, law and bounds, in the first pass.
     baseline : callable or None
-        Statistics that law, speckle and noise alone have; None for a law without a curve.
+        Function from X to the statistics that law, speckle and noise alone give; None without a baseline.
     starts : sequence of (X, looks)
         Points from which every search starts, besides the best run.
     free_looks : bool
@@ -192,11 +192,13 @@ class Comparison(ABC):
     explores : bool
         Whether runs are proposed where the surrogate is uncertain, if no better point is predicted.
     looks_ahead : bool
-        Whether the search ends by what the surrogate of all runs still promises.
+        Whether the end of the search depends on the improvement that the surrogate of all runs still predicts.
     tolerance : float
-        Relative tolerance of the least squares.
+        Relative tolerance of the least-squares search.
     passes : sequence of Objective or None
         Objective of each pass, None for a pass in which the material has too few pixels.
+    part_names : sequence of str
+        Names of the sums of squared residuals that are NSGA-II's objectives.
     """
 
     material: Material
@@ -207,22 +209,28 @@ class Comparison(ABC):
     looks_ahead: bool = False
     tolerance: float = 1e-14
     passes: Sequence[Objective | None]
+    part_names: Sequence[str] = ("all residuals",)
 
     @property
     @abstractmethod
     def scale(self) -> Doubles:
-        """Standard deviations in which differences of the statistics count, shape (n, 3)."""
+        """Standard deviations by which differences of the statistics are divided, shape (n, 3)."""
 
     @abstractmethod
     def residuals(self, points: Points) -> Doubles:
-        """Residuals whose sum of squares is minimised, shape (m, k)."""
+        """Residuals at m points, shape (m, k); the search minimises the sum of their squares."""
 
-    def parts(self, residuals: Doubles) -> Doubles:
-        """Sums of squares that NSGA-II minimises side by side, shape (m, k) to (m, p)."""
-        return np.asarray((residuals**2).sum(axis=1, keepdims=True))
+    def parts(self, points: Points) -> Doubles:
+        """Sums of squared residuals that are NSGA-II's objectives, shape (m, p), one for each of ``part_names``."""
+        return np.asarray((self.residuals(points) ** 2).sum(axis=1, keepdims=True))
+
+    def parts_of(self, score: Score) -> Doubles:
+        """Sums of squared residuals of a run, shape (p,), one for each of ``part_names``."""
+        statistics, x = np.asarray(score.statistics)[None], np.asarray(score.parameters)[None]
+        return np.asarray(self.parts(Points(statistics, x, np.array([score.looks])))[0])
 
     def refinements(self) -> Sequence[Callable[[Points], Doubles]]:
-        """Further residuals, minimised in turn where the first do not vanish."""
+        """Functions that give further residuals, minimised one after the other if :meth:`residuals` are not all 0."""
         return ()
 
     def cost(self, points: Points) -> Doubles:
@@ -230,16 +238,16 @@ class Comparison(ABC):
         return np.asarray(0.5 * (self.residuals(points) ** 2).sum(axis=1))
 
     def together(self, costs: Doubles) -> Doubles:
-        """Cost of several passes, from the cost of each, shape (passes, m) to (m,): their sum."""
+        """Cost of several passes together: sum of the costs of the passes, shape (passes, m) to (m,)."""
         return np.asarray(costs.sum(axis=0))
 
     @abstractmethod
     def worth(self, parameters: Sequence[float], statistics: Doubles) -> tuple[float, float | None]:
-        """Looks that suit a run best, and its cost there; None where the cost is the density rms."""
+        """Number of looks that minimises the cost of a run, and this cost; None if the cost is the density rms."""
 
     @abstractmethod
     def promising(self, costs: Doubles, best: float) -> NDArray[np.bool_]:
-        """Which of several predicted costs are worth a run, as good as each other, shape (m,)."""
+        """Mask of the predicted costs that are worth a run and about equally good, shape (m,)."""
 
     @abstractmethod
     def moved_db(self, first: ArrayLike, second: ArrayLike) -> float | None:
@@ -247,11 +255,11 @@ class Comparison(ABC):
 
     @abstractmethod
     def law_in(self, number: int, score: Score) -> GroundLaw:
-        """Law of a run with its uncertainty from all passes, on the ground of the pass of that number, from 0."""
+        """Law of a run for the pixels of the pass ``number`` (from 0), with its uncertainty from all passes."""
 
     @abstractmethod
     def in_pass(self, number: int, score: Score) -> Score:
-        """Score of one pass alone, of number 0 on: its statistics, density and looks."""
+        """Score of the pass ``number`` (from 0) alone: statistics, density and looks."""
 
 
 class Objective(Comparison):
@@ -265,9 +273,9 @@ class Objective(Comparison):
     Attributes
     ----------
     expected : LawForward or None
-        Law, noise and speckle behind the baseline; None where there is none.
+        Model of law, noise and speckle that gives the baseline; None without a baseline.
     improvement : float
-        Decrease of the cost above which a run is better than those before it.
+        Decrease of the cost that a run must exceed to be better than earlier runs.
     misfit : type of Misfit, or None
         Misfit of the pixels in incidence-angle bins; None for an objective without bins.
     """
@@ -282,59 +290,64 @@ class Objective(Comparison):
 
     @abstractmethod
     def compared(self) -> Compared:
-        """Measured pixels and their statistics."""
+        """Measured pixels of the material, with the statistics that are compared."""
 
     @abstractmethod
     def statistics(self, values_db: Doubles, pixels: NDArray[np.int64] | None = None) -> Doubles:
-        """Statistics of the target's pixels in a run at its level, or of some of them, shape (n, 3)."""
+        """Statistics of a run's values [dB] at all pixels of the target, or at those in ``pixels``, shape (n, 3)."""
 
     @abstractmethod
     def law(self, score: Score, residuals: Residuals | None = None) -> GroundLaw:
-        """Law of a run with its uncertainty, for the prediction of other ground; of a law with a curve.
+        """Law of a run with its uncertainty, for predictions of other ground; only for a law with a curve.
 
-        ``residuals`` are those of all passes, in place of :meth:`evidence`.
+        ``residuals``, if given, come from all passes and replace those of :meth:`evidence`.
         """
 
     @abstractmethod
     def evidence(self, score: Score) -> Residuals:
-        """Residuals of this pass without priors, by X and looks, with what a run shows besides law and speckle."""
+        """Function from X and looks to this pass's residuals without priors; it keeps the run's discrepancy."""
 
     @property
     def moments(self) -> BinMisfit | None:
         """Misfit of mean, log sd and skewness of the measured bins; None without bins."""
         return None
 
+    @property
+    def of_fields(self) -> BinMisfit | None:
+        """Misfit that gives the residuals of :meth:`evidence`, if it includes effects of fields; otherwise None."""
+        return None
+
     def moment_residuals(self, score: Score) -> Residuals:
-        """Residuals of :attr:`moments` by X and looks, with what a run shows besides law and speckle."""
+        """Function from X and looks to residuals of :attr:`moments`; it keeps the run's discrepancy."""
         return self.evidence(score)
 
     def law_in(self, number: int, score: Score) -> GroundLaw:
-        """Law of a run with its uncertainty, on the ground of this one pass."""
+        """Law of a run with its uncertainty, for the pixels of the single pass."""
         return self.law(score)
 
     def in_pass(self, number: int, score: Score) -> Score:
-        """The score itself."""
+        """Score without change, because the objective has a single pass."""
         return score
 
     @classmethod
     @abstractmethod
     def ending(cls, progress: Progress, stop: Stop) -> Verdict | None:
-        """End of a material's search after an infill run, or None while it goes on."""
+        """End of a material's search after an infill run, or None while the search goes on."""
 
     @classmethod
     def ending_before_infill(cls, name: str, best: float, stop: Stop) -> Verdict | None:
-        """End of a material's search before any infill run, or None."""
+        """End of a material's search before any infill run, or None if the search goes on."""
         return None
 
     @classmethod
     @abstractmethod
     def standing(cls, name: str, best: float, stop: Stop) -> str:
-        """Start of the sentence on a search that goes on, or that ends without success."""
+        """Start of the sentence that describes a search which goes on or ends without success."""
 
     @classmethod
     @abstractmethod
     def progress_line(cls, history: History, materials: Sequence[str], ended: Sequence[str], stop: Stop) -> str:
-        """Words on all materials after a run."""
+        """Text on the state of all materials after a run."""
 
     def moved_db(self, first: ArrayLike, second: ArrayLike) -> float | None:
         """Largest difference of the laws of two X over the incidence seen [dB]; None for a law without a curve."""
@@ -344,7 +357,7 @@ class Objective(Comparison):
 
 
 def suited_looks(comparison: Comparison, parameters: Sequence[float], statistics: Doubles) -> tuple[float, float]:
-    """Looks at which the cost of a run's statistics, shape (n, 3), is smallest, and this cost."""
+    """Number of looks that minimises the cost of a run's statistics, shape (n, 3), and this cost."""
     from scipy.optimize import minimize_scalar
 
     x = np.asarray(parameters, dtype=np.float64)[None]
@@ -363,6 +376,6 @@ def suited_looks(comparison: Comparison, parameters: Sequence[float], statistics
 
 
 def drawn(values: Doubles, target: Doubles, slack: Doubles | float) -> Doubles:
-    """Differences of values from a target, each made smaller by up to the slack."""
+    """Differences of values from a target, each brought nearer to 0 by up to ``slack``."""
     difference = values - target
     return np.asarray(difference - np.clip(difference, -np.asarray(slack), slack))

@@ -6,8 +6,8 @@ function :func:`law_for` binds these conditions to the law. With its conditions 
 ``law(phi_rad, parameters) -> sigma0 [dB]``.
 
 The law ``EXTERNAL`` is not in the registry: it has names and units of parameters, but no curve, because only an
-external simulator can compute its backscatter. Neither is ``FORMULA``, whose curve is a formula in the case file
-(:mod:`radcal.radar.laws.formula`).
+external simulator can compute its backscatter. The law ``FORMULA`` is not in the registry either: its curve is a
+formula in the case file (:mod:`radcal.radar.laws.formula`).
 
 Every law of the registry is finite from 0 to 90 degrees. In laws whose power vanishes at grazing incidence, the cosine
 is limited to at least 1e-6 (an incidence of 89.99994 degrees). Outside of its valid angles a law is extrapolated by its
@@ -42,7 +42,7 @@ LAWS: dict[str, Law] = {**CURVES, **SOIL}
 
 
 def laws_known(external: bool = True) -> list[str]:
-    """Names of all laws, for error messages; without the law that only an external simulator can evaluate if false."""
+    """Names of all laws, for error messages; without the law ``EXTERNAL`` if ``external`` is false."""
     return [*sorted(LAWS), FORMULA, *[EXTERNAL] * external]
 
 
@@ -52,9 +52,9 @@ def external_law(names: Sequence[str], units: Sequence[str] | None = None) -> La
     Parameters
     ----------
     names : sequence of str
-        Name of each parameter; may be empty.
+        Name of each parameter; empty for a law without parameters.
     units : sequence of str, optional
-        Unit of each parameter; no units if missing.
+        Unit of each parameter; by default the parameters have no units.
 
     Returns
     -------

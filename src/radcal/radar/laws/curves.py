@@ -74,7 +74,7 @@ def constant_gamma(phi_rad: ArrayLike, parameters: ArrayLike) -> NDArray[np.floa
     Parameters
     ----------
     phi_rad : array_like
-        Local incidence angle [rad], any shape. Its cosine is limited to at least 1e-6.
+        Local incidence angle [rad], any shape. The cosine of the angle is limited to at least 1e-6.
     parameters : array_like, shape (1,)
         gamma [dB].
 

@@ -1,10 +1,10 @@
-"""Laws that a case file writes as a formula.
+"""Laws whose curve is given as a formula in a case file.
 
-A formula is parsed by Python's own parser into a syntax tree, of which only the parts in a white list are accepted:
-numbers, names of the parameters and of four quantities, the operators + - * / and **, and calls of the functions in
-``FUNCTIONS``. The tree is then evaluated node by node with numpy. No text is ever compiled or passed to ``eval``. The
-parsers of this kind that libraries offer accept more of Python and refuse parts of it by lists; such lists have been
-circumvented in numexpr, asteval and simpleeval.
+Python's own parser turns a formula into a syntax tree. Only the parts in a white list are accepted: numbers, names of
+the parameters and of four quantities, the operators + - * / and **, and calls of the functions in ``FUNCTIONS``. The
+syntax tree is evaluated node by node with numpy. No text is ever compiled or passed to ``eval``. The formula parsers of
+the libraries numexpr, asteval and simpleeval accept all of Python's expressions except a list of forbidden parts. The
+lists of all three libraries have been circumvented.
 """
 
 from __future__ import annotations
@@ -65,10 +65,10 @@ _OPERATORS: Mapping[type[ast.AST], Callable[..., Any]] = {
 }
 _LONGEST, _DEEPEST, _MOST_PARAMETERS = 500, 30, 20
 _LARGEST, _LARGEST_EXPONENT = 1e30, 20.0
-_ANY_GHZ = 10.0  # for a check before the pass is known
+_ANY_GHZ = 10.0  # carrier frequency [GHz] for the check of a formula before the pass is known
 _GRID_DEG = np.linspace(0.0, 90.0, 91)
-_TRIED = 256  # points of the box, besides its middle and corners
-_MOST_CORNERS = 8  # parameters up to which all corners are tried
+_TRIED = 256  # number of random points within the bounds at which a formula is tried
+_MOST_CORNERS = 8  # largest number of parameters for which a formula is tried at all corners of the bounds
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class Formula:
     Raises
     ------
     ValueError
-        The formula has a part that is not accepted, or the names do not fit it.
+        The formula has a part that is not accepted, or the names do not match the names in the formula.
     """
 
     text: str
@@ -116,7 +116,7 @@ class Formula:
         return tree
 
     def _check(self, node: ast.AST, depth: int) -> None:
-        """Refuse all that is not in the white list."""
+        """Raise a ValueError if a part of the syntax tree is not in the white list."""
         if depth > _DEEPEST:
             raise ValueError(f"formula is nested more than {_DEEPEST} deep, expected a simpler one")
         match node:
@@ -158,14 +158,14 @@ class Formula:
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """Conditions of the law (:class:`~radcal.radar.laws.law.Law`)."""
+        """Conditions that the formula needs, as in :class:`~radcal.radar.laws.law.Law`."""
         uses = any(isinstance(node, ast.Name) and node.id == "f_ghz" for node in ast.walk(self._tree))
         return ("frequency_ghz",) if uses else ()
 
     def values(
         self, phi_rad: ArrayLike, parameters: ArrayLike, frequency_ghz: float | None = None
     ) -> NDArray[np.float64]:
-        """Sigma0 [dB] at each angle, not necessarily finite; shapes as for :meth:`__call__`."""
+        """Sigma0 [dB] at each angle, which may be infinite or NaN; shapes as in :meth:`__call__`."""
         # angles of single precision may lie just above 90 degrees
         phi = np.clip(np.asarray(phi_rad, dtype=np.float64), 0.0, 0.5 * np.pi)
         x = np.asarray(parameters, dtype=np.float64)
@@ -195,21 +195,22 @@ class Formula:
     def __call__(
         self, phi_rad: ArrayLike, parameters: ArrayLike, *, frequency_ghz: float | None = None
     ) -> NDArray[np.float64]:
-        """Sigma0 of the formula.
+        """Sigma0 of the law at given angles and parameters.
 
         Parameters
         ----------
         phi_rad : array_like
             Local incidence angle [rad], any shape; limited to 0 to pi/2.
         parameters : array_like, shape (d,) or (d, m)
-            Parameters in the order of the names; m of each, if ``phi_rad`` has a last axis of length 1 or m.
+            Parameters in the order of the names: one set, or m sets if the last axis of ``phi_rad`` has the length 1 or
+            m.
         frequency_ghz : float, optional
             Carrier frequency [GHz], for a formula with f_ghz.
 
         Returns
         -------
         ndarray
-            sigma0 [dB], shape of ``phi_rad`` (and m).
+            sigma0 [dB], shape of ``phi_rad``; for m sets of parameters, the last axis has the length m.
 
         Raises
         ------
@@ -222,7 +223,7 @@ class Formula:
         return found
 
     def _not_finite(self, phi_rad: ArrayLike, parameters: ArrayLike, found: NDArray[np.float64]) -> str:
-        """Sentence on the first value that is not finite, without a full stop."""
+        """Sentence that names the first value that is not finite, its angle and its parameters; it has no full stop."""
         x = np.asarray(parameters, dtype=np.float64)
         place = tuple(np.argwhere(~np.isfinite(found))[0])
         angle = np.broadcast_to(np.degrees(np.asarray(phi_rad, dtype=np.float64)), found.shape)[place]
@@ -234,7 +235,7 @@ class Formula:
         )
 
     def check(self, points: NDArray[np.float64]) -> None:
-        """Raise a ValueError if the formula is not finite at whole degrees, at some parameters, shape (m, d)."""
+        """Raise a ValueError if sigma0 is not finite at a whole degree for one of m parameter sets, shape (m, d)."""
         phi = np.radians(_GRID_DEG)[:, None]
         found = self.values(phi, points.T, _ANY_GHZ)
         if not np.isfinite(found).all():
@@ -242,7 +243,7 @@ class Formula:
 
 
 def _number(node: ast.AST) -> float | None:
-    """Value of a number with or without a sign; None for anything else."""
+    """Value of a syntax-tree node that is a number with or without a sign; None for any other node."""
     if isinstance(node, ast.UnaryOp):
         return _number(node.operand)
     if isinstance(node, ast.Constant) and isinstance(node.value, int | float) and not isinstance(node.value, bool):
@@ -253,16 +254,17 @@ def _number(node: ast.AST) -> float | None:
 def refuse_infinite(
     law: Law, at: Sequence[float] | None = None, box: Sequence[tuple[float, float]] | None = None
 ) -> None:
-    """Refuse a formula that is not finite from 0 to 90 degrees; every other law of radcal is finite.
+    """Raise an error if a law is a formula that is not finite from 0 to 90 degrees; all other laws are finite.
 
     Parameters
     ----------
     law : Law
         Any law.
     at : sequence of float, shape (d,), optional
-        Parameters.
+        Parameters at which the formula is tried.
     box : sequence of (float, float), optional
-        Bounds of the parameters. The formula is tried at their middle, at their corners and at 256 points between.
+        Bounds of the parameters. The formula is tried at the middle of the bounds, at 256 random points within them
+        and, for at most 8 parameters, at all corners.
 
     Raises
     ------
@@ -275,7 +277,7 @@ def refuse_infinite(
 
 
 def _tried(box: Sequence[tuple[float, float]]) -> NDArray[np.float64]:
-    """Middle, corners and random points of bounds, shape (m, d)."""
+    """Parameter sets at which a formula is tried, shape (m, d): middle, corners and random points of the bounds."""
     low, high = np.array(box, dtype=np.float64).T
     d = len(low)
     unit = np.random.default_rng(1).random((_TRIED, d))
@@ -284,7 +286,7 @@ def _tried(box: Sequence[tuple[float, float]]) -> NDArray[np.float64]:
 
 
 def formula_law(text: str, names: Sequence[str], units: Sequence[str] | None = None) -> Law:
-    """Law of a formula.
+    """Law whose curve is a formula.
 
     Parameters
     ----------
@@ -293,7 +295,7 @@ def formula_law(text: str, names: Sequence[str], units: Sequence[str] | None = N
     names : sequence of str
         Names of the parameters, in their order.
     units : sequence of str, optional
-        Unit of each parameter; no units if missing.
+        Unit of each parameter; by default the parameters have no units.
 
     Returns
     -------

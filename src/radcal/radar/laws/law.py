@@ -32,8 +32,8 @@ class Law:
     Attributes
     ----------
     function : callable or None
-        Function ``(phi_rad, parameters) -> sigma0 [dB]``, with the conditions in ``needs`` as keyword arguments; None
-        for an external law.
+        Function ``(phi_rad, parameters) -> sigma0 [dB]``. The keyword arguments of the function are the conditions in
+        ``needs``. None for an external law.
     names, units : tuple of str
         Name and unit of each parameter; empty for a law whose knots are not yet bound.
     bounds : tuple of (float, float) or None
@@ -45,11 +45,11 @@ class Law:
     needs : tuple of str
         Conditions that must still be bound: ``frequency_ghz``, ``polarisation``, ``angles_deg``.
     doubt : callable or None
-        Function ``(parameters) -> str | None``, with the conditions in ``needs`` as keyword arguments. It returns a
-        clause for a warning if the parameters lie outside the range of the law's data, else None.
+        Function ``(parameters) -> str | None``, whose keyword arguments are the conditions in ``needs``. The function
+        returns a clause for a warning if the parameters lie outside the range of the law's data, else None.
     log_normal : mapping
-        Weak log-normal prior of some parameters, by parameter name: median in the parameter's unit, and standard
-        deviation of the natural logarithm.
+        Weak log-normal priors of some parameters, by parameter name: each is the median, in the parameter's unit, and
+        the standard deviation of the natural logarithm.
     formula, source, remark : str
         Texts for the documentation.
     """
@@ -82,7 +82,7 @@ class Law:
         return self.function is not None
 
     def largest_difference_db(self, first: ArrayLike, second: ArrayLike, incidence_deg: ArrayLike) -> float:
-        """Largest difference of two curves of the law [dB] over the angles of :func:`seen_rad`.
+        """Largest difference in sigma0 [dB] between two curves of the law, at the angles of :func:`seen_rad`.
 
         Parameters
         ----------
@@ -110,7 +110,7 @@ class Law:
         return law
 
     def outside(self, incidence_deg: ArrayLike) -> float:
-        """Share of the given angles [deg] outside the law's valid angles; non-finite angles are not counted."""
+        """Share of the given angles [deg] that are outside of the law's valid angles; non-finite angles are ignored."""
         angle = np.asarray(incidence_deg, dtype=np.float64)
         angle = angle[np.isfinite(angle)]
         low, high = self.valid_deg

@@ -15,7 +15,7 @@ _LIGHT_CM_GHZ = 29.9792458  # speed of light [cm GHz]
 def oh1992(
     phi_rad: ArrayLike, parameters: ArrayLike, *, frequency_ghz: float, polarisation: str
 ) -> NDArray[np.float64]:
-    r"""Empirical backscatter of bare soil.
+    r"""Empirical law of the backscatter of bare soil by Oh, Sarabandi and Ulaby (1992).
 
     With :math:`k` the wavenumber, :math:`s` the rms height and :math:`\Gamma_h, \Gamma_v, \Gamma_0`
     the Fresnel reflectivities at incidence :math:`\phi` and at nadir:
@@ -31,7 +31,7 @@ def oh1992(
     Parameters
     ----------
     phi_rad : array_like
-        Local incidence angle [rad], any shape. Its cosine is limited to at least 1e-6.
+        Local incidence angle [rad], any shape. The cosine of the angle is limited to at least 1e-6.
     parameters : array_like, shape (3,)
         Relative permittivity of the soil, real part and (positive) imaginary part, and rms height
         of its surface [cm].
@@ -105,7 +105,8 @@ SOIL: dict[str, Law] = {
         names=("permittivity_real", "permittivity_imaginary", "rms_height"),
         units=("", "", "cm"),
         bounds=(_OH_PERMITTIVITY, (0.0, 6.0), (0.32, 3.02)),
-        # permittivities from dry minerals to water; a roughness above 0, whose backscatter has a finite value in dB
+        # the permittivity is limited to values from dry minerals to water; the rms height is above 0, because the
+        # backscatter of a smooth surface is not finite in dB
         limits=((2.0, 90.0), (0.0, 50.0), (0.01, 100.0)),
         valid_deg=(10.0, 70.0),
         needs=("frequency_ghz", "polarisation"),

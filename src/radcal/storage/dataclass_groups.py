@@ -59,8 +59,8 @@ class About:
     shape : str
         Shape of an array, such as ``n, 3``; its parts become the labels of the dataset's dimensions.
     scale : bool
-        Whether the array is a dimension scale: the coordinate of its dimension in all datasets of its group that have a
-        dimension of the same label.
+        Whether the array is a dimension scale. A dimension scale holds the coordinates of its dimension for all
+        datasets in its group that have a dimension with the same label.
     """
 
     description: str
@@ -120,12 +120,12 @@ def put(group: h5py.Group, value: Any) -> None:
     group : h5py.Group
         Group that has no entries or attributes with the names of the fields.
     value : dataclass instance
-        Dataclass whose fields have types from the table in the docstring of :mod:`radcal.storage.layout`.
+        Dataclass whose fields have types from the table in the docstring of :mod:`radcal.storage.dataclass_groups`.
 
     Raises
     ------
     TypeError
-        A field has a type that is not in this table.
+        A field has a type that is not in the table in the docstring of :mod:`radcal.storage.dataclass_groups`.
     """
     for entry in _entries(type(value)):
         one = getattr(value, entry.name)
@@ -355,7 +355,7 @@ def table(kind: type) -> str:
 
 
 def _rows(kind: type, path: str, absent: bool = False) -> Iterator[tuple[str, str, str, str, str]]:
-    """Rows of the table, one per field below a path: group or dataset, attribute, type, unit and description."""
+    """Rows of the table that describes the layout of a file: one for each dataclass field stored below an HDF5 path."""
     for entry in _entries(kind):
         if entry.main:  # the table already has a line for the field whose type is this dataclass
             continue

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from numpy.typing import NDArray
 
-from radcal.storage.layout import About, Attribute, Inline, Main, put, same, table, take
+from radcal.storage.dataclass_groups import About, Attribute, Inline, Main, put, same, table, take
 
 
 @dataclass(frozen=True)

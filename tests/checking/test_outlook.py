@@ -1,0 +1,33 @@
+"""What a right case will meet, on small scenes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from radcal.checking.outlook import start_contrast
+from radcal.config import Case
+from radcal.radar.projection import make_geometry
+from radcal.scene.model import Scene
+
+LEVEL = [10.0, 14.0, 6.0, 4.0]
+
+
+def test_pixels_without_ground_are_no_contrast(
+    build_scene: Callable[..., Scene], build_case: Callable[..., Case]
+) -> None:
+    """Ground 40 dB above the noise, of two materials that start alike, beside no ground."""
+    material = np.ones((40, 40), dtype=np.uint8)
+    material[20:] = 2
+    material[:, :12] = 0
+    scene = build_scene(lambda east, north: 0 * east, names=("dyke", "grass"), material=material)
+    for start, told in ((LEVEL, True), ([0.0, *LEVEL[1:]], False)):
+        materials = {"dyke": {"calibrate": True, "start": start}, "grass": {"parameters": LEVEL}}
+        case = build_case(materials=materials, registration={"method": "ilk"})
+        geometry = make_geometry(scene, case.radar)
+        angle = np.where(geometry.material > 0, geometry.incidence_deg, np.nan).astype(np.float32)
+        said = start_contrast(case, replace(geometry, incidence_deg=angle))
+        assert (said is not None) == told
+        assert not told or "no contrast between materials" in str(said)
