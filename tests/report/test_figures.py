@@ -99,6 +99,7 @@ def test_captions_say_what_is_seen(figures):
     assert "one lies outside the axis" in captions["densities_stem_beans"]
 
 
+@pytest.mark.slow
 def test_registration_is_shown_where_the_image_was_moved(build_archive, tmp_path, made, monkeypatch):
     assert module.registration(made.archive) is None
     archive = build_archive(tmp_path, moved=True, nan=True).archive
