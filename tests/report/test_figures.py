@@ -399,6 +399,8 @@ def test_the_front_is_drawn_with_the_runs_and_the_chosen_one(made):
         np.testing.assert_array_equal(dots["infill"], verified[case.runs.kind == "infill"][:, [0, other]])
         assert "reference (start)" not in dots
         assert axes.get_ylabel() == f"squared residuals: {names[other]}"
+        for ticks, (low, high) in ((axes.get_xticks(), axes.get_xlim()), (axes.get_yticks(), axes.get_ylim())):
+            assert np.count_nonzero((ticks >= low) & (ticks <= high)) >= 2
     assert f"the sums {verified[-1, 0]:.2g} (pass 1), {verified[-1, 1]:.2g} (pass 2)" in caption
 
 
