@@ -98,6 +98,7 @@ def random_samples(count: int) -> list[np.ndarray]:
     return samples
 
 
+@pytest.mark.slow
 def test_fit_is_never_less_likely_than_scipys() -> None:
     compared = 0
     for x in random_samples(40):

@@ -144,6 +144,7 @@ def test_both_halves_predict_each_other():
     assert set(held.block) == set(targets["area"].block)
 
 
+@pytest.mark.slow
 def test_a_material_without_held_out_pixels_is_named():
     case, targets, history = made()
     target = targets["area"]

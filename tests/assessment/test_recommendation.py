@@ -105,6 +105,7 @@ def test_one_field_tells_a_steep_law_from_its_own_gradient_and_a_weak_one_not():
     assert "gradients inside of one field" in choices["weak"].why
 
 
+@pytest.mark.slow
 def test_fields_that_hold_all_angles_alike_are_silent():
     """Leaving such fields out says nothing, whatever it happens to say; the pixels inside say the law."""
     ground = fields(5, STEEP, APART)

@@ -48,6 +48,7 @@ def law_error(found, x=TRUTH):
     return np.abs(LAW(phi, found.fit.parameters) - LAW(phi, x)).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("misfit", [BinMisfit, LikelihoodMisfit])
 def test_law_and_looks_are_found(misfit):
     found = fit_grounds({"field": fields(np.random.default_rng(1))}, {"field": replace(METHOD, misfit=misfit)})
@@ -76,6 +77,7 @@ def test_one_bin_takes_missing_looks_for_a_law():
     assert found["one"].classes.size == 1
 
 
+@pytest.mark.slow
 def test_a_surrogate_takes_the_place_of_the_law():
     # a simulator whose images are 1 dB brighter than the law says
     ground = fields(np.random.default_rng(2), rows=60)
@@ -91,6 +93,7 @@ def test_a_surrogate_takes_the_place_of_the_law():
     np.testing.assert_allclose(LAW(phi, shifted.parameters) - LAW(phi, alone.parameters), -1.0, atol=0.1)
 
 
+@pytest.mark.slow
 def test_an_error_of_the_incidence_is_undone_where_it_is_known():
     rng = np.random.default_rng(3)
     n = 20_000

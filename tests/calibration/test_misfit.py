@@ -246,6 +246,7 @@ def test_the_covariance_is_that_of_images_of_correlated_speckle():
     assert expected[:3, :3].sum() > 1.15 * np.trace(expected[:3, :3])  # bins share their neighbours' speckle
 
 
+@pytest.mark.slow
 def test_replicates_have_the_covariance():
     """Of sampling, fields and cells; three fields have another variance among them in every replicate."""
     rng = np.random.default_rng(13)

@@ -196,6 +196,7 @@ def test_of_xi_omega_and_alpha_no_floor_is_claimed(edge):
     assert (proposal.mode, proposal.floor) == ("exploit", None)
 
 
+@pytest.mark.slow
 def test_outlook_promises_what_there_is_to_gain():
     found = search(BEYOND, Exact(known=((0.5, 0.5, 0.5),)))
     point, least = found.minimum([np.array([0.5, 0.5, 0.5])], seed=1)

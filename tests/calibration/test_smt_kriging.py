@@ -32,6 +32,7 @@ def test_length_scales_are_smts(capfd):
     np.testing.assert_allclose(found, model.predict_values(new), rtol=1e-4, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_a_noisy_output_gets_a_nugget():
     """Noise of variance 1/4, as it is found by the posterior of radcal's own training on the same points."""
     x, y = example(15)

@@ -151,6 +151,7 @@ def test_the_settings_of_a_synthetic_measurement_are_tried(tmp_path: Path) -> No
     assert "materials.field" in dark
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:Use `@` matmul:PendingDeprecationWarning")  # of rasterio about affine
 def test_a_sentinel1_product_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
@@ -378,6 +379,7 @@ def test_what_a_right_case_will_meet_is_told_before_any_run(tmp_path: Path) -> N
     )
 
 
+@pytest.mark.slow
 def test_a_start_without_contrast_is_told_before_any_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     level = {"height": 90, "width": 100, "crs": "EPSG:32631", "driver": "GTiff", "count": 1}

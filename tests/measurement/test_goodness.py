@@ -33,6 +33,7 @@ def test_p_values_of_fitted_samples_are_uniform():
     assert stats.kstest(p, "uniform").pvalue > 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "values",
     [

@@ -330,6 +330,7 @@ def files(tmp_path_factory):
     return {name: (folder / name).read_bytes() for name in WRITERS}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", WRITERS)
 @given(data=st.data())
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -144,6 +144,7 @@ def test_a_large_shift_is_found_by_phase_correlation_first():
     np.testing.assert_allclose(inside, shift, atol=0.5)
 
 
+@pytest.mark.slow
 def test_a_registration_that_moves_too_far_is_not_used():
     found = register(FIXED, measured(field(6.0)), RegistrationConfig(max_displacement_px=2.0))
     assert not found.applied
@@ -162,6 +163,7 @@ def other_images():
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", other_images())
 def test_an_image_of_something_else_is_refused(name):
     fixed, moving = other_images()[name]

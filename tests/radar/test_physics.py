@@ -30,6 +30,7 @@ SHAPE = (1070, 1070)  # (3 / (0.05 dB in linear))^2 = 67,000 independent values,
 SD_DB = 10.0 / np.log(10.0)
 
 
+@pytest.mark.slow
 def test_flat_ground_of_one_material(build_scene: Build) -> None:
     """Mean, distribution and spread of the whole chain: scene, facets, law, looks."""
     radar = Radar(

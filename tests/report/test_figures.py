@@ -99,6 +99,7 @@ def test_captions_say_what_is_seen(figures):
     assert "one lies outside the axis" in captions["densities_stem_beans"]
 
 
+@pytest.mark.slow
 def test_registration_is_shown_where_the_image_was_moved(build_archive, tmp_path, made, monkeypatch):
     assert module.registration(made.archive) is None
     archive = build_archive(tmp_path, moved=True, nan=True).archive
@@ -382,14 +383,14 @@ def test_the_front_is_drawn_with_the_runs_and_the_chosen_one(made):
     count = case.runs.kind.size
     verified = np.geomspace(900.0, 9.0, 3 * count).reshape(count, 3)
     verified[0] = np.nan
-    predicted = np.array([[4.0, 9.0, 20.0], [2.0, 30.0, 10.0], [8.0, 5.0, 5.0]])
+    predicted = np.array([[4.0, 9.0, 12.0], [2.0, 30.0, 10.5], [8.0, 5.0, 9.0]])
     names = ("pass 1", "pass 2", "pass 4")
     found = SearchFront(names, np.ones((3, 4)), np.full(3, 2.5), predicted, verified)
     case = changed_material(case, "dyke", front=found, best=count - 1)
     with mpl.rc_context(drawing.STYLE):
         canvas, caption, _ = front(case, "dyke")
         assert drawn(canvas) == []
-    assert "of which 4 lie outside of the axes" in caption
+    assert "of which 5 lie outside of the axes" in caption
     for axes, other in zip(canvas.axes, (1, 2), strict=True):
         (line,) = axes.lines
         np.testing.assert_array_equal(line.get_xydata(), predicted[[1, 0, 2]][:, [0, other]])
@@ -398,6 +399,8 @@ def test_the_front_is_drawn_with_the_runs_and_the_chosen_one(made):
         np.testing.assert_array_equal(dots["infill"], verified[case.runs.kind == "infill"][:, [0, other]])
         assert "reference (start)" not in dots
         assert axes.get_ylabel() == f"squared residuals: {names[other]}"
+        for ticks, (low, high) in ((axes.get_xticks(), axes.get_xlim()), (axes.get_yticks(), axes.get_ylim())):
+            assert np.count_nonzero((ticks >= low) & (ticks <= high)) >= 2
     assert f"the sums {verified[-1, 0]:.2g} (pass 1), {verified[-1, 1]:.2g} (pass 2)" in caption
 
 

@@ -108,6 +108,7 @@ def test_missing_reference_run_is_a_sentence(made, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_numbers_that_another_seed_leaves_as_they_are_are_not_called_fresh(made, tmp_path):
     def told(second):
         archive = made.gathered(tmp_path / "again.h5", final=(made.final[0], second))

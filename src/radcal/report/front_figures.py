@@ -49,7 +49,7 @@ def front(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
 
 def _panel(axes: Axes, case: Archive, name: str, other: int) -> NDArray[np.bool_]:
     """Draw the first objective against the objective ``other``; return a mask of the runs outside the axes, (n,)."""
-    from matplotlib.ticker import LogLocator, NullLocator
+    from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
     material = case.materials[name]
     found = material.front
@@ -69,7 +69,8 @@ def _panel(axes: Axes, case: Archive, name: str, other: int) -> NDArray[np.bool_
     axes.set(xscale="log", yscale="log", xlim=_limits(shown[:, 0]), ylim=_limits(shown[:, 1]))
     for axis in (axes.xaxis, axes.yaxis):
         low, high = axis.get_view_interval()
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < _WIDE * low else (1.0,)))
+        powers = LogLocator(subs=(1.0, 2.0, 5.0) if high < _WIDE * low else (1.0,))
+        axis.set_major_locator(powers if high > 10.0 * low else MaxNLocator(5))
         axis.set_major_formatter("{x:g}")
         axis.set_minor_locator(NullLocator())
     axes.set_xlabel(f"squared residuals: {found.objectives[0]}")

@@ -7,6 +7,7 @@ CRS has another order of axes.
 from __future__ import annotations
 
 import difflib
+import functools
 import math
 import re
 import warnings
@@ -223,8 +224,6 @@ def named_datum(text: str) -> str:
         The EPSG database has no vertical datum of this name or code.
     """
     from pyproj import CRS
-    from pyproj.database import query_crs_info
-    from pyproj.enums import PJType
     from pyproj.exceptions import CRSError
 
     if re.fullmatch(r"[A-Za-z]+:\d+", text.strip()):
@@ -238,10 +237,7 @@ def named_datum(text: str) -> str:
         return name
     if "ellips" in text.lower() or _key(text) == "local":
         return text.strip()
-    known: dict[str, str] = {}
-    # shortest name first, because longer names add the unit
-    for name in sorted((info.name for info in query_crs_info("EPSG", PJType.VERTICAL_CRS)), key=len):
-        known.setdefault(_key(name), name)
+    known = _vertical_names()
     if _key(text) not in known:
         near = difflib.get_close_matches(_key(text), known, n=1, cutoff=0.6)
         meant = f" (did you mean {known[near[0]]!r}?)" if near else ""
@@ -250,6 +246,19 @@ def named_datum(text: str) -> str:
             "EGM2008 or NAP, WGS84 ellipsoid, or local."
         )
     return known[_key(text)]
+
+
+@functools.cache
+def _vertical_names() -> dict[str, str]:
+    """Names of the vertical CRSs of the EPSG database, by their keys; the search of the database takes 0.1 s."""
+    from pyproj.database import query_crs_info
+    from pyproj.enums import PJType
+
+    known: dict[str, str] = {}
+    # shortest name first, because longer names add the unit
+    for name in sorted((info.name for info in query_crs_info("EPSG", PJType.VERTICAL_CRS)), key=len):
+        known.setdefault(_key(name), name)
+    return known
 
 
 def same_datum(one: str, other: str) -> bool:

@@ -96,6 +96,7 @@ def points_of(objective, run, looks):
     return Points(statistics, np.array([X]), np.array([looks]), np.full((1, len(objective.scale), 3), 0.01))
 
 
+@pytest.mark.slow
 def test_cost_and_residuals_are_those_of_the_passes(found):
     case, _, _, objectives, run = found
     joint = objectives["field"]
