@@ -8,6 +8,8 @@ import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+import pytest
+
 SCRIPTS = sorted((Path(__file__).resolve().parents[1] / "workflow/scripts").glob("*.py"))
 LATE = ("matplotlib", "pandas", "platypus", "rasterio", "scipy.stats", "skimage", "sklearn", "smt", "snakemake")
 # numba takes half a second: for those that compute geometry or simulate
@@ -21,6 +23,7 @@ def test_no_script_imports_what_takes_seconds_before_it_is_used() -> None:
     assert loaded(imports, LATE) == []
 
 
+@pytest.mark.slow
 def test_scripts_that_do_not_simulate_import_no_compiler() -> None:
     assert {path.stem for path in SCRIPTS} > SIMULATE
     assert loaded(imports_of([path for path in SCRIPTS if path.stem not in SIMULATE]), ("numba",)) == []

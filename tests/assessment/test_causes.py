@@ -80,6 +80,7 @@ def test_the_area_of_slopes_is_radiometry(sign):
     assert area_slope(half, area_db) == pytest.approx((slope, np.sqrt(2.0) * area_slope(alone, area_db)[1]), rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spread", [Spread(0.8, 0.0), Spread(0.0, 0.8), Spread(0.0, 0.0)])
 def test_fields_that_differ_make_the_slope_against_the_area_uncertain(spread):
     """Images with effects of fields and cells drawn anew, on ground whose area factor goes with both."""

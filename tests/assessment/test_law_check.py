@@ -320,6 +320,7 @@ def test_the_start_is_expected_with_the_speckle_of_the_sensor():
     assert speckle < -0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("local", "looks"), [(2.5, 2.5), (9.0, 4.0), (float("nan"), 4.0)])
 def test_the_marginal_law_has_the_looks_of_neighbours_up_to_the_sensors(monkeypatch, local, looks):
     asked = []

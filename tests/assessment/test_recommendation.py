@@ -63,6 +63,7 @@ def test_no_fold_shares_a_field_with_another():
     assert fold_of_fields(np.full(4, 6)).tolist() == [0, 0, 0, 0]
 
 
+@pytest.mark.slow
 def test_a_law_that_fields_bear_out_is_recommended():
     law = found(fields(1, STEEP, APART))
     outcome = check(law)

@@ -227,6 +227,7 @@ def test_the_speckle_of_a_run_is_no_change_of_the_law():
     assert noisy.identified == found.identified
 
 
+@pytest.mark.slow
 def test_the_density_predicted_is_that_of_the_pixels():
     """Of the right law, on ground that it has not seen; a law 3 dB off, or a constant, is farther."""
     ground = fields(np.random.default_rng(12))

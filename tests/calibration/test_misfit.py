@@ -215,6 +215,7 @@ def test_errors_of_pixels_enter_their_bins():
     np.testing.assert_allclose(nodes.std(axis=1), rms * np.sqrt(square / (square + rms**2)), rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_the_covariance_is_that_of_images_of_correlated_speckle():
     """Bins that lie among each other like the slopes of hills: many images of one ground scatter as is expected."""
     rng = np.random.default_rng(12)

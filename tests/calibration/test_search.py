@@ -96,6 +96,7 @@ def edge():
     return search(BEYOND).minimum([np.array([0.5, 0.5, 0.5])], seed=1)
 
 
+@pytest.mark.slow
 def test_a_target_outside_the_box_has_a_floor(edge):
     unit, rms = edge
     nearest = nearest_beyond()

@@ -47,6 +47,7 @@ def test_the_maximum_of_runs_ends_it(parts, runner):
     assert "stop criterion not met at the maximum of 2 runs" in decision.materials["lake"].sentence
 
 
+@pytest.mark.slow
 def test_without_a_design_the_reference_run_trains(parts, runner):
     case, *_, both = parts
     targets = Targets({"field": both["field"]}, both.levels, both.looks)

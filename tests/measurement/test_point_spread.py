@@ -74,6 +74,7 @@ def test_a_mean_divides_the_variance_by_its_growth_of_the_correlation_area(side:
     assert found(smooth, radar).smoothing == pytest.approx(variances[0] / variances[1], rel=0.2)
 
 
+@pytest.mark.slow
 def test_errors_are_the_scatter_over_seeds(monkeypatch: pytest.MonkeyPatch) -> None:
     """The bootstrap's part: of 32 seeds in both directions the scatter is known to 9 %."""
     monkeypatch.setattr(point_spread, "_DRAWS", 25)  # enough for the mean over the seeds

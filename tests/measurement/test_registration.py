@@ -136,6 +136,7 @@ def test_ilk_is_an_alternative_with_a_wider_uncertainty(registered):
     assert np.median(found.uncertainty_px) > np.median(registered.uncertainty_px)
 
 
+@pytest.mark.slow
 def test_a_large_shift_is_found_by_phase_correlation_first():
     shift = np.array([31.0, -22.0])
     moving = Measurement(np.roll(speckled(ground(), 12), shift.astype(int), axis=(0, 1)), "shifted.tif")

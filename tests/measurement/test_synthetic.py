@@ -196,4 +196,4 @@ def test_settings_that_no_image_can_have_are_refused_without_a_run(radar: Radar)
     with pytest.raises(MeasurementError, match=r"resolution_factor is 0\.4, which makes radar\.range_reso"):
         check_synthetic(radar, Synthetic(resolution_factor=0.4), (300, 260))
     with pytest.raises(MeasurementError, match=r"warp_px is 50: the displacement field folds"):
-        check_synthetic(radar, Synthetic(warp_px=50.0), (900, 800))
+        check_synthetic(radar, Synthetic(warp_px=50.0), (220, 200))

@@ -186,6 +186,7 @@ def test_objects_are_no_material(flat: Scene) -> None:
     np.testing.assert_allclose(geometry.incidence_deg[both], bare.incidence_deg[both], atol=0.05)
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(
     x=st.floats(30.0, 130.0), y=st.floats(20.0, 40.0), z=st.floats(0.0, 25.0), dbsm=st.floats(-10.0, 40.0),

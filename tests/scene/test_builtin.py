@@ -112,6 +112,7 @@ def test_fields_of_the_enclosed_landscape_have_ridges_and_hedges(builtin: Scene,
     np.testing.assert_array_equal(enclosed.material == 1, builtin.material == 1)
 
 
+@pytest.mark.slow
 def test_the_default_dyke_is_seen_over_25_degrees_beside_layover_and_shadow(enclosed: Scene) -> None:
     geometry = make_geometry(enclosed, Case().radar)
     pixels = geometry.pixels("dyke", 1)
