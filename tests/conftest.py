@@ -29,8 +29,8 @@ MARKED = ("workflow", "faults", "cluster")  # folders of tests, and the markers 
 DESELECTED = f"not ({' or '.join((*MARKED, 'slow'))})"  # as in pyproject.toml
 TESTS = Path(__file__).parent
 FIRST = TESTS / "test_small_calibration.py"
-# folders whose tests run nothing that numba compiles
-NOT_COMPILED = [TESTS / name for name in ("cli", "config", "reading", "report", "running", "storage")]
+# folders whose tests run little or nothing that numba compiles
+LIGHT = [TESTS / name for name in ("cli", "config", "reading", "report", "running", "storage")]
 
 Surface = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 
@@ -54,10 +54,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(marker)
     first = [item for item in items if item.path == FIRST]
     others = [item for item in items if item.path != FIRST]
-    light = [item for item in others if any(folder in item.path.parents for folder in NOT_COMPILED)]
-    rest = [item for item in others if not any(folder in item.path.parents for folder in NOT_COMPILED)]
+    light = [item for item in others if any(folder in item.path.parents for folder in LIGHT)]
+    rest = [item for item in others if not any(folder in item.path.parents for folder in LIGHT)]
     # Of two workers, one begins with the first half. The longest test, at its start, compiles for both: the other
-    # worker begins with tests that need no machine code.
+    # worker begins with tests that need little machine code.
     before = max(0, (len(items) + 1) // 2 - len(first))
     items[:] = [*first, *rest[:before], *light, *rest[before:]]
 
