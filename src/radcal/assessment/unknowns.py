@@ -104,7 +104,7 @@ class Model:
         )
 
     def points(self, deviates: Doubles) -> Doubles:
-        """Points of the posterior that belong to normal deviates, shape (m, dimension) to (m, dimension).
+        """Points of the posterior at standard normal deviates; points and deviates have the shape (m, dimension).
 
         Standard normal random deviates give points drawn from the prior without the priors on looks and curve. The
         sampler walks over the deviates, because they have neither bounds nor heavy tails.

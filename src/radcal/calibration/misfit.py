@@ -65,8 +65,8 @@ class Misfit(ABC):
 class BinMisfit(Misfit):
     """Misfit of mean, log sd and skewness in each incidence-angle bin, weighted by their inverse covariance.
 
-    Pixels are correlated inside bins and between bins, and bins share effects of fields and cells: a field that lies
-    equally in all bins shifts all means alike, and leaves the law's slope as certain as it was. Log sds also vary
+    Pixels are correlated inside bins and between bins. Bins also share effects of fields and cells: a field with equal
+    shares of all bins shifts all means alike, which does not make the slope of the law less certain. Log sds also vary
     because the variance among a few fields differs by chance from its expectation. The unknown distribution of texture
     changes the skewness of all bins alike; this change has a standard deviation of 0.3.
 

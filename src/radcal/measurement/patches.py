@@ -183,7 +183,7 @@ class Residuals:
 
 
 def spread_log_likelihood(data: Residuals) -> NDArray[np.float64]:
-    """Restricted log likelihood of all pairs (between, within) of standard deviations on the grid ``GRID_DB``.
+    """Restricted log likelihood of each pair (between, within) of standard deviations on the grid ``GRID_DB``.
 
     The parameters of the law are integrated out of the likelihood.
     """

@@ -200,7 +200,7 @@ def point_spread_note(found: PointSpread, looks: Looks | None, radar: Radar, sou
 
     - The area of the point spread exceeds 2.25 times the area of the configured resolution cell.
     - The area of the point spread exceeds 1.5 times the area of the configured resolution cell, the correlation area
-      exceeds 3 times the configured correlation area, and the number of looks is not reduced, as texture would do.
+      exceeds 3 times the configured correlation area, and the number of looks is not reduced (texture reduces it).
 
     Parameters
     ----------

@@ -130,7 +130,7 @@ def read_values(path: Path, config: FileMeasurement) -> Values:
 
 
 def read_raster(path: Path, config: FileMeasurement, places: Places | None = None) -> tuple[Values, Any, Any]:
-    """Numbers of a raster with its transform and CRS.
+    """Pixel values of a raster, with its transform and CRS.
 
     Parameters
     ----------

@@ -154,7 +154,7 @@ def material_lines(
 
 
 def _fixed_lines(fixed: Fixed | None) -> list[str]:
-    """Lines with the law of a material that is not calibrated; without a law, lines with the mark of an open value."""
+    """YAML lines of a material with a fixed law; without ``fixed``, the lines hold a placeholder to be replaced."""
     level = FILL_IN if fixed is None else ", ".join(f"{x:.10g}" for x in fixed.parameters)
     law = _CONSTANT if fixed is None else fixed.law
     about = "gamma [dB]" if law == _CONSTANT else "of this law (docs/laws.md)"
