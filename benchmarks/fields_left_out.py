@@ -36,6 +36,7 @@ from radcal.measurement.ground import Ground
 DRAWS = 4
 FEWEST = 20  # pixels in a cell
 WORSE = 1.15
+KNOWN_DB = 1.5  # default of uncertainty.known_db
 
 
 def halves(grounds: dict[str, Ground], seed: int) -> dict[str, NDArray[np.bool_]]:
@@ -83,7 +84,7 @@ def image(folder: Path, polarisation: str, draws: int, seed: int) -> dict[str, A
                 found = errors(law, levels[name], grounds[name].part(~kept[name]))
                 if found is None:
                     continue
-                chosen = recommend(law, leave_fields_out(law, levels[name]))
+                chosen = recommend(law, leave_fields_out(law, levels[name]), KNOWN_DB)
                 is_law = chosen.predictor == "law"
                 rows.append((*found[:3], is_law))
                 known[name] = known.get(name, 0) + is_law

@@ -72,14 +72,14 @@ def test_a_law_that_fields_bear_out_is_recommended():
     assert outcome.rmse_law_db < 0.6 * outcome.rmse_constant_db
     assert outcome.power > 2.0
     assert half_width_db(law) < 1.5
-    choice = recommend(law, outcome)
+    choice = recommend(law, outcome, 1.5)
     assert choice.predictor == "law"
     assert "geometric mean over 8 fields" in choice.why
 
 
 def test_a_flat_law_is_not():
     law = found(fields(2, FLAT, APART, between=0.8))
-    assert recommend(law, check(law)).predictor == "constant"
+    assert recommend(law, check(law), 1.5).predictor == "constant"
 
 
 def test_a_wide_band_is_not():
@@ -87,8 +87,10 @@ def test_a_wide_band_is_not():
     outcome = check(law)
     wide = replace(law, fit=replace(law.fit, covariance=100.0 * law.fit.covariance))
     assert half_width_db(wide) == pytest.approx(10.0 * half_width_db(law))
-    choice = recommend(wide, outcome)
+    choice = recommend(wide, outcome, 1.5)
     assert choice.predictor == "constant"
+    assert recommend(wide, outcome, 1.2 * half_width_db(wide)).predictor == "law"
+    assert recommend(law, outcome, 0.8 * half_width_db(law)).predictor == "constant"
     assert "the 90 % band of the law is" in choice.why
 
 
@@ -100,7 +102,7 @@ def test_one_field_tells_a_steep_law_from_its_own_gradient_and_a_weak_one_not():
     assert trend(laws["weak"]) < 4.0 < trend(laws["steep"])
     outcomes = {name: check(law) for name, law in laws.items()}
     assert all(outcome.gain.fields == 0 for outcome in outcomes.values())
-    choices = {name: recommend(law, outcomes[name]) for name, law in laws.items()}
+    choices = {name: recommend(law, outcomes[name], 1.5) for name, law in laws.items()}
     assert choices["steep"].predictor == "law"
     assert choices["weak"].predictor == "constant"
     assert "gradients inside of one field" in choices["weak"].why
@@ -117,8 +119,8 @@ def test_fields_that_hold_all_angles_alike_are_silent():
     assert share_among_cells(found(ground)) > 0.9
     assert share_among_cells(law) < 0.1
     against = FieldCheck(1.0, 0.9, Gain(-0.1, 0.02, 8), 0.1)
-    assert recommend(law, against).predictor == "law"
-    assert recommend(found(ground), against).predictor == "constant"
+    assert recommend(law, against, 1.5).predictor == "law"
+    assert recommend(found(ground), against, 1.5).predictor == "constant"
 
 
 @pytest.fixture(scope="module")
@@ -174,9 +176,9 @@ def test_four_fields_are_enough_for_their_own_error(steep):
     flat = replace(steep, spread=Spread(20.0, 0.3))
     assert trend(flat) < 4.0
     gains = {fields: FieldCheck(0.3, 0.5, Gain(0.5, 0.1, fields), 5.0) for fields in (3, 4)}
-    assert recommend(flat, gains[4]).predictor == "law"
-    assert recommend(flat, gains[3]).predictor == "constant"
-    assert recommend(steep, gains[3]).predictor == "law"
+    assert recommend(flat, gains[4], 1.5).predictor == "law"
+    assert recommend(flat, gains[3], 1.5).predictor == "constant"
+    assert recommend(steep, gains[3], 1.5).predictor == "law"
 
 
 @pytest.mark.slow

@@ -220,7 +220,7 @@ def _check(
     binned = target.classes is not None
     crossed = cross_validate(law, constant, law.ground.block // Blocks.of(case.validation).parts)
     left_out = leave_fields_out(law, constant)
-    choice = recommend(law, left_out)
+    choice = recommend(law, left_out, case.uncertainty.known_db)
     identified = law.identified >= _IDENTIFIED
     # three moments of all pixels do not show how the level changes with the incidence; blocks do
     worse = identified and not binned and crossed.no_better

@@ -29,7 +29,6 @@ __all__ = [
 
 _FOLDS = 10
 _FEW_PIXELS = 20  # least number of pixels in a cell whose mean is compared
-_KNOWN_DB = 1.5  # largest half-width of the 90 % band of a law that is called known
 _BAND = 1.6448536269514722
 _TREND = 4.0  # least squared coefficient over its variance: two standard errors, squared
 _MANY = 4  # least number of fields whose scatter alone gives a standard error: three degrees of freedom
@@ -177,7 +176,7 @@ def share_among_cells(found: GroundLaw) -> float:
     return 1.0 - float(np.var(left)) / max(float(np.var(level)), 1e-12)
 
 
-def recommend(found: GroundLaw, check: FieldCheck) -> Recommendation:
+def recommend(found: GroundLaw, check: FieldCheck, known_db: float) -> Recommendation:
     """Recommended predictor for other fields of the material, decided on the calibrated ground alone.
 
     The constant is recommended if the half-width of the law's 90 % band exceeds 1.5 dB anywhere between 5 and 95 % of
@@ -199,14 +198,16 @@ def recommend(found: GroundLaw, check: FieldCheck) -> Recommendation:
         Law fitted to the calibrated ground.
     check : FieldCheck
         Errors of the predictions of left-out fields, as :func:`leave_fields_out` returns them.
+    known_db : float
+        Largest half-width of the law's 90 % band [dB] with which the law is recommended (``uncertainty.known_db``).
 
     Returns
     -------
     Recommendation
     """
     width, gain, identified = half_width_db(found), check.gain, found.identified >= _IDENTIFIED
-    if not width <= _KNOWN_DB:
-        return Recommendation("constant", f"the 90 % band of the law is +-{width:.2f} dB, more than {_KNOWN_DB} dB")
+    if not width <= known_db:
+        return Recommendation("constant", f"the 90 % band of the law is +-{width:.2f} dB, more than {known_db:g} dB")
     if share_among_cells(found) < _INSIDE:
         if identified:
             return Recommendation("law", "its change with incidence is seen inside of the parts of fields")
