@@ -9,7 +9,7 @@ import pytest
 from archives import posterior
 from calibration_samples import make_run, make_target
 
-from radcal.assessment.conclusion import _believed, _known, conclude
+from radcal.assessment.conclusion import _known, _unknown, conclude, not_to_be_used
 from radcal.assessment.fit_test import FitTest
 from radcal.calibration.history import History
 from radcal.config import Stop, Uncertainty, case_from
@@ -133,7 +133,9 @@ def test_a_law_that_does_not_fit_is_known_nowhere(fits, known):
     """One that cannot be tested keeps what is known of it."""
     before = posterior(known_between_deg=(20.0, 40.0), known_half_width_db=0.8)
     test = FitTest(fits, 20.0, 20.0, 0.5, 30.0, 0.1, 1.0, 0.0, 2.0, 2.0, "", (), 1.0)
-    after = _believed(before, test)
+    withheld = not_to_be_used(test)
+    assert withheld == ("the law does not fit" if fits is False else "")
+    after = _unknown(before) if withheld else before
     assert after.known_between_deg == known
     assert (after.known_half_width_db is None) is (known is None)
     said = _known(after, Levels(), Uncertainty())
@@ -145,3 +147,7 @@ def test_a_law_that_does_not_fit_is_known_nowhere(fits, known):
     removed = _known(after, Levels("offset", 0.4, 0.7), Uncertainty(), level_only=True)
     assert (removed.level_key, removed.level_error_db) == ("the removed offset", pytest.approx(1.645 * 0.7, rel=1e-3))
     assert removed.levels == after.levels()
+    assert _known(after, Levels(), Uncertainty(), passes=2).level_error_db == 0.0
+    # a density that is not matched tells nothing of the law
+    nan = float("nan")
+    assert not_to_be_used(replace(test, fits=None, residual_sum=nan, distance=3.5)) == "the density is not matched"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from radcal.assessment.curves import GRID_DEG, Curves
-from radcal.assessment.known import Band, band_of, directions, known_between, modes_of, why_unknown
+from radcal.assessment.known import Band, band_of, degrees, directions, known_between, modes_of, why_unknown
 from radcal.radar.laws import LAWS, law_for
 
 ANGLES = np.arange(0.0, 85.25, 0.25)
@@ -53,9 +53,26 @@ def test_only_what_keeps_a_law_unknown_is_named():
     of_prior = "the priors alone leave +-1.7 dB, so that the pixels do not even halve it"
     assert why(1.0, 1.7) == of_prior
     assert why(1.8, 1.7) == f"{of_band} and {of_prior}"
-    assert why(1.0, 12.0) == "the law does not fit"
+    assert why(1.0, 12.0) == "its 90 % band is narrow enough only over less than half a degree"
+    # three digits: a half-width next to the limit is not shown as the limit
+    assert "than +-1.53 dB, wider than uncertainty.known_db (+-1.5 dB)" in why(1.53, 12.0)
     # at an angle between those of the grid
     assert why(2.0, 12.0, (24.1, 24.2)).startswith("its 90 % band is nowhere narrower than +-2 dB")
+    ones = np.ones(ANGLES.size)
+    assert why_unknown(ANGLES, ones, 9.0 * ones, [(20.0, 30.0)], 1.5, "it does not fit") == "it does not fit"
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "said"),
+    [
+        (10.0, 25.0, "10 and 25"),
+        (10.25, 25.75, "11 and 25"),
+        (14.75, 15.25, "14.75 and 15.25"),
+        (14.9, 16, "15 and 16"),
+    ],
+)
+def test_degrees_are_rounded_into_the_interval(low, high, said):
+    assert degrees(low, high) == f"between {said} degrees"
 
 
 def test_the_largest_of_several_intervals_is_known():

@@ -129,7 +129,7 @@ def test_a_wrong_law_of_one_density_is_found_out_by_its_own_ground():
     run = replace(run, scores={"area": replace(run.scores["area"], parameters=wrong.tolist())})
     check = check_laws(case, targets, History([run]))["area"]
     assert check.identified is False
-    assert "area: the law is not identified: blocks of its own ground" in check.sentences[0]
+    assert "area: blocks of its own ground, each predicted from the others" in check.sentences[0]
     assert "objective: classes can tell more" in check.sentences[0]
     # a right law passes
     assert check_laws(*made(objective="density", kept=tuple(range(10)), validation=None))["area"].identified is True

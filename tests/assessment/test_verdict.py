@@ -33,7 +33,7 @@ def fit_of(fits=True, **changes):
 def test_a_law_that_fits_is_known_somewhere():
     known = Known((10.2, 24.9), 0.68)
     assert verdict("dyke", fit_of(), known=known) == (
-        "dyke fits (residuals 14 of 21): sigma0 known to +-0.7 dB between 10 and 25 degrees; "
+        "dyke fits (residuals 14 of 21): sigma0 known to +-0.7 dB between 11 and 24 degrees; "
         "outside that it is not called known."
     )
     assert verdict("dyke", fit_of()) == "dyke fits (residuals 14 of 21)."
@@ -66,6 +66,11 @@ def test_a_law_that_does_not_fit_is_not_called_known():
             "residuals 60 of 21, at 34 degrees the simulated spread is 1.30 times the measured",
         ),
         ({"sd_db": 1.7}, "the simulated spread is 1.7 dB, the measured 2.1"),
+        ({"looks_limit": "upper"}, "residuals 14 of 21, and the pixels ask for more looks than the search allows"),
+        (
+            {"looks_limit": "lower", "worst_spread": 0.8},
+            "residuals 14 of 21, at 34 degrees the simulated spread is 0.80 times the measured",
+        ),
     ],
 )
 def test_the_largest_misfit_is_said_and_an_unknown_cause(changes, said):
@@ -92,6 +97,15 @@ def test_one_incidence_is_a_level_only():
     )
     for test in (fit_of(), fit_of(False, mean_db=0.3, worst_mean_db=1.2), fit_of(None)):
         assert without_angles(test).fits is None
+    # a level that is off by chance, or because the search has not ended, is said
+    assert verdict("water", without_angles(fit_of(mean_db=0.7)), known=level, level_only=True) == (
+        "water: level only, seen at one incidence: -18.2 dB (90 %: -19.3 to -17.1); its simulated mean is 0.7 dB above "
+        "the measured."
+    )
+    two = replace(level, levels=(level.levels[0], Level(30.0, -16.0, -16.9, -15.1)))
+    assert verdict("water", fit_of(None), known=two, level_only=True, passes=2).startswith(
+        "water: level only, seen at one incidence in each pass: -18.2 dB (90 %: -19.3 to -17.1) at 38.9 degrees, -16.0"
+    )
     wide = without_angles(fit_of(False, sd_db=4.0, measured_sd_db=4.7))
     assert verdict("bare", wide, level_only=True) == (
         "bare: level only, seen at one incidence; the simulated spread is 4.0 dB, the measured 4.7."
@@ -104,6 +118,19 @@ def test_one_density_is_not_tested():
     said = verdict("dyke", fit_of(None, residual_sum=nan, expected=nan, p=nan))
     assert said == (
         "dyke: one density leaves no degree of freedom to test the law, and its rms is 0.4 times the sampling error."
+    )
+    far = fit_of(None, residual_sum=nan, expected=nan, p=nan, distance=3.1)
+    assert far.unmatched
+    assert not replace(far, distance=2.9).unmatched
+    assert not replace(far, residual_sum=14.0).unmatched
+    assert verdict("dyke", far, passes=2, known=Known(None, None), between_db=3.2) == (
+        "dyke: the law is not tested, because only densities were compared, and its rms is 3.1 times the sampling "
+        "error, so that the density is not matched and sigma0 is called known at no angle; fields differ by 3.2 dB "
+        "(sd), which can hide a misfit."
+    )
+    full = fit_of(None, expected=0.0, p=nan)
+    assert verdict("ice", full) == (
+        "ice: the bins have no more values than the law has parameters, so that the law cannot be tested."
     )
 
 
@@ -130,22 +157,41 @@ def test_the_first_line_counts_several():
     names = ["a", "b", "c", "d"]
     fits = dict(zip(names, [True, False, True, None], strict=True))
     line = first_line(dict.fromkeys(names, "-"), fits, True)
-    assert line == "Of 4 materials 2 fit, 1 does not fit (b), 1 cannot be tested (d)."
+    assert (
+        line
+        == "Of 4 materials 2 fit, 1 does not fit (b), 1 cannot be tested (d); sigma0 is known at some angles for none."
+    )
 
 
 def test_a_band_without_convergence_and_a_level_are_said():
     known = Known((10.2, 24.9), 0.68, linear=True)
     assert "(linear covariance: the sampler has not converged)" in verdict("dyke", fit_of(), known=known)
     said = {name: verdict(name, fit_of(), level_only=name == "water") for name in ("dyke", "water")}
-    assert (
-        first_line(said, {"dyke": True, "water": True}, True) == "Of 2 materials 1 fits, 1 known by level only (water)."
-    )
+    where = "; sigma0 is known at some angles for none."
+    both = {"dyke": True, "water": True}
+    assert first_line(said, both, True) == f"Of 2 materials 1 fits, 1 level only (water){where}"
+    there = {**said, "dyke": verdict("dyke", fit_of(), known=known)}
+    assert first_line(there, both, True).endswith("; sigma0 is known at some angles for 1 (dyke).")
     # a level that is off is not known
     said["water"] = verdict("water", fit_of(False, mean_db=-3.0), level_only=True)
-    assert first_line(said, {"dyke": True, "water": False}, True) == ("Of 2 materials 1 fits, 1 does not fit (water).")
+    assert first_line(said, {"dyke": True, "water": False}, True) == (
+        f"Of 2 materials 1 fits, 1 does not fit (water){where}"
+    )
 
 
-@pytest.mark.parametrize(("half", "said"), [(0.7, " (+-0.5 dB of it by the removed offset alone)"), (0.8, "")])
+def test_numbers_of_the_first_pass_are_said_to_be_its():
+    said = verdict("a", fit_of(False, mean_db=-1.3), passes=2)
+    assert "the simulated mean is 1.3 dB below the measured in pass 1;" in said
+    assert "the simulated spread in pass 1 is 1.7 dB" in verdict("a", fit_of(False, sd_db=1.7), passes=2)
+
+
+def test_a_narrow_band_is_not_given_as_zero():
+    assert "known to +-0.04 dB between 11 and 24" in verdict("a", fit_of(), known=Known((10.2, 24.9), 0.04))
+
+
+@pytest.mark.parametrize(
+    ("half", "said"), [(0.7, " (+-0.5 dB of it by the removed offset alone)"), (0.8, ""), (0.5, "")]
+)
 def test_the_error_of_the_level_is_said_where_it_is_most_of_the_band(half, said):
     known = Known((10.2, 24.9), half, level_error_db=0.54, level_key="the removed offset")
-    assert f"known to +-{half} dB between 10 and 25 degrees{said}; outside" in verdict("a", fit_of(), known=known)
+    assert f"known to +-{half} dB between 11 and 24 degrees{said}; outside" in verdict("a", fit_of(), known=known)

@@ -115,7 +115,9 @@ def checked(archive):
 
 def test_the_first_line_is_the_verdict_and_the_next_how_the_search_ended(page, made, tmp_path):
     first = re.search(r"Measurement: .*?\. (.*?) What has been shown", page[1].text)[1]
-    assert first.startswith("Of 2 materials 2 cannot be tested (dyke, stem beans).")
+    assert first.startswith(
+        "Of 2 materials 2 cannot be tested (dyke, stem beans); sigma0 is known at some angles for none."
+    )
     assert "What was compared is the histogram, which does not determine a law" in first
     archive = changed_check(checked(made.archive), "stem beans", identified=True)
     text = render(tmp_path / "report.html", archive)[1].text

@@ -45,7 +45,13 @@ def test_a_law_is_identified_where_it_is_known_somewhere(made):
     assert (known.identified, lost.identified) == (True, False)
     assert not any("not identified" in said for said in (*known.sentences, *lost.sentences))
     # its band is narrow enough, as that of `here`
-    assert lost.sentences[0] == "dyke: sigma0 is called known nowhere over the incidence seen: the law does not fit."
+    why = "its 90 % band is narrow enough only over less than half a degree"
+    assert lost.sentences[0] == f"dyke: sigma0 is called known nowhere over the incidence seen: {why}."
+    refused = check_laws(
+        case, made.targets, made.history, posteriors={"dyke": nowhere}, withheld={"dyke": "the law does not fit"}
+    )["dyke"]
+    assert refused.sentences[0].endswith("nowhere over the incidence seen: the law does not fit.")
+    assert (refused.recommended, refused.recommended_why) == ("constant", "the law does not fit")
     assert lost.sentences[1] == "dyke: the sampler has not."
 
 

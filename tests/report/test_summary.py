@@ -49,7 +49,10 @@ def test_materials(made):
     assert "hidden" in dyke
     assert "hidden" not in beans
     assert "law_difference_db" not in beans
-    first = "Of 2 materials 2 cannot be tested (dyke, stem beans). The search has not met its stop criterion."
+    first = (
+        "Of 2 materials 2 cannot be tested (dyke, stem beans); sigma0 is known at some angles for none. "
+        "The search has not met its stop criterion."
+    )
     assert summarise(made.archive)["verdict"] == first
     assert summarise(made.archive)["fits"] is dyke["fits"] is None
     assert beans["misfit"]["distance"] == pytest.approx(beans["rms"] / 0.004)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.fit_test import FitTest
+from radcal.assessment.fit_test import MEAN_DB, FitTest
 from radcal.assessment.reach import law_range_db
 from radcal.calibration.grounds import GroundLaw
 from radcal.calibration.incidence_error import error_behind
@@ -15,7 +15,7 @@ from radcal.measurement.target import Target
 from radcal.radar.geometry import Geometry
 from radcal.radar.texture import log_speckle_cumulants
 
-__all__ = ["UNKNOWN", "area_slope", "likely_cause"]
+__all__ = ["UNKNOWN", "area_slope", "joint_cause", "likely_cause"]
 
 UNKNOWN = "cause unknown"
 _FILTERED = 1.5  # least ratio of the image's looks to the sensor's looks in a speckle-filtered image
@@ -56,18 +56,23 @@ def likely_cause(
         lambda: _looks(law, test, image_looks),
         lambda: _radiometry(law, target, geometry),
         lambda: _held_back(test),
-        lambda: _incidence(law),
+        lambda: _incidence(law, test),
     ]
     return next((said for cause in causes if (said := cause())), UNKNOWN)
+
+
+def joint_cause(test: FitTest, why: str) -> str:
+    """Cause of a misfit that shows in the test alone, without law and pixels of a pass; else ``why`` none is named."""
+    return _at_limit(test) or _held_back(test) or f"{UNKNOWN}: {why}"
 
 
 def _noise(law: GroundLaw, test: FitTest, noise_db: float) -> str:
     """Text that names noise as cause, if the worst bin's measured level lies below the simulated noise; else empty."""
     k = int(np.abs(law.classes.nodes_deg.mean(axis=1) - test.worst_deg).argmin())
     measured = float(law.classes.cumulants[k, 0] - log_speckle_cumulants(law.fit.looks)[0])
-    if test.worst_mean_db > 0.0 and measured < noise_db:
+    if test.worst_mean_db > MEAN_DB and measured < noise_db:
         return (
-            f"the measured {measured:.0f} dB lie below the noise that the simulator adds, {noise_db:.0f} dB (radar."
+            f"the measured {measured:.1f} dB lie below the noise that the simulator adds, {noise_db:.1f} dB (radar."
             "nesz_db)"
         )
     return ""
@@ -80,8 +85,8 @@ def _reach(law_name: str, law: GroundLaw, test: FitTest) -> str:
     level, there = law.method.law, classes.nodes_deg[k]
     low, high = law_range_db(level, law.method.bounds, there)
     asked = float(np.mean(level(np.radians(there), law.fit.parameters))) - test.worst_mean_db
-    if not low <= asked <= high and test.bounds:
-        return f"{law_name}'s bounds cannot reach {asked:.0f} dB"
+    if not low <= asked <= high and test.bounds and abs(test.worst_mean_db) > MEAN_DB:
+        return f"{law_name}'s bounds cannot reach {round(asked)} dB"
     return ""
 
 
@@ -97,8 +102,13 @@ def _looks(law: GroundLaw, test: FitTest, image_looks: float) -> str:
     sensor = law.method.looks
     if image_looks > _FILTERED * sensor:
         return f"the image has {image_looks:.1f} looks, radar.looks is {sensor:g}: speckle-filtered?"
+    return _at_limit(test, f" {sensor:g}")
+
+
+def _at_limit(test: FitTest, looks: str = "") -> str:
+    """Text on effective looks that end at a limit of the search, with the value of radar.looks; else empty."""
     if test.looks_limit == "upper":
-        return f"the pixels spread less than the speckle of radar.looks {sensor:g}: speckle-filtered?"
+        return f"the pixels spread less than the speckle of radar.looks{looks}: speckle-filtered?"
     if test.looks_limit == "lower":
         return "the pixels spread more than any speckle: mixed ground?"
     return ""
@@ -161,9 +171,10 @@ def area_slope(law: GroundLaw, area_db: NDArray[np.float64]) -> tuple[float, flo
     return float(area @ away / power), float(np.sqrt(variance) / power)
 
 
-def _incidence(law: GroundLaw) -> str:
+def _incidence(law: GroundLaw, test: FitTest) -> str:
     """Text on the error of the local incidence that would explain why the effective looks are few; else empty."""
-    if law.fit.looks > _FEW_LOOKS * law.method.looks:
+    # an error of the incidence spreads the pixels of a bin and hardly moves their mean
+    if law.fit.looks > _FEW_LOOKS * law.method.looks or abs(test.worst_mean_db) > MEAN_DB:
         return ""
     error, _ = error_behind(law.method.law, law.fit, law.ground.incidence_deg, law.method.looks)
     # an error as large as the spread of the mapped incidence explains nothing (material seen at one incidence)

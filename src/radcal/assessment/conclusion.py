@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.assessment.budget import NORMAL_90, Budget
-from radcal.assessment.causes import likely_cause
+from radcal.assessment.causes import joint_cause, likely_cause
 from radcal.assessment.fit_test import FitTest, check_fit
 from radcal.assessment.law_check import LawCheck, check_laws, texture_note
 from radcal.assessment.posterior import Posterior
@@ -152,8 +152,12 @@ def conclude(
     ]
     materials = _materials(targets, each_db, final)
     fits = {name: _fit(case, name, targets, objectives[name], history, materials[name]) for name in targets}
-    believed = {name: _believed(posterior, fits[name]) for name, posterior in (posteriors or {}).items()}
-    checks = check_laws(case, targets, history, posteriors=believed)
+    withheld = {name: why for name, test in fits.items() if (why := not_to_be_used(test))}
+    believed = {
+        name: _unknown(posterior) if name in withheld else posterior for name, posterior in (posteriors or {}).items()
+    }
+    checks = check_laws(case, targets, history, posteriors=believed, withheld=withheld)
+    passes = 1 + len(targets.further)
     return Conclusion(
         decision=decide(history, list(targets), stop, case.objective),
         checks=checks,
@@ -170,21 +174,31 @@ def conclude(
                 name,
                 fits[name],
                 _cause(case, name, targets, objectives[name], history, geometry, fits[name]),
-                _known(believed.get(name), targets.levels, case.uncertainty, targets.level_only(name)),
+                _known(believed.get(name), targets.levels, case.uncertainty, targets.level_only(name), passes),
                 level_only=targets.level_only(name),
                 between_db=checks[name].between_db,
+                passes=passes,
             )
             for name in targets
         },
     )
 
 
-def _believed(posterior: Posterior, fit: FitTest) -> Posterior:
-    """Posterior that calls sigma0 known at no angle if the law does not fit (its budget covers no wrong form)."""
-    return replace(posterior, known_between_deg=None, known_half_width_db=None) if fit.fits is False else posterior
+def not_to_be_used(test: FitTest) -> str:
+    """Reason why a law must not be used, because the budget of its posterior does not cover it; otherwise empty."""
+    if test.fits is False:
+        return "the law does not fit"
+    return "the density is not matched" if test.unmatched else ""
 
 
-def _known(posterior: Posterior | None, levels: Levels, config: Uncertainty, level_only: bool = False) -> Known | None:
+def _unknown(posterior: Posterior) -> Posterior:
+    """Posterior that calls sigma0 known at no angle."""
+    return replace(posterior, known_between_deg=None, known_half_width_db=None)
+
+
+def _known(
+    posterior: Posterior | None, levels: Levels, config: Uncertainty, level_only: bool = False, passes: int = 1
+) -> Known | None:
     """Interval of incidence in which sigma0 is known; None without a posterior, or for a law without a curve."""
     if posterior is None or posterior.curve is None:
         return None
@@ -194,7 +208,8 @@ def _known(posterior: Posterior | None, levels: Levels, config: Uncertainty, lev
         posterior.known_half_width_db,
         linear=not posterior.sampled,
         levels=posterior.levels() if level_only else (),
-        level_error_db=NORMAL_90 * Budget.of(config, levels).level_db,
+        # each pass has a level of its own, so that several passes lower the error of their common law
+        level_error_db=0.0 if passes > 1 else NORMAL_90 * Budget.of(config, levels).level_db,
         level_key="the removed offset" if removed else "uncertainty.level_db",
     )
 
@@ -215,7 +230,7 @@ def _fit(
 
 
 def without_angles(test: FitTest) -> FitTest:
-    """Test of a material seen at one incidence: a law fails only if the mean is off by more than 0.5 dB."""
+    """Test of a material seen at one incidence: a failed test counts only if the mean is off by more than 0.5 dB."""
     return replace(test, fits=False if test.fits is False and abs(test.mean_db) > OFF_DB else None)
 
 
@@ -228,10 +243,14 @@ def _cause(
     geometry: Geometry,
     fit: FitTest,
 ) -> str:
-    """Likely cause of a misfit; empty for a law that fits, for a law without a curve, and with several passes."""
-    # with several passes the misfit may lie in another pass than the first, whose law and pixels are examined here
-    if fit.fits is not False or not case.laws[name].has_curve or targets.further:
+    """Likely cause of a misfit; empty for a law that fits."""
+    if fit.fits is not False:
         return ""
+    if not case.laws[name].has_curve:
+        return joint_cause(fit, "the law has no curve to examine")
+    # the misfit may lie in another pass than the first, whose law and pixels are examined below
+    if targets.further:
+        return joint_cause(fit, "causes are examined in cases of one pass")
     law = objective.law_in(0, history.best(name).scores[name])
     return likely_cause(case.materials[name].law, law, fit, targets[name], geometry, targets.looks)
 

@@ -28,6 +28,7 @@ REPLICATES = 999
 LEVEL = 0.01  # p below which a law does not fit; right laws fail up to twice as often: replicates use an estimated law
 MEAN_DB, SPREAD = 0.5, 0.15  # misfit of a bin's mean [dB], and of its standard deviation (relative), that matters
 DOUBTFUL_SPREAD_DB = 3.0  # a larger standard deviation between fields can hide a misfit
+_UNMATCHED = 3.0  # density rms, in sampling errors, above which a density is not called matched
 _LIMIT = 1e-3  # largest distance of a value that ends at a limit, in log looks or in shares of the interval of X
 _PRESSED = 3.0  # least number of standard errors beyond a limit that the pixels ask for, in looks or X
 _STEP = 1e-4  # step of the derivatives, in shares of the intervals of X and of log looks
@@ -48,7 +49,8 @@ class FitTest:
         Sum of squared residuals of all bins and passes; if no bins were compared, NaN, like ``expected``, ``p`` and the
         three values of the worst bin.
     expected : float
-        Degrees of freedom m - tr(H): expectation of the residual sum of a right law.
+        Degrees of freedom m - tr(H): expectation of the residual sum of a right law; 0 if the bins have no more values
+        than a law without a curve has parameters.
     p : float
         p-value: share of parametric replicates whose residual sum, or whose sum over the means alone, is at least as
         unlikely as that of the law.
@@ -84,6 +86,16 @@ class FitTest:
     looks_limit: str
     bounds: tuple[str, ...]
     distance: float
+
+    @property
+    def of_density(self) -> bool:
+        """Whether no bins were compared, but only densities."""
+        return bool(np.isnan(self.residual_sum))
+
+    @property
+    def unmatched(self) -> bool:
+        """Whether only densities were compared, and the density rms exceeds three times its sampling error."""
+        return self.of_density and self.distance > _UNMATCHED
 
 
 @dataclass(frozen=True)
@@ -234,7 +246,7 @@ def check_fit(
     if not comparison.material.law.has_curve:  # all searched values are taken for determined by the pixels
         searched = len(comparison.material.box) + comparison.free_looks
         if searched >= found.residuals.size:  # no degree of freedom is left
-            return FitTest(None, *(float("nan"),) * 6, *levels, "", (), distance)
+            return FitTest(None, total, 0.0, *(float("nan"),) * 4, *levels, "", (), distance)
         sums, expected = sums * (1.0 - searched / found.residuals.size), found.expected - searched
     else:
         expected = found.expected

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -16,6 +17,7 @@ __all__ = [
     "Level",
     "Modes",
     "band_of",
+    "degrees",
     "directions",
     "known_between",
     "level_words",
@@ -72,6 +74,14 @@ class Level:
 
     def __str__(self) -> str:
         return f"{self.median_db:.1f} dB (90 %: {self.p05_db:.1f} to {self.p95_db:.1f})"
+
+
+def degrees(low: float, high: float) -> str:
+    """Text "between a and b degrees", rounded into the interval [deg]; the ends of a narrow one have two decimals."""
+    inner = math.ceil(low), math.floor(high)
+    if inner[0] < inner[1]:
+        return f"between {inner[0]} and {inner[1]} degrees"
+    return f"between {low:.2f} and {high:.2f} degrees"
 
 
 def level_words(levels: Sequence[Level]) -> str:
@@ -175,6 +185,7 @@ def why_unknown(
     prior_half_width_db: Doubles,
     seen_deg: Sequence[Sequence[float]] | Doubles,
     known_db: float,
+    withheld: str = "",
 ) -> str:
     """Reason why sigma0 is called known at no angle of the incidence seen.
 
@@ -186,24 +197,28 @@ def why_unknown(
         5 and 95 % quantiles of the incidence in each pass [deg].
     known_db : float
         Largest half-width at which sigma0 is called known [dB].
+    withheld : str
+        Reason why sigma0 is not called known whatever its band, such as a law that does not fit; otherwise empty.
 
     Returns
     -------
     str
-        Text with the reason: the band of the posterior is too wide, or at least half as wide as the band of the
-        prior, or both. If neither is true, the law does not fit, which is the only other reason.
+        Text with the reason: ``withheld``, or the band of the posterior is too wide, or at least half as wide as the
+        band of the prior, or both. If neither is true at some angle, such angles span less than half a degree.
     """
+    if withheld:
+        return withheld
     inside = [np.linspace(low, high, 21) for low, high in seen_deg]
     angle = np.concatenate(inside)
     half = np.interp(angle, incidence_deg, half_width_db)
     prior = np.interp(angle, incidence_deg, prior_half_width_db)
     wide, near = half > known_db, half >= _OF_PRIOR * prior
     if not np.all(wide | near):
-        return "the law does not fit"
+        return "its 90 % band is narrow enough only over less than half a degree"
     narrowest = int(np.argmin(half))
     said = [
-        f"its 90 % band is nowhere narrower than +-{half[narrowest]:.2g} dB, wider than uncertainty.known_db "
-        f"(+-{known_db:.2g} dB)"
+        f"its 90 % band is nowhere narrower than +-{half[narrowest]:.3g} dB, wider than uncertainty.known_db "
+        f"(+-{known_db:.3g} dB)"
     ] * bool(wide.all())
     prior_alone = f"the priors alone leave +-{prior[narrowest]:.2g} dB, so that the pixels do not even halve it"
     return " and ".join([*said, *[prior_alone] * bool(near[narrowest] or not said)])

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from radcal.assessment.constant import Constant, constants
 from radcal.assessment.posterior import Posterior
 from radcal.assessment.recommendation import FieldCheck, fold_of_fields, leave_fields_out, recommend
-from radcal.assessment.validation import CrossValidation, HeldOut, cross_validate, held_out
+from radcal.assessment.validation import HeldOut, cross_validate, held_out
 from radcal.calibration.expected import law_cumulants
 from radcal.calibration.grounds import GroundLaw, fit_grounds, marginal_law
 from radcal.calibration.history import History, Score
@@ -90,6 +90,7 @@ def check_laws(
     history: History,
     number: int = 0,
     posteriors: Mapping[str, Posterior] | None = None,
+    withheld: Mapping[str, str] | None = None,
 ) -> dict[str, LawCheck]:
     """Check the best run's law of every material on the ground of one pass.
 
@@ -105,6 +106,8 @@ def check_laws(
         Number of the pass whose ground is used, from 0; the law's uncertainty follows from all passes.
     posteriors : mapping, optional
         Posterior of each material's law; with it, a law counts as identified if sigma0 is known at some angles.
+    withheld : mapping, optional
+        For each material whose law must not be used, the reason, such as a law that does not fit.
 
     Returns
     -------
@@ -134,21 +137,27 @@ def check_laws(
         for name, target in targets.items()
     }
     return {
-        name: _with_posterior(case, name, check, (posteriors or {}).get(name), name in one_angle)
+        name: _with_posterior(
+            case, name, check, (posteriors or {}).get(name), name in one_angle, (withheld or {}).get(name, "")
+        )
         for name, check in found.items()
     }
 
 
 def _with_posterior(
-    case: stages.Archive, name: str, check: LawCheck, posterior: Posterior | None, level_only: bool
+    case: stages.Archive, name: str, check: LawCheck, posterior: Posterior | None, level_only: bool, withheld: str
 ) -> LawCheck:
-    """Check of a law in which the posterior decides whether the law is identified."""
+    """Check of a law in which the posterior decides whether the law is identified; a law not to be used is not."""
+    if withheld and check.recommended:
+        check = replace(check, recommended="constant", recommended_why=withheld)
     if posterior is None or posterior.curve is None or check.identified is None:
         return check
     known = posterior.known_between_deg is not None
     others = [said for said in check.sentences if f"{name}: the law is not identified" not in said]
     # the verdict already gives the level of a material that is seen at one incidence
-    doubt = [] if known or level_only else [f"{name}: {posterior.sentence(case.uncertainty.known_db)}"]
+    doubt = (
+        [] if known or level_only else [f"{name}: {posterior.sentence(case.uncertainty.known_db, withheld=withheld)}"]
+    )
     linear = [] if posterior.sampled else [f"{name}: {posterior.sentences[0]}"]
     return replace(check, identified=known, sentences=[*doubt, *linear, *others])
 
@@ -224,11 +233,11 @@ def _check(
     identified = law.identified >= _IDENTIFIED
     # three moments of all pixels do not show how the level changes with the incidence; blocks do
     worse = identified and not binned and crossed.no_better
-    sentences = _doubts(name, identified, crossed if worse else None, binned) + _held_sentences(case, name, held)
+    sentences = _doubts(name, identified, binned) + _held_sentences(case, name, held)
+    if sentence := crossed.sentence(name):
+        sentences.append(sentence if binned else f"{sentence} objective: {DEFAULT} can tell more.")
     centre = shown = error = nothing
     if binned:
-        if sentence := crossed.sentence(name):
-            sentences.append(sentence)
         if law.method.free_looks:
             local = target.looks if np.isfinite(target.looks) else nominal
             marginal = marginal_law(law, min(local, nominal))
@@ -255,29 +264,32 @@ def _check(
     )
 
 
-def _doubts(name: str, identified: bool, crossed: CrossValidation | None, binned: bool) -> list[str]:
-    """Sentence on a law that its own uncertainty, or the blocks of its own ground, show not to be identified."""
-    why = "" if binned else f" One density of all pixels cannot tell; objective: {DEFAULT} can tell more."
-    if not identified:
-        return [
-            f"{name}: the law is not identified: its change over the incidence seen is no larger than its own "
-            f"uncertainty.{why}"
-        ]
-    if crossed is None:
+def _doubts(name: str, identified: bool, binned: bool) -> list[str]:
+    """Sentence on a law that is not identified; empty if it is."""
+    if identified:
         return []
+    why = "" if binned else f" One density of all pixels cannot tell; objective: {DEFAULT} can tell more."
     return [
-        f"{name}: the law is not identified: blocks of its own ground, each predicted from the others, are "
-        f"{crossed.rmse_law_patch_db:.2f} dB off by law and field effects, {crossed.rmse_constant_patch_db:.2f} dB by "
-        f"a constant with field effects.{why}"
+        f"{name}: the law is not identified: the mean square of its change over the incidence seen is less than "
+        f"{_IDENTIFIED:g} times the variance of its error.{why}"
     ]
 
 
 def _held_sentences(case: stages.Archive, name: str, held: HeldOut | None) -> list[str]:
-    """Sentences on held-out ground: none is there, a constant predicts it better, or the 90 % band is too narrow."""
+    """Sentences on held-out ground: none is there, a constant predicts it better, or few means lie in the band."""
     if held is None and case.validation is not None:
+        keep = case.validation.keep
+        need = {
+            "fields": f"keep: fields needs fields on both sides of a fold, each with {FEWEST} pixels",
+            "both": f"keep: both needs {FEWEST} of its pixels in the even and in the odd blocks",
+        }
         return [
-            f"{name}: validation checks nothing: no held-out block holds 20 of its pixels "
-            f"(validation.rows is {case.validation.rows}, keep {case.validation.keep})."
+            f"{name}: validation checks nothing: "
+            + need.get(
+                keep,
+                f"no held-out block holds 20 of its pixels (validation.rows is {case.validation.rows}, keep {keep})",
+            )
+            + "."
         ]
     if held is None:
         return []
@@ -291,8 +303,8 @@ def _held_sentences(case: stages.Archive, name: str, held: HeldOut | None) -> li
         )
     if not held.held_in_band:
         lines.append(
-            f"{name}: the 90 % band of the predictions is too narrow: {100.0 * held.coverage_90:.0f} % of "
-            f"{held.n_blocks} held-out means lie inside."
+            f"{name}: {100.0 * held.coverage_90:.0f} % of {held.n_blocks} held-out means lie inside the 90 % band of "
+            "their predictions, fewer than chance leaves if their errors are independent."
         )
     return lines
 

@@ -140,8 +140,18 @@ class Posterior:
             Level(deg, *(float(np.interp(deg, curve.incidence_deg, values)) for values in quantiles)) for deg in seen
         )
 
-    def sentence(self, known_db: float, level_only: bool = False) -> str:
-        """Sentence on where sigma0 is known; ``level_only`` says that the material is seen at one incidence."""
+    def sentence(self, known_db: float, level_only: bool = False, withheld: str = "") -> str:
+        """Sentence on where sigma0 is known.
+
+        Parameters
+        ----------
+        known_db : float
+            Largest half-width of the 90 % band at which sigma0 is called known [dB].
+        level_only : bool
+            Whether the material is seen at one incidence.
+        withheld : str
+            Reason why sigma0 is not called known whatever its band; otherwise empty.
+        """
         if self.curve is None:
             return "the law has no curve in dB, so that only its parameters have intervals."
         if level_only:
@@ -149,7 +159,7 @@ class Posterior:
         if self.known_between_deg is None or self.known_half_width_db is None:
             curve = self.curve
             half = 0.5 * (curve.p95_db - curve.p05_db)
-            why = why_unknown(curve.incidence_deg, half, curve.prior_half_width_db, self.seen_deg, known_db)
+            why = why_unknown(curve.incidence_deg, half, curve.prior_half_width_db, self.seen_deg, known_db, withheld)
             return f"sigma0 is called known nowhere over the incidence seen: {why}."
         low, high = self.known_between_deg
         return (

@@ -207,11 +207,14 @@ def recommend(found: GroundLaw, check: FieldCheck, known_db: float) -> Recommend
     """
     width, gain, identified = half_width_db(found), check.gain, found.identified >= _IDENTIFIED
     if not width <= known_db:
-        return Recommendation("constant", f"the 90 % band of the law is +-{width:.2f} dB, more than {known_db:g} dB")
+        return Recommendation(
+            "constant",
+            f"the law's linear 90 % band, without the level's error, is +-{width:.3g} dB, more than {known_db:.3g} dB",
+        )
     if share_among_cells(found) < _INSIDE:
         if identified:
             return Recommendation("law", "its change with incidence is seen inside of the parts of fields")
-        return Recommendation("constant", "the law is not identified")
+        return Recommendation("constant", "its change with incidence is not shown to exceed its error")
     if gain.fields >= 2:
         error = f"{gain.ratio:.2f} times the constant's, geometric mean over {gain.fields} fields, one standard error "
         error += f"{np.exp(-gain.mean - gain.error):.2f} to {np.exp(-gain.mean + gain.error):.2f}"

@@ -291,7 +291,7 @@ class CrossValidation:
         return (
             f"{name}: blocks of its own ground, each predicted from the others, are "
             f"{self.rmse_law_patch_db:.2f} dB off by law and field effects, {self.rmse_constant_patch_db:.2f} dB by a "
-            "constant with field effects: do not use the law's slope."
+            "constant with field effects: they do not show the law's slope."
         )
 
 

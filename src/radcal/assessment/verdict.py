@@ -7,14 +7,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from radcal.assessment.fit_test import DOUBTFUL_SPREAD_DB, FitTest
-from radcal.assessment.known import Level, level_words
+from radcal.assessment.causes import UNKNOWN
+from radcal.assessment.fit_test import DOUBTFUL_SPREAD_DB, SPREAD, FitTest
+from radcal.assessment.known import Level, degrees, level_words
 
 __all__ = ["OFF_DB", "Known", "all_fit", "first_line", "verdict"]
 
 _COUNTS = ((True, "fits", "fit"), (False, "does not fit", "do not fit"), (None, "cannot be tested", "cannot be tested"))
 _NAMED = 4  # largest number of materials that the first line names
-_SPREAD_RATIO, OFF_DB = 1.15, 0.5  # misfits of all pixels (ratio of spreads; mean [dB]) that come before the worst bin
+_SMALL_DB = 0.1  # smallest half-width of a band [dB] that is given with one decimal
+_KNOWN = ": sigma0 known to +-"
+_LOOKS = {"upper": "more", "lower": "fewer"}
+OFF_DB = 0.5  # least difference of the means [dB] that a verdict names
 
 
 @dataclass(frozen=True)
@@ -50,8 +54,8 @@ class Known:
         said = ["linear covariance: the sampler has not converged"] * self.linear
         widths = [self.half_width_db, *(0.5 * (level.p95_db - level.p05_db) for level in self.levels)]
         width = max((one for one in widths if one is not None), default=0.0)
-        # the errors are independent, so that their squares add
-        if self.level_error_db**2 > 0.5 * width**2 > 0.0:
+        # the errors are independent, so that their squares add; narrow bounds or priors can leave less than the level's
+        if 0.5 * width**2 < self.level_error_db**2 < width**2:
             said.append(f"+-{self.level_error_db:.1f} dB of it by {self.level_key} alone")
         return said
 
@@ -64,6 +68,7 @@ def verdict(
     *,
     level_only: bool = False,
     between_db: float = float("nan"),
+    passes: int = 1,
 ) -> str:
     """Verdict on one material: a sentence on the fit of its law, and on where sigma0 is known.
 
@@ -81,24 +86,38 @@ def verdict(
         Whether the material is seen at one incidence.
     between_db : float
         Standard deviation between fields [dB].
+    passes : int
+        Number of passes; ``test.mean_db``, ``test.sd_db`` and ``test.measured_sd_db`` are those of the first pass.
     """
+    first = " in pass 1" * (passes > 1)
     wide = f"; fields differ by {between_db:.1f} dB (sd), which can hide a misfit" * (between_db > DOUBTFUL_SPREAD_DB)
     if level_only:
+        at = f"level only, seen at one incidence{' in each pass' * (passes > 1)}"
+        off = f"its simulated mean {_off(test.mean_db)} the measured{first}"
         if test.fits is False:
-            off = f"its simulated mean {_off(test.mean_db)} the measured"
-            return f"{name}: level only, seen at one incidence, and does not fit: {off}; {cause or 'cause unknown'}."
-        spread = f"; {_spread(test)}" * bool(_spread(test))
+            return f"{name}: {at}, and does not fit: {off}; {cause or UNKNOWN}."
+        said = [off] * (abs(test.mean_db) > OFF_DB) + [_spread(test, first)] * bool(_spread(test, first))
         level = (
             f": {', '.join([level_words(known.levels), *known.remarks])}" if known is not None and known.levels else ""
         )
-        return f"{name}: level only, seen at one incidence{level}{spread}{wide}."
+        return f"{name}: {at}{level}{''.join(f'; {one}' for one in said)}{wide}."
     if test.fits is None:
-        said = f"{name}: one density leaves no degree of freedom to test the law"
-        distance = f", and its rms is {test.distance:.1f} times the sampling error"
-        return f"{said}{distance if np.isfinite(test.distance) else ''}{_known(known)}."
+        return f"{name}: {_untested(test, passes)}{_known(known) * (not test.unmatched)}{wide}."
     if test.fits:
         return f"{name} fits (residuals {test.residual_sum:.0f} of {test.expected:.0f}){_known(known)}{wide}."
-    return f"{name}: does not fit: {_misfit(test)}; {cause or 'cause unknown'}."
+    return f"{name}: does not fit: {_misfit(test, first)}; {cause or UNKNOWN}."
+
+
+def _untested(test: FitTest, passes: int) -> str:
+    """Part of a verdict that says why the law is not tested, and how far the density is from the measured one."""
+    if not np.isfinite(test.distance):
+        return "the law cannot be tested"
+    if not test.of_density:
+        return "the bins have no more values than the law has parameters, so that the law cannot be tested"
+    alone = "one density leaves no degree of freedom to test the law"
+    said = alone if passes == 1 else "the law is not tested, because only densities were compared"
+    unmatched = ", so that the density is not matched and sigma0 is called known at no angle" * test.unmatched
+    return f"{said}, and its rms is {test.distance:.1f} times the sampling error{unmatched}"
 
 
 def _known(known: Known | None) -> str:
@@ -108,29 +127,31 @@ def _known(known: Known | None) -> str:
     remark = f" ({'; '.join(known.remarks)})" * bool(known.remarks)
     if known.between_deg is None or known.half_width_db is None:
         return f", but sigma0 is known well enough at no angle{remark}"
-    low, high = known.between_deg
-    where = f"between {low:.0f} and {high:.0f} degrees"
-    return f": sigma0 known to +-{known.half_width_db:.1f} dB {where}{remark}; outside that it is not called known"
+    where = degrees(*known.between_deg)
+    width = f"{known.half_width_db:.1f}" if known.half_width_db >= _SMALL_DB else f"{known.half_width_db:.1g}"
+    return f"{_KNOWN}{width} dB {where}{remark}; outside that it is not called known"
 
 
-def _misfit(test: FitTest) -> str:
-    """Part of a verdict on the main misfit: in the standard deviation of all pixels, in their mean, or in a bin."""
-    if spread := _spread(test):
+def _misfit(test: FitTest, first: str) -> str:
+    """Part of a verdict on the main misfit: standard deviation or mean of all pixels, a bin, or the looks."""
+    if spread := _spread(test, first):
         return spread
     residuals = f"residuals {test.residual_sum:.0f} of {test.expected:.0f}"
     if abs(test.mean_db) > OFF_DB:
-        return f"{residuals}, the simulated mean {_off(test.mean_db)} the measured"
+        return f"{residuals}, the simulated mean {_off(test.mean_db)} the measured{first}"
     there = f"{residuals}, at {test.worst_deg:.0f} degrees the simulated"
     if abs(test.worst_mean_db) > OFF_DB:
         return f"{there} mean {_off(test.worst_mean_db)} the measured"
+    if test.looks_limit and abs(np.log(test.worst_spread)) <= np.log1p(SPREAD):
+        return f"{residuals}, and the pixels ask for {_LOOKS[test.looks_limit]} looks than the search allows"
     return f"{there} spread is {test.worst_spread:.2f} times the measured"
 
 
-def _spread(test: FitTest) -> str:
+def _spread(test: FitTest, first: str) -> str:
     """Part of a verdict on the standard deviation of all pixels; empty if it differs by 15 % or less."""
     ratio = test.sd_db / max(test.measured_sd_db, 1e-12)
-    off = max(ratio, 1.0 / max(ratio, 1e-12)) > _SPREAD_RATIO
-    return f"the simulated spread is {test.sd_db:.1f} dB, the measured {test.measured_sd_db:.1f}" if off else ""
+    off = max(ratio, 1.0 / max(ratio, 1e-12)) > 1.0 + SPREAD
+    return f"the simulated spread{first} is {test.sd_db:.1f} dB, the measured {test.measured_sd_db:.1f}" if off else ""
 
 
 def _off(difference_db: float) -> str:
@@ -167,5 +188,8 @@ def first_line(verdicts: Mapping[str, str], fits: Mapping[str, bool | None], con
         said += [f"{len(names)} {one if len(names) == 1 else many}{who}"] if names else []
     if level:
         who = f" ({', '.join(level)})" if len(level) <= _NAMED else ""
-        said.append(f"{len(level)} known by level only{who}")
-    return f"Of {len(fits)} materials {', '.join(said)}.{going}"
+        said.append(f"{len(level)} level only{who}")
+    known = [name for name, text in verdicts.items() if _KNOWN in text]
+    who = f" ({', '.join(known)})" if 0 < len(known) <= _NAMED and len(known) < len(fits) else ""
+    where = f"; sigma0 is known at some angles for {len(known) or 'none'}{who}"
+    return f"Of {len(fits)} materials {', '.join(said)}{where}.{going}"
