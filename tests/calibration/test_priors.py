@@ -70,15 +70,36 @@ def test_level_is_normal_about_the_measured_mean():
     assert CurvePrior(law, -25.0, 37.5).residuals(x)[1] == pytest.approx(1.0)
 
 
-def test_a_curve_of_impossible_range_is_priced():
-    usual = CurvePrior(MANGIA, -15.0, 40.0).residuals([-30.0, 15.0, 5.0, 5.0])
-    steep = CurvePrior(MANGIA, -15.0, 40.0).residuals([-120.0, 130.0, 5.0, 5.0])
-    assert not usual[2:-1].any()
-    # 35 dB below the measured mean everywhere, of which 32.5 are free; above it the same
-    law, x = line(0.0)
-    for level in (20.0, -50.0):
-        np.testing.assert_allclose(CurvePrior(law, level, 37.5).residuals(x)[2:], 2.5)
-    assert (steep[2:-1] ** 2).sum() > 100.0
+@pytest.mark.parametrize("level", [-15.0, 40.0])  # the level of the image does not matter
+def test_the_density_of_a_curve_is_proportional_to_the_room_that_its_span_leaves_of_65_db(level):
+    angles = [20.0, 45.0, 70.0]
+    law = law_for("tabulated", angles_deg=angles)
+    found = [
+        CurvePrior(law, level, 20.0).residuals([level, level - 0.7 * span, level - span])[2]
+        for span in (8.0, 25.0, 55.0)
+    ]
+    np.testing.assert_allclose(np.diff([log_density(r) for r in found]), np.diff(np.log([57.0, 40.0, 10.0])), atol=1e-9)
+
+
+def test_the_span_of_a_curve_that_rises_and_falls_lies_between_its_extremes():
+    law = law_for("tabulated", angles_deg=[20.0, 45.0, 70.0])
+    wide, flat = (log_density(CurvePrior(law, -10.0, 20.0).residuals(x)[2]) for x in ([-10.0, 5.0, -25.0], [-9.0] * 3))
+    assert wide - flat == pytest.approx(np.log(35.0 / 65.0), abs=1e-9)
+
+
+def test_beyond_a_span_of_60_db_the_log_density_decreases_linearly():
+    law = law_for("tabulated", angles_deg=[20.0, 70.0])
+    found = [log_density(CurvePrior(law, 0.0, 20.0).residuals([0.0, -span])[2]) for span in (60.0, 75.0, 100.0)]
+    np.testing.assert_allclose(np.diff(found), [-15.0 / 5.0, -25.0 / 5.0], rtol=1e-9)
+
+
+def test_a_steep_law_near_nadir_is_hardly_priced_if_the_measured_level_lies_above_it():
+    # falls by 28 dB between 10 and 28 degrees; the measured level lies 10 dB above the law at 18 degrees
+    x = [25.5, 19.4, 44.8, 5.5]
+    level = float(MANGIA(np.radians(18.0), x)) + 10.0
+    best = CurvePrior(MANGIA, -15.0, 40.0).residuals([-30.0, 15.0, 5.0, 5.0])
+    steep = CurvePrior(MANGIA, level, 18.0).residuals(x)
+    assert (steep**2).sum() - (best**2).sum() < 10.0
 
 
 def test_looks_are_log_normal_about_nearly_the_sensors():

@@ -21,9 +21,14 @@ _SLOPE = (0.2, 0.95)  # median [dB/deg], log standard deviation
 _LEAST_SLOPE = 0.02  # [dB/deg]; a tangent continues the logarithm below it: flat curves have finite residuals
 _LEVEL_SD_DB = 10.0
 _LEAST_SHARE = 0.02  # in medians of a parameter; a tangent continues the logarithm below it
-_RANGE_DB = 32.5  # largest distance of sigma0 from the measured mean
+_RANGE_DB = 65.0  # width of the range of natural sigma0
 _RANGE_DEG = np.linspace(20.0, 70.0, 11)
-_RANGE_SD_DB = 1.0
+_LEAST_ROOM_DB = 5.0  # a tangent continues the logarithm below it
+
+
+def _log(value: NDArray[np.float64], least: float) -> NDArray[np.float64]:
+    """Natural logarithm, which a tangent continues below ``least``."""
+    return np.asarray(np.log(np.maximum(value, least)) + np.minimum(value - least, 0.0) / least)
 
 
 def _log_normal(value: NDArray[np.float64], median: float, log_sd: float, least: float) -> NDArray[np.float64]:
@@ -33,9 +38,17 @@ def _log_normal(value: NDArray[np.float64], median: float, log_sd: float, least:
     with median m and log standard deviation s: (ln v - ln m)^2 / (2 s^2) + ln v. Without the term ln v, a uniform
     distribution of X would give v the median m exp(s^2).
     """
-    above = np.maximum(value, least)
-    log = np.log(above) + np.minimum(value - least, 0.0) / least
-    return np.asarray((log - np.log(median)) / log_sd + log_sd)
+    return np.asarray((_log(value, least) - np.log(median)) / log_sd + log_sd)
+
+
+def _within_range(span_db: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Residuals of the prior on the span of a curve, the difference of its largest and its smallest sigma0 [dB].
+
+    A curve whose absolute level is unknown fits into a range of width R at levels that fill an interval of R minus its
+    span. For a level with a uniform distribution, the density of the curve is therefore proportional to R minus the
+    span. The constant 1 keeps the square root smooth at flat curves, of span 0.
+    """
+    return np.asarray(np.sqrt(1.0 + 2.0 * (np.log(_RANGE_DB) - _log(_RANGE_DB - span_db, _LEAST_ROOM_DB))))
 
 
 def looks_residuals(effective: ArrayLike, sensor: float) -> NDArray[np.float64]:
@@ -73,9 +86,11 @@ class CurvePrior:
       Scattering Statistics for Terrain" (1989), decrease by about 0.05 (trees) to 0.6 dB/deg (smooth soil).
     - level: normal about the measured mean, standard deviation 10 dB.
     - parameters for which the law has a prior (``Law.log_normal``): log-normal.
-    - range: sigma0 between 20 and 70 degrees lies within 32.5 dB of the measured mean. The range of
-      65 dB is as wide as that from -50 dB (noise of good sensors) to +15 dB (strongest natural surfaces). The prior
-      centres it at the measured mean, because the level of the image may be wrong.
+    - range: natural sigma0 lies between -50 dB (noise of good sensors) and +15 dB (strongest natural surfaces). The
+      absolute level of an image may be wrong, and ground near nadir is near the upper end of the range. The prior
+      therefore limits the span of the curve between 20 and 70 degrees, and not its distance from the measured mean.
+      The density is proportional to 65 dB minus the span; beyond a span of 60 dB, its logarithm decreases linearly, so
+      that the prior does not outweigh the pixels of ground that the simulator or the map represents badly.
 
     Attributes
     ----------
@@ -97,7 +112,7 @@ class CurvePrior:
         return np.array([*_SLOPE_DEG, self.level_deg, *_RANGE_DEG])
 
     def residuals(self, parameters: ArrayLike) -> NDArray[np.float64]:
-        """Residuals at one X, shape (d,): of slope, level, range at eleven angles, and parameters with a prior."""
+        """Residuals at one X, shape (d,): of slope, level, range, and parameters with a prior."""
         x = np.asarray(parameters, dtype=np.float64)
         return np.asarray(self.of_curves(self.law(np.radians(self.angles_deg), x)[None], x[None])[0])
 
@@ -105,11 +120,10 @@ class CurvePrior:
         """Residuals of m curves, from their levels at :attr:`angles_deg`, shape (m, k), and X, shape (m, d)."""
         first, second, level, *_ = levels_db.T
         slope = (first - second) / (_SLOPE_DEG[1] - _SLOPE_DEG[0])
-        outside = np.maximum(np.abs(levels_db[:, 3:] - self.level_db) - _RANGE_DB, 0.0)
         found = [
             _log_normal(slope, *_SLOPE, _LEAST_SLOPE)[:, None],
             (level - self.level_db)[:, None] / _LEVEL_SD_DB,
-            outside / _RANGE_SD_DB,
+            _within_range(np.ptp(levels_db[:, 3:], axis=1))[:, None],
         ]
         places = {name: k for k, name in enumerate(self.law.names)}
         found += [

@@ -137,8 +137,8 @@ def test_priors_enter_once(found):
     case, _, _, objectives, _ = found
     parts = objectives["field"].passes
     sizes = [part._prior(np.array(X), 3.0).size for part in parts if hasattr(part, "_prior")]
-    # 14 residuals on the curve and one on the looks; one density has no priors
-    assert sizes == ([15, 0] if case.objective == "classes" else [])
+    # 4 residuals on the curve and one on the looks; one density has no priors
+    assert sizes == ([5, 0] if case.objective == "classes" else [])
 
 
 def test_a_run_is_scored_in_all_passes(found, tmp_path):
