@@ -25,7 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from radcal.assessment.fit_test import FitTest, check_fit, linearised
+from radcal.assessment.fit_test import FitTest, check_fit
+from radcal.assessment.linear_fit import linearised
 from radcal.calibration.expected import LawForward
 from radcal.calibration.grounds import GroundLaw, curve_prior, fit_grounds
 from radcal.calibration.history import Score

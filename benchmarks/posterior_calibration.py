@@ -8,9 +8,10 @@ speckle lie in one to eight fields, each of several cells. Their mean incidence 
 deviation of 4 to 9 degrees. Law and speckle take the place of the simulator, so that the benchmark tests likelihood,
 priors and sampler, and no surrogate.
 
-The last line printed gives the share of all whole degrees called known at which the band holds the true sigma0. The
-last line also gives the rank of the true sigma0 among the draws, at the mean incidence and at the 5 and 95 % quantiles
-of the incidence seen, with a chi-squared test that the ranks are uniform.
+The last line printed gives the share of all whole degrees called known at which the band holds the true sigma0, and the
+share of truths that the test of the fit rejects (``does_not_fit``). The last line also gives the rank of the true
+sigma0 among the draws, at the mean incidence and at the 5 and 95 % quantiles of the incidence seen, with a chi-squared
+test that the ranks are uniform.
 
 Reference: Talts et al., "Validating Bayesian inference algorithms with simulation-based calibration" (2018),
 arXiv:1804.06788.
@@ -30,10 +31,13 @@ from threadpoolctl import threadpool_limits
 
 from radcal.assessment.budget import FIELD_FREEDOM, Budget
 from radcal.assessment.curves import Curves
+from radcal.assessment.fit_test import FitTest, check_fit
 from radcal.assessment.posterior import draw, sigma0_db, summarised
 from radcal.assessment.unknowns import Model
-from radcal.calibration.grounds import bins_of
+from radcal.calibration.grounds import bins_of, fit_grounds
+from radcal.calibration.history import Score
 from radcal.calibration.law_fit import LOOKS
+from radcal.calibration.misfit import Method
 from radcal.calibration.objectives.bins import Bins
 from radcal.calibration.objectives.objective import Material
 from radcal.calibration.priors import CurvePrior, looks_residuals
@@ -95,19 +99,24 @@ def simulated(seed: int, budget: Budget, looks: float | None) -> tuple[Ground, d
     return Ground(values, mapped, patch, block), truth
 
 
-def model_of(ground: Ground, config: Uncertainty) -> Model:
-    """Model of a ground's pixels, on a surrogate that is law and speckle."""
-    edges = incidence_edges(ground.incidence_deg, "auto")
-    classes = bins_of(ground, "auto")
-    bins = ClassTarget(classes, Spread(0.5, 0.3), 1, True, True, STATED_DEG, BOX.mean(axis=1), SENSOR)
+def bins_objective(ground: Ground, bins: ClassTarget) -> Bins:
+    """Comparison of a ground's pixels with law and speckle in incidence-angle bins."""
     nothing, count = np.zeros(3), np.arange(PIXELS)
     target = Target(
         count, count, ground.values_db, ground.incidence_deg.astype(np.float32), fit(ground.values_db).dp, PIXELS,
         False, float(PIXELS), 1e-3, nothing, np.zeros((3, 2)), Goodness(0.0, 1.0, 0.0, 1.0), patch=ground.patch,
         block=ground.block, classes=bins,
     )  # fmt: skip
+    return Bins(Material("area", target, LAW, BOX, np.zeros(4, dtype=np.bool_), SENSOR))
+
+
+def model_of(ground: Ground, config: Uncertainty) -> Model:
+    """Model of a ground's pixels, on a surrogate that is law and speckle."""
+    edges = incidence_edges(ground.incidence_deg, "auto")
+    classes = bins_of(ground, "auto")
     assert class_of(ground.incidence_deg, edges).max() == classes.size - 1
-    objective = Bins(Material("area", target, LAW, BOX, np.zeros(4, dtype=np.bool_), SENSOR))
+    bins = ClassTarget(classes, Spread(0.5, 0.3), 1, True, True, STATED_DEG, BOX.mean(axis=1), SENSOR)
+    objective = bins_objective(ground, bins)
     assert objective.baseline is not None
     x = BOX.mean(axis=1)[None]
     training = Training(
@@ -115,6 +124,16 @@ def model_of(ground: Ground, config: Uncertainty) -> Model:
         np.full(3, np.nan), ("trained",) * 3,
     )  # fmt: skip
     return Model(objective, Surrogate(training, objective), [Levels()], config)
+
+
+def tested(ground: Ground, seed: int) -> FitTest:
+    """Test of the law that fits a ground best, as a finished calibration makes it."""
+    found = fit_grounds({"area": ground}, {"area": Method(LAW, BOX, SENSOR, incidence_error_deg=STATED_DEG)})["area"]
+    x, looks = found.fit.parameters, found.fit.looks
+    objective = bins_objective(ground, ClassTarget(found.classes, found.spread, 1, True, True, STATED_DEG, x, looks))
+    assert objective.baseline is not None
+    score = Score(x.tolist(), [0.0, 1.0, 0.0], 0.0, objective.baseline(x).tolist(), looks, found.fit.cost)
+    return check_fit(objective, score, (ground.values_db, ground.values_db), 1.0, np.random.default_rng(seed))
 
 
 def judged(seed: int, config: Uncertainty, looks: float | None) -> dict[str, Any]:
@@ -139,12 +158,14 @@ def judged(seed: int, config: Uncertainty, looks: float | None) -> dict[str, Any
     there = seen & (whole >= known[0]) & (whole <= known[1]) if known else np.zeros_like(seen)
     half = 0.5 * (posterior.curve.p95_db - posterior.curve.p05_db)
     gap = np.abs(real - posterior.curve.median_db)
+    test = tested(ground, seed)
     return {
         "seed": seed, "fields": truth["fields"], "sampled": posterior.sampled, "ess": posterior.ess,
         "rank": rank.tolist(), "known": int(there.sum()), "held": int(inside[there].sum()),
         "seen": int(seen.sum()), "held_seen": int(inside[seen].sum()),
         "half_width_db": float(np.median(half[there])) if there.any() else None,
         "error_db": float(np.median(gap[there])) if there.any() else None,
+        "fits": test.fits, "p": test.p,
         "looks_held": bool(posterior.looks[0] <= truth["looks"] <= posterior.looks[2]),
         "looks_ratio": float(posterior.looks[1] / truth["looks"]), "seconds": time.perf_counter() - began,
     }  # fmt: skip
@@ -173,6 +194,7 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
         "looks_coverage": float(np.mean([row["looks_held"] for row in rows])),
         "looks_ratio": float(np.median([row["looks_ratio"] for row in rows])),
         "sampled": total("sampled"),
+        "does_not_fit": float(np.mean([row["fits"] is False for row in rows])),
         "seconds": float(np.median([row["seconds"] for row in rows])),
     }
 

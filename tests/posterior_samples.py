@@ -59,7 +59,9 @@ def made_bins(
     return Bins(make_material(target, box, law, looks=4.0))
 
 
-def made_model(objective: Comparison, levels: Sequence[Levels] = (Levels(),), **budget: Any) -> Model:
+def made_model(
+    objective: Comparison, levels: Sequence[Levels] = (Levels(),), others: Sequence[Any] = (), **budget: Any
+) -> Model:
     """Model on a surrogate of one run without a difference from the baseline."""
     assert objective.baseline is not None
     x = objective.material.box.mean(axis=1)
@@ -72,4 +74,4 @@ def made_model(objective: Comparison, levels: Sequence[Levels] = (Levels(),), **
         q2=np.full(3, np.nan),
         status=("trained",) * 3,
     )
-    return Model(objective, Surrogate(training, objective), levels, Uncertainty(**{**EXACT, **budget}))
+    return Model(objective, Surrogate(training, objective), levels, Uncertainty(**{**EXACT, **budget}), others)

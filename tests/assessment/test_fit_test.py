@@ -12,7 +12,8 @@ from scipy import stats
 from scipy.special import polygamma
 
 from radcal.assessment import fit_test
-from radcal.assessment.fit_test import LEVEL, Linearised, _all_passes, _p, _worst, check_fit, linearised
+from radcal.assessment.fit_test import LEVEL, _all_passes, _critical, _p, _worst, check_fit
+from radcal.assessment.linear_fit import Linearised, linearised
 from radcal.calibration.expected import LawForward
 from radcal.calibration.grounds import fit_grounds
 from radcal.calibration.history import PassScore
@@ -135,6 +136,7 @@ def test_a_right_law_fits(right):
     assert m - 5.0 < found.expected < m - 2.0
     assert (found.looks_limit, found.bounds) == ("", ())
     assert (found.mean_db, found.sd_db, found.measured_sd_db) == (1.5, 2.0, 1.5)
+    assert 1.0 < found.missed_db < 3.5
     residuals = objective.evidence(score)(np.array(score.parameters), score.looks)
     assert found.residual_sum == pytest.approx(residuals @ residuals)
     assert result_of(*right) == found
@@ -165,6 +167,7 @@ def test_a_bump_is_found_where_it_is(kind):
     found = result_of(*comparison_of(ground_of(5, bump_db=3.5), kind))
     assert found.fits is False
     assert found.p < 0.005
+    assert np.isnan(found.missed_db)
     assert found.residual_sum > 1.5 * found.expected
     assert 31.0 < found.worst_deg < 41.0
     # half of the bump lies inside of the bin, and the law has gone a part of the way
@@ -189,6 +192,25 @@ def test_p_is_uniform_whichever_of_two_sums_is_less_likely():
     # the third largest of one sum, and one of which ten are larger
     replicates = np.stack([np.arange(99.0), np.arange(99.0)[::-1]], axis=-1)
     assert _p(replicates, np.array([96.5, 89.5])) == pytest.approx(0.06)
+
+
+def test_laws_beyond_a_critical_sum_have_a_p_below_the_level():
+    rng = np.random.default_rng(2)
+    means = rng.chisquare(5.0, 999)
+    sums = np.stack([means + rng.chisquare(15.0, 999), means], axis=-1)
+    laws = np.stack([rng.uniform(30.0, 50.0, 400), rng.uniform(11.0, 20.0, 400)], axis=-1)
+    unlikely = np.array([_p(sums, law) < LEVEL for law in laws])
+    beyond = (laws > _critical(sums)).any(axis=-1)
+    assert 100 < unlikely.sum() < 300
+    assert np.sum(beyond != unlikely) <= 4  # laws that lie beyond both sums count differently
+
+
+def test_fewer_pixels_miss_larger_errors_of_form(right):
+    """A mean that is off by less than 0.5 dB does not matter, however many pixels show it."""
+    few, many = (result_of(*comparison_of(ground_of(3, pixels=n))) for n in (250, 20_000))
+    assert few.fits is many.fits is True
+    assert few.missed_db > 1.5 * result_of(*right).missed_db
+    assert many.missed_db > 0.5
 
 
 def test_looks_at_a_limit_do_not_fit():
@@ -264,6 +286,7 @@ def test_a_law_without_a_curve_is_tested_by_what_its_best_run_shows(right):
     m = 3 * objective.moments.classes.size
     assert found.expected == m - 5
     assert found.fits is True
+    assert np.isnan(found.missed_db)
     away = replace(score, statistics=(np.array(score.statistics) + [1.5, 0.3, 0.0]).tolist())
     assert result_of(outside, away).fits is False
 

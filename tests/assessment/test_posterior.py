@@ -13,7 +13,7 @@ from scipy import stats
 
 from radcal.assessment.budget import FLATTENING, Budget
 from radcal.assessment.curves import Curves
-from radcal.assessment.evidence import Evidence, Unknowns, _spread_table
+from radcal.assessment.evidence import Evidence, Unknowns
 from radcal.assessment.posterior import (
     Draws,
     posterior_on,
@@ -32,6 +32,7 @@ from radcal.calibration.surrogate import Surrogate, train_surrogate
 from radcal.config import SurrogateConfig, Uncertainty, case_from
 from radcal.errors import ConfigError
 from radcal.measurement.classes import class_of, incidence_edges
+from radcal.measurement.field_spread import spread_table
 from radcal.measurement.ground import Ground
 from radcal.measurement.levels import Levels
 from radcal.measurement.patches import GRID_DB, Spread
@@ -131,7 +132,7 @@ def test_fields_at_other_angles_are_told_apart_by_what_they_share_of_each_bin():
     block = rng.integers(4, size=patch.size)
     values = -0.4 * incidence + np.array([0.0, -6.0, -2.5, 1.0])[patch] + rng.normal(size=patch.size)
     ground = Ground(values, incidence, patch, block)
-    table, of_pixel = _spread_table([ground]), ground.cells.of_pixel
+    table, of_pixel = spread_table([ground]), ground.cells.of_pixel
     edges = incidence_edges(incidence, "auto")
     bins = (class_of(incidence, edges)[:, None] == np.arange(len(edges) - 1)).astype(np.float64)
     noise = np.diag((ground.sampling * ground.cells.count)[of_pixel])

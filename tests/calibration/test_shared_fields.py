@@ -5,12 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from radcal.assessment.evidence import _spread_table
+from radcal.assessment import posterior
+from radcal.calibration.grounds import limited
 from radcal.calibration.misfit import BinMisfit, Method
 from radcal.calibration.shared_fields import SharedFields, together
+from radcal.config import stages
 from radcal.measurement.classes import make_classes
+from radcal.measurement.field_spread import spread_table
 from radcal.measurement.ground import Ground
 from radcal.measurement.patches import GRID_DB, Spread
+from radcal.measurement.target import Targets
 from radcal.radar.laws import law_for
 
 LAW = law_for("tabulated", angles_deg=(20.0, 60.0))
@@ -121,10 +125,24 @@ def test_fields_seen_twice_say_their_spread_once():
     other = seen(rng, 30.0, 36.0, rng.permutation(effects), 8000, label=np.arange(8) + 100, mixed=True)
 
     def sd_db(grounds):
-        table = _spread_table(grounds)
+        table = spread_table(grounds)
         weight = np.exp(table).sum(axis=1) * np.gradient(GRID_DB)
         mean = (weight * GRID_DB).sum() / weight.sum()
         return float(np.sqrt((weight * (GRID_DB - mean) ** 2).sum() / weight.sum()))
 
     assert sd_db(look) == pytest.approx(sd_db(look[:1]), rel=0.1)
     assert sd_db([look[0], other]) < 0.8 * sd_db(look[:1])
+
+
+def test_a_posterior_is_told_the_fields_of_all_other_materials(parts, calibrated, monkeypatch):
+    """Of the calibrated materials by their pixels, of the others by the tables of the targets."""
+    case, _, _, _, targets = parts
+    road = Targets(targets, targets.levels, targets.looks, other_fields={"road": np.full((41, 41), 7.0)})
+    told = []
+    monkeypatch.setattr(posterior, "posterior_on", lambda *arguments: told.append(arguments[-1]))
+    posterior.posterior_of(stages.Posterior.of(case), road, calibrated[0], "field")
+    ((of_lake, of_road),) = told
+    np.testing.assert_array_equal(of_road, 7.0)
+    lake = targets["lake"]
+    np.testing.assert_allclose(of_lake, spread_table([limited(lake.ground, lake.classes.classes.member)]))
+    assert np.ptp(of_lake) > 1.0

@@ -221,11 +221,22 @@ def test_what_does_not_apply_is_not_said(made, tmp_path):
     # dyke's densities agree, those of stem beans do not
     assert "so fresh numbers of dyke should come out near that." in text
     assert "Where rms is far above" in text
+    assert "A law of another form" not in text
+    for names, words in (
+        (["dyke"], "at least 1.4 dB at an"),
+        (["stem beans"], "1.4 to 2.3 dB at an incidence seen (dyke"),
+    ):
+        for name in names:
+            missed = {"dyke": 1.44, "stem beans": 2.31}[name]
+            fitted = replace(bins.materials[name].fitted, fits=True, missed_db=missed)
+            bins = changed_material(bins, name, fitted=fitted)
+        assert words in render(tmp_path / "report.html", bins)[1].text
     for name in bins.materials:
-        fitted = replace(bins.materials[name].fitted, level_only=True)
+        fitted = replace(bins.materials[name].fitted, fits=None, level_only=True)
         bins = changed_material(bins, name, fitted=fitted, rms=np.full(made.archive.runs.kind.size, 1.0))
     text = render(tmp_path / "report.html", bins)[1].text
     assert "set validation" not in text
+    assert "A law of another form" not in text
     assert "dyke and stem beans are seen at one incidence: the level there is what the image tells of them" in text
     assert "should come out near that" not in text
     assert "cannot be checked from this image" not in text

@@ -17,9 +17,8 @@ from radcal.calibration.misfit import BinMisfit
 from radcal.calibration.moments import from_cumulants, to_cumulants
 from radcal.calibration.objectives.objective import Objective
 from radcal.calibration.shared_fields import together
-from radcal.measurement.classes import class_of, incidence_edges
-from radcal.measurement.ground import Ground
-from radcal.measurement.patches import GRID_DB, Residuals, Spread, spread_log_likelihood
+from radcal.measurement.field_spread import spread_table
+from radcal.measurement.patches import GRID_DB, Spread
 from radcal.radar.texture import equal_texture, log_speckle_cumulants
 
 __all__ = ["Evidence", "Unknowns"]
@@ -29,7 +28,6 @@ Doubles = NDArray[np.float64]
 _EVERY = 3  # of the angles that stand for a bin: enough for the change by an error of the incidence
 _HERMITE = (np.arange(5) - 2.0) / np.sqrt(2.0)  # points of a normal law with its first three moments
 _LOOKS_TABLE = 200
-_KNOWN = 1e-6  # prior information on the level of a bin [1/dB^2]: practically none
 
 
 @dataclass(frozen=True)
@@ -172,7 +170,7 @@ class Evidence:
         if self.decibels:
             self._base = misfit.covariance.copy()
             self._base[:n, :n] += block_diag(*(one.of_level for one in self.passes))
-            self._spread = _spread_table([one.compared.ground for one in self.passes])
+            self._spread = spread_table([one.compared.ground for one in self.passes])
         else:
             self._base = np.diag(np.concatenate([one.of_sample for one in self.passes]).T.ravel())
             self._spread = np.zeros((GRID_DB.size, GRID_DB.size))
@@ -227,37 +225,6 @@ class Evidence:
         low = (1.0 - b) * t[first, second] + b * t[first, second + 1]
         high = (1.0 - b) * t[first + 1, second] + b * t[first + 1, second + 1]
         return np.asarray((1.0 - a) * low + a * high)
-
-
-def _spread_table(grounds: Sequence[Ground]) -> Doubles:
-    """Log likelihood of the fields' standard deviations from cells that share a bin, on the grid of both.
-
-    A free level of each bin of each pass takes the place of the law, so that a wrong law does not change the result.
-    The differences between cells are independent of the means of the bins, which enter the rest of the likelihood, if
-    all bins contain equal shares of the fields (``docs/uncertainty.md`` gives the loss if they do not). Cells of
-    several passes in one field share the effect of this field.
-    """
-    slopes, inside = [], []
-    for ground in grounds:
-        edges = incidence_edges(ground.incidence_deg, "auto")
-        member = class_of(ground.incidence_deg, edges)
-        columns = np.column_stack([member[:, None] == np.arange(len(edges) - 1), ground.values_db]).astype(np.float64)
-        means = ground.cells.mean(columns)
-        slopes.append(means[:, :-1])
-        # differences between the bins inside one cell, which no effect of a field or of a cell changes
-        left = columns - means[ground.cells.of_pixel]
-        inside.append(left.T @ (left / (ground.sampling * ground.cells.count)[ground.cells.of_pixel, None]))
-    of_bins = block_diag(*slopes)
-    data = Residuals(
-        np.concatenate([ground.cells.mean(ground.values_db) for ground in grounds]),
-        np.concatenate([ground.sampling for ground in grounds]),
-        np.concatenate([ground.cells.patch for ground in grounds]),
-        of_bins,
-        _KNOWN * np.eye(of_bins.shape[1]) + block_diag(*(one[:-1, :-1] for one in inside)),
-        np.concatenate([one[:-1, -1] for one in inside]),
-    )
-    table = spread_log_likelihood(data)
-    return np.asarray(table - table.max())
 
 
 def _looks_table(first: float, here: float) -> tuple[Doubles, Doubles]:

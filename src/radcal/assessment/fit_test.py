@@ -15,6 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.assessment.form_error import missed_error_db
+from radcal.assessment.linear_fit import Linearised, linearised
 from radcal.calibration.history import Score
 from radcal.calibration.law_fit import LOOKS, Residuals
 from radcal.calibration.misfit import BinMisfit
@@ -22,7 +24,7 @@ from radcal.calibration.objectives import Comparison
 from radcal.calibration.shared_fields import SharedFields
 from radcal.radar.texture import equal_texture
 
-__all__ = ["DOUBTFUL_SPREAD_DB", "FitTest", "Linearised", "check_fit", "linearised"]
+__all__ = ["DOUBTFUL_SPREAD_DB", "FitTest", "check_fit"]
 
 REPLICATES = 999
 LEVEL = 0.01  # p below which a law does not fit; right laws fail up to twice as often: replicates use an estimated law
@@ -31,7 +33,6 @@ DOUBTFUL_SPREAD_DB = 3.0  # a larger standard deviation between fields can hide 
 _UNMATCHED = 3.0  # density rms, in sampling errors, above which a density is not called matched
 _LIMIT = 1e-3  # largest distance of a value that ends at a limit, in log looks or in shares of the interval of X
 _PRESSED = 3.0  # least number of standard errors beyond a limit that the pixels ask for, in looks or X
-_STEP = 1e-4  # step of the derivatives, in shares of the intervals of X and of log looks
 
 Doubles = NDArray[np.float64]
 
@@ -71,6 +72,10 @@ class FitTest:
         beyond it.
     distance : float
         Ratio of the density rms to the sampling error of the density.
+    missed_db : float
+        Largest error of the law by a wrong form that the test finds in fewer than nine of ten images
+        (:func:`radcal.assessment.form_error.missed_error_db`) [dB]; NaN for a law that was not tested, does not fit or
+        has no curve.
     """
 
     fits: bool | None
@@ -86,6 +91,7 @@ class FitTest:
     looks_limit: str
     bounds: tuple[str, ...]
     distance: float
+    missed_db: float = float("nan")
 
     @property
     def of_density(self) -> bool:
@@ -96,83 +102,6 @@ class FitTest:
     def unmatched(self) -> bool:
         """Whether only densities were compared, and the density rms exceeds three times its sampling error."""
         return self.of_density and self.distance > _UNMATCHED
-
-
-@dataclass(frozen=True)
-class Linearised:
-    """Fit of a law, linearised at the law found: residuals, derivatives and covariance.
-
-    Attributes
-    ----------
-    residuals : ndarray, shape (m,)
-        Whitened residuals of the data, without priors.
-    jacobian : ndarray, shape (m, d)
-        Derivatives of the residuals with respect to d searched values: X and log looks, in units of their intervals.
-    covariance : ndarray, shape (d, d)
-        Covariance of the searched values, (J'J + Lambda)^-1.
-    information : ndarray, shape (d, d)
-        Information of priors and bounds on the searched values, Lambda (inverse covariance).
-    """
-
-    residuals: Doubles
-    jacobian: Doubles
-    covariance: Doubles
-    information: Doubles
-
-    @property
-    def hat(self) -> Doubles:
-        """Hat matrix H = J (J'J + Lambda)^-1 J' of the linearised fit, shape (m, m)."""
-        return np.asarray(self.jacobian @ self.covariance @ self.jacobian.T)
-
-    @property
-    def expected(self) -> float:
-        """Degrees of freedom of the m residuals after the fit, m - tr(H), H the hat matrix."""
-        return float(self.residuals.size - np.trace(self.hat))
-
-    def refitted(self, disturbance: Doubles, rng: np.random.Generator) -> Doubles:
-        """Residuals of parametric replicates after a refit, shape (count, m), with X drawn from its prior."""
-        left = np.eye(self.residuals.size) - self.hat
-        root = np.linalg.inv(np.linalg.cholesky(self.information)) if self.information.size else self.information
-        of_x = rng.normal(size=(len(disturbance), len(root))) @ root @ self.jacobian.T
-        return np.asarray((disturbance + of_x) @ left)
-
-    def asked(self) -> Doubles:
-        """Number of standard errors by which the data alone would increase each searched value, shape (d,)."""
-        pull = -self.jacobian.T @ self.residuals
-        return np.asarray(pull * np.sqrt(np.diag(self.covariance)))
-
-
-def linearised(
-    residuals: Residuals, parameters: Doubles, looks: float, box: Doubles, sensor: float | None, information: Doubles
-) -> Linearised:
-    """Linearise the fit of a law.
-
-    Parameters
-    ----------
-    residuals : callable
-        Function of X and looks that returns whitened residuals without priors.
-    parameters, looks : ndarray of shape (k,), float
-        X and effective looks of the law found.
-    box : ndarray, shape (k, 2)
-        Bounds of X.
-    sensor : float or None
-        Looks of the sensor; None if the effective looks are fixed.
-    information : ndarray, shape (k + 1, k + 1)
-        Information of priors and bounds on X and log looks (inverse covariance).
-    """
-    width = np.append(box[:, 1] - box[:, 0], [] if sensor is None else [np.log(LOOKS[1] * sensor / LOOKS[0])])
-    middle = np.append(parameters, [] if sensor is None else [np.log(looks)])
-
-    def at(value: Doubles) -> Doubles:
-        return residuals(value[: len(box)], looks if sensor is None else float(np.exp(value[-1])))
-
-    # a step beyond a bound needs no simulation: the formula of the law is smooth there, too
-    steps = _STEP * np.diag(width)
-    columns = [(at(middle + step) - at(middle - step)) / (2.0 * _STEP) for step in steps]
-    jacobian = np.stack(columns, axis=-1)
-    inside = slice(width.size)
-    known = information[inside, inside] * np.multiply.outer(width, width)
-    return Linearised(at(middle), jacobian, np.linalg.inv(jacobian.T @ jacobian + known), known)
 
 
 def _all_passes(comparison: Comparison, score: Score) -> tuple[BinMisfit, Residuals] | None:
@@ -242,7 +171,8 @@ def check_fit(
     moments, residuals = bins
     found = _linearised(comparison, score, residuals)
     total, n = float(found.residuals @ found.residuals), moments.classes.size
-    sums = _sums(found.refitted(moments.replicates(REPLICATES, rng), rng), n)
+    left = found.refitted(moments.replicates(REPLICATES, rng), rng)
+    sums = _sums(left, n)
     if not comparison.material.law.has_curve:  # all searched values are taken for determined by the pixels
         searched = len(comparison.material.box) + comparison.free_looks
         if searched >= found.residuals.size:  # no degree of freedom is left
@@ -254,7 +184,41 @@ def check_fit(
     worst, matters = _worst(moments, found.residuals)
     looks_limit, bounds = _limits(comparison, score, found, names)
     fits = not (p < LEVEL and matters) and not looks_limit
-    return FitTest(fits, total, expected, p, *worst, *levels, looks_limit, bounds, distance)
+    missed = _missed(comparison, score, found, moments, left) if fits else float("nan")
+    return FitTest(fits, total, expected, p, *worst, *levels, looks_limit, bounds, distance, missed)
+
+
+def _missed(comparison: Comparison, score: Score, found: Linearised, moments: BinMisfit, left: Doubles) -> float:
+    """Error of the law's form that the test misses [dB], from the residuals of replicates; NaN without a curve."""
+    material = comparison.material
+    if not material.law.has_curve:
+        return float("nan")
+    n = moments.classes.size
+    sums = _sums(left, n)
+    critical = _critical(sums)
+
+    def rejected(residuals: Doubles) -> NDArray[np.bool_]:
+        return np.asarray((_sums(residuals, n) > critical).any(axis=-1) & (_sizes(moments, residuals) > 1.0).any(-1))
+
+    angles = [part.material.target.incidence_deg for part in comparison.passes if part is not None]
+    quantiles = np.array([np.quantile(one, [0.05, 0.95]) for one in angles])
+    seen = float(quantiles[:, 0].min()), float(quantiles[:, 1].max())
+    return missed_error_db(
+        found, moments, left, rejected, material.law, np.asarray(score.parameters), material.box, seen
+    )
+
+
+def _critical(sums: Doubles) -> Doubles:
+    """Sums of replicates, shape (count, 2) to (2,): if a law exceeds either of them, its ``_p`` is below ``LEVEL``."""
+    ranks = [len(one) - np.searchsorted(np.sort(one), one, side="left") for one in sums.T]
+    # the law counts among the replicates; so many replicates may be at least as unlikely as the law
+    allowed = int(np.ceil(LEVEL * (len(sums) + 1))) - 2
+    found = []
+    for one, own, other in zip(sums.T, ranks, reversed(ranks), strict=True):
+        # a law of this rank precedes the replicates whose own sum has the same rank
+        unlikely = [np.sum((own < rank) | (other <= rank)) for rank in range(1, allowed + 2)]
+        found.append(np.sort(one)[-int(np.sum(np.array(unlikely) <= allowed))])
+    return np.array(found)
 
 
 def _sums(residuals: Doubles, n: int) -> Doubles:
@@ -286,9 +250,15 @@ def _linearised(comparison: Comparison, score: Score, residuals: Residuals) -> L
 def _worst(moments: BinMisfit, residuals: Doubles) -> tuple[tuple[float, float, float], bool]:
     """Incidence [deg], mean difference [dB] and ratio of spreads of the worst bin, and whether its misfit matters."""
     difference, middle = moments.differences(residuals), moments.classes.nodes_deg.mean(axis=1)
-    size = np.maximum(np.abs(difference[:, 0]) / MEAN_DB, np.abs(difference[:, 1]) / np.log1p(SPREAD))
+    size = _sizes(moments, residuals)
     k = int(size.argmax())
     return (float(middle[k]), float(difference[k, 0]), float(np.exp(difference[k, 1]))), bool(size[k] > 1.0)
+
+
+def _sizes(moments: BinMisfit, residuals: Doubles) -> Doubles:
+    """Misfit of each bin, in units of 0.5 dB (mean) or 15 % (standard deviation), from shape (..., m) to (..., n)."""
+    difference = moments.differences(residuals)
+    return np.asarray(np.maximum(np.abs(difference[..., 0]) / MEAN_DB, np.abs(difference[..., 1]) / np.log1p(SPREAD)))
 
 
 def _limits(

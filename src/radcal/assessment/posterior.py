@@ -30,6 +30,7 @@ from radcal.calibration.objectives import Comparison, make_objectives
 from radcal.calibration.steps import train_all
 from radcal.calibration.surrogate import Surrogate
 from radcal.config import Uncertainty, stages
+from radcal.measurement.field_spread import spread_table
 from radcal.measurement.levels import Levels
 from radcal.measurement.target import Targets
 from radcal.radar.laws import Law
@@ -186,12 +187,20 @@ def posterior_of(case: stages.Posterior, targets: Targets, history: History, nam
     -------
     Posterior
     """
-    objective = make_objectives(case, targets)[name]
+    objectives = make_objectives(case, targets)
+    objective = objectives[name]
+    others = [
+        spread_table([part.compared().ground for part in one.passes if part is not None])
+        for other, one in objectives.items()
+        if other != name
+    ]
     training = train_all(history, case, {name: objective})[name]
     surrogate = Surrogate(training, objective, history.surprise(name))
     best = history.best(name).scores[name].parameters
     seed = derived_seed(case.seed, "posterior", name)
-    return posterior_on(objective, surrogate, [one.levels for one in targets.passes], case.uncertainty, seed, best)
+    levels = [one.levels for one in targets.passes]
+    others += targets.other_fields.values()
+    return posterior_on(objective, surrogate, levels, case.uncertainty, seed, best, others)
 
 
 def posterior_on(
@@ -201,6 +210,7 @@ def posterior_on(
     config: Uncertainty,
     seed: int,
     best: Sequence[float] | Doubles | None = None,
+    others: Sequence[Doubles] = (),
 ) -> Posterior:
     """Posterior of a material's law, with a trained surrogate in place of the simulator.
 
@@ -218,6 +228,8 @@ def posterior_on(
         Seed of the sampler.
     best : array_like, shape (d,), optional
         X of the best run, from which one walker starts.
+    others : sequence of ndarray
+        Log likelihood of the variation of the fields of each other material (:class:`.FieldPrior`).
 
     Returns
     -------
@@ -225,7 +237,7 @@ def posterior_on(
     """
     from radcal.assessment.unknowns import Model  # late: its compiled functions are not needed to read a posterior
 
-    model = Model(objective, surrogate, levels, config)
+    model = Model(objective, surrogate, levels, config, others)
     return summarised(model, draw(model, config, seed, best), config.known_db)
 
 

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr, stdtr, stdtrit
+from scipy.special import ndtr
 
-from radcal.assessment.budget import FIELD_FREEDOM, Budget
+from radcal.assessment.budget import Budget
 from radcal.assessment.curves import Curves
 from radcal.assessment.evidence import Evidence, Unknowns
+from radcal.assessment.field_prior import MOST_FIELD_DB, FieldPrior
 from radcal.calibration.law_fit import LOOKS
 from radcal.calibration.objectives import Comparison
 from radcal.calibration.priors import looks_residuals
@@ -23,7 +24,6 @@ __all__ = ["Model"]
 Doubles = NDArray[np.float64]
 
 _CHUNK = 256  # number of points evaluated at a time
-_MOST_FIELD_DB = 6.0  # largest standard deviation of fields: the end of the table of its likelihood
 _STEP = 1e-4
 _BATCH, _ROUNDS = 2000, 60
 _LINEAR, _TRIED, _FEWEST = 4000, 20_000, 400  # most draws kept, draws made, fewest draws inside the bounds
@@ -52,10 +52,18 @@ class Model:
         Level normalisation of the measured image in each pass; the errors of level of the passes are independent.
     config : Uncertainty
         Configuration of the uncertainty budget.
+    others : sequence of ndarray
+        Log likelihood of the standard deviations between and within the fields of each other material
+        (:func:`radcal.measurement.field_spread.spread_table`).
     """
 
     def __init__(
-        self, objective: Comparison, surrogate: Surrogate, levels: Sequence[Levels], config: Uncertainty
+        self,
+        objective: Comparison,
+        surrogate: Surrogate,
+        levels: Sequence[Levels],
+        config: Uncertainty,
+        others: Sequence[Doubles] = (),
     ) -> None:
         material = objective.material
         self.surrogate, self.sensor = surrogate, material.looks
@@ -75,8 +83,7 @@ class Model:
         if material.law.has_curve and material.decibels:
             self.curves = Curves(material.law, surrogate.scaled(np.array([[0.3], [0.6]]) * np.ones(self.d)))
         self._scale = config.field_db if material.decibels else 0.0
-        most = 0.99 * _MOST_FIELD_DB / max(self._scale, 1e-9)
-        self._t_below = min(float(stdtr(FIELD_FREEDOM, most)), 1.0 - 1e-12)
+        self._fields = FieldPrior(self._scale, others)
         # one column for each unknown after X
         self.dimension = self.d + self.free_looks + 2 + 2 * (self.curves is not None)
 
@@ -115,9 +122,7 @@ class Model:
         found[:, :looks] = share[:, :looks]
         if self.free_looks:
             found[:, looks] = self._log_looks[0] + np.ptp(self._log_looks) * share[:, looks]
-        # half-t prior of the standard deviations of fields, cut at the end of the table of their likelihood
-        below = 0.5 + (self._t_below - 0.5) * share[:, fields : fields + 2]
-        found[:, fields : fields + 2] = stdtrit(FIELD_FREEDOM, below)
+        found[:, fields : fields + 2] = self._fields.quantiles(share[:, fields : fields + 2])
         return found
 
     def dispersed(self, count: int, rng: np.random.Generator) -> Doubles:
@@ -131,7 +136,7 @@ class Model:
         inside = ((unit >= 0.0) & (unit <= 1.0)).all(axis=1) & (fields >= 0.0).all(axis=1)
         if looks is not None:
             inside &= (looks >= self._log_looks[0]) & (looks <= self._log_looks[1])
-        return np.asarray(inside & (self._scale * fields < _MOST_FIELD_DB).all(axis=1))
+        return np.asarray(inside & (self._scale * fields < MOST_FIELD_DB).all(axis=1))
 
     def _log_weight(self, points: Doubles) -> Doubles:
         """Log density of the priors on looks and curve, at points inside the bounds, shape (m,)."""

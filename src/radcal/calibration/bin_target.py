@@ -104,6 +104,7 @@ def bin_targets(
         },
         targets.levels,
         targets.looks,
+        other_fields=targets.other_fields,
     )
 
 

@@ -34,7 +34,8 @@ class Uncertainty(Section):
     field_db: Error = Field(
         0.5,
         description="scale of the half-t priors on the standard deviations between and within fields [dB]; it matters "
-        "if the pixels hardly determine them, as with a single field",
+        "if the pixels hardly determine them, as with a single field; the fields of other materials narrow or widen "
+        "these priors",
     )
     point_spread: Share = Field(
         0.1, description="relative standard error of the resolutions in radar; a wrong resolution changes a law's slope"

@@ -21,11 +21,13 @@ __all__ = [
     "Residuals",
     "Spread",
     "gls_mean",
+    "half_normal",
     "label_patches",
     "make_cells",
     "patch_effects",
     "patches_seen",
     "pooled",
+    "scale_log_evidence",
     "spread_log_likelihood",
     "spreads",
 ]
@@ -208,6 +210,27 @@ def spread_log_likelihood(data: Residuals) -> NDArray[np.float64]:
     return table
 
 
+def half_normal(scales_db: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Probabilities of the standard deviations ``GRID_DB`` by half-normal distributions of k scales, shape (k, grid).
+
+    The rows are not normalised: each has the factor sqrt(pi / 2).
+    """
+    # weights of the trapezium rule on an uneven grid
+    step = np.gradient(GRID_DB)
+    step[[0, -1]] = 0.5 * np.diff(GRID_DB)[[0, -1]]
+    scale = scales_db[:, None]
+    return np.asarray(np.exp(-0.5 * (GRID_DB / scale) ** 2) / scale * step)
+
+
+def scale_log_evidence(likelihood: NDArray[np.float64], prior: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Log evidence of one material for all pairs of the scales of its half-normal priors, shape (k, k).
+
+    Rows belong to the scale of the standard deviation between patches, columns to the scale within patches.
+    ``likelihood`` holds the likelihood on ``GRID_DB``, and ``prior`` the rows of :func:`half_normal`.
+    """
+    return np.asarray(np.log(np.maximum(prior @ likelihood @ prior.T, 1e-300)))
+
+
 def spreads(residuals: Sequence[Residuals]) -> list[Spread]:
     """Between-patch and within-patch standard deviations of several materials, estimated together.
 
@@ -231,16 +254,12 @@ def spreads(residuals: Sequence[Residuals]) -> list[Spread]:
     Gelman, "Prior distributions for variance parameters in hierarchical models", Bayesian Analysis 1
     (2006): half-normal priors, and that few groups need them.
     """
-    # weights of the trapezium rule on an uneven grid, and half-normal densities for each scale
-    step = np.gradient(GRID_DB)
-    step[[0, -1]] = 0.5 * np.diff(GRID_DB)[[0, -1]]
-    prior = np.exp(-0.5 * (GRID_DB / _SCALES_DB[:, None]) ** 2) / _SCALES_DB[:, None] * step
+    prior = half_normal(_SCALES_DB)
     likelihoods = []
     for data in residuals:
         table = spread_log_likelihood(data)
         likelihoods.append(np.exp(table - table.max()))
-    # rows: scale of ``between``; columns: scale of ``within``
-    log_evidence = sum(np.log(np.maximum(prior @ table @ prior.T, 1e-300)) for table in likelihoods)
+    log_evidence = sum(scale_log_evidence(table, prior) for table in likelihoods)
     hyper = -0.5 * (_SCALES_DB / _PRIOR_DB) ** 2
     posterior = np.exp(log_evidence - np.max(log_evidence) + hyper[:, None] + hyper)
     weight = posterior * np.gradient(_SCALES_DB)[:, None] * np.gradient(_SCALES_DB)

@@ -156,6 +156,9 @@ class Targets(dict[str, Target]):
         Equivalent number of looks of the measured image's homogeneous areas; NaN if unknown.
     further : sequence of Targets
         Targets of the second and later passes, which may lack a material.
+    other_fields : mapping, optional
+        Log likelihood of the standard deviations between and within the fields of each material that is not calibrated,
+        on the grid of both (:func:`radcal.measurement.field_spread.spread_table`).
     """
 
     def __init__(
@@ -164,8 +167,10 @@ class Targets(dict[str, Target]):
         levels: Levels | None = None,
         looks: float = float("nan"),
         further: Sequence[Targets] = (),
+        other_fields: Mapping[str, NDArray[np.float64]] | None = None,
     ) -> None:
         super().__init__(targets)
+        self.other_fields = dict(other_fields or {})
         self.further = tuple(further)
         self.levels = levels or Levels()
         self.looks = looks
@@ -229,12 +234,13 @@ class _Stored:
     materials: Mapping[str, Target]
     levels: Levels
     looks: float
+    other_fields: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
 
 
 def write_targets(path: str | Path, targets: Targets) -> None:
     """Write the targets of all materials, and the level normalisation of both images, to HDF5, atomically."""
     with write_hdf5(path, "target") as file:
-        put(file, _Stored(targets, targets.levels, targets.looks))
+        put(file, _Stored(targets, targets.levels, targets.looks, targets.other_fields))
 
 
 def read_targets(*paths: str | Path) -> Targets:
@@ -244,4 +250,5 @@ def read_targets(*paths: str | Path) -> Targets:
         with read_hdf5(path, "target") as file:
             found.append(take(file, _Stored))
     further = [Targets(stored.materials, stored.levels, stored.looks) for stored in found[1:]]
-    return Targets(found[0].materials, found[0].levels, found[0].looks, further)
+    first = found[0]
+    return Targets(first.materials, first.levels, first.looks, further, first.other_fields)

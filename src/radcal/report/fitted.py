@@ -36,6 +36,10 @@ class Fitted:
     ]
     bounds: Annotated[tuple[str, ...], Attribute(), About("parameters at a bound beyond which the pixels ask for them")]
     distance: Annotated[float, About("ratio of the best run's density rms to `rms_sampling`")]
+    missed_db: Annotated[
+        float,
+        About("largest error of the law by a wrong form that the test finds in fewer than nine of ten images", "dB"),
+    ] = float("nan")
     fits: Annotated[bool | None, About("whether the law fits; absent if the fit cannot be tested")] = None
     level_only: Annotated[bool, About("material is seen at one incidence: only its level can be known")] = False
 

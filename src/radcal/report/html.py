@@ -237,6 +237,7 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) 
         within=[m for m in materials if m["within"]],
         with_law=[m for m in materials if not m["level_only"]],
         level_only=[m["name"] for m in materials if m["level_only"]],
+        formed=[m for m in materials if m["fits"] and m["misfit"]["missed_db"] is not None],
         agreeing=[m["name"] for m in materials if m["rms"] <= _AGREE * m["rms_sampling"]],
         checked=[m for m in materials if m["validation"]],
         left_out=[m for m in materials if m["fields_left_out"]],
